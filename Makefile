@@ -14,6 +14,8 @@ PYTHONS  ?= 3.11 3.12 3.13 3.14
 VENV     := .venv
 PY       := $(VENV)/bin/python
 READY    := $(VENV)/.ready
+# The packages with which the documentation is built, notebooks are run and a release is checked, at their first use.
+DOCS     := $(VENV)/.docs
 # A clone that was moved or copied together with its .venv: the installation there points to the old place.
 MOVED    := $(shell test -e $(READY) && ! grep -qxF "$(CURDIR)" $(READY) && echo moved)
 
@@ -32,7 +34,7 @@ CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run test thorough verify documentation cluster browser fuzz wheel matrix lowest peers check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
+.PHONY: help run test thorough verify docs documentation cluster browser fuzz wheel matrix lowest peers check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -52,20 +54,24 @@ thorough: $(READY)  ## test the same with more seeds, examples and combinations
 verify: $(READY)  ## run every shipped scenario and compare it with tests/golden; ARGS=--record
 	@$(PY) -m tests.golden $(ARGS)
 
-documentation: $(READY)  ## test that the documents say what is so and that their examples run
+docs: $(DOCS)  ## build the documentation into build/docs, every example executed; warnings are errors
+	@$(PY) -m sphinx -W --keep-going -q -b html docs build/docs $(ARGS)
+	@echo "build/docs/index.html"
+
+documentation: $(DOCS)  ## test that the documents say what is so and that their examples run
 	@$(PY) -m pytest -n 2 --dist worksteal tests/documentation $(ARGS)
 
 cluster: $(READY)  ## test campaigns on Dask schedulers and workers that are processes
 	@$(PY) -m pytest tests/campaign_cluster $(ARGS)
 
-browser: $(READY)  ## test the pages in a browser; skipped without one unless WSNSIM_BROWSER=required
+browser: $(DOCS)  ## test the documentation and the pages of results in a browser; skipped without one unless WSNSIM_BROWSER=required
 	@$(PY) -m pytest tests/browser $(ARGS)
 
 fuzz: $(READY)  ## try random files, plug-ins, commands and scenarios for an hour; ARGS='--hours 0.1 --seed 7'
 	@$(PY) -m tests.fuzz.long $(ARGS)
 
-wheel: $(READY)  ## install the wheel into an empty environment and run a scenario there
-	@$(PY) -m tests.distribution.wheel $(PY)
+wheel: $(DOCS)  ## check sdist and wheel, install the wheel with every Python of PYTHONS and run a scenario there
+	@$(PY) -m tests.distribution.wheel $(PYTHONS) $(ARGS)
 
 matrix: $(READY)  ## run the suite with every installed Python of PYTHONS='3.11 3.12 3.13 3.14' and the newest packages
 	@$(PY) -m tests.distribution.versions newest $(PYTHONS) -- $(SUITE) $(ARGS)
@@ -74,9 +80,9 @@ lowest: $(READY)  ## run the suite with the lowest versions of the packages that
 	@$(PY) -m tests.distribution.versions lowest $(PYTHONS) -- $(SUITE) $(ARGS)
 
 peers: $(READY)  ## compare filters with those of Stone Soup and FilterPy, in an environment of its own
-	@$(PY) -m tests.distribution.versions peers $(PYTHONS) -- tests/trackers/test_peers.py $(ARGS)
+	@$(PY) -m tests.distribution.versions peers $(PYTHONS) -- tests/trackers/test_peers.py tests/interop/test_stonesoup.py $(ARGS)
 
-check: format lint types imports test thorough verify documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
+check: format lint types imports test thorough verify docs documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
 
 interpreted: $(READY)  ## run the kernels' tests without compilation, for debugging and coverage
 	@NUMBA_DISABLE_JIT=1 $(PY) -m pytest -n 2 -W ignore::RuntimeWarning tests/kernels $(ARGS)
@@ -125,10 +131,12 @@ $(FIGURES): results/figures/%.png: results/%/table.csv
 readme: $(READY)  ## regenerate the tables of results in README.md; two hours if the runs are missing; ARGS=commercial_radio
 	@$(PY) -m tests.readme $(ARGS)
 
-lock:  ## regenerate requirements.lock from pyproject.toml (needs uv)
+lock:  ## regenerate requirements.lock and requirements-docs.lock from pyproject.toml (needs uv)
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv, or https://docs.astral.sh/uv/" >&2; exit 1; }
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --extra dev --no-header --no-annotate \
 	    -o requirements.lock pyproject.toml
+	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --extra dev --extra docs --extra release \
+	    --no-header --no-annotate -c requirements.lock -o requirements-docs.lock pyproject.toml
 
 clean:  ## remove .venv, .venv-matrix and all caches; results stay
 	rm -rf $(VENV) .venv-matrix build dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis .pytest_cache
@@ -157,3 +165,8 @@ $(READY): pyproject.toml requirements.lock $(MOVED)
 	echo; \
 	$(PY) -m pip install --disable-pip-version-check --quiet --no-deps --no-build-isolation -e .; \
 	echo "$(CURDIR)" > $@
+
+$(DOCS): $(READY) requirements-docs.lock
+	@echo "installing the packages of requirements-docs.lock"
+	@$(PY) -m pip install --disable-pip-version-check --quiet --require-hashes -r requirements-docs.lock
+	@touch $@

@@ -17,6 +17,7 @@ from tests.helpers.thorough import thorough
 from wsnsim.cli import main
 from wsnsim.cli.progress import MODES, RUN, display
 from wsnsim.experiment import Progress
+from wsnsim.scenario.kinds import ROLES
 
 HEAVY = ("numpy", "pandas", "scipy", "numba", "h5py", "matplotlib", "networkx", "pydantic", "yaml", "simpy")
 QUICK = ("--set", "duration=0.4 s", "--set", "tracker.particles=40")
@@ -82,12 +83,22 @@ def test_list_shows_the_kinds_and_finds_a_role_by_its_plural(capsys: pytest.Capt
     everything = capsys.readouterr().out
     assert main(["list", "trackers"]) == 0
     trackers = capsys.readouterr().out
-    assert trackers.strip() in everything
-    for word in ("pso_mhpf", "messages per step", "variants", "Jiang, Song, Lin (2013)"):
+    assert trackers.partition("\n\n")[0] in everything
+    for word in ("pso_mhpf", "Jiang, Song, Lin (2013)", "wsnsim info KIND"):
         assert word in trackers
 
 
-def test_a_narrow_terminal_gets_every_word_in_blocks(
+@pytest.mark.parametrize("word", [*ROLES, "scenarios", "sweeps", "parts"])
+def test_a_list_fits_a_hundred_columns_and_leaves_no_word_out(word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", word]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    for row in ROLES[word].kinds if word in ROLES else ():
+        assert any(line.startswith(f"  {row.kind} ") for line in lines)
+        assert all(any(piece in line for line in lines) for piece in f"{row.idea} {row.paper}".split())
+
+
+def test_a_narrow_terminal_gets_a_narrow_table(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", "72")
@@ -95,8 +106,7 @@ def test_a_narrow_terminal_gets_every_word_in_blocks(
     assert main(["list", "trackers"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 72
-    assert "  pso_mhpf" in lines
-    assert any(line.startswith("    messages per step  a local estimate up") for line in lines)
+    assert any(line.startswith("  pso_mhpf ") for line in lines)
 
 
 def test_list_as_json_is_one_object_with_every_row(capsys: pytest.CaptureFixture[str]) -> None:
@@ -343,7 +353,7 @@ def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(
     def breaks(*arguments: Any) -> None:
         raise RuntimeError("two\nlines")
 
-    monkeypatch.setattr("wsnsim.cli.commands.loaded", breaks)
+    monkeypatch.setattr("wsnsim.cli.running.loaded", breaks)
     assert main(["run", "x"]) == 1
     assert capsys.readouterr().err == (
         "wsnsim: internal error: RuntimeError: two lines (set WSNSIM_TRACEBACK=1 for the traceback)\n"

@@ -56,7 +56,7 @@ def test_the_first_cluster_is_the_same_for_trackers_under_the_same_policy(files,
 def test_replicates_differ_and_each_is_the_same_whatever_ran_before_it(files):
     prints = recording.read_table(files / "pso_mhpf.h5", "runs")["fingerprint"]
     assert prints[0] != prints[1]
-    alone = experiment.simulate(short("pso_mhpf"), replicate=1)
+    alone = experiment.simulate_run(short("pso_mhpf"), replicate=1)
     assert alone.run["fingerprint"] == prints[1]
 
 
@@ -64,7 +64,7 @@ def test_the_fingerprint_is_the_same_in_another_process_and_without_a_log(files)
     code = (
         "from wsnsim import experiment, scenario\n"
         "s = scenario.load('pso_mhpf', ['duration=4 s', 'record.events=false'])\n"
-        "print(experiment.simulate(s).run['fingerprint'])"
+        "print(experiment.simulate_run(s).run['fingerprint'])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert int(done.stdout) == recording.read_table(files / "pso_mhpf.h5", "runs")["fingerprint"][0]
@@ -144,7 +144,7 @@ def test_made_on_another_kind_of_processor_values_are_compared_to_a_tolerance_an
 
 def test_a_plain_dict_is_a_scenario(files):
     plain = experiment.rerun_source(files / "pso_mhpf.h5")
-    again = wsnsim.simulate(plain)
+    again = wsnsim.experiment.simulate_run(plain)
     assert again.run["fingerprint"] == recording.read_table(files / "pso_mhpf.h5", "runs")["fingerprint"][0]
     smallest = {
         "name": "mine",
@@ -159,7 +159,7 @@ def test_a_plain_dict_is_a_scenario(files):
         "tracker": {"kind": "ipf", "particles": 50},
     }
     memory = Memory()
-    result = wsnsim.simulate(smallest, recorder=memory)
+    result = wsnsim.experiment.simulate_run(smallest, recorder=memory)
     assert result.run["steps"] == 25
     assert len(memory.table("estimates")["error"]) == 25
 
@@ -167,15 +167,17 @@ def test_a_plain_dict_is_a_scenario(files):
 @pytest.mark.thorough
 def test_literal_equation_18_visibly_fails_and_crashes_nothing():
     literal = ("tracker.random_factors=false", "tracker.iterations=70", "duration=10 s")
-    failed = [experiment.simulate(scenario.load("pso_mhpf", literal), r) for r in range(2)]
-    default = [experiment.simulate(scenario.load("pso_mhpf", ["duration=10 s"]), r) for r in range(2)]
+    failed = [experiment.simulate_run(scenario.load("pso_mhpf", literal), r) for r in range(2)]
+    default = [experiment.simulate_run(scenario.load("pso_mhpf", ["duration=10 s"]), r) for r in range(2)]
     for bad, good in zip(failed, default, strict=True):
         assert bad.run["rmse"] > 2 * good.run["rmse"]
 
 
 @pytest.mark.thorough
 def test_accepting_by_the_likelihood_alone_loses_the_target():
-    losing = [experiment.simulate(scenario.load("pso_mhpf", ["tracker.acceptance=likelihood"]), r) for r in range(3)]
+    losing = [
+        experiment.simulate_run(scenario.load("pso_mhpf", ["tracker.acceptance=likelihood"]), r) for r in range(3)
+    ]
     assert sum(lost.run["lost"] for lost in losing) >= 2
 
 
@@ -213,7 +215,7 @@ def test_several_targets_each_have_their_track():
     first = plain.pop("motion")
     memory = Memory()
     plain["targets"] = [first, {**first, "start": [100.0, 10.0, 100.0, -20.0]}]
-    result = wsnsim.simulate(plain, recorder=memory)
+    result = wsnsim.experiment.simulate_run(plain, recorder=memory)
     assert len(result.tracks) == 2
     assert not any(track["lost"] for track in result.tracks)
     assert set(memory.table("clusters")["target"]) == {0, 1}
@@ -221,7 +223,7 @@ def test_several_targets_each_have_their_track():
 
 def test_particles_are_recorded_where_they_are_wanted():
     memory = Memory({"particles": True})
-    experiment.simulate(short("pso_mhpf", "duration=0.4 s"), recorder=memory)
+    experiment.simulate_run(short("pso_mhpf", "duration=0.4 s"), recorder=memory)
     table = memory.table("particles")
     for step in range(1, 11):
         weights = table["weight"][table["step"] == step]
@@ -274,7 +276,7 @@ def sleeping():
     made = {}
     for name in ("gmtt", "ris"):
         memory = Memory()
-        experiment.simulate(scenario.load(name, ["duration=60 s"]), recorder=memory)
+        experiment.simulate_run(scenario.load(name, ["duration=60 s"]), recorder=memory)
         made[name] = memory
     return made
 
@@ -327,7 +329,7 @@ def rows_of_table(columns):
 
 
 def test_on_the_bench_estimates_come_at_their_step_nobody_sleeps_and_no_report_is_due():
-    done = experiment.simulate(scenario.load("rkf", ["duration=20 s", "tracker.kind=ekf"]))
+    done = experiment.simulate_run(scenario.load("rkf", ["duration=20 s", "tracker.kind=ekf"]))
     (track,) = done.tracks
     assert (track["tracked"], track["delay"], track["due"], track["woken"]) == (1.0, 0.0, 0, 0)
     assert np.isnan(track["in_time"])

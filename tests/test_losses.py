@@ -21,7 +21,7 @@ def test_a_run_counts_its_losses_and_the_bits_of_its_handovers():
         "record.estimates=true",
     ]
     scenario, memory = wsnsim.load("two_targets", overrides), Memory()
-    summary = wsnsim.simulate(scenario, recorder=memory)
+    summary = wsnsim.experiment.simulate_run(scenario, recorder=memory)
     estimates, clusters = memory.table("estimates"), memory.table("clusters")
     for target, track in enumerate(summary.tracks):
         errors = estimates["error"][estimates["target"] == target]

@@ -103,8 +103,9 @@ OF_OTHERS = {
     "collect": ("campaign", 0, False),
     "compare": ("campaign", 0, True),
     "diff": ("lab.h5 lab.h5", 0, False),
-    "export": ("lab.h5 --parquet parquet", 0, False),
+    "export": ("lab.h5 --parquet parquet --csv csv --mat lab.mat", 0, False),
     "fit": ("lab.h5 --nodes lab.yaml", 1, False),
+    "import": ("ns3 lab.yaml", 1, False),
     "info": ("lab.yaml", 2, True),
     "plot": ("lab.h5 --out lab.png", 0, True),
     "report": ("lab.h5 --out lab.html", 0, True),
@@ -118,6 +119,7 @@ OF_OTHERS = {
     "schema": ("", 0, False),
     "new": ("fresh", None, False),
     "reproduce": ("nobody", 2, False),
+    "watch": ("lab.h5 --exit --no-browser", 2, False),
 }
 """Of each command: its words, its exit code (None: not looked at), and whether it says that it needs a plug-in."""
 
@@ -247,7 +249,7 @@ def test_python_imports_what_the_caller_names_and_of_a_result_only_what_is_insta
     with pytest.raises(ScenarioError, match="plugins=True"):
         wsnsim.run("lab.h5", out=lab / "again.h5")
     with pytest.raises(ScenarioError):
-        wsnsim.simulate("lab.h5")
+        wsnsim.experiment.simulate_run("lab.h5")
     assert not imported(lab)
     assert wsnsim.load("lab.h5", plugins=True).tracker.kind == "side:Effect"
     assert imported(lab)

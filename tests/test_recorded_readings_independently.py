@@ -131,7 +131,7 @@ def start(track):
 def estimates(text):
     """(K, 4) the estimates of a run of ours."""
     recorder = Memory({"estimates": True})
-    wsnsim.simulate(text, recorder=recorder)
+    wsnsim.experiment.simulate_run(text, recorder=recorder)
     return np.column_stack([recorder.table("estimates")[name] for name in ("px", "vx", "py", "vy")])
 
 
@@ -232,12 +232,12 @@ def test_swapping_any_two_receivers_changes_every_result_and_nearly_always_for_t
     """With the gains of the receivers; each pair in a file of its own. The six tracks together are judged."""
     law = {"gains": GAINS.tolist()}
     texts = {track: scenario(track, {"kind": "ekf"}, law=law) for track in tracks}
-    before = [wsnsim.simulate(text).run["rmse"] for text in texts.values()]
+    before = [wsnsim.experiment.simulate_run(text).run["rmse"] for text in texts.values()]
     after = []
     for pair in itertools.combinations(range(len(NAMES)), 2):
         path = swapped(pair, tmp_path)
         moved = [{**text, "deploy": {**text["deploy"], "path": path}} for text in texts.values()]
-        after.append([wsnsim.simulate(text).run["rmse"] for text in moved])
+        after.append([wsnsim.experiment.simulate_run(text).run["rmse"] for text in moved])
     assert np.shape(after) == (66, len(tracks)) and (np.array(after) != before).all()
     least = 60 if len(tracks) == len(TRACKS) else 50
     assert (np.mean(after, axis=1) > np.mean(before)).sum() >= least

@@ -265,7 +265,7 @@ def test_the_result_names_its_files_and_the_rows_that_were_left_out(tmp_path: Pa
     with (tmp_path / "readings.csv").open("a") as file:
         file.write("\n3,east,nan\n4,nobody,5\n")
     data["sensor"]["skip_bad_rows"] = True
-    report = wsnsim.run(data, replicates=1, out=tmp_path / "out.h5")
+    report = wsnsim.experiment.run(data, replicates=1, out=tmp_path / "out.h5")
     stored = read_json(tmp_path / "out.h5", "provenance_json")
     digests = {name: file_digest(tmp_path / name) for name in ("readings.csv", "track.csv")}
     assert stored["recorded_files"] == digests and stored["skipped_rows"] == {"readings.csv": 2}

@@ -1,4 +1,4 @@
-"""Every wake-up and workload of the catalogue keeps the contract that plug-ins are checked against."""
+"""Every wake-up, workload and time synchronisation of the catalogue keeps the contract of plug-ins."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import pytest
 
 from wsnsim.scenario.kinds import ROLES
 from wsnsim.scenario.registry import load_class
-from wsnsim.testing import check_wakeup, check_workload
+from wsnsim.testing import check_sync, check_wakeup, check_workload
 
-CHECKS = {"wakeup": check_wakeup, "workload": check_workload}
+CHECKS = {"sync": check_sync, "wakeup": check_wakeup, "workload": check_workload}
 
 
 CATALOGUE = [(role, kind) for role in CHECKS for kind in ROLES[role].kinds]
 
 
-@pytest.mark.parametrize(("role", "kind"), CATALOGUE, ids=[kind.kind for _, kind in CATALOGUE])
+@pytest.mark.parametrize(("role", "kind"), CATALOGUE, ids=[f"{role}-{kind.kind}" for role, kind in CATALOGUE])
 def test_each_kind_of_the_catalogue_passes_the_shipped_check(role, kind):
     CHECKS[role](load_class(kind)())

@@ -30,7 +30,7 @@ class Growing(ExtendedKalman):
 @pytest.mark.parametrize("extra", [("network=none",), IN_A_NETWORK])
 def test_sensor_probabilities_are_recorded_with_a_network_and_without(tmp_path, tracker, extra):
     source = wsnsim.load("liu_network", [f"tracker.kind={tracker}", *IN_A_NETWORK, *extra, "record.tracker_state=true"])
-    report = wsnsim.run(source, replicates=2, out=tmp_path / "x.h5")
+    report = wsnsim.experiment.run(source, replicates=2, out=tmp_path / "x.h5")
     table = wsnsim.read(report.out, "tracker_state")
     assert list(table) == ["replicate", "target", "step", "name", "index", "value"]
     assert set(table["name"]) == {"node", "probability"}
@@ -45,7 +45,7 @@ def test_the_table_is_off_by_default_and_does_not_change_the_run():
     assert not RECORDED_BY_DEFAULT["tracker_state"]
     quiet, recorded = Memory(), Memory({**RECORDED_BY_DEFAULT, "tracker_state": True})
     prints = [
-        wsnsim.simulate(wsnsim.load("rkf", ["duration=10 s"]), 0, memory).run["fingerprint"]
+        wsnsim.experiment.simulate_run(wsnsim.load("rkf", ["duration=10 s"]), 0, memory).run["fingerprint"]
         for memory in (quiet, recorded)
     ]
     assert prints[0] == prints[1]
@@ -56,11 +56,11 @@ def test_the_table_is_off_by_default_and_does_not_change_the_run():
 def test_names_of_any_tracker_reach_the_file_and_a_tracker_that_has_nothing_to_report_writes_no_row(tmp_path):
     changes = ("duration=10 s", "record.tracker_state=true")
     source = wsnsim.load("rkf", [*changes, f"tracker.kind={__name__}:Growing"])
-    table = wsnsim.read(wsnsim.run(source, replicates=1, out=tmp_path / "x.h5").out, "tracker_state")
+    table = wsnsim.read(wsnsim.experiment.run(source, replicates=1, out=tmp_path / "x.h5").out, "tracker_state")
     assert set(table["name"]) == {"mean", "spread_of_x"}
     mean = table[table["name"] == "mean"].pivot(index="step", columns="index", values="value")
     estimates = wsnsim.read(tmp_path / "x.h5", "estimates")
     assert np.array_equal(mean.to_numpy(), estimates[["px", "vx", "ax"]].to_numpy())
     ekf = wsnsim.load("rkf", [*changes, "tracker.kind=ekf"])
-    assert wsnsim.read(wsnsim.run(ekf, replicates=1, out=tmp_path / "ekf.h5").out, "tracker_state").empty
+    assert wsnsim.read(wsnsim.experiment.run(ekf, replicates=1, out=tmp_path / "ekf.h5").out, "tracker_state").empty
     assert isinstance(RelayKalman(), ReportsState) and not isinstance(PsoMhpf(), ReportsState)

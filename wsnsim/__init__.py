@@ -17,14 +17,21 @@ from typing import TYPE_CHECKING, Any
 from wsnsim.base.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from wsnsim.analysis.comparison import compare
     from wsnsim.analysis.frames import read
+    from wsnsim.api.result import Result
+    from wsnsim.api.running import run, simulate
+    from wsnsim.api.sweep_result import SweepResult
+    from wsnsim.api.sweeping import compare, sweep
+    from wsnsim.base.errors import Issue, ResultError, RunError, ScenarioError, StorageError, UsageError, WsnsimError
     from wsnsim.base.gathered import Gathered
     from wsnsim.base.part import Quantity, part
-    from wsnsim.base.ports import Estimate, Scene, Tracker
+    from wsnsim.base.ports import Estimate, MotionModel, Scene, SensorModel, Tracker
+    from wsnsim.base.recorders import Memory
     from wsnsim.base.requests import (
         Broadcast,
         Compute,
+        Delivery,
+        Flow,
         Gather,
         GatheredReadings,
         GatherReadings,
@@ -34,17 +41,28 @@ if TYPE_CHECKING:
         Scatter,
         Send,
     )
-    from wsnsim.campaign import sweep
-    from wsnsim.experiment import load, run, simulate
+    from wsnsim.experiment import load
     from wsnsim.fitting import fit
+    from wsnsim.scenario.build import build
+    from wsnsim.testing import (
+        check_fault,
+        check_mac,
+        check_motion,
+        check_sensor,
+        check_sync,
+        check_tracker,
+        check_wakeup,
+        check_workload,
+    )
 
 _HOMES = {
-    "run": "wsnsim.experiment",
-    "simulate": "wsnsim.experiment",
+    "run": "wsnsim.api.running",
+    "simulate": "wsnsim.api.running",
+    "Result": "wsnsim.api.result",
     "load": "wsnsim.experiment",
     "read": "wsnsim.analysis.frames",
-    "sweep": "wsnsim.campaign",
-    "compare": "wsnsim.analysis.comparison",
+    "sweep": "wsnsim.api.sweeping",
+    "compare": "wsnsim.api.sweeping",
     "fit": "wsnsim.fitting",
     "part": "wsnsim.base.part",
     "Quantity": "wsnsim.base.part",
@@ -62,15 +80,46 @@ _HOMES = {
     "Broadcast": "wsnsim.base.requests",
     "Send": "wsnsim.base.requests",
     "Compute": "wsnsim.base.requests",
+    "Issue": "wsnsim.base.errors",
+    "ResultError": "wsnsim.base.errors",
+    "RunError": "wsnsim.base.errors",
+    "ScenarioError": "wsnsim.base.errors",
+    "StorageError": "wsnsim.base.errors",
+    "UsageError": "wsnsim.base.errors",
+    "WsnsimError": "wsnsim.base.errors",
+    "check_fault": "wsnsim.testing",
+    "check_mac": "wsnsim.testing",
+    "check_motion": "wsnsim.testing",
+    "check_sensor": "wsnsim.testing",
+    "check_sync": "wsnsim.testing",
+    "check_tracker": "wsnsim.testing",
+    "check_wakeup": "wsnsim.testing",
+    "check_workload": "wsnsim.testing",
+    "Delivery": "wsnsim.base.requests",
+    "Flow": "wsnsim.base.requests",
+    "MotionModel": "wsnsim.base.ports",
+    "SensorModel": "wsnsim.base.ports",
+    "Memory": "wsnsim.base.recorders",
+    "build": "wsnsim.scenario.build",
+    "SweepResult": "wsnsim.api.sweep_result",
 }
 __all__ = [
-    "Broadcast", "Compute", "Estimate", "Gather", "GatherReadings", "Gathered", "GatheredReadings", "Local", "Member",
-    "Parcel", "Quantity", "Scatter", "Scene", "Send", "Tracker", "compare", "fit", "load", "part", "read", "run",
-    "simulate", "sweep",
+    "Broadcast", "Compute", "Delivery", "Estimate", "Flow", "Gather", "GatherReadings", "Gathered",
+    "GatheredReadings", "Issue", "Local", "Member", "Memory", "MotionModel", "Parcel", "Quantity", "Result",
+    "ResultError", "RunError", "Scatter", "ScenarioError", "Scene", "Send", "SensorModel", "StorageError",
+    "SweepResult", "Tracker", "UsageError", "WsnsimError", "build", "check_fault", "check_mac", "check_motion",
+    "check_sensor", "check_sync", "check_tracker", "check_wakeup", "check_workload", "compare", "fit", "load",
+    "part", "read", "run", "simulate", "sweep",
 ]  # fmt: skip
 
 
+MODULES = frozenset({"experiment", "models", "plugins", "scenario", "testing", "trackers"})
+"""Modules that are imported when they are named: `wsnsim.testing.check_tracker`."""
+
+
 def __getattr__(name: str) -> Any:
+    if name in MODULES:
+        return importlib.import_module(f"wsnsim.{name}")
     if name == "compared":
         warnings.warn("wsnsim.compared was renamed to wsnsim.compare", DeprecationWarning, stacklevel=2)
         name = "compare"

@@ -1,7 +1,8 @@
 """THE MAIN PATH: scenario → setup → initial conditions → world (or offline run) → rows → file.
 
-    simulate(scenario, replicate=0, recorder=None) -> Summary      one run; pure except for what the recorder gets
-    run(scenario, replicates=30, out=path) -> Report               many runs in one HDF5 file
+    simulate_run(scenario, replicate=0, recorder=None) -> Summary      one run; pure except for what the recorder gets
+    run(scenario, replicates=30, out=path) -> Report                   many runs in one HDF5 file
+    run_in_memory(scenario, replicates=[0]) -> (Report, MemoryResult)  the same without a file
 
 `scenario` is what `load` takes: a file, the name of a shipped scenario, a plain dict, or a result.
 """
@@ -10,15 +11,17 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.base.errors import Issue, ResultError, ScenarioError, UsageError, plugin_faults_of_run
+from wsnsim.base.deprecation import renamed
+from wsnsim.base.errors import Issue, ResultError, ScenarioError, plugin_faults_of_run
+from wsnsim.base.following import RunStart, follower_of
 from wsnsim.base.garbage import only_own_garbage
 from wsnsim.base.initial_conditions import (
     InitialConditions,
@@ -29,10 +32,12 @@ from wsnsim.base.initial_conditions import (
 from wsnsim.base.plugin_code import plugin_classes
 from wsnsim.base.ports import Recorder
 from wsnsim.base.progress import OnTime, Progress, throttled
+from wsnsim.base.radio_duty import DutyCycledMac
 from wsnsim.base.recorded_files import provenance_of
 from wsnsim.base.results import RunResult, Summary, summarise
 from wsnsim.base.rng import Streams
-from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
+from wsnsim.base.run_numbers import run_numbers
+from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup, TrackingSetup
 from wsnsim.base.tables import Memory
 from wsnsim.base.vector_readings import components_of
 from wsnsim.models.compilation import announced, compilation_seconds, time_without_compilation
@@ -44,12 +49,13 @@ from wsnsim.network.workloads.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World
 from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.offline.offline_run import OfflineRun
-from wsnsim.recording import ResultFile, provenance, read_json
-from wsnsim.scenario import Plugins
+from wsnsim.recording import MemoryResult, ResultFile, provenance, read_json
+from wsnsim.scenario import Overrides, Plugins, listed
 from wsnsim.scenario.files import is_result
 
 __all__ = [
-    "Progress", "Report", "Summary", "load", "replicate_of", "rerun_source", "run", "scenario_of_result", "simulate",
+    "Progress", "Report", "Summary", "load", "replicate_of", "rerun_source", "run", "run_in_memory",
+    "scenario_of_result", "simulate_run",
 ]  # fmt: skip
 
 Source = Any
@@ -59,6 +65,8 @@ Source = Any
 @dataclass(frozen=True)
 class Report:
     """The result of `run`: the scenario, one summary per run, the file, and the wall-clock time in s.
+
+    `out` is `Path()` for runs in memory.
 
     `compiled` is the processor time (s) in which kernels were compiled; it is no part of the runs.
 
@@ -74,12 +82,13 @@ class Report:
     compiled: float = 0.0
 
 
-def load(source: Source, overrides: Iterable[str] = (), plugins: bool = False) -> Any:
+def load(source: Source, overrides: Overrides = (), plugins: bool = False) -> Any:
     """Return the checked Scenario of a file, of a shipped scenario's name, of a dict, or of a result.
 
     Args:
         source: what to load.
-        overrides: assignments that replace values, such as 'link.reach=80 m'.
+        overrides: values that replace those of the source: {'link.reach': '80 m'}, or ['link.reach=80 m']. In a
+            mapping, a value may be a component: {'tracker': PsoMhpf(particles=200)}.
         plugins: whether a result may name any plug-in. Without it, only those that installed packages offer are
             imported, since a result may come from others. A scenario of the caller imports what it names.
 
@@ -93,7 +102,7 @@ def load(source: Source, overrides: Iterable[str] = (), plugins: bool = False) -
     return scenarios.load(source, overrides)
 
 
-def simulate(
+def simulate_run(
     scenario: Source,
     replicate: int = 0,
     recorder: Recorder | None = None,
@@ -135,6 +144,7 @@ def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime 
         return summarise(setup, replicate, result, (), recorder, started + compilation_seconds())
     assert isinstance(setup, TrackingSetup)
     conditions = sample_initial_conditions(setup, replicate)
+    follower_of(recorder).begin(RunStart(setup, replicate, conditions.positions, conditions.truths))
     if isinstance(setup, NetworkSetup):
         with only_own_garbage():
             result = _in_network(setup, replicate, conditions, recorder, progress)
@@ -146,6 +156,7 @@ def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime 
 def _without_targets(setup: BeaconSetup, replicate: int, recorder: Recorder, progress: OnTime | None) -> RunResult:
     """A run of a network without a target: no tracks, no errors."""
     positions = sample_positions(setup, setup.link.reach, replicate)
+    follower_of(recorder).begin(RunStart(setup, replicate, positions, ()))
     outcome = WorkloadWorld(setup, replicate, positions, Streams(setup.seed, replicate), recorder).run(progress)
     write_tables(outcome, replicate, setup, recorder)
     return network_result(outcome, setup)
@@ -186,6 +197,7 @@ def run(  # noqa: PLR0913
     on_compile: Callable[[], None] | None = None,
     code: str = "",
     plugins: bool = False,
+    watched: Callable[[Recorder], Recorder] | None = None,
 ) -> Report:
     """Run a scenario several times, into one HDF5 file that gets its name only once it is complete.
 
@@ -199,42 +211,110 @@ def run(  # noqa: PLR0913
         on_compile: Called when the first kernel is compiled, if one is: kernels are cached once on a machine.
         code: Digest of the code, which is stored in the file's provenance; a campaign gives it.
         plugins: Whether a result may name any plug-in, as in `load`.
+        watched: Returns the recorder that stands before the file and passes on all rows, as for a live view.
 
     Raises:
         ScenarioError: The scenario is invalid.
         RunError: A simulation failed.
         StorageError: The file cannot be written.
-        UsageError: `replicates` is below 1.
+        UsageError: `replicates` is neither a number of runs nor a list of different run numbers.
     """
+    task = _task(scenario, replicates, plugins, batch)._replace(watched=watched)
+    result = ResultFile(Path(out), task.states, task.setup.record, **task.layout)
+    return _performed(task, result, Path(out), {"command_line": command_line, "code": code}, progress, on_compile)
+
+
+def run_in_memory(
+    scenario: Source,
+    *,
+    replicates: int | Sequence[int] | None = None,
+    command_line: str = "",
+    progress: Callable[[Progress], None] | None = None,
+    batch: bool = True,
+    plugins: bool = False,
+) -> tuple[Report, MemoryResult]:
+    """Run a scenario several times without a file.
+
+    Args:
+        scenario: What `load` takes, or a Scenario.
+        replicates: Number of runs, or the numbers of the runs; by default the number that the scenario says.
+        command_line: The command that is stored in the provenance.
+        progress: Called at most ten times a second.
+        batch: Whether standalone runs are made many at once where the tracker offers it. The tables are the same.
+        plugins: Whether a result may name any plug-in, as in `load`.
+
+    Returns:
+        The report, and the tables, which `save` writes as `run` would have written them.
+
+    Raises:
+        ScenarioError: The scenario is invalid.
+        RunError: A simulation failed.
+        UsageError: `replicates` is neither a number of runs nor a list of different run numbers.
+    """
+    task = _task(scenario, replicates, plugins, batch)
+    result = MemoryResult(task.states, task.setup.record, **task.layout)
+    return _performed(task, result, Path(), {"command_line": command_line}, progress, None), result
+
+
+class _RunTask(NamedTuple):
+    """Runs to be made: the scenario, its setup, the numbers of the runs, and the layout of their tables.
+
+    `began` and `compiled`: the monotonic time, and the time (s) of compilations so far, before the scenario was loaded.
+    """
+
+    scenario: Any
+    setup: Setup
+    replicates: Sequence[int]
+    states: tuple[tuple[str, str], ...]
+    position: tuple[int, ...]
+    layout: Mapping[str, Any]
+    batch: bool
+    began: float
+    compiled: float
+    watched: Callable[[Recorder], Recorder] | None = None
+
+
+def _task(scenario: Source, replicates: int | Sequence[int] | None, plugins: bool, batch: bool) -> _RunTask:
     began, compiled = time.monotonic(), compilation_seconds()
     loaded = load(scenario, plugins=plugins)
     setup = scenarios.build(loaded)
-    wanted = loaded.replicates if replicates is None else replicates
-    chosen = range(wanted) if isinstance(wanted, int) else wanted
-    if not chosen:
-        raise UsageError(f"replicates: must be at least 1, is {wanted}")
+    chosen = run_numbers(loaded.replicates if replicates is None else replicates)
     motions = setup.motions if isinstance(setup, TrackingSetup) else ()
     states = tuple(zip(motions[0].columns, motions[0].units, strict=True)) if motions else ()
     position = motions[0].position if motions else ()
-    components = len(components_of(setup.sensor)) if isinstance(setup, TrackingSetup) else 1
-    result = ResultFile(Path(out), states, setup.record, position=position or None, components=components)
+    layout = {
+        "position": position or None,
+        "components": len(components_of(setup.sensor)) if isinstance(setup, TrackingSetup) else 1,
+        "duty_cycled": isinstance(setup, RadioSetup) and isinstance(setup.mac, DutyCycledMac),
+    }
+    batched = batch and len(chosen) > 1 and offers_batch(setup)
+    return _RunTask(loaded, setup, chosen, states, position, layout, batched, began, compiled)
+
+
+def _performed(
+    task: _RunTask,
+    result: ResultFile | MemoryResult,
+    out: Path,
+    origin: Mapping[str, str],
+    progress: Callable[[Progress], None] | None,
+    on_compile: Callable[[], None] | None,
+) -> Report:
+    """Make the runs; their tables and texts go to `result`."""
+    loaded, setup, chosen = task.scenario, task.setup, task.replicates
     with announced(on_compile), result as file:
         file.set_text("scenario/source_yaml", loaded.source_yaml)
         resolved = {**scenarios.resolved(loaded), "replicates": len(chosen)}
         file.set_text("scenario/resolved_json", json.dumps(resolved))
-        made_by = provenance(command_line, setup.seed, scenarios.plugins(loaded), loaded.overrides)
-        made_by |= provenance_of(setup) | ({"code": code} if code else {})
+        made_by = provenance(origin["command_line"], setup.seed, scenarios.plugins(loaded), loaded.overrides)
+        made_by |= provenance_of(setup) | ({"code": origin["code"]} if origin.get("code") else {})
         file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
-        batches = (
-            Batches(setup, file, time_without_compilation)
-            if batch and len(chosen) > 1 and offers_batch(setup)
-            else None
-        )
-        summaries = _made(setup, chosen, file, batches, lambda first: throttled(progress, first, began))
+        batches = Batches(setup, file, time_without_compilation) if task.batch else None
+        recorder = task.watched(file) if task.watched else file
+        summaries = _made(setup, chosen, recorder, batches, lambda first: throttled(progress, first, task.began))
         if batches and batches.used:
             file.set_text("provenance_json", json.dumps({**made_by, "engine": "batch"}))
-    wall, compiled = time.monotonic() - began, compilation_seconds() - compiled
-    return Report(loaded, tuple(summaries), Path(out), wall, states, position, compiled)
+    wall, compiled = time.monotonic() - task.began, compilation_seconds() - task.compiled
+    return Report(loaded, tuple(summaries), out, wall, task.states, task.position, compiled)
 
 
 def _made(
@@ -258,23 +338,24 @@ def _made(
     return summaries
 
 
-def scenario_of_result(path: Path, plugins: Plugins, overrides: Iterable[str] = ()) -> Any:
+def scenario_of_result(path: Path, plugins: Plugins, overrides: Overrides = ()) -> Any:
     """The checked Scenario that a result file stores.
 
     Args:
         path: The file.
         plugins: Which plug-ins the scenario may name.
-        overrides: Assignments that replace values.
+        overrides: Values that replace those of the file.
 
     Raises:
         ResultError: The file cannot be read.
         ScenarioError: With every issue found; those of the stored scenario name the file.
     """
-    resolved, written = rerun_source(path), tuple(overrides)
+    resolved, written = rerun_source(path), listed(overrides)
+    own = ("--set", *(each[0] for each in written if not isinstance(each, str)))
     try:
         return scenarios.load(resolved, written, plugins)
     except ScenarioError as error:
-        places = [issue.place if issue.place.startswith("--set") else _joined(path, issue) for issue in error.issues]
+        places = [issue.place if issue.place.startswith(own) else _joined(path, issue) for issue in error.issues]
         issues = [replace(issue, place=place) for issue, place in zip(error.issues, places, strict=True)]
         raise ScenarioError(issues) from error
 
@@ -293,3 +374,7 @@ def rerun_source(path: Path) -> dict[str, Any]:
     if "extends" in resolved:
         raise ResultError(f"{path}: its stored scenario extends another file, which no run stores")
     return resolved
+
+
+def __getattr__(name: str) -> Any:
+    return renamed(__name__, name)

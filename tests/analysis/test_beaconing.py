@@ -60,7 +60,7 @@ def test_the_words_add_up_and_a_perfect_air_has_no_links_to_tell_of(tmp_path):
     assert int(said["beacons sent"]) in (119, 120) and "% of" in said["links with a reception"]
     ideal = rows(played(tmp_path, mac={"kind": "ideal"}))
     assert "links with a reception" not in ideal and ideal["packet delivery ratio"] == "100.00%"
-    assert "-0" not in beaconing.text(played(tmp_path, 3))
+    assert "-0" not in beaconing.text(played(tmp_path, 3)).replace(str(tmp_path), "")
 
 
 def test_the_command_prints_it_and_gives_json_without_nan(tmp_path):
@@ -69,3 +69,19 @@ def test_the_command_prints_it_and_gives_json_without_nan(tmp_path):
     figures = json.loads(answer.stdout)
     assert answer.exit_code == 0 and figures["found_share"] is None and figures["frames_sent"] in (59, 60)
     assert "intended receptions" in CliRunner().invoke(group, [*command, str(tmp_path / "x.h5")]).stdout
+
+
+def test_how_far_clocks_are_off_at_the_end_is_shown_where_it_was_recorded(tmp_path):
+    changes = {"duration": "30 s", "clock": {"kind": "drift", "offset": "5 ms"}, "record": {"clocks": True}}
+    report = played(tmp_path, **changes, sync={"kind": "ftsp", "period": "1 s"})
+    table = read(report.out, "clocks").groupby("replicate").last()
+    figures = beaconing.as_json(report)
+    assert figures["clock_error"] == pytest.approx(table.error.mean()) and figures["clock_synchronised"] == 1.0
+    shown = rows(report)
+    assert shown["clocks from true time at the end"].startswith(f"{1e3 * table.error.mean():.3g} ms, at most ")
+    assert " µs, at most " in shown["clocks from their mean at the end"]
+    assert shown["nodes that take their clock for synchronised"] == "100%"
+    alone = rows(played(tmp_path, **changes))
+    assert " ms, at most " in alone["clocks from their mean at the end"]
+    assert not {name for name in alone if "synchronised" in name}
+    assert not {name for name in rows(played(tmp_path)) if name.startswith("clocks")}

@@ -15,7 +15,9 @@ import pytest
 from click.testing import CliRunner
 
 import wsnsim
-from wsnsim.analysis import campaigns, comparison, comparison_text, frames, parquet, statistics
+from wsnsim.analysis import campaigns, comparison, comparison_text, frames, statistics, table_files
+from wsnsim.analysis.comparison_answer import answer
+from wsnsim.analysis.phrases import wrapped
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import TABLES
 from wsnsim.cli import main
@@ -258,8 +260,9 @@ def test_a_folder_without_a_campaign_or_without_results_says_so(place: Place) ->
 
 
 def test_the_text_has_a_line_a_point_with_its_figures(place: Place) -> None:
-    text = comparison_text.text(comparison.compare(four(place), by=[KIND]))
-    title, head, *lines = text.splitlines()
+    found = comparison.compare(four(place), by=[KIND])
+    text = comparison_text.text(found)
+    title, head, *lines = text.splitlines()[len(wrapped(answer(found))) :]
     assert title == "hand: 4 points, 6 runs each"
     assert head.split()[:5] == [KIND, SIZE, "median", "per-run", "RMSE"]
     for line, values in zip(lines, RMSE.items(), strict=False):
@@ -268,6 +271,40 @@ def test_the_text_has_a_line_a_point_with_its_figures(place: Place) -> None:
     assert lines[0].rstrip().endswith("-"), "the baseline has no difference from itself"
     assert "without per-run RMSE: 1 run; medians and means are over the others" in text
     assert all(line == line.rstrip() for line in text.splitlines())
+
+
+def test_a_comparison_begins_with_the_best_point_of_each_group(place: Place) -> None:
+    found = comparison.compare(four(place), by=[KIND])
+    assert answer(found).startswith(
+        f"{SIZE} = 100: pf has the smallest median per-run RMSE: 7.5 m, and its 95 % interval"
+    )
+    assert f" {SIZE} = 200: pf has the smallest median per-run RMSE: 6.5 m" in answer(found)
+    assert answer(found).endswith("overlaps with that of ekf (the paired tests below decide).")
+    assert " ".join(comparison_text.text(found).splitlines()).startswith(answer(found))
+    losing = answer(comparison.compare(four(place, lose=True), by=[KIND]))
+    assert "; it loses the target in 33 % of its runs, and no other in fewer. " in losing
+    assert losing.endswith("; it loses the target in 17 % of its runs, and no other in fewer.")
+
+
+def test_a_point_that_is_clearly_best_and_points_that_tie_are_told_apart(place: Place) -> None:
+    errors = {"pf": np.arange(60.0, 70.0), "ekf": np.arange(1.0, 11.0), "ckf": np.arange(1.0, 11.0)}
+    points = [({KIND: kind}, "w", {"rmse": values.tolist()}) for kind, values in errors.items()]
+    clear, tied = (comparison.compare(place.campaign(points[:count]), by=[KIND]) for count in (2, 3))
+    assert answer(clear) == (
+        "ekf has the smallest median per-run RMSE: 5.5 m, and its 95 % interval overlaps with no other."
+    )
+    assert answer(tied) == "No point alone has the smallest median per-run RMSE: 2 points have 5.5 m."
+    assert answer(comparison.compare(place.campaign(points[:1]), by=[KIND])) == ""
+
+
+def test_many_groups_are_counted(place: Place) -> None:
+    points = [
+        ({KIND: kind, SIZE: size}, "w", {"rmse": [base + (size if kind == "pf" else 3.0)] * 6})
+        for size in (1, 2, 4, 5, 6)
+        for kind, base in (("pf", 1.0), ("ekf", 1.0))
+    ]
+    found = comparison.compare(place.campaign(points), by=[KIND])
+    assert answer(found) == f"ekf has the smallest median per-run RMSE at 3 of 5 values of {SIZE}, pf at 2."
 
 
 def test_the_command_line_gives_the_same_figures_as_json_and_csv(place: Place, monkeypatch: Any) -> None:
@@ -386,7 +423,7 @@ def test_parquet_gives_back_what_is_read(place: Place) -> None:
         ({KIND: "pf", SIZE: 100, "step": 0.5, "deploy.cover": True}, "w", {"rmse": [1.0, NAN]}),
         ({KIND: "ekf", "step": 1.0, "deploy.cover": False}, "w", {"rmse": [2.0]}),
     ])  # fmt: skip
-    written = parquet.export(folder.path, place.path / "out")
+    written = table_files.parquet(folder.path, place.path / "out")
     assert [(file.name, rows) for file, rows in written] == [("runs.parquet", 3), ("estimates.parquet", 6)]
     for file, _ in written:
         pd.testing.assert_frame_equal(pd.read_parquet(file), frames.read(folder.path, file.stem))
@@ -397,16 +434,16 @@ def test_parquet_says_what_it_cannot_write(place: Place) -> None:
     pytest.importorskip("pyarrow")
     folder = place.campaign([({SIZE: 1}, "w", {"rmse": [1.0]})])
     with pytest.raises(UsageError, match=r"holds no table 'rnus' .*did you mean 'runs'"):
-        parquet.export(folder.path, place.path / "out", ["rnus"])
+        table_files.parquet(folder.path, place.path / "out", ["rnus"])
     (place.path / "file").write_text("")
     with pytest.raises(ResultError, match="cannot be written"):
-        parquet.export(folder.path, place.path / "file", ["runs"])
+        table_files.parquet(folder.path, place.path / "file", ["runs"])
 
 
 def test_a_campaign_without_results_has_no_tables_to_write(place: Place) -> None:
     pytest.importorskip("pyarrow")
     with pytest.raises(ResultError, match="holds no results yet"):
-        parquet.export(place.campaign([({SIZE: 2}, "w", {"rmse": []})]).path, place.path / "out")
+        table_files.parquet(place.campaign([({SIZE: 2}, "w", {"rmse": []})]).path, place.path / "out")
     assert not (place.path / "out").exists()
 
 
@@ -417,7 +454,7 @@ def test_every_figure_that_can_be_compared_is_a_column_of_runs() -> None:
 
 def test_the_old_name_of_compare_still_works_with_a_warning() -> None:
     with pytest.warns(DeprecationWarning, match="wsnsim.compare"):
-        assert wsnsim.compared is comparison.compare
+        assert wsnsim.compared is wsnsim.compare
 
 
 def test_consistency_is_compared_without_a_pareto_front_since_neither_more_nor_less_is_better(place: Place) -> None:

@@ -223,10 +223,10 @@ def test_the_nees_of_the_state_is_read_from_its_recorded_covariance(recorded):
 
 def test_without_a_gaussian_posterior_the_interval_of_a_step_is_a_bootstrap_about_the_value(tmp_path):
     text = {**LINEAR, "sensor": {"kind": "range", "reach": ".inf"}}
-    found = step_consistency(wsnsim.run(load(text), replicates=8, out=tmp_path / "range.h5").out)
+    found = step_consistency(wsnsim.experiment.run(load(text), replicates=8, out=tmp_path / "range.h5").out)
     assert not found.gaussian
     assert (found.low < found.values).all() and (found.values < found.high).all()
-    few = step_consistency(wsnsim.run(load(text), replicates=4, out=tmp_path / "few.h5").out)
+    few = step_consistency(wsnsim.experiment.run(load(text), replicates=4, out=tmp_path / "few.h5").out)
     assert np.isfinite(few.values).all() and np.isnan(few.low).all() and np.isnan(few.average_low)
 
 
@@ -260,7 +260,7 @@ def test_the_plot_the_summary_and_compare_show_the_same_average(recorded, tmp_pa
     figure = figure_style.figure_of([lambda axes: plots.consistency(axes, recorded)])
     figure.draw_without_rendering()
     assert figure.axes[0].get_legend().get_window_extent().x1 <= figure.bbox.x1
-    report = wsnsim.run(load(LINEAR), replicates=6, out=tmp_path / "again.h5")
+    report = wsnsim.experiment.run(load(LINEAR), replicates=6, out=tmp_path / "again.h5")
     row = next(line for line in summary_text.text(report, {}).splitlines() if "average NEES" in line)
     assert QUANTITIES["nees"].text(found.average, "") in row and "[" in row
     assert "consistency" in [figure.name for figure in svg_figures(recorded, 0)[0]]

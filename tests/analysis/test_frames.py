@@ -11,7 +11,7 @@ import pytest
 from wsnsim.analysis.frames import read
 from wsnsim.analysis.result_info import info, info_text
 from wsnsim.base.errors import ResultError
-from wsnsim.base.tables import KINDS, TABLES
+from wsnsim.base.tables import DUTY_CYCLED, KINDS, TABLES
 from wsnsim.recording import ResultFile, provenance
 
 
@@ -97,6 +97,16 @@ def test_files_with_other_state_columns_are_not_mixed_unless_columns_are_named(t
     with pytest.raises(ResultError, match=r"b\.h5: table truth has other columns than in .*a\.h5"):
         read(tmp_path / "*.h5", "truth")
     assert len(read(tmp_path / "*.h5", "truth", ["step", "time"])) == 3
+
+
+def test_runs_of_duty_cycled_macs_have_columns_that_others_leave_unknown(tmp_path, write, rows_of, states):
+    rows = rows_of("runs", 2)
+    write("a.h5", runs={name: values for name, values in rows.items() if name not in DUTY_CYCLED})
+    with ResultFile(tmp_path / "b.h5", states, {"runs": True}, duty_cycled=True) as file:
+        file.write("runs", {**rows, "radio_on": [0.25, 0.5], "hurried": [0.0, 0.1]})
+    frame = read(tmp_path / "*.h5", "runs")
+    np.testing.assert_array_equal(frame["radio_on"], [np.nan, np.nan, 0.25, 0.5])
+    assert [name for name in frame if name != "file"] == [column.name for column in TABLES["runs"]]
 
 
 def test_a_file_whose_name_looks_like_a_pattern_is_a_file(write, rows_of):

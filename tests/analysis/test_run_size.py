@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from wsnsim import experiment, load, simulate
+from wsnsim import experiment, load
 from wsnsim.analysis import run_size
 from wsnsim.analysis.run_size import GIGABYTE, HOUR, RunSize
 from wsnsim.base.tables import Memory
 from wsnsim.cli import main
+from wsnsim.experiment import simulate_run
 from wsnsim.recording import read_table
 from wsnsim.scenario import build
 
@@ -41,7 +42,7 @@ def test_rows_and_bytes_of_a_run_are_estimated_within_a_factor_of_three(name, tm
 def test_pairs_of_neighbours_are_estimated_within_a_factor_of_three():
     scenario = load("beacons", ["duration=1 s"])
     memory = Memory()
-    simulate(scenario, recorder=memory)
+    simulate_run(scenario, recorder=memory)
     places = np.column_stack([memory.table("nodes")[axis] for axis in ("x", "y")])
     apart = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
     assert within_three(run_size.run_size(build(scenario), 1).pairs, int((apart <= 75.0).sum()) - len(places))

@@ -13,7 +13,11 @@ from wsnsim.cli import main
 from wsnsim.scenario import build
 from wsnsim.scenario.files import shipped
 
+XMAC = "mac={kind: xmac, interval: 125 ms}"
 SPARSE = "deploy={kind: anchors, places: [[0, 0], [30, 0], [0, 30]], width: 400 m, height: 400 m, centre: [0, 0]}"
+LATE_0_6 = "mac={kind: 'tests.helpers.late_mac:LateCsma', rate: 250 kbit/s, interval: 600 ms}"
+WINDOW = "clusters={kind: moving_head, main: prediction}"
+LATE = "mac={kind: 'tests.helpers.late_mac:LateCsma', rate: 250 kbit/s}"
 
 
 def notes(name: Any, *overrides: str) -> list[str]:
@@ -34,6 +38,10 @@ def notes(name: Any, *overrides: str) -> list[str]:
         ("gmtt", ["sleep.period=300 s"], "sleep.period: 300 s is longer than the run of 200 s: no node changes"),
         ("gmtt", ["sink.every=300 s"], "sink.every: 300 s is longer than the run of 200 s: no report is sent"),
         ("beacons", ["workload.period=30 s"], "workload.period: 30 s is longer than the run of 20 s: no node sends"),
+        ("ekf_real", [LATE], "step: steps of 40 ms are out of reach of mac: late: a unicast waits up to 0.129 s"),
+        ("gmtt", [LATE_0_6, WINDOW], "wakeup: over mac: late readings take up to 1.2 s and a message of two"),
+        ("collection", [XMAC], "routing.i_min: over mac: xmac a beacon takes up to 0.14 s"),
+        ("pso_mhpf", [LATE, "step=1 s"], "mac: late turns radios off, and by energy: listening costs nothing"),
     ],
 )  # fmt: skip
 def test_values_that_are_hardly_meant_are_said_with_their_figures(name, overrides, starts):
@@ -64,6 +72,7 @@ def test_sleep_that_costs_more_than_it_saves_is_said(prices, says):
         ("gmtt", ["lost.window=100"]),
         ("gmtt", ["motion.speed=[100, 200]"]),
         ("pso_mhpf", ["duration=0.4 s"]),
+        ("collection", [XMAC, "routing.i_min=3 s"]),
     ],
 )
 def test_what_still_makes_sense_is_not_noted(name, overrides):

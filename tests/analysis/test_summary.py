@@ -86,7 +86,7 @@ def report_of(errors, column_rmse, states=PLANE, position=(0, 2), name="pso_mhpf
 
 def rows(report, published=None):
     """The text's rows by their first words: name -> the rest of the line."""
-    lines = summary_text.text(report, published or {}).splitlines()[2:-1]
+    lines = [line for line in summary_text.text(report, published or {}).splitlines() if line.startswith("  ")][1:-1]
     return {name.strip(): rest.strip() for name, _, rest in (line.strip().partition("  ") for line in lines)}
 
 
@@ -341,7 +341,7 @@ def test_a_target_that_was_never_seen_has_no_figures_and_no_word_for_them():
 def test_bounds_stand_beside_the_error_of_all_readings_of_members_and_of_those_that_arrived(tmp_path):
     loaded = scenario.load("pso_mhpf", ["duration=2 s"])
     report = experiment.run(loaded, replicates=2, out=tmp_path / "x.h5")
-    limit = summary.bounds_of_report(report)
+    limit = summary.bounds_of_report(report, every=True)
     assert limit.kind == "per_trajectory" and not limit.reason
     assert 0 < limit.rmse < limit.active <= limit.arrived * (1 + 1e-9)
     text = summary_text.text(report, {}, limits=limit)
@@ -356,7 +356,7 @@ def test_without_events_there_is_the_bound_of_all_readings_alone_and_without_any
         scenario.load("pso_mhpf", ["duration=1 s", "record.events=false"]), replicates=1, out=tmp_path / "x.h5"
     )
     for report in (quiet, ran[0]):
-        limit = summary.bounds_of_report(report)
+        limit = summary.bounds_of_report(report, every=True)
         assert limit.rmse > 0 and math.isnan(limit.active) and math.isnan(limit.arrived)
     waypoints = experiment.run(scenario.load("gmtt", ["duration=10 s"]), replicates=1, out=tmp_path / "y.h5")
     assert "no probability density" in summary.bounds_of_report(waypoints).reason
@@ -386,11 +386,14 @@ def test_terminal_page_info_and_json_have_the_same_names_and_values(tmp_path):
     """Of every quantity that the page shows, in a network with collisions, for one result."""
     loaded = scenario.load("ekf_real", ["duration=2 s"])
     report = experiment.run(loaded, replicates=5, out=tmp_path / "x.h5")
-    figures = summary.as_json(report, {}, summary.bounds_of_report(report))
+    figures = summary.as_json(report, {}, summary.bounds_of_report(report, every=True))
     about, info_text = result_info.info(report.out), result_info.info_text(report.out)
     terminal = rows(report)
     page = dict(
-        re.findall(r'<th scope="row">([^<]*)</th><td>([^<]*)', summary_table.summary_table([report.out], ["x"]))
+        re.findall(
+            r'<th scope="row"><span [^>]*>([^<]*)</span></th><td>([^<]*)',
+            summary_table.summary_table([report.out], ["x"], bounds=True),
+        )
     )
     shown = [key for key, quantity in QUANTITIES.items() if quantity.name in page]
     assert {"rmse", "rmse_median", "median_error", "energy", "packet_delivery_ratio"} <= set(shown)

@@ -59,7 +59,7 @@ def test_an_overridden_power_counts():
 
 def test_an_overridden_check_counts():
     with pytest.warns(DeprecationWarning, match="check"), pytest.raises(ScenarioError, match="refuses everything"):
-        wsnsim.simulate(wsnsim.load("pso_mhpf", ["duration=0.4 s", f"clusters.kind={HERE}:Strict"]))
+        wsnsim.experiment.simulate_run(wsnsim.load("pso_mhpf", ["duration=0.4 s", f"clusters.kind={HERE}:Strict"]))
 
 
 def test_an_overridden_flag_counts():
@@ -88,7 +88,7 @@ def test_other_names_are_not_found():
 def test_a_mechanism_that_lacks_members_is_refused_by_name():
     scenario = wsnsim.load("pso_mhpf", ["duration=0.4 s", f"faults=[{{kind: '{HERE}:Hollow', at: 0.1 s, nodes: [1]}}]"])
     with pytest.raises(RunError, match=r"faults: object, which start\(services\) returned, lacks begin, end"):
-        wsnsim.simulate(scenario)
+        wsnsim.experiment.simulate_run(scenario)
 
 
 def test_a_star_import_warns_of_nothing():

@@ -98,7 +98,7 @@ def scenario(network: bool, tracker: str = "ekf", inflate: bool = False, **senso
 
 def residuals(made: dict[str, Any], tmp_path: Any, batch: bool = True) -> Any:
     """The table `readings` of two runs."""
-    report = wsnsim.run(wsnsim.load(made), replicates=2, out=tmp_path / "x.h5", batch=batch)
+    report = wsnsim.experiment.run(wsnsim.load(made), replicates=2, out=tmp_path / "x.h5", batch=batch)
     return wsnsim.read(report.out, "readings").set_index(["replicate", "target", "step", "node"]).sort_index()
 
 
@@ -119,9 +119,9 @@ def test_it_is_added_to_the_same_readings_with_a_network_and_without_one(tmp_pat
 
 def test_a_batch_has_the_readings_of_single_runs(tmp_path: Any) -> None:
     made = wsnsim.load({**scenario(False), "record": {"readings": False}})
-    single = [wsnsim.simulate(made, run).run["fingerprint"] for run in range(3)]
+    single = [wsnsim.experiment.simulate_run(made, run).run["fingerprint"] for run in range(3)]
     assert len(set(single)) == 3
-    report = wsnsim.run(made, replicates=3, out=tmp_path / "x.h5")
+    report = wsnsim.experiment.run(made, replicates=3, out=tmp_path / "x.h5")
     assert [one.run["fingerprint"] for one in report.summaries] == single
 
 
@@ -137,7 +137,12 @@ def test_filters_ignore_it_or_widen_their_noise_and_claim_less_then() -> None:
         level = -37.8 - 23.0 * np.log10(5.0) + (1.5 if gains == "known" else 0.0)
         assert means[0, 0] == pytest.approx(level)
     nees = [
-        np.median([wsnsim.simulate(wsnsim.load(scenario(False, inflate=how)), run).run["nees"] for run in range(8)])
+        np.median(
+            [
+                wsnsim.experiment.simulate_run(wsnsim.load(scenario(False, inflate=how)), run).run["nees"]
+                for run in range(8)
+            ]
+        )
         for how in (False, True)
     ]
     assert nees[1] < 0.5 * nees[0]

@@ -24,7 +24,7 @@ for line in sys.stdin:
     name = line.strip()
     scenario = wsnsim.load(name)
     began = time.process_time()
-    wsnsim.simulate(scenario, 0, Memory())
+    wsnsim.experiment.simulate_run(scenario, 0, Memory())
     print(time.process_time() - began, flush=True)
 """
 

@@ -58,7 +58,14 @@ def sleepers(count: int) -> tuple[Any, ...]:
 def schedules(count: int) -> tuple[Any, ...]:
     """The arguments of `period_spans` for many nodes that sleep at random."""
     keys = np.random.default_rng(count).integers(0, 2**64, count, dtype=np.uint64)
-    return keys, 33.3, (10.0, 10.0, 0.3, True), np.zeros(count, dtype=np.bool_), np.zeros(count), np.zeros(count)
+    return (
+        keys,
+        np.linspace(20.0, 40.0, count),
+        (10.0, 10.0, 0.3, True),
+        np.zeros(count, dtype=np.bool_),
+        np.zeros(count),
+        np.zeros(count),
+    )
 
 
 def spells(count: int) -> tuple[Any, ...]:

@@ -11,6 +11,7 @@ from tests.bench.batch import batch_rows
 from tests.bench.campaigns import campaign_rows
 from tests.bench.kernels import Tape
 from tests.bench.lossy import lossy_rows
+from tests.bench.mostly_off import mostly_off_rows
 from tests.bench.ratios import compile_rows, filter_rows, kernel_rows
 from tests.bench.results import result_rows
 from tests.bench.scale import scale_rows
@@ -86,6 +87,7 @@ GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {
     "lossy": lossy_rows,
     "scale": scale_rows,
     "sleeping": sleeping_rows,
+    "mostly_off": mostly_off_rows,
     "batch": batch_rows,
     "campaigns": campaign_rows,
     "results": result_rows,

@@ -13,7 +13,7 @@ from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.bounds import GAINS, KINDS, PLACES, READINGS, bound, bound_of_run, crlb
 from wsnsim.bounds.recorded_readings import RecordedReadings
-from wsnsim.experiment import run, simulate
+from wsnsim.experiment import run, simulate_run
 from wsnsim.scenario import build, load, resolved, shipped
 
 ON_THE_LINE = {
@@ -90,7 +90,7 @@ def test_directions_have_both_bounds_and_a_filter_comes_near_them(sensor):
         "tracker": {"kind": "ekf", "assumes": {"noise_scale": 1}},
     }  # fmt: skip
     along, over = (bound(scenario, range(8), kind) for kind in reversed(KINDS))
-    errors = np.array([simulate(scenario, run).errors[0] for run in range(8)])
+    errors = np.array([simulate_run(scenario, run).errors[0] for run in range(8)])
     assert not along.reason and not over.reason and over.time_mean <= along.time_mean * 1.05
     ratio = np.median(np.sqrt((errors**2).mean(axis=1))) / np.median(along.of_replicates)
     assert 0.8 < ratio < 2.5
@@ -257,7 +257,7 @@ def test_every_shipped_scenario_is_compared_with_its_bound_or_has_none():
 
 def squares(scenario, count):
     """The mean square error of each run over targets and steps, (count,)."""
-    return np.array([np.nanmean(simulate(scenario, replicate).errors ** 2) for replicate in range(count)])
+    return np.array([np.nanmean(simulate_run(scenario, replicate).errors ** 2) for replicate in range(count)])
 
 
 LONGEST = ("central_pf", "pso_mhpf", "pso_mhpf_packed")

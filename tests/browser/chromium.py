@@ -25,6 +25,8 @@ LAUNCH = (
     "os.dup2(r, 3); os.dup2(w, 4); os.execv(sys.argv[3], sys.argv[3:])"
 )
 """Chromium reads commands from file descriptor 3 and answers on 4."""
+REPLAY_IS_READY = "document.documentElement?.dataset.ready !== undefined"
+LOADED = "document.readyState === 'complete'"
 
 
 class Browser:
@@ -74,7 +76,7 @@ class Browser:
         message, self.rest = self.rest.split(b"\0", 1)
         return json.loads(message)
 
-    def open(self, address, width=1200, height=900, reduced=False):
+    def open(self, address, width=1200, height=900, reduced=False, ready=REPLAY_IS_READY):
         """Open a new page and wait until it is ready."""
         target = self.order("Target.createTarget", url="about:blank")["targetId"]
         self.session = self.order("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
@@ -88,7 +90,7 @@ class Browser:
             feature = {"name": "prefers-reduced-motion", "value": "reduce"}
             self.order("Emulation.setEmulatedMedia", features=[feature])
         self.order("Page.navigate", url=address)
-        self.until("document.documentElement?.dataset.ready !== undefined")
+        self.until(ready)
         return self
 
     def value(self, expression):
@@ -99,9 +101,18 @@ class Browser:
 
     def until(self, expression):
         until = time.monotonic() + 30
-        while not self.value(expression):
+        while not self._value_after_navigation(expression):
             assert time.monotonic() < until, f"the page never came to: {expression}"
             time.sleep(0.02)
+
+    def _value_after_navigation(self, expression):
+        """The value of an expression; None while the page changes."""
+        try:
+            return self.value(expression)
+        except AssertionError as error:
+            if "navigated" in str(error) or "context" in str(error):
+                return None
+            raise
 
     def press(self, key):
         text = {"text": key} if len(key) == 1 else {}

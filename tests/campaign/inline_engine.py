@@ -1,32 +1,5 @@
-"""An engine that runs tasks in this process, for tests that need no worker processes."""
+"""The engine of tests that need no worker processes."""
 
-from __future__ import annotations
+from wsnsim.campaign.serial_engine import SerialEngine
 
-from collections.abc import Mapping
-from typing import final
-
-from wsnsim.campaign.engines import FinishedTask
-from wsnsim.campaign.task import Task, perform
-
-
-@final
-class InlineEngine:
-    """An `engines.Engine` that performs a task when it is asked for finished ones."""
-
-    def __init__(self, workers: int = 1) -> None:
-        self.window = 1
-        self.left_out: Mapping[str, str] = {}
-        self._tasks: list[Task] = []
-
-    def submit(self, task: Task) -> None:
-        self._tasks.append(task)
-
-    def finished(self, timeout: float) -> list[FinishedTask]:
-        return [FinishedTask(task, perform(task)) for task in self.cancel_pending()]
-
-    def cancel_pending(self) -> list[Task]:
-        tasks, self._tasks = self._tasks, []
-        return tasks
-
-    def close(self) -> None:
-        """Nothing to close."""
+InlineEngine = SerialEngine

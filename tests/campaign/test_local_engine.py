@@ -19,6 +19,7 @@ import pytest
 
 from tests.helpers.thorough import thorough
 from wsnsim.base.progress import watching
+from wsnsim.base.version import __version__
 from wsnsim.campaign import Shard, collect, local_engine, prepare, run_campaign
 from wsnsim.campaign.engines import FinishedTask
 from wsnsim.campaign.local_engine import LocalEngine
@@ -41,7 +42,7 @@ def first_task(folder: Folder, **said: Any) -> Task:
     return Task(
         str(folder.path),
         point,
-        **{"first": 0, "last": 1, "session": "s", "version": "0.1.0", "access": TRUSTED, **said},
+        **{"first": 0, "last": 1, "session": "s", "version": __version__, "access": TRUSTED, **said},
     )
 
 
@@ -137,7 +138,7 @@ def test_a_pool_that_broke_while_nobody_looked_gives_its_tasks_back_and_is_made_
     gone = all_ended(pool, 2)
     assert [type(ending.outcome).__name__ for ending in gone] == ["WorkerLost", "WorkerLost"]
     point = folder.manifest().points[1].id
-    pool.submit(Task(str(folder.path), point, 0, 1, "s", "0.1.0", access=TRUSTED))
+    pool.submit(Task(str(folder.path), point, 0, 1, "s", __version__, access=TRUSTED))
     assert all_ended(pool, 1)[0].outcome.status == "done"
     pool.close()
 
@@ -150,7 +151,7 @@ def test_workers_are_copies_where_that_is_safe_and_report_to_nobody_who_watches_
     moody = importlib.import_module("moody")
     pool = LocalEngine(1, moody.describe_process)
     with watching(moody.REPORTED.append):
-        pool.submit(Task("", "", 0, 0, "s", "0.1.0"))
+        pool.submit(Task("", "", 0, 0, "s", __version__))
     (ended,) = all_ended(pool, 1)
     pool.close()
     assert ended.outcome == TaskOutcome("done", f"{process}, 0 reported")
@@ -194,7 +195,7 @@ def test_what_a_tracker_raises_is_the_outcome(lab: Path, mood: str, words: str) 
 
 def test_a_task_of_another_version_is_not_run(lab: Path) -> None:
     folder, outcome = performed(lab, "calm", version="9.9")
-    assert outcome == TaskOutcome("version", "the worker has wsnsim 0.1.0, but the campaign runs with 9.9")
+    assert outcome == TaskOutcome("version", f"the worker has wsnsim {__version__}, but the campaign runs with 9.9")
     assert not list(folder.path.glob("*/r*"))
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import re
 from pathlib import Path
 
 import pytest
 import yaml
 
 from tests.helpers.scenario_components import base_scenario
+from wsnsim.base.tables import TABLES
 from wsnsim.cli import main
 from wsnsim.scenario.files import shipped_parts
 
@@ -20,19 +23,46 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return capsys.readouterr().out
 
 
+def rows_of(text: str) -> dict[str, list[str]]:
+    """The cells (value, unit, last column) of a text's first table by the names of its rows, wrapped cells joined."""
+    lines = text.split("\n\n")[0].splitlines()
+    head = next(i for i, line in enumerate(lines) if line.split()[:2] == ["value", "unit"])
+    starts = [re.search(rf"\b{word}\b", lines[head]).start() for word in lines[head].split()]  # type: ignore[union-attr]
+    rows: dict[str, list[str]] = {}
+    for line in lines[head + 1 :]:
+        cells = [line[a:b].strip() for a, b in itertools.pairwise([*starts, None])]
+        if name := line[: starts[0]].strip():
+            rows[name] = cells
+        else:
+            last = rows[next(reversed(rows))]
+            last[:] = [f"{old} {more}".strip() for old, more in zip(last, cells, strict=True)]
+    return rows
+
+
 @pytest.mark.parametrize("name", shipped_parts())
 def test_every_value_of_a_shipped_sheet_is_shown_as_it_is_written_with_its_source(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = " ".join(said(capsys, "info", name).split())
+    text = said(capsys, "info", name)
+    told, rows = " ".join(text.split()), rows_of(text)
     sheet = yaml.safe_load(shipped_parts()[name].read_text(encoding="utf-8"))
     assert told.startswith(f"{sheet['name']}: a {sheet['sheet']}, from {sheet['source']}")
     for field, source in sheet["sources"].items():
-        assert source in told
-        if isinstance(sheet[field], list):
+        if field not in rows:  # a list of a grid: its source is below the grid
+            assert f"{field}: {source}" in told
             assert all(str(item).partition(" ")[0] in told for item in sheet[field])
+            continue
+        value, unit, shown_source = rows[field]
+        assert shown_source == source
+        if isinstance(sheet[field], list):
+            assert all(str(item).partition(" ")[0] in value for item in sheet[field])
         else:
-            assert f"{field} {sheet[field]} {source}" in told
+            assert f"{value} {unit}".strip() == str(sheet[field])
+
+
+@pytest.mark.parametrize("name", [*shipped_parts(), "jiang_field", *TABLES])
+def test_no_line_of_a_description_exceeds_100_columns(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert max(map(len, said(capsys, "info", name).splitlines())) <= 100
 
 
 def test_a_sheet_as_json_is_in_si_units(capsys: pytest.CaptureFixture[str]) -> None:
@@ -104,9 +134,9 @@ def test_the_first_order_models_show_their_crossover(capsys: pytest.CaptureFixtu
     ("name", "message"),
     [
         ("ungm_pf", "ungm_pf has no network (network: none), and therefore no radio to describe"),
-        ("cc2402", "unknown result, scenario or datasheet 'cc2402' (did you mean 'cc2420'?)"),
-        ("pso_mhfp", "unknown result, scenario or datasheet 'pso_mhfp' (did you mean 'pso_mhpf'?)"),
-        ("a\0b", "unknown result, scenario or datasheet 'a"),
+        ("cc2402", "unknown kind, scenario, datasheet or result 'cc2402' (did you mean 'cc2420'?)"),
+        ("pso_mhfp", "unknown kind, scenario, datasheet or result 'pso_mhfp' (did you mean 'pso_mhpf'?)"),
+        ("a\0b", "unknown kind, scenario, datasheet or result 'a"),
     ],
 )
 def test_what_has_no_radio_or_is_nowhere_says_so(name: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:

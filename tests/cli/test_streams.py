@@ -107,7 +107,7 @@ def test_a_note_on_caches_is_a_line_on_stderr_and_not_with_quiet(
             warnings.warn("kernels are kept in /x", CacheWarning, stacklevel=1)
         raise click.ClickException("enough")
 
-    monkeypatch.setattr("wsnsim.cli.commands.loaded", said)
+    monkeypatch.setattr("wsnsim.cli.running.loaded", said)
     main(["run", "x"])
     assert "wsnsim: kernels are kept in /x\n" in capsys.readouterr().err
     for silent in (["--quiet"], ["--progress", "json"], ["--progress", "none"]):

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from tests.distribution import versions
-from tests.distribution.versions import InstallationError, installed, interpreter, main, requirements
+from tests.distribution import pythons, versions
+from tests.distribution.pythons import interpreter
+from tests.distribution.versions import InstallationError, installed, main, requirements
 
 PROJECT = {
     "name": "x",
@@ -113,7 +114,7 @@ def test_pythons_of_pyenv_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     python.parent.mkdir(parents=True)
     python.touch()
     monkeypatch.setenv("PYENV_ROOT", str(tmp_path))
-    monkeypatch.setattr(versions, "version_of", lambda place: (3, 12) if place == str(python) else None)
+    monkeypatch.setattr(pythons, "version_of", lambda place: (3, 12) if place == str(python) else None)
     assert interpreter("3.12") == str(python)
     assert interpreter("3.13") is None
     assert main(["newest", "3.13", "--"]) == 1

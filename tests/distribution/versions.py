@@ -15,7 +15,6 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -23,7 +22,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.distribution.wheel import HOME, version_of
+from tests.distribution.pythons import HOME, interpreter
 
 ENVIRONMENTS = HOME / ".venv-matrix"
 PEERS = "peers"
@@ -40,7 +39,7 @@ class InstallationError(Exception):
 
 
 def requirements(project: dict[str, Any], lowest: bool, peers: bool = False) -> list[str]:
-    """What the project and its extras require, one line a package; `lowest` pins each to its lower bound.
+    """What the project and its extra `dev` require, one line a package; `lowest` pins each to its lower bound.
 
     Args:
         project: the table `project` of pyproject.toml.
@@ -50,22 +49,21 @@ def requirements(project: dict[str, Any], lowest: bool, peers: bool = False) -> 
     Raises:
         ValueError: a requirement is not of the form `name>=version`, so that it has no lowest version.
     """
-    extras = project.get("optional-dependencies", {})
-    chosen = [extra for name, extra in extras.items() if peers or name != PEERS]
-    lines = [*project["dependencies"], *(line for extra in chosen for line in extra)]
-    lines = [line for line in lines if not line.startswith(f"{project['name']}[")]
+    lines = [*project["dependencies"], *_of_extras(project, ["dev", PEERS] if peers else ["dev"])]
     for line in lines:
         if not _REQUIREMENT.fullmatch(line):
             raise ValueError(f"pyproject.toml: requirement {line!r} is not of the form name>=version")
     return sorted({line.replace(">=", "==") if lowest else line for line in lines})
 
 
-def interpreter(version: str) -> str | None:
-    """The Python of a version such as `3.12`, on the path or among those of pyenv; None if none starts."""
-    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
-    found = [shutil.which(f"python{version}"), *sorted(map(str, pyenv.glob(f"versions/{version}.*/bin/python")))]
-    wanted = tuple(map(int, version.split(".")))
-    return next((python for python in found if python and version_of(python) == wanted), None)
+def _of_extras(project: dict[str, Any], names: Iterable[str]) -> Iterator[str]:
+    """Yield what extras require, with the extras that they name, such as `wsnsim[cluster,parquet]`."""
+    for name in names:
+        for line in project.get("optional-dependencies", {}).get(name, ()):
+            if inner := re.fullmatch(rf"{re.escape(project['name'])}\[(.+)\]", line):
+                yield from _of_extras(project, inner[1].split(","))
+            else:
+                yield line
 
 
 def installed(python: str, name: str, lines: Iterable[str]) -> Path:

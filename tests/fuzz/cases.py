@@ -54,7 +54,8 @@ ENDLESS: Final = ("reproduce", "sweep", "compare", "watch")
 
 READERS: Final[tuple[tuple[str, ...], ...]] = (
     ("info", "x.h5"), ("plot", "x.h5", "--out", "x.png"), ("trace", "x.h5", "--step", "1"), ("check", "x.h5"),
-    ("export", "x.h5", "--parquet", "out"), ("diff", "x.h5", "x.h5"), ("verify", "x.h5"),
+    ("export", "x.h5", "--parquet", "out"), ("export", "x.h5", "--csv", "out", "--mat", "x.mat"),
+    ("diff", "x.h5", "x.h5"), ("verify", "x.h5"),
     ("recover", "x.h5", "--out", "y.h5"),
 )  # fmt: skip
 """Commands that read a result."""

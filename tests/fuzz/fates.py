@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from tests.fuzz import radios_on
 from tests.fuzz.given_frames import Attempt, Given
 from wsnsim.base.frames import EVERYONE
 from wsnsim.base.tables import EVENT_CAUSE, KIND
@@ -31,6 +32,8 @@ LOST: Final = {
     "down": "a neighbour was down",
     "asleep": "a neighbour did not listen from beginning to end",
     "sender fell": "the sender died or crashed before the end",
+    "off": "the radio of a neighbour was off, or on another channel",
+    "no answer": "its destination answered none of the strobes",
     "never sent": "the channel stayed busy, or the sender did not know its slot, or sent elsewhere in it",
 }
 """Why packets are lost, as the event log has it."""
@@ -83,6 +86,8 @@ class Log:
             return "collided" if "collide" in kinds else "dropped"
         if (given.source, given.sequence) in self.unsent and not given.attempts:
             return "never sent"
+        if given.strobes and not given.attempts and not self.fell(given.source, given.since, self.frames.now):
+            return "no answer"
         until = given.attempts[-1].ends if given.attempts else self.frames.now
         sent = bool(given.attempts) and given.attempts[-1].ended  # else the sender may have fallen before it began
         if self.fell(given.source, given.attempts[-1].start if sent else given.since, until):
@@ -93,6 +98,11 @@ class Log:
         begin, end = (attempt.ends if self.frames.ideal else attempt.start) - INSTANT, attempt.ends + INSTANT
         if self.fell(node, begin, end):
             return "down"
+        radios = self.run.radios  # one that was on for exactly the time of a frame may have missed its beginning or end
+        if radios.on_channels or not any(
+            radios.was_held(node, each.number, -radios_on.INSTANT) for each in given.attempts
+        ):
+            return "off"
         if not self.run.listening.throughout(node, begin, end):
             return "asleep"
         return "" if given.is_usable(node) else "link"
@@ -141,7 +151,11 @@ def _wrong(given: Given, node: int, fate: Counter[str], log: Log) -> Iterator[st
 def _wrong_counters(run: Run, log: Log) -> Iterator[str]:
     """The counters of the run are those of its frames: sent, delivered, collided."""
     counted = Counter[str]()
+    if any(attempt.is_copy for given in run.frames.given for attempt in given.attempts):
+        return  # copies of a frame are counted together, but have a result each
     for given in run.frames.given:
+        if not given.packets:
+            continue  # what a MAC sends for itself
         ended = [attempt for attempt in given.attempts if attempt.ended]
         counted["frames_sent"] += len(ended)
         counted["packets_sent"] += len(ended) * given.packets

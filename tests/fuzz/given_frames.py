@@ -22,8 +22,10 @@ from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.fragmentation import Fragment, Fragmentation
 from wsnsim.network.radio.ideal_medium import IdealMedium
+from wsnsim.network.radio.lpl.senders import Senders
 from wsnsim.network.radio.mac import IdealMechanism
 from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.tsch.exchanges import Exchanges
 
 
 @dataclass
@@ -35,12 +37,14 @@ class Attempt:
         start: when its first bit is sent, in s.
         ends: when its last bit is sent unless its sender falls, in s.
         ended: whether its end was reached.
+        is_copy: whether it is one of several copies in a row, which a MAC counts as one frame.
     """
 
     number: int
     start: float
     ends: float
     ended: bool = False
+    is_copy: bool = False
 
 
 @dataclass
@@ -56,6 +60,7 @@ class Given:
         neighbours: (n,) the nodes that its sender may reach, when it was last sent or else given.
         usable: (n,) whether the links to them are usable, so that a loss is logged.
         attempts: when it was on the air.
+        strobes: how many strobes its sender has sent for it.
         reported: {node: packets that it received} as the MAC says; None as long as the MAC has not said anything.
     """
 
@@ -67,6 +72,7 @@ class Given:
     neighbours: np.ndarray
     usable: np.ndarray
     attempts: list[Attempt] = field(default_factory=list)
+    strobes: int = 0
     reported: dict[int, int] | None = None
 
     @property
@@ -137,7 +143,8 @@ def watched_frames() -> Iterator[Frames]:
     with pytest.MonkeyPatch.context() as patch:
         for owner, name, make in (
             (NetworkMacServices, "fragmentation", _opening), (Fragmentation, "split", _splitting),
-            (CsmaMechanism, "_enqueue", _offering), (Channel, "transmit", _transmitting),
+            (CsmaMechanism, "_enqueue", _offering), (Senders, "_enqueue", _offering),
+            (Exchanges, "enqueue", _enqueuing), (Channel, "transmit", _transmitting),
             (Fragment, "finish", _telling), (OfferedFrame, "finish", _telling), (Burst, "lose", _losing),
             (IdealMedium, "__init__", _opening_ideal), (IdealMechanism, "send", _sending),
             (IdealMedium, "carry", _carrying), (IdealMedium, "carry_all", _carrying_all),
@@ -178,7 +185,7 @@ def _splitting(frames: Frames, whole: Whole) -> Whole:
 
 
 def _offering(frames: Frames, whole: Whole) -> Whole:
-    def enqueue(self: CsmaMechanism, node: int, frame: Any) -> None:
+    def enqueue(self: Any, node: int, frame: Any) -> None:
         if isinstance(frame, OfferedFrame):
             frames.add(frame, node, frame.to, frame.packets, frame.sequence, frame.bits)
         whole(self, node, frame)
@@ -196,13 +203,29 @@ def _transmitting(frames: Frames, whole: Whole) -> Whole:
             on_end(transmission, received)
 
         sent = whole(self, source, frame, ended, *more)
-        for given in frames.of(frame):
+        for given in frames.of(getattr(frame.owner, "frame", None)) if _is_strobe(source, frame) else ():
+            given.strobes += 1
+        for given in frames.of(getattr(frame, "original", frame)):
             frames.aim(given, frame.bits)
-            attempts.append(Attempt(sent.number, sent.start, sent.end))
+            attempts.append(Attempt(sent.number, sent.start, sent.end, is_copy=frame.is_copy))
             given.attempts.append(attempts[-1])
         return sent
 
     return transmit
+
+
+def _is_strobe(source: int, frame: Any) -> bool:
+    """Whether the sender of a frame sends a strobe; acknowledgements of that frame have the same owner."""
+    return not frame.packets and getattr(frame.owner, "node", None) == source
+
+
+def _enqueuing(frames: Frames, whole: Whole) -> Whole:
+    def enqueue(self: Exchanges, line: Any, frame: Any, **named: Any) -> None:
+        if isinstance(frame, OfferedFrame) and not frames.of(frame):
+            frames.add(frame, line.node, frame.to, frame.packets, frame.sequence, frame.bits)
+        whole(self, line, frame, **named)
+
+    return enqueue
 
 
 def _telling(frames: Frames, whole: Whole) -> Whole:

@@ -23,13 +23,12 @@ class Listening:
     """What the nodes of one run were told to do, and what their schedule says."""
 
     def __init__(self) -> None:
-        self.schedule: Any = None
-        self.keys = np.zeros(0, dtype=np.uint64)
+        self.schedules: Any = None
         self.notes: dict[int, list[tuple[float, Mode]]] = {}
 
     def within(self, node: int, since: float, until: float) -> bool:
         """Whether a node listened at some time from `since` to `until`; always, if it has no schedule."""
-        if self.schedule is None:
+        if self.schedules is None:
             return True
         spans = self._spans(node, since, until)
         return any(mode in (Mode.AWAKE, Mode.DORMANT) for *_, mode in spans) or any(
@@ -38,7 +37,7 @@ class Listening:
 
     def throughout(self, node: int, since: float, until: float) -> bool:
         """Whether a node listened all the time from `since` to `until`; always, if it has no schedule."""
-        if self.schedule is None:
+        if self.schedules is None:
             return True
         return all(
             mode in (Mode.AWAKE, Mode.DORMANT) or (mode is Mode.SCHEDULED and not self._asleep(node, begin, end))
@@ -61,9 +60,9 @@ class Listening:
 
     def _states(self, node: int, since: float, until: float) -> Iterator[bool]:
         """Whether the schedule is awake, in each span that touches [since, until]."""
-        key, time = self.keys[node : node + 1], since
+        nodes, time = np.array([node]), since
         while True:
-            awake, _, ends = self.schedule.state(key, time)
+            awake, _, ends = self.schedules.state(nodes, time)
             yield bool(awake[0])
             if ends[0] > until or ends[0] <= time:
                 return
@@ -76,9 +75,9 @@ def watched_schedules() -> Iterator[Listening]:
     listening = Listening()
     begin, note = ScheduledDutyCycles.__init__, ScheduledDutyCycles.note
 
-    def begun(self: ScheduledDutyCycles, env: Any, schedule: Any, keys: Any) -> None:
-        begin(self, env, schedule, keys)
-        listening.schedule, listening.keys = schedule, keys
+    def begun(self: ScheduledDutyCycles, env: Any, schedules: Any) -> None:
+        begin(self, env, schedules)
+        listening.schedules = schedules
 
     def noted(self: ScheduledDutyCycles, node: int, mode: Mode) -> None:
         listening.notes.setdefault(node, []).append((float(self._env.now), mode))

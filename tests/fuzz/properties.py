@@ -18,6 +18,7 @@ import numpy as np
 from tests.fuzz.fates import packets_in_are_packets_out_and_lost
 from tests.fuzz.given_frames import Frames, watched_frames
 from tests.fuzz.listening import Listening, watched_schedules
+from tests.fuzz.radios_on import RadiosOn, watched_radios
 from wsnsim import experiment, scenario
 from wsnsim.base.setups import Setup
 from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND, Memory
@@ -42,13 +43,14 @@ Columns = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Run:
-    """A finished run: its setup, its tables, its summary, who was listening when, and what the MAC was given."""
+    """A finished run: its setup, tables and summary; which nodes and which radios listened, what the MAC was given."""
 
     setup: Setup
     memory: Memory
     summary: Summary
     listening: Listening
     frames: Frames
+    radios: RadiosOn
 
     @cached_property
     def events(self) -> Columns:
@@ -69,9 +71,9 @@ def made(values: dict[str, Any], replicate: int = 0) -> Run:
     """The run of a scenario. Raises what `load`, `build` and the run raise."""
     setup = scenario.build(scenario.load(values))
     memory = Memory(setup.record)
-    with watched_schedules() as listening, watched_frames() as frames:
+    with watched_schedules() as listening, watched_frames() as frames, watched_radios() as radios:
         summary = experiment.replicate_of(setup, replicate, memory)
-    return Run(setup, memory, summary, listening, frames)
+    return Run(setup, memory, summary, listening, frames, radios)
 
 
 def broken(run: Run) -> list[str]:
@@ -124,12 +126,15 @@ def estimates_use_what_arrived(run: Run) -> Iterator[str]:
     tracker = run.setup.tracker
     local = isinstance(tracker, PsoMhpf | ParallelPf)  # members use their own measurements
     packed = tracker.every if isinstance(tracker, InformationDriven) else 1
+    wrong = max((abs(getattr(fault, "offset", 0.0)) for fault in run.setup.faults), default=0.0)
+    stepped = (wrong + 3.0 * getattr(run.setup.clock, "offset", 0.0)) / run.setup.dt
+    astray = int(np.ceil(stepped)) + (stepped > 0.0)  # steps by which time stamps of measurements may be wrong
     columns = (table[name].tolist() for name in ("target", "step", "time", "issued", "head", "readings"))
     for target, step, time, issued, head, readings in zip(*columns, strict=True):
         if not np.isfinite(issued) or readings == 0:
             continue
         age = step - events["step"][sensed].astype(int)
-        rows = sensed[(age >= 0) & (age < packed) & (events["target"][sensed] == target)]
+        rows = sensed[(age >= -astray) & (age < packed + astray) & (events["target"][sensed] == target)]
         taken = set(zip(events["node"][rows].tolist(), events["step"][rows].tolist(), strict=True))
         nodes = {node for node, _ in taken}
         late = (events["time"][heard] >= time) & (events["time"][heard] <= issued) & (events["node"][heard] == head)
@@ -226,7 +231,7 @@ def nobody_hears_while_asleep(run: Run) -> Iterator[str]:
 
     On the ideal channel a frame is heard at its end, by whoever listens then.
     """
-    if run.listening.schedule is None:
+    if run.listening.schedules is None:
         return
     events, rate = run.events, getattr(run.setup.mac, "rate", None) or np.inf
     ideal = isinstance(run.setup.mac, IdealMac)
@@ -240,6 +245,20 @@ def nobody_hears_while_asleep(run: Run) -> Iterator[str]:
         begin = max(before, default=time)
         if not run.listening.within(node, begin - 1e-9, time if ideal else begin + 1e-9):
             yield f"node {node} heard a frame at {time!r} s that began at {begin!r} s, when it was asleep"
+
+
+def nobody_hears_with_the_radio_off(run: Run) -> Iterator[str]:
+    """The radio of a node that receives or overhears a frame, or loses it to a collision, was on when it began.
+
+    It was in a wake-up or a slot of its own, or it was held on, or its node was charged for the time.
+    """
+    events = run.events
+    if run.radios.mac is None:
+        return
+    for row in run.rows(*ARRIVALS):
+        node, frame = int(events["node"][row]), int(events["frame"][row])
+        if events["joules"][row] > 0.0 and not run.radios.was_on(node, frame):
+            yield f"node {node} heard frame {frame}, which ended at {events['time'][row]!r} s, with its radio off"
 
 
 def packets_are_received_or_lost(run: Run) -> Iterator[str]:
@@ -266,7 +285,7 @@ def packets_are_received_or_lost(run: Run) -> Iterator[str]:
 OF_ALL: Final[tuple[Callable[[Run], Iterator[str]], ...]] = (estimates_are_finite, estimates_follow_their_step)
 OF_NETWORKS: Final[tuple[Callable[[Run], Iterator[str]], ...]] = (
     the_ledger_closes, nobody_spends_more_than_its_battery, nothing_happens_before_its_cause, nobody_acts_while_down,
-    nobody_hears_while_asleep, packets_are_received_or_lost, packets_in_are_packets_out_and_lost,
-    estimates_use_what_arrived,
+    nobody_hears_while_asleep, nobody_hears_with_the_radio_off, packets_are_received_or_lost,
+    packets_in_are_packets_out_and_lost, estimates_use_what_arrived,
 )  # fmt: skip
 assert set(CAUSES) >= {name for names in BOOKED.values() for name in names}

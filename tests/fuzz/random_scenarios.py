@@ -32,8 +32,10 @@ ONE_NUMBER: Final = ("rkf", "imsf")
 """Trackers that need readings of one component."""
 ON_PLANES: Final = ("gmtt", "tsstp", "cluster", "ris", "trilateration")
 """Trackers that need distances in the plane."""
-PLAIN: Final = ("packing", "routing", "clock", "detection", "wakeup")
+PLAIN: Final = ("packing", "routing", "clock", "sync", "detection", "wakeup")
 """Roles of a network that take any values."""
+MOSTLY_OFF: Final = ("xmac", "contikimac", "tsch")
+"""MACs whose radios are off most of the time: a node cannot be reached at once."""
 RECORDED: Final = "scenarios/recorded/ble/straight_01.csv.gz"
 """A track that comes with wsnsim, from the folder in which the tests are run."""
 RECEIVERS: Final = "scenarios/recorded/ble/receivers.csv"
@@ -111,7 +113,11 @@ class Sampler:
     def beacons(self) -> Values:
         """A network without a target."""
         radio = {role: value for role, value in self.radio().items() if role not in ("wakeup", "detection")}
-        return {**radio, "workload": {"kind": "beacons", "period": self.step, "bits": self.rng.randint(1, 800)}}
+        kind = self.kind("workload", "tracking")
+        workload = {"kind": kind, "period": self.step, "bits": self.rng.randint(1, 800)}
+        if kind == "collection":
+            workload.update(points=[self.place() for _ in range(self.rng.randint(1, 2))], start_at=0.0)
+        return {**radio, "workload": workload if kind != "tracking" else {**workload, "kind": "beacons"}}
 
     def kind(self, role: str, *without: str) -> str:
         """The kind of a role whose turn it is, in half of the cases; any kind in the others."""
@@ -212,6 +218,17 @@ class Sampler:
         if values["mac"]["kind"] == "ideal":
             values["packing"] = {"kind": "none"}
         values["packing"].pop("most", None)
+        if values["sync"]["kind"] == "ftsp" and self.rng.random() < GUIDED:
+            values["clock"] = self.part("clock", "drift")
+            values["sync"] = {"kind": "ftsp", "period": self.step, "root_timeout": self.rng.randint(1, 3)}
+        if values["routing"]["kind"] == "ctp":
+            values["routing"] = self.collection_tree()
+            if "acks" in values["mac"]:
+                values["mac"]["acks"] = True
+        if values["mac"]["kind"] in MOSTLY_OFF and "period" in values["sleep"] and self.rng.random() < GUIDED:
+            values["sleep"].update(period=max(values["sleep"]["period"], 4.0))
+        if values["mac"]["kind"] == "tsch" and self.rng.random() < GUIDED:
+            values.update(sync={"kind": "none"}, clock={"kind": self.rng.choice(["perfect", "drift"])})
         if values["energy"]["kind"] == "states":
             self.match(values)
         else:
@@ -223,7 +240,8 @@ class Sampler:
         sheets = values["energy"]
         if values["mac"]["kind"] != "ideal" or values["link"]["kind"] != "disk":
             sheets["radio"] = "cc2420"
-            values["mac"] = {"kind": values["mac"]["kind"]}
+            kept = ("kind", "interval", "near", "slotframe")
+            values["mac"] = {name: value for name, value in values["mac"].items() if name in kept}
         values["mac"].pop("rate", None)
 
     def energy(self) -> Values:
@@ -260,7 +278,17 @@ class Sampler:
         values = self.part("mac")
         if values["kind"] == "ideal":
             return {"kind": "ideal", **({"rate": 250e3} if self.rng.random() < 0.4 else {})}
+        if values["kind"] in MOSTLY_OFF and self.rng.random() < GUIDED:
+            return self.mostly_off(values["kind"])
         return values if self.rng.random() < 0.2 else {"kind": values["kind"], "acks": self.rng.random() < 0.5}
+
+    def mostly_off(self, kind: str) -> Values:
+        """A MAC whose radios are off most of the time, with short and long intervals."""
+        if kind == "tsch":
+            return {"kind": kind, "slotframe": self.rng.choice([5, 11, 31])}
+        interval = self.rng.choice([0.0625, 0.125, 0.25])
+        near = {"near": interval / self.rng.choice([1, 2, 4])} if self.rng.random() < 0.3 else {}
+        return {"kind": kind, "interval": interval, **near}
 
     def sleep(self) -> Values:
         """Periods of several steps."""
@@ -271,10 +299,23 @@ class Sampler:
 
     def sink(self) -> Values:
         """Reports at steps, from somewhere on the field."""
-        if self.kind("sink") == "none":
+        kind = self.kind("sink")
+        if kind == "none":
             return {"kind": "none"}
         x, y = self.place()
-        return {"kind": "node", "x": x, "y": y, "bits": self.rng.randint(1, 400), "every": self.step}
+        where = {"points": [[x, y], [*self.place()]]} if kind == "nodes" else {"x": x, "y": y}
+        return {"kind": kind, **where, "bits": self.rng.randint(1, 400), "every": self.step}
+
+    def collection_tree(self) -> Values:
+        """A collection tree whose tables and queues may be small, and whose beacons are not sent all the time."""
+        least = self.rng.choice([0.128, 1.0])
+        return {
+            "kind": "ctp", "i_min": least, "i_max": least * self.rng.choice([1, 16, 4000]),
+            "retries": self.rng.choice([0, 3, 32]), "hysteresis": self.rng.choice([0.0, 1.5]),
+            "table": self.rng.choice([1, 3, 10]), "queue": self.rng.choice([1, 12]),
+            "packet_time": self.rng.choice([0.0, 7e-3]), "patience": self.rng.choice([0.0, 10.0]),
+            "places": self.rng.choice([1, 40]), "candidates": self.rng.choice([1, 3]),
+        }  # fmt: skip
 
     def acquire(self) -> Values:
         """Track initiation, with a search at each step or at steps alone."""

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import itertools
 import os
 import signal
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +25,7 @@ from tests.fuzz.fates import fates, packets_in_are_packets_out_and_lost
 from tests.fuzz.judge import Case, case_of, faults
 from tests.fuzz.plugins import RIGHT, WRONG
 from tests.fuzz.properties import OF_ALL, OF_NETWORKS, Run, broken, made
-from tests.fuzz.random_scenarios import sampled
+from tests.fuzz.random_scenarios import MOSTLY_OFF, sampled
 from tests.helpers.thorough import THOROUGH
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.tables import KIND
@@ -110,6 +112,24 @@ def test_every_run_of_a_random_scenario_has_the_properties_of_all_runs(number: i
     assert not broken(run), (number, broken(run))
 
 
+@settings(tried(1), max_examples=500 if THOROUGH else 6)
+@given(NUMBERS)
+def test_so_has_every_run_over_radios_that_are_off_most_of_the_time(number: int) -> None:
+    run, tried_numbers = None, itertools.count(number)
+    while run is None:
+        number = next(tried_numbers)
+        if not is_mostly_off(sampled(number)):
+            continue
+        try:
+            run = made(sampled(number))
+        except ScenarioError:
+            continue
+        except RunError as error:
+            assert "Error: " not in str(error), (number, error)
+            return
+    assert not broken(run), (number, broken(run))
+
+
 def test_most_random_scenarios_are_valid_and_all_kinds_of_cases_differ_by_their_number() -> None:
     refused = 0
     for number in range(20):
@@ -136,6 +156,11 @@ def test_every_kind_of_every_role_occurs_in_the_random_scenarios() -> None:
         if not missing:
             break
     assert not missing
+
+
+def is_mostly_off(values: dict[str, Any]) -> bool:
+    """Whether the scenario has a network whose MAC turns radios off."""
+    return values.get("network") != "none" and values["mac"]["kind"] in MOSTLY_OFF
 
 
 def made_setup(number: int) -> object:
@@ -223,9 +248,27 @@ def packets_in(run: Run) -> list[str]:
 
 def test_each_property_notices_a_table_in_which_it_is_broken(sound: Run) -> None:
     assert broken(sound) == []
-    assert set(DOCTORED) == {rule.__name__ for rule in (*OF_ALL, *OF_NETWORKS)}
+    assert {*DOCTORED, "nobody_hears_with_the_radio_off"} == {rule.__name__ for rule in (*OF_ALL, *OF_NETWORKS)}
     for name, change in DOCTORED.items():
         assert any(found.startswith(f"{name}: ") for found in broken(doctored(sound, *change))), name
+
+
+@pytest.mark.parametrize("mac", MOSTLY_OFF)
+def test_a_radio_that_hears_while_it_is_off_is_noticed(mac: str) -> None:
+    values = {
+        "name": "off", "seed": 3, "step": 1.0, "duration": 6.0,
+        "deploy": {"kind": "grid", "nodes": 9, "width": 40.0, "height": 40.0, "cover": False},
+        "workload": {"kind": "beacons", "period": 3.0, "bits": 96}, "link": {"kind": "disk", "reach": 60.0},
+        "energy": {"kind": "first_order", "idle": 1e-3}, "mac": {"kind": mac},
+    }  # fmt: skip
+    run = made(values)
+    assert not broken(run) and run.summary.run["radio_on"] > 0.0
+    events = run.events
+    heard = int(events["frame"][run.rows("receive")[0]])
+    frame = run.radios.frames[heard]
+    frame.start, frame.end = frame.start - 0.02, frame.end - 0.02  # before the radios were turned on for it
+    frame.local = {node: time - 0.02 for node, time in frame.local.items()}
+    assert any(found.startswith("nobody_hears_with_the_radio_off") for found in broken(run))
 
 
 def test_a_mutant_may_end_the_process_that_reads_it_and_other_cases_may_not(monkeypatch: pytest.MonkeyPatch) -> None:

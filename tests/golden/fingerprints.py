@@ -28,8 +28,10 @@ NO_METRICS: Final = ("replicate", "seed", "cpu_seconds", "fingerprint", "event_f
 """Columns of `runs` that are no metrics."""
 TOLERANCE: Final = 1e-6
 """Largest relative difference of a metric between kinds of processors: with AVX2 instead of AVX-512 it is 3e-9."""
-SENSITIVE: Final = {"indoor_gsa_gpf": 0.3, "ungm_ics_pf": 0.3}
-"""The same of scenarios in which a last bit decides which particle is drawn: with AVX2 it is 0.06 and 0.02."""
+SENSITIVE: Final = {"indoor_gsa_gpf": 0.3, "indoor_surrogate": 0.3, "ungm_ics_pf": 0.3}
+"""The same of scenarios in which a last bit decides which particle is drawn. Between two generations of a processor it
+is 0.25, 0.08 and less than 1e-6, with AVX2 0.06, less than 1e-6 and 0.02. Their NEES is not compared: a cloud of
+particles that has collapsed has one of 1e11, of which no digit repeats elsewhere."""
 
 
 class Machine(NamedTuple):
@@ -115,7 +117,9 @@ def differences(name: str, before: Mapping[str, Any], found: Mapping[str, Any], 
         return ["has no stored fingerprint; make verify ARGS=--record stores one"]
     if not is_exact(before, machine):
         nearest = before.get(machine.kind) or before[min(before)]
-        return _differing_metrics(nearest["metrics"], found["metrics"], SENSITIVE.get(name, TOLERANCE))
+        left = {"nees"} if name in SENSITIVE else set()
+        was, now = ({key: one[key] for key in one if key not in left} for one in (nearest["metrics"], found["metrics"]))
+        return _differing_metrics(was, now, SENSITIVE.get(name, TOLERANCE))
     was, now = before[machine.kind]["tables"], found["tables"]
     tables = [table for table in sorted(was.keys() | now.keys()) if was.get(table) != now.get(table)]
     if not tables:

@@ -23,6 +23,7 @@ from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
+from wsnsim.models.synchronisation import NoSync
 from wsnsim.models.wakeup import NoWakeUp
 from wsnsim.network.network import Sensors
 from wsnsim.network.result_rows import NetworkOutcome, network_columns, write_tables
@@ -101,6 +102,7 @@ def network_setup(**changes: Any) -> NetworkSetup:
         "packing": NoPacking(),
         "cpu": Processor(),
         "clock": PerfectClock(),
+        "sync": NoSync(),
         "detection": PerfectDetection(),
         "sink": NoSink(),
         "tracker": Centroid(),

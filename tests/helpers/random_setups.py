@@ -11,6 +11,7 @@ from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.access import Csma, IdealMac, Tdma
 from wsnsim.models.appointed import Appointed
 from wsnsim.models.clusters import Central, StrongestSignal
+from wsnsim.models.collection import SeveralSinks
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.deploy import Uniform
 from wsnsim.models.energy import FirstOrder, States
@@ -59,7 +60,7 @@ def scenario(number: int) -> tuple[NetworkSetup, Any, Any]:
         cpu=_one(rng, Processor(), Processor(rate=8e6)),
         clock=_one(rng, PerfectClock(), PerfectClock(), DriftingClock(sd=0.01)),
         detection=_one(rng, PerfectDetection(), ImperfectDetection(missed=0.2, false_alarm=0.02, bias_sd=0.5)),
-        sink=_one(rng, NoSink(), NearestNode()),
+        sink=_one(rng, NoSink(), NearestNode(), SeveralSinks(points=((0.0, 0.0), (50.0, 20.0)))),
         faults=tuple(_fault(rng, nodes, targets, duration) for _ in range(int(rng.integers(1, 7)))),
     )
     truths = [_path(rng, steps) for _ in range(targets)]

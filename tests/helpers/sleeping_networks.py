@@ -50,7 +50,7 @@ class Run:
 
     def __init__(self, said: dict[str, Any], replicate: int = 0) -> None:
         self.memory = Memory()
-        self.summary = wsnsim.simulate(said, replicate=replicate, recorder=self.memory)
+        self.summary = wsnsim.experiment.simulate_run(said, replicate=replicate, recorder=self.memory)
         self.words = self.memory.words.all()
 
     def table(self, name: str) -> dict[str, np.ndarray]:

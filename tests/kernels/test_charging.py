@@ -17,12 +17,12 @@ def book_twin(nodes, joules, spent, spent_on):
     spent_on[nodes] += joules
 
 
-def mark_busy_twin(nodes, seconds, busy, modes, counts, powers, causes, totals):
+def mark_busy_twin(nodes, seconds, busy, states, counts, powers, causes, totals):
     """`mark_busy` in array operations."""
     busy[nodes] += seconds
-    counts[:] = np.bincount(modes[nodes], minlength=counts.size)
-    for mode, count in enumerate(counts.tolist()):
-        totals[causes[mode]] -= powers[mode] * seconds * count
+    counts[:] = np.bincount(states[nodes], minlength=counts.size)
+    for state, count in enumerate(counts.tolist()):
+        totals[causes[state]] -= powers[state] * seconds * count
 
 
 def test_a_charge_is_added_to_the_chosen_nodes_on_both_accounts():
@@ -33,12 +33,12 @@ def test_a_charge_is_added_to_the_chosen_nodes_on_both_accounts():
 
 
 def test_busy_seconds_are_added_and_what_they_would_have_cost_is_subtracted():
-    modes, powers, causes = (
-        np.array([0, 1, 2, 3, 4, 4], dtype=np.int8),
+    states, powers, causes = (
+        np.array([0, 1, 2, 3, 4, 4], dtype=np.int16),
         np.linspace(0.1, 0.3, 5),
         np.array([2, 1, 1, 0, 1]),
     )
-    mine, twins = ((np.zeros(6), modes, np.full(len(Mode), 9), powers, causes, np.full(3, 1.0)) for _ in range(2))
+    mine, twins = ((np.zeros(6), states, np.full(len(Mode), 9), powers, causes, np.full(3, 1.0)) for _ in range(2))
     mark_busy(NODES, 0.5, *mine)
     mark_busy_twin(NODES, 0.5, *twins)
     assert mine[0].tolist() == [0.0, 0.5, 0.0, 0.0, 0.5, 0.5] and mine[2].tolist() == [0, 1, 0, 0, 2]

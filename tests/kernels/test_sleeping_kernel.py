@@ -56,15 +56,15 @@ def on_of(keys, numbers, law):
     return uniforms(derive_each(keys, (numbers + 1).astype(np.uint64)), 0) < law[2]
 
 
-def period_spans_twin(keys, time, law, awake, begins, ends):
+def period_spans_twin(keys, times, law, awake, begins, ends):
     """`period_spans` in array operations."""
     phases = phases_of(keys, law)
-    numbers = numbers_of(phases, time, law)
+    numbers = numbers_of(phases, times, law)
     begins[:], ends[:] = starts_of(phases, numbers, law), starts_of(phases, numbers + 1, law)
     awake[:] = on_of(keys, numbers, law)
     if law[1] < law[0]:
         asleep_from = begins + law[1]
-        late = time >= asleep_from
+        late = times >= asleep_from
         awake &= ~late
         begins[:], ends[:] = np.where(late, asleep_from, begins), np.where(late, ends, asleep_from)
 
@@ -86,8 +86,10 @@ def period_sums_twin(keys, since, until, law, seconds, changes):
 @pytest.mark.parametrize("time", [0.0, 4.4, 1e3 / 3, 0.7 * 1000, 1e9 / 7])
 def test_what_schedules_say_has_the_bits_of_array_operations(law, time):
     mine, twins = schedules(200), schedules(200)
-    period_spans(mine[0], time, law, *mine[3:])
-    period_spans_twin(twins[0], time, law, *twins[3:])
+    times = time + np.random.default_rng(1).uniform(-20.0, 20.0, 200)
+    times[:100] = time
+    period_spans(mine[0], times, law, *mine[3:])
+    period_spans_twin(twins[0], times, law, *twins[3:])
     for got, wanted in zip(mine[3:], twins[3:], strict=True):
         assert np.array_equal(got, wanted)
 

@@ -10,6 +10,7 @@ from wsnsim.base.ports import Estimate
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.acquire import AroundTruth, FromReadings
 from wsnsim.models.clusters import MovingHead, StrongestSignal
+from wsnsim.models.mobility import CoordinatedTurn
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range, RangeFromOrigin
 from wsnsim.models.sensing import AcousticEnergy
@@ -144,6 +145,11 @@ def test_a_prior_of_another_dimension_is_an_issue():
     assert not list(AroundTruth().check(parts))
 
 
+def test_a_default_prior_that_does_not_fit_the_motion_names_one_that_does():
+    [issue] = AroundTruth().check(SimpleNamespace(motions=(CoordinatedTurn(),)))
+    assert issue.message.endswith("this is the default, give prior: {sd: [5, 3, 5, 3, 0.1]}")
+
+
 LINE = SimpleNamespace(position=(0,), columns=("px", "vx", "ax"))
 LINE_PRIOR = Estimate(mean=np.array([1.0, 0.1, 0.01]), cov=np.diag([1.0, 0.01, 0.0001]))
 MARKS = np.array([[-1.0, 10.0], [150.0, 10.0], [300.0, 10.0], [450.0, 10.0]])
@@ -220,3 +226,10 @@ def test_without_a_network_the_search_interval_is_not_checked():
 
 def test_messages_of_track_initiation_have_one_packet_by_default():
     assert (FromReadings().poll, FromReadings().detection_bits, FromReadings().answer_bits) == (None, 96, 96)
+
+
+def test_the_default_prior_is_refused_for_four_columns_in_other_units():
+    motion = SimpleNamespace(columns=("px", "py", "speed", "heading"), units=("m", "m", "m/s", "rad"))
+    [issue] = AroundTruth().check(SimpleNamespace(motions=(motion,)))
+    assert issue.message.startswith("the default is for columns in m, m/s, m, m/s; the state is px in m, py in m, ")
+    assert not list(AroundTruth(sd=(5.0, 5.0, 1.0, 0.2)).check(SimpleNamespace(motions=(motion,))))

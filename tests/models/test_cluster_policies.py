@@ -6,8 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.helpers.late_mac import LateCsma
 from wsnsim.base.clustering import head_protocol
+from wsnsim.base.hop_times import head_waits, window_of
 from wsnsim.base.setups import NetworkSetup
+from wsnsim.models.access import Csma, IdealMac
 from wsnsim.models.clusters import Central, MovingHead, StrongestSignal
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.hardware import Processor
@@ -111,7 +114,33 @@ def test_the_open_cluster_has_one_fixed_head_near_its_point():
 def test_the_moving_head_has_the_times_of_its_documentation():
     head = MovingHead()
     assert head.minimum_active == 1
-    assert (head.main, head.sampling, head.quiet, head.cap, head.patience) == ("prediction", 2e-3, 12e-3, 50e-3, 3.0)
+    assert (head.main, head.sampling, head.patience) == ("prediction", 2e-3, 3.0)
+    assert window_of(head, head_waits(Csma(), 2.0)) == window_of(head, head_waits(IdealMac(), 2.0)) == (12e-3, 50e-3)
+
+
+def test_the_waits_of_a_moving_head_follow_from_a_mac_whose_radios_are_mostly_off():
+    late = LateCsma(interval=0.5)
+    hop = late.latency(96).unicast
+    assert 0.5 < hop < 0.51
+    assert window_of(MovingHead(), head_waits(late, 10.0)) == pytest.approx((1.5 * hop, 4.0 * hop))
+    assert window_of(MovingHead(), head_waits(late, 2.0)) == pytest.approx((1.5 * hop, 1.2)), "0.6 of a step"
+    assert window_of(MovingHead(), head_waits(late, 0.6)) == pytest.approx((hop, hop)), "a hop at least"
+    assert window_of(MovingHead(quiet=0.7, cap=0.8), head_waits(late, 2.0)) == (0.7, 0.8), "what is given stays"
+    assert window_of(MovingHead(cap=0.6), head_waits(late, 2.0)) == (0.6, 0.6)
+
+
+def test_a_wait_that_ends_before_a_reading_can_arrive_is_refused_with_the_figure_that_is_needed():
+    late = LateCsma(interval=0.5)
+    [(path, message)] = moving(MovingHead(quiet=0.02, cap=1.0), DirectedFlood(), mac=late)
+    assert path == ("clusters", "quiet")
+    assert message.startswith("0.02 s is over before a reading can arrive: over mac: late a unicast takes up to 0.50")
+    assert message.endswith("or leave it out")
+    [(path, _)] = moving(MovingHead(cap=0.1), DirectedFlood(), mac=late)
+    assert path == ("clusters", "cap")
+    assert not moving(MovingHead(quiet=0.6, cap=1.0), DirectedFlood(), mac=late)
+    assert not moving(MovingHead(), DirectedFlood(), mac=late)
+    [(path, message)] = moving(MovingHead(), DirectedFlood(), mac=late, dt=0.5)
+    assert path == ("clusters", "cap") and "a step lasts 0.5 s" in message
 
 
 def test_the_moving_head_never_hands_over_and_is_the_nearest_or_the_strongest():
@@ -125,12 +154,12 @@ def test_the_moving_head_never_hands_over_and_is_the_nearest_or_the_strongest():
     assert head.elect([4], [3.0], [False]) is None
 
 
-def moving(head, wakeup, tracker=None, dt=2.0):
+def moving(head, wakeup, tracker=None, dt=2.0, mac=None):
     """The paths of the issues that a moving head yields with these components."""
     names = dict.fromkeys(field.name for field in fields(NetworkSetup))
     company = NetworkSetup(**names | {
         "energy": FirstOrder(), "link": Disk(), "clusters": head, "wakeup": wakeup, "dt": dt,
-        "tracker": tracker or Gathered(), "cpu": Processor(),
+        "tracker": tracker or Gathered(), "cpu": Processor(), "mac": mac or IdealMac(),
     })  # fmt: skip
     return [(issue.path, issue.message) for issue in head.check(company)]
 

@@ -11,10 +11,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import kstest, multivariate_normal
 
-from wsnsim import simulate
 from wsnsim.base.errors import RunError
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.rng import derive_all
+from wsnsim.experiment import simulate_run
 from wsnsim.models.mobility import CoordinatedTurn, GaussMarkov
 
 DRIFTING = GaussMarkov(memory=4.0, mean=(2.0, -1.0), sd=3.0)
@@ -248,7 +248,7 @@ def test_a_longer_truth_begins_like_a_shorter_one(model: MotionModel, state: lis
 def test_trackers_that_know_the_law_follow_on_a_bench(kind: str, tracker: str) -> None:
     """Four ranges of 2 m give a place to about 2 m at every step; a filter does no worse than twice that."""
     spread = [5, 3, 5, 3] + [0.05] * (kind == "coordinated_turn")
-    summary = simulate({
+    summary = simulate_run({
         "name": "bench", "seed": 3, "duration": 60, "step": 1, "network": "none", "prior": {"sd": spread},
         "deploy": {"kind": "anchors", "places": [[-150, -150], [150, -150], [150, 150], [-150, 150]]},
         "motion": {"kind": kind}, "sensor": {"kind": "range", "sd": 2, "reach": math.inf}, "tracker": {"kind": tracker},

@@ -140,15 +140,15 @@ def scenario(**sensor: Any) -> dict[str, Any]:
 
 def test_the_table_nodes_holds_gains_as_factors(tmp_path: Any) -> None:
     listed = [0.0, 10.0, -10.0, 3.0]
-    path = wsnsim.run(wsnsim.load(scenario(gains=listed)), out=tmp_path / "gains.h5").out
+    path = wsnsim.experiment.run(wsnsim.load(scenario(gains=listed)), out=tmp_path / "gains.h5").out
     assert wsnsim.read(path, "nodes")["gain"].tolist() == pytest.approx([1.0, 10.0, 0.1, 10**0.3])
 
 
 def test_too_few_listed_gains_are_an_issue_of_the_scenario() -> None:
     with pytest.raises(ScenarioError, match="3 gains for 4 nodes: list one for each node, in the order"):
-        wsnsim.simulate(wsnsim.load(scenario(gains=[1, 2, 3])))
+        wsnsim.experiment.simulate_run(wsnsim.load(scenario(gains=[1, 2, 3])))
 
 
 def test_a_law_with_heights_is_refused_where_the_deployment_knows_none() -> None:
     with pytest.raises(ScenarioError, match="error: deploy: the sensor's law needs the heights of the nodes"):
-        wsnsim.simulate(wsnsim.load("indoor_pf", ["sensor.target_height=1.5"]))
+        wsnsim.experiment.simulate_run(wsnsim.load("indoor_pf", ["sensor.target_height=1.5"]))

@@ -12,9 +12,9 @@ import pytest
 from scipy.stats import chisquare, kstest, multivariate_normal
 
 from tests.helpers.thorough import thorough
-from wsnsim import simulate
 from wsnsim.base.errors import RunError
 from wsnsim.base.rng import derive_all
+from wsnsim.experiment import simulate_run
 from wsnsim.models.waypoints import RandomWaypoint, Waypoints
 
 SIDE, DRAWS = 500.0, 8000
@@ -297,7 +297,7 @@ def test_points_that_make_no_way_are_refused(points: Any, said: str) -> None:
 )
 def test_a_scenario_tracks_them_on_a_bench(motion: dict[str, Any]) -> None:
     places = [[-150, -150], [150, -150], [150, 150], [-150, 150]]
-    summary = simulate({
+    summary = simulate_run({
         "name": "bench", "seed": 4, "duration": 60, "step": 1, "network": "none", "prior": {"sd": [5, 3, 5, 3]},
         "deploy": {"kind": "anchors", "places": places}, "motion": {**motion, "q": 2.0},
         "sensor": {"kind": "range", "sd": 2, "reach": math.inf}, "tracker": {"kind": "ekf"},

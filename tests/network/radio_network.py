@@ -17,10 +17,13 @@ from wsnsim.models.energy import FirstOrder
 from wsnsim.models.hardware import NoPacking, PerfectClock
 from wsnsim.models.links import Disk
 from wsnsim.models.sleep import EventWake
+from wsnsim.models.synchronisation import NoSync
 from wsnsim.network.event_log import EventLog
+from wsnsim.network.radio.datagrams import Datagram, Hops
+from wsnsim.network.radio.path_forwarding import PathForwarding
 from wsnsim.network.radio.radio_stack import make_radio_stack
 from wsnsim.network.radio.routing import Router
-from wsnsim.network.radio.transport import Datagram, Transport
+from wsnsim.network.radio.transport import Transport
 
 
 class RadioNetwork:
@@ -28,15 +31,15 @@ class RadioNetwork:
 
     def __init__(
         self, positions: Any, *, seed: int = 11, horizon: float = 10.0, weight: str = "energy",
-        count_links: bool = False, **components: Any,
+        count_links: bool = False, sinks: tuple[int, ...] = (), **components: Any,
     ) -> None:  # fmt: skip
         self.memory = Memory()
         self.log = EventLog(self.memory, 0)
         defaults = {
             "mac": Csma(), "link": Disk(reach=75.0), "energy": FirstOrder(), "packing": NoPacking(),
-            "clock": PerfectClock(), "sleep": EventWake(),
+            "clock": PerfectClock(), "sync": NoSync(), "sleep": EventWake(),
         }  # fmt: skip
-        setup: Any = SimpleNamespace(**defaults | components, steps=1, dt=horizon)
+        setup: Any = SimpleNamespace(**defaults | components, steps=1, dt=horizon, sink_points=())
         points = np.array(positions, dtype=np.float64)
         traits = np.ones((len(points), 1))
         stack = make_radio_stack(setup, points, traits, Streams(seed, 0), self.log, count_links)
@@ -45,7 +48,8 @@ class RadioNetwork:
         self.env, self.nodes, self.topology = self.radio.env, self.radio.nodes, self.radio.topology
         self.counters = self.radio.counters
         self.router = Router(self.radio, weight, setup.link.audible)
-        self.transport = Transport(self.radio, self.mac, self.router)
+        hops = Hops(self.radio, self.mac)
+        self.transport = Transport(self.radio, self.mac, hops, PathForwarding(self.radio, hops, self.router, sinks))
         self.died: list[tuple[float, int]] = []
         self.nodes.on_death = self._take_down
 

@@ -88,7 +88,7 @@ def test_members_that_crash_leave_the_roster_and_come_back_only_when_they_are_ap
 
 def test_the_members_on_record_are_those_that_counted(tmp_path):
     scene = ["duration=3 s", "tracker.kind=ekf", "clusters={kind: appointed}"]
-    outcome = wsnsim.run(wsnsim.load("jiang_field", scene), out=tmp_path / "a.h5")
+    outcome = wsnsim.experiment.run(wsnsim.load("jiang_field", scene), out=tmp_path / "a.h5")
     found = wsnsim.read(tmp_path / "a.h5", "estimates")
     every, active = (bound_of_run(tmp_path / "a.h5", which).each for which in ("in_range", "active"))
     assert outcome is not None and np.isfinite(active).all()
@@ -141,7 +141,7 @@ def test_heads_and_members_go_by_the_assumed_positions(monkeypatch):
     monkeypatch.setattr(Appointed, "must_appoint", must_appoint)
     monkeypatch.setattr(HeadMessages, "announce", announce)
     memory = Memory(dict.fromkeys(("events", "nodes", "estimates", "clusters"), True))
-    wsnsim.simulate(wsnsim.load("jiang_field", made), 0, memory)
+    wsnsim.experiment.simulate_run(wsnsim.load("jiang_field", made), 0, memory)
 
     def expected(places, head, rule, heard):
         """The members among those that heard, and those on the head's map, were the nodes at these places."""

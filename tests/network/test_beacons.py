@@ -19,6 +19,7 @@ from wsnsim.models.faults import Blackout, Crash
 from wsnsim.models.hardware import DriftingClock, NoPacking, PerfectClock, Processor
 from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.models.sleep import EventWake
+from wsnsim.models.synchronisation import NoSync
 from wsnsim.models.workload import Periodic
 from wsnsim.network.workloads.workload_world import WorkloadWorld
 
@@ -48,6 +49,7 @@ def beacon_setup(**changes):
         "sleep": EventWake(),
         "cpu": Processor(),
         "clock": PerfectClock(),
+        "sync": NoSync(),
         "workload": Periodic(),
     }
     return BeaconSetup(**{**values, **changes})

@@ -65,7 +65,7 @@ class RealRun:
             f"tracker={{kind: '{__name__}:Hasty', within: {within} s}}", *changes,
         ]  # fmt: skip
         self.memory = Memory()
-        wsnsim.simulate(wsnsim.load("ekf_real", said), 0, self.memory)
+        wsnsim.experiment.simulate_run(wsnsim.load("ekf_real", said), 0, self.memory)
         self.answers = list(ANSWERS)
         self.estimates = self.memory.table("estimates")
         events = self.memory.table("events")

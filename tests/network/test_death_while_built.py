@@ -32,7 +32,7 @@ def deaths(*changes: str) -> tuple[list[tuple[float, int]], np.ndarray]:
     """(time, node) of the deaths in the event log of a sleeping network; and the times of death of the nodes."""
     memory = Memory()
     changes = ("duration=2 s", "record.events=true", SWITCHING_KILLS, ASLEEP, *changes)
-    experiment.simulate(scenario.load("gmtt", changes), 0, memory)
+    experiment.simulate_run(scenario.load("gmtt", changes), 0, memory)
     events = memory.table("events")
     died = events["kind"] == KIND["death"]
     pairs = zip(events["time"][died].tolist(), events["node"][died].tolist(), strict=True)

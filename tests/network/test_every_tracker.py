@@ -18,7 +18,7 @@ LINE = [kind for kind in PLANE if kind != "ipf"] + ["grid"]
 
 def simulated(name: str, *changes: str) -> tuple[Memory, experiment.Summary]:
     memory = Memory()
-    return memory, experiment.simulate(scenario.load(name, changes), 0, memory)
+    return memory, experiment.simulate_run(scenario.load(name, changes), 0, memory)
 
 
 def assert_valid_run(memory: Memory, summary: experiment.Summary) -> None:

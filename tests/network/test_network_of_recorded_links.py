@@ -28,7 +28,7 @@ from wsnsim.models.access import Csma, IdealMac
 from wsnsim.models.recorded_links import RecordedLinks
 from wsnsim.models.sleep import DutyCycle
 from wsnsim.network.radio.bursty_losses import LinkStates
-from wsnsim.network.radio.transport import Datagram
+from wsnsim.network.radio.datagrams import Datagram
 
 BURST = BurstyLosses(bad_time=2.0, good=0.9, bad=0.2)
 
@@ -61,7 +61,7 @@ def beacons(duration: float, period: float, tables: dict[str, bool] | None = Non
     }  # fmt: skip
     link = {"kind": "recorded", "path": str(GRENOBLE), **changes.pop("link", {})}
     memory = Memory({**RECORDED_BY_DEFAULT, **(tables or {"links": True, "events": False})})
-    wsnsim.simulate(wsnsim.load({**values, "link": link, **changes}), recorder=memory)
+    wsnsim.experiment.simulate_run(wsnsim.load({**values, "link": link, **changes}), recorder=memory)
     return memory
 
 
@@ -141,7 +141,7 @@ def test_a_network_tracks_a_target_over_recorded_links() -> None:
         "duration": 8.0, "sensor.reach": 500.0, "record": {"events": True},
     }  # fmt: skip
     memory = Memory({**RECORDED_BY_DEFAULT})
-    wsnsim.simulate(
+    wsnsim.experiment.simulate_run(
         wsnsim.load("ekf_real", [f"{key}={json.dumps(value)}" for key, value in changes.items()]), recorder=memory
     )
     log = memory.table("events")

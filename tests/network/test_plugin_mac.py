@@ -13,6 +13,8 @@ from wsnsim.base.frames import OfferedFrame
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.rng import derive, uniforms
 from wsnsim.models.access import Csma, Framed, IdealMac, Tdma
+from wsnsim.models.low_power_listening import ContikiMac, XMac
+from wsnsim.models.tsch import Tsch
 from wsnsim.scenario.registry import kinds
 from wsnsim.testing import check_mac
 
@@ -140,7 +142,9 @@ def test_the_fields_of_a_plugin_mac_are_checked():
         wsnsim.load("beacons", [f"mac={{kind: '{ALOHA}', probability: 2}}"])
 
 
-CATALOGUE = {"ideal": IdealMac(), "csma": Csma(), "tdma": Tdma()}
+CATALOGUE = {
+    "ideal": IdealMac(), "csma": Csma(), "tdma": Tdma(), "xmac": XMac(), "contikimac": ContikiMac(), "tsch": Tsch(),
+}  # fmt: skip
 
 
 def test_all_built_in_macs_are_checked_here():

@@ -74,7 +74,9 @@ BUILT_IN = {
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_a_policy_with_flags_gives_the_same_run_as_the_built_in_policy(name):
     scenario, built_in = BUILT_IN[name]
-    expected = wsnsim.simulate(wsnsim.load(scenario, ["duration=1 s", f"clusters={built_in}"]))
+    expected = wsnsim.experiment.simulate_run(wsnsim.load(scenario, ["duration=1 s", f"clusters={built_in}"]))
     with pytest.warns(DeprecationWarning, match="replaced by `protocol`"):
-        found = wsnsim.simulate(wsnsim.load(scenario, ["duration=1 s", f"clusters={{kind: {HERE}:{name}}}"]))
+        found = wsnsim.experiment.simulate_run(
+            wsnsim.load(scenario, ["duration=1 s", f"clusters={{kind: {HERE}:{name}}}"])
+        )
     assert found.run["fingerprint"] == expected.run["fingerprint"]

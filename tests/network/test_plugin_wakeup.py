@@ -93,7 +93,7 @@ def test_the_shipped_check_names_a_message_for_another_step():
 def test_a_mechanism_that_is_neither_built_in_nor_started_is_refused_at_its_place():
     said = scenario("gmtt", duration=4.0, wakeup={"kind": "tests.network.test_plugin_wakeup:Unstarted"})
     with pytest.raises(ScenarioError, match=r"wakeup.kind: .*lacks 'start'.*'drum'"):
-        wsnsim.simulate(said)
+        wsnsim.experiment.simulate_run(said)
 
 
 @part

@@ -83,8 +83,8 @@ def test_a_plug_in_broadcasts_and_sends_over_several_hops_in_a_run_that_starts_f
 
 def test_a_plug_in_works_on_the_ideal_channel_and_with_crashed_nodes():
     faults = [{"kind": "crash", "at": 0.5, "fraction": 0.5}]
-    whole = wsnsim.simulate(scenario(mac={"kind": "ideal"})).run
-    halved = wsnsim.simulate(scenario(mac={"kind": "ideal"}, faults=faults)).run
+    whole = wsnsim.experiment.simulate_run(scenario(mac={"kind": "ideal"})).run
+    halved = wsnsim.experiment.simulate_run(scenario(mac={"kind": "ideal"}, faults=faults)).run
     assert 0 < halved["frames_sent"] < whole["frames_sent"]
 
 
@@ -110,7 +110,7 @@ def test_the_shipped_check_names_a_workload_that_never_sends():
 
 def test_a_mechanism_that_is_neither_built_in_nor_started_is_refused_at_its_place():
     with pytest.raises(ScenarioError, match=r"workload.kind: .*lacks 'start'.*'drum'"):
-        wsnsim.simulate(scenario(workload={"kind": f"{HERE}:Unstarted"}))
+        wsnsim.experiment.simulate_run(scenario(workload={"kind": f"{HERE}:Unstarted"}))
 
 
 @part

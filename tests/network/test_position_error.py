@@ -36,7 +36,7 @@ def setup_of(scenario: dict, error: float):
 
 def recorded(scenario: dict, error: float, replicate: int = 0) -> Memory:
     memory = Memory(dict.fromkeys(("truth", "estimates", "nodes", "events", "energy", "links"), True))
-    wsnsim.simulate(wsnsim.load(scenario, [f"deploy.position_error={error} m"]), replicate, memory)
+    wsnsim.experiment.simulate_run(wsnsim.load(scenario, [f"deploy.position_error={error} m"]), replicate, memory)
     return memory
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from tests.helpers.thorough import thorough
-from wsnsim import scenario, simulate
+from wsnsim import scenario
 from wsnsim.base.tables import CAUSES, EVENT_CAUSES, KIND, Memory
+from wsnsim.experiment import simulate_run
 from wsnsim.network.radio import radio_stack
 
 SHORT = ["duration=2 s"]
@@ -24,12 +25,12 @@ FAULTY = [
 
 def simulated(name, *overrides, wanted=None):
     memory = Memory(wanted)
-    summary = simulate(scenario.load(name, overrides), recorder=memory)
+    summary = simulate_run(scenario.load(name, overrides), recorder=memory)
     return summary, memory
 
 
 def fingerprint(name, overrides):
-    return int(simulate(scenario.load(name, overrides)).run["fingerprint"])
+    return int(simulate_run(scenario.load(name, overrides)).run["fingerprint"])
 
 
 FEW = [("ideal", "first_order"), ("csma", "states"), ("tdma", "first_order_2002")]

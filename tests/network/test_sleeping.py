@@ -15,7 +15,7 @@ from wsnsim import experiment
 from wsnsim import scenario as scenarios
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.tables import KIND, Memory
-from wsnsim.experiment import simulate
+from wsnsim.experiment import simulate_run
 from wsnsim.models.access import Csma
 from wsnsim.network.clusters.target_search import TargetSearch
 from wsnsim.network.radio.channel import Channel
@@ -189,7 +189,7 @@ def test_all_four_methods_get_the_same_target_nodes_and_schedules():
 
 def test_a_log_changes_nothing():
     said = scenario()
-    quiet = simulate(said, recorder=Memory({}))
+    quiet = simulate_run(said, recorder=Memory({}))
     assert quiet.run["fingerprint"] == Run(said).summary.run["fingerprint"]
 
 
@@ -232,7 +232,7 @@ def test_only_awake_nodes_search_for_a_lost_target_once_a_second():
 
 def test_an_unreachable_sink_is_reported():
     island = {"kind": "anchors", "width": 2000.0, "height": 2000.0, "places": [
-        *([x, y] for x in range(-60, 61, 30) for y in range(-60, 61, 30)), [900.0, 900.0]]}  # fmt: skip
+        *([x, y] for x in range(-60, 61, 30) for y in range(-60, 61, 30)), [900.0, 900.0], [870.0, 900.0]]}  # fmt: skip
     still = {"kind": "waypoints", "points": [[0, 5, 5], [60, 20, 5]]}
     run = Run(scenario(deploy=island, motion=still, sink={"kind": "node", "x": 900.0, "y": 900.0, "every": 10.0}))
     drops = run.events("drop", what="no_path")

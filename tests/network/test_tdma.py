@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from tests.network.radio_network import RadioNetwork
-from wsnsim import load, simulate
+from wsnsim import load
 from wsnsim.base.frames import full_burst
 from wsnsim.base.radio import Mode
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.tables import CAUSE, KIND, Memory
+from wsnsim.experiment import simulate_run
 from wsnsim.models.access import Csma, Tdma
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk
@@ -95,6 +96,16 @@ def test_a_member_whose_clock_is_off_by_more_than_the_guard_misses_its_slot_unti
     network.clocks.step([2], 1e-3)
     assert [burst.packets for burst in gather(network)] == [1, 0, 1, 1, 1, 1, 1, 1]
     assert all(burst.packets == 1 for burst in gather(network))
+
+
+def test_a_member_that_corrects_its_clock_keeps_its_slot():
+    network = RadioNetwork(STAR, mac=Tdma())
+    network.clocks.step([3], 1e-4)  # clocks that are perfect are not corrected
+    gather(network)
+    network.clocks.correct(2, 5e-3)
+    assert all(burst.packets == 1 for burst in gather(network))
+    network.clocks.step([2], 1e-3)
+    assert [burst.packets for burst in gather(network)] == [1, 0, 1, 1, 1, 1, 1, 1]
 
 
 def test_a_frame_without_acknowledgement_gets_another_slot_at_the_end():
@@ -242,7 +253,7 @@ def test_a_round_begins_after_the_exchange_that_is_under_way():
 
 def test_joins_of_a_tracking_network_arrive_and_no_frame_collides_in_a_slot():
     memory = Memory({"events": True, "clusters": True})
-    simulate(load("ekf_real", ["duration=3 s"]), recorder=memory)
+    simulate_run(load("ekf_real", ["duration=3 s"]), recorder=memory)
     events, words = memory.table("events"), memory.words.all()
     what = np.array([words[int(code)] for code in events["what"]])
     kinds = {name: events["kind"] == KIND[name] for name in ("send", "join", "collide")}

@@ -10,10 +10,10 @@ from tests.network.ledgers import SPENT, books
 from tests.network.radio_network import RadioNetwork
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.tables import CAUSE, KIND
-from wsnsim.models.access import IdealMac
+from wsnsim.models.access import Csma, IdealMac
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk
-from wsnsim.network.radio.transport import Datagram
+from wsnsim.network.radio.datagrams import A_SINK, Datagram
 
 
 def ideal_network(positions, battery=2.0, mac=None, **components):
@@ -156,3 +156,66 @@ def test_with_a_rate_the_bursts_of_a_batch_follow_one_another():
     table = events(network)
     assert table["time"][table["kind"] == KIND["receive"]] == pytest.approx([0.02, 0.05])
     assert network.env.now == pytest.approx(0.05)
+
+
+SINKS = [(0, 0), (50, 0), (100, 0), (190, 0), (500, 0)]
+"""Node 2 is one hop of 90 m from sink 3 (with a range of 95 m), or two of 50 m from sink 0."""
+
+
+@pytest.mark.parametrize(
+    ("weight", "sink", "hops"), [("energy", 0, 2), ("hop", 3, 1), ("greedy", 3, 1)]
+)  # fmt: skip
+def test_a_datagram_for_a_sink_goes_to_the_one_with_the_cheapest_path(weight, sink, hops):
+    network = ideal_network(SINKS, weight=weight, sinks=(4, 0, 3), link=Disk(reach=95.0))
+    (sent,) = network.carry(Datagram(2, A_SINK, parcel()))
+    assert sent.arrived and (sent.to, sent.hops) == (sink, hops)
+
+
+def test_a_datagram_of_a_sink_for_a_sink_has_arrived_and_one_that_reaches_none_is_dropped_once():
+    network = ideal_network(SINKS, sinks=(4, 0))
+    own, far = network.carry(Datagram(0, A_SINK, parcel()), Datagram(3, A_SINK, parcel()))
+    assert own.arrived and own.bits == 0 and not far.arrived
+    (drop,) = network.rows("drop")
+    assert network.memory.words.all()[int(drop["what"])] == "no_path"
+
+
+@pytest.mark.parametrize(("weight", "nearest"), [("energy", False), ("hop", False), ("greedy", True)])
+def test_the_cheapest_sink_is_that_of_all_shortest_paths(weight, nearest):
+    rng = np.random.default_rng(7)
+    network = ideal_network(rng.uniform(-150, 150, (60, 2)), weight=weight)
+    ends, router = [3, 20, 41], network.router
+    for source in range(0, 60, 5):
+        found = router.cheapest_end(source, ends)
+        reached = {end: path for end in ends if (path := router.path(source, end)) is not None}
+        if not reached:
+            assert found is None
+            continue
+
+        def cost(end, paths=reached, source=source):
+            hops = [network.nodes.distance(a, b) for a, b in itertools.pairwise(paths[end])]
+            if weight == "energy":
+                return sum(100e-9 + 100e-12 * hop**2 for hop in hops)
+            return network.nodes.distance(source, end) if nearest else len(hops)
+
+        assert cost(found) == pytest.approx(min(map(cost, reached)))
+
+
+def test_a_burst_says_how_often_it_was_tried_and_whether_its_sender_knows_that_it_arrived():
+    network = RadioNetwork([(0, 0), (10, 0), (500, 0)], mac=Csma(max_retries=3))
+    near, far = network.unicast(0, 1, packets=2), network.unicast(0, 2)
+    assert (near.attempts, near.acknowledged) == (2, True), "one try for each of two frames"
+    assert (far.attempts, far.acknowledged) == (4, False)
+    ideal = ideal_network([(0, 0), (10, 0)]).unicast(0, 1)
+    assert (ideal.attempts, ideal.acknowledged) == (1, True)
+
+
+def test_a_sender_whose_acknowledgements_are_lost_does_not_know_that_its_burst_arrived():
+    network = RadioNetwork([(0, 0), (10, 0)], mac=Csma(max_retries=2))
+    channel, transmit = network.mac.channel, network.mac.channel.transmit
+
+    def without_acknowledgements(source, frame, on_end, asleep=None):
+        return transmit(source, frame, (lambda t, r: on_end(t, False)) if frame.packets == 0 else on_end, asleep)
+
+    channel.transmit = without_acknowledgements
+    burst = network.unicast(0, 1)
+    assert burst.packets == 1 and (burst.attempts, burst.acknowledged) == (3, False)

@@ -13,8 +13,10 @@ from wsnsim.base.tables import Memory
 from wsnsim.models.access import IdealMac
 from wsnsim.models.energy import FirstOrder
 from wsnsim.network.nodes import Nodes
+from wsnsim.network.radio.datagrams import Datagram, Hops
 from wsnsim.network.radio.mac import IdealMechanism
-from wsnsim.network.radio.transport import Datagram, Transport
+from wsnsim.network.radio.path_forwarding import PathForwarding
+from wsnsim.network.radio.transport import Transport
 from wsnsim.network.radio.unicasts import Unicasts
 
 POSITIONS = [(0.0, 0.0), (10.0, 0.0), (20.0, 7.0), (3.0, 30.0), (500.0, 500.0)]
@@ -39,7 +41,7 @@ def one_by_one(patch: pytest.MonkeyPatch) -> None:
 
 def tables(name: str, *overrides: str) -> dict[str, dict[str, np.ndarray]]:
     memory = Memory()
-    wsnsim.simulate(wsnsim.load(name, ["duration=0.6 s", *overrides]), 0, memory)
+    wsnsim.experiment.simulate_run(wsnsim.load(name, ["duration=0.6 s", *overrides]), 0, memory)
     return {table: memory.table(table) for table in ("events", "energy", "energy_steps", "estimates", "nodes")}
 
 
@@ -113,7 +115,8 @@ def test_a_mac_with_a_way_of_its_own_to_send_gets_every_burst(inherits):
     if inherits:
         net.mac.__class__ = Listed
     mac = net.mac if inherits else Passing(net.mac)
-    net.transport = Transport(net.radio, mac, net.router)
+    hops = Hops(net.radio, mac)
+    net.transport = Transport(net.radio, mac, hops, PathForwarding(net.radio, hops, net.router))
     assert net.transport.at_once(to_head(1, 2), one_hop=True) is None
     net.carry(Datagram(1, 0, FORM), Datagram(2, 0, FORM))
     assert [burst.source for burst in mac.sent] == [1, 2]

@@ -35,7 +35,7 @@ def scenario(network: bool = True, sensor: str = "range_bearing", **other: Any) 
 
 def simulated(made: dict[str, Any], replicate: int = 0) -> tuple[Memory, Any]:
     memory = Memory({"readings": True, "estimates": True, "events": True, "clusters": True})
-    return memory, wsnsim.simulate(wsnsim.load(made), replicate, memory)
+    return memory, wsnsim.experiment.simulate_run(wsnsim.load(made), replicate, memory)
 
 
 def values(memory: Memory) -> dict[tuple[int, int, int], float]:
@@ -145,8 +145,8 @@ def test_a_file_has_a_row_for_each_component_and_diff_names_the_one_that_differs
 def test_runs_without_a_network_are_made_one_by_one_or_at_once_with_the_same_rows(tmp_path: Path) -> None:
     for sensor, engine in (("bearing", "batch"), ("range_bearing", "composed")):
         made = scenario(network=False, sensor=sensor, record={}, tracker={"kind": "pf", "particles": 100})
-        report = wsnsim.run(wsnsim.load(made), replicates=3, out=tmp_path / f"{sensor}.h5")
-        single = [wsnsim.simulate(wsnsim.load(made), run).run["fingerprint"] for run in range(3)]
+        report = wsnsim.experiment.run(wsnsim.load(made), replicates=3, out=tmp_path / f"{sensor}.h5")
+        single = [wsnsim.experiment.simulate_run(wsnsim.load(made), run).run["fingerprint"] for run in range(3)]
         assert [one.run["fingerprint"] for one in report.summaries] == single
         assert wsnsim.recording.read_json(report.out, "provenance_json")["engine"] == engine
 

@@ -31,7 +31,7 @@ GROWTH = {
 
 def ran(source, *overrides: str, replicate: int = 0):
     memory = Memory()
-    summary = wsnsim.simulate(wsnsim.load(source, overrides), replicate, memory)
+    summary = wsnsim.experiment.simulate_run(wsnsim.load(source, overrides), replicate, memory)
     return memory, summary
 
 
@@ -112,7 +112,7 @@ def test_several_targets_are_followed_one_after_the_other():
 
 def test_the_particles_are_written_if_they_are_wanted():
     memory = Memory({"particles": True})
-    wsnsim.simulate(wsnsim.load(GROWTH), 0, memory)
+    wsnsim.experiment.simulate_run(wsnsim.load(GROWTH), 0, memory)
     table = memory.table("particles")
     for step in (1, 20):
         mine = table["step"] == step

@@ -81,7 +81,9 @@ def network() -> dict[str, Mapping[str, Any]]:
     runs = {}
     for word, settings in (("standalone", ["network=none"]), ("network", [])):
         recorder = Memory({"readings": True, "estimates": True})
-        summary = wsnsim.simulate(wsnsim.load(NETWORK, [*settings, "record.readings=true"]), recorder=recorder)
+        summary = wsnsim.experiment.simulate_run(
+            wsnsim.load(NETWORK, [*settings, "record.readings=true"]), recorder=recorder
+        )
         taken = int((recorder.table("readings")["step"] > 0).sum())
         used = int(recorder.table("estimates")["readings"].sum())
         kept = {name: value for name, value in {**summary.tracks[0], **summary.run}.items() if name in OF_NETWORK}

@@ -10,7 +10,7 @@ from tests.campaign.inline_engine import InlineEngine
 from wsnsim import scenario
 from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.tables import Memory
-from wsnsim.experiment import simulate
+from wsnsim.experiment import simulate_run
 from wsnsim.papers import measures, reproduce
 from wsnsim.papers.jiang2013 import figures
 from wsnsim.papers.jiang2013 import measures as jiang2013_measures
@@ -69,7 +69,7 @@ def test_figure_3_is_run_on_the_first_cluster_of_the_network_that_figure_2_shows
     draw = sample_initial_conditions(scenario.build(scenario.load("pso_mhpf")), 0)
     target, places = draw.truths[0][0][[0, 2]], draw.positions
     memory = Memory({"clusters": True})
-    simulate(scenario.load("pso_mhpf", ["duration=0.08 s"]), 0, memory)
+    simulate_run(scenario.load("pso_mhpf", ["duration=0.08 s"]), 0, memory)
     first = {name: column[0] for name, column in memory.table("clusters").items()}
     head = int(first["head"])
     near = np.hypot(*(places - target).T) <= 60.0

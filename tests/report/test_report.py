@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import style
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
+from wsnsim.analysis.answer import answer
+from wsnsim.analysis.quantities import BOUND_NAMES, QUANTITIES
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import TABLES
 from wsnsim.report import html_page, page_sections, replay, summary_table, svg_figures
@@ -15,7 +21,13 @@ from wsnsim.report.svg_figures import SvgFigure
 from .page_reader import PageReader, decoded, no_figures, replays_in
 from .synthetic_results import ON_A_LINE, write_result
 
+GLOSSARY = Path(__file__).parents[2] / "docs" / "glossary.md"
 HOSTILE = "</script><script>alert(1)</script>{{script}}&$\\frac"
+
+
+def cells_of(table):
+    """{name of a quantity: its first cell} of the summary tables."""
+    return dict(re.findall(r'<th scope="row"><span [^>]*>([^<]*)</span></th><td>(.*?)</td>', table))
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +56,7 @@ def test_a_page_is_whole_and_asks_for_nothing(page):
 def test_the_summary_has_the_means_the_intervals_and_what_was_published(tmp_path):
     path = write_result(tmp_path / "x.h5", runs=8)
     table = summary_table.summary_table([path], ["x"], lambda scenario: ({"energy": 1.82}, "Jiang 2013"))
-    cells = dict(re.findall(r'<th scope="row">([^<]*)</th><td>(.*?)</td>', table))
+    cells = cells_of(table)
     assert cells["Monte Carlo runs"] == "8"
     mean, low, high = re.match(r"([\d.]+) m <span[^>]*>\[([\d.]+), ([\d.]+)\]", cells["median per-run RMSE"]).groups()
     assert float(mean) == 4.5 and 1.5 < float(low) < 4.5 < float(high) < 7.5
@@ -116,10 +128,10 @@ def test_a_hundred_thousand_nodes_fit_and_a_small_page_is_kept_to(tmp_path, monk
 def test_several_results_stand_side_by_side_and_share_the_room(real, tmp_path, monkeypatch):
     monkeypatch.setattr(html_page, "svg_figures", no_figures)
     other = write_result(tmp_path / "y.h5", events=True)
-    html_page.write([other, real, other], tmp_path / "x.html", limit=64_000)
+    html_page.write([other, real, other], tmp_path / "x.html", limit=72_000)
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
     PageReader(text)
-    assert len(text.encode()) <= 64_000
+    assert len(text.encode()) <= 72_000
     assert re.findall(r'class="replay-data" data-title="([^"]*)"', text) == [
         "synthetic, y.h5",
         "pso_mhpf",
@@ -207,3 +219,51 @@ def test_a_page_that_cannot_be_written_leaves_nothing(real, tmp_path, monkeypatc
     with pytest.raises(ResultError, match="cannot be written"):
         html_page.write([real], tmp_path / "x.html")
     assert [file.name for file in tmp_path.iterdir()] == ["x.html"]
+
+
+def test_every_row_of_the_summary_is_explained_and_few_are_shown_unfolded(real):
+    table = summary_table.summary_table([real], ["x"], bounds=True)
+    shown, folded = table.split("<details>")
+    assert 6 <= len(cells_of(shown)) <= 14 < len(cells_of(shown)) + len(cells_of(folded))
+    explained = {name: said for said, name in re.findall(r'data-tip="([^"]+)">([^<]*)</span></th>', table)}
+    assert {*cells_of(table)} == {*explained}
+    assert explained["time-averaged RMSE"] == QUANTITIES["rmse"].definition
+
+
+def test_the_bounds_are_shown_only_on_request(real):
+    for bounds in (False, True):
+        shown = cells_of(summary_table.summary_table([real], ["x"], bounds=bounds))
+        assert (set(BOUND_NAMES.values()) <= set(shown)) == bounds
+
+
+def test_the_legend_explains_marks_in_the_words_of_the_glossary():
+    meanings = dict(
+        re.findall(r"^\| ([^|]*?)(?: \([^|]*\))? \| (.*?) \| [^|]* \|$", GLOSSARY.read_text(), re.MULTILINE)
+    )
+    script = (Path(html_page.__file__).parent / "static" / "legend.js").read_text()
+    said = dict(re.findall(r'^  (\w+): "(.*)",$', script, re.MULTILINE))
+    terms = {"truth": "ground truth, ground-truth trajectory", "node": "node", "head": "cluster head",
+             "member": "member", "energy": "residual energy"}  # fmt: skip
+    for key, term in terms.items():
+        assert said[key].split(";")[0] == meanings[term].split(";")[0], key
+
+
+def test_several_results_have_an_answer_each_under_their_names(real, tmp_path, monkeypatch):
+    monkeypatch.setattr(html_page, "svg_figures", no_figures)
+    html_page.write([real, real], tmp_path / "x.html")
+    said = answer(real)
+    assert (tmp_path / "x.html").read_text().count(f"</bdi></b>: {said}</p>") == 2
+
+
+@pytest.mark.parametrize("count", [2, 4, 7, 10])
+def test_the_title_of_a_figure_with_a_long_legend_is_inside_the_figure(count):
+    figure = Figure(figsize=svg_figures.SIZE)
+    canvas = FigureCanvasAgg(figure)
+    with style.context(["default", svg_figures.PAGE_STYLE]):
+        axes = figure.subplots(gridspec_kw=svg_figures.MARGINS)
+        for number in range(count):
+            axes.plot([0, 1], [number, number], label=f"cause {number}")
+        axes.set_title("energy", loc="left", pad=20)
+        svg_figures._wrap_legend(axes)
+        canvas.draw()
+        assert axes._left_title.get_window_extent().y1 <= figure.bbox.y1

@@ -214,7 +214,7 @@ def test_the_schema_demands_keys_only_of_files_that_extend_nothing() -> None:
     network, targets = demanded["allOf"]
     assert network["if"]["properties"]["network"] == {"const": "none"}
     assert {"deploy", "energy", "link"} == set(network["else"]["required"])
-    assert targets["if"]["properties"]["workload"]["properties"]["kind"] == {"const": "beacons"}
+    assert targets["if"]["properties"]["workload"]["properties"]["kind"] == {"enum": ["beacons", "collection"]}
     assert {"sensor", "tracker"} == set(targets["else"]["required"])
     assert targets["else"]["oneOf"] == [{"required": ["motion"]}, {"required": ["targets"]}]
     kinds_of_deploy = {

@@ -178,7 +178,7 @@ def test_gains_are_recovered_and_errors_are_smaller_and_nearer_to_what_is_claime
         for gains in ("unknown", "estimated")
     )
     for name, factor in (("rmse", 0.7), ("nees", 0.4)):
-        ignored, estimated = (np.median([each.run[name] for each in one.summaries]) for one in (worse, better))
+        ignored, estimated = (one.runs[name].median() for one in (worse, better))
         assert estimated < factor * ignored
     state = wsnsim.read(better.out, "tracker_state")
     last = state[state["step"] == 60]
@@ -204,13 +204,13 @@ def test_gains_are_recovered_and_errors_are_smaller_and_nearer_to_what_is_claime
 )  # fmt: skip
 def test_who_cannot_estimate_gains_is_refused_and_who_can_is_named(tracker: str, sensor: Any, why: str) -> None:
     with pytest.raises(ScenarioError) as refused:
-        wsnsim.simulate(wsnsim.load(scenario(tracker, "estimated", sensor=sensor)))
+        wsnsim.experiment.simulate_run(wsnsim.load(scenario(tracker, "estimated", sensor=sensor)))
     assert why in str(refused.value)
 
 
 def test_where_gains_do_not_vary_they_need_not_be_estimated() -> None:
     known, estimated = (
-        wsnsim.simulate(wsnsim.load(scenario("ekf", gains, sensor={"kind": "rssi", "sd": 3})))
+        wsnsim.experiment.simulate_run(wsnsim.load(scenario("ekf", gains, sensor={"kind": "rssi", "sd": 3})))
         for gains in ("known", "estimated")
     )
     assert known.run["fingerprint"] == estimated.run["fingerprint"]

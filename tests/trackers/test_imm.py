@@ -238,7 +238,7 @@ def test_it_keeps_the_rules_of_the_interface(tracker, motion) -> None:
 @pytest.mark.parametrize("extra", [(), ("network=none",)], ids=["in a network", "standalone"])
 def test_the_mode_probabilities_follow_the_turns_and_the_error_is_below_that_of_one_filter(extra) -> None:
     memory = Memory({**RECORDED_BY_DEFAULT, "tracker_state": True})
-    rmse = experiment.simulate(scenario.load("imm", extra), 0, memory).run["rmse"]
+    rmse = experiment.simulate_run(scenario.load("imm", extra), 0, memory).run["rmse"]
     table = memory.table("tracker_state")
     assert memory.state_names.all() == ("mode_probability",)
     turning = table["value"][table["index"] == 1]
@@ -246,7 +246,7 @@ def test_the_mode_probabilities_follow_the_turns_and_the_error_is_below_that_of_
     turns = ((time > 6.4) & (time <= 10.0)) | ((time > 15.4) & (time <= 21.0))
     settled = ((time > 1.0) & (time < 6.0)) | ((time > 11.0) & (time < 15.0)) | (time > 22.0)
     assert turning[turns].mean() > 0.7 and turning[settled].mean() < 0.25
-    alone = experiment.simulate(scenario.load("imm", ["tracker={kind: ekf}", *extra]), 0, Memory()).run["rmse"]
+    alone = experiment.simulate_run(scenario.load("imm", ["tracker={kind: ekf}", *extra]), 0, Memory()).run["rmse"]
     assert rmse < 0.9 * alone
 
 
@@ -256,7 +256,7 @@ def test_listed_models_are_stored_set_and_swept(tmp_path) -> None:
     assert [one["kind"] for one in kept] == ["constant_velocity", "coordinated_turn"] and kept[1]["q"] == 0.3
     again = wsnsim.load(scenario.resolved(loaded))
     assert scenario.build(again).tracker == scenario.build(loaded).tracker
-    report = wsnsim.run(loaded, replicates=1, out=tmp_path / "x.h5", progress=None)
+    report = wsnsim.experiment.run(loaded, replicates=1, out=tmp_path / "x.h5", progress=None)
     table = wsnsim.read(report.out, "tracker_state")
     assert set(table["name"]) == {"mode_probability"} and len(table) == 2 * 5
     points = {"scenario": loaded.file, "set": {"duration": 0.4}, "replicates": 1,

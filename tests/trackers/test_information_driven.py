@@ -312,7 +312,7 @@ def test_where_nobody_sends_no_reading_counts_and_the_track_is_lost_in_time(monk
     monkeypatch.setattr(information_driven, "outgoing", lambda member: None)
     changes = ["duration=0.6 s", "clusters.patience=0.2 s", "seed=1000"]
     memory = Memory()
-    wsnsim.simulate(wsnsim.load("information_driven", changes), recorder=memory)
+    wsnsim.experiment.simulate_run(wsnsim.load("information_driven", changes), recorder=memory)
     estimates, events = memory.table("estimates"), memory.table("events")
     lost = events["time"][events["kind"] == KIND["lost"]]
     assert lost.size and 0.2 < lost[0] <= 0.32
@@ -322,7 +322,9 @@ def test_where_nobody_sends_no_reading_counts_and_the_track_is_lost_in_time(monk
 @pytest.mark.parametrize("every", [1, 3])
 def test_every_packet_is_billed(tmp_path, every) -> None:
     changes = ["duration=4 s", f"tracker.kind={__name__}:Counted", f"tracker.every={every}", "seed=1000"]
-    report = wsnsim.run(wsnsim.load("jiang_field", changes), replicates=1, out=tmp_path / "x.h5", progress=None)
+    report = wsnsim.experiment.run(
+        wsnsim.load("jiang_field", changes), replicates=1, out=tmp_path / "x.h5", progress=None
+    )
     events = wsnsim.read(report.out, "events")
     sent = events[events["kind"] == "send"].groupby("what", observed=True)["packets"].sum()
     assert REQUESTED["plan"] >= 2 and REQUESTED["handover"] >= 4 and REQUESTED["reading"] > 50

@@ -1,4 +1,4 @@
-"""The summary of a run with the beacon workload: receptions, losses, links and energy.
+"""The summary of a run without targets: receptions, losses, links, energy, and the reports that reached a sink.
 
 text(report) -> str        as_json(report) -> dict
 """
@@ -11,7 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.analysis.phrases import aligned, counted
+from wsnsim.analysis import clock_figures, collecting
+from wsnsim.analysis.answer import sentence
+from wsnsim.analysis.answer_facts import facts_of_report
+from wsnsim.analysis.phrases import aligned, counted, wrapped
 from wsnsim.analysis.quantities import QUANTITIES
 from wsnsim.experiment import Report
 from wsnsim.recording import read_table
@@ -27,7 +30,8 @@ def as_json(report: Report) -> dict[str, Any]:
 
     A link is in range if an undisturbed beacon arrives with a probability of at least 0.5. `links` counts these,
     `found_share` is the share of them on which a beacon arrived, and `over_weak_links` counts the receptions over other
-    links; they are NaN if the table `links` was not recorded. `delivered_share` is the packet delivery ratio.
+    links; they are NaN if the table `links` was not recorded, and `clock_error` and the like if `clocks` was not.
+    `delivered_share` is the packet delivery ratio. For reports to sinks see `collecting.figures`.
     """
     runs = [summary.run for summary in report.summaries]
     causes = sorted({cause for summary in report.summaries for cause in summary.joules})
@@ -35,6 +39,7 @@ def as_json(report: Report) -> dict[str, Any]:
     in_range = means["in_range"]
     return {
         "schema_version": SCHEMA_VERSION,
+        "answer": sentence(facts_of_report(report)),
         "name": report.scenario.name,
         "seed": report.scenario.seed,
         "file": str(report.out),
@@ -44,6 +49,8 @@ def as_json(report: Report) -> dict[str, Any]:
         "delivered_share": means["delivered"] / in_range if in_range else NAN,
         "collided_share": means["collided"] / in_range if in_range else NAN,
         **_links(report),
+        **clock_figures.figures(report),
+        **collecting.figures(report),
         "energy": float(np.mean([run["energy"] for run in runs])),
         "joules": {cause: float(np.mean([s.joules.get(cause, 0.0) for s in report.summaries])) for cause in causes},
         "cpu_seconds": float(sum(run["cpu_seconds"] for run in runs)),
@@ -55,15 +62,19 @@ def as_json(report: Report) -> dict[str, Any]:
 def text(report: Report) -> str:
     """The summary as lines for a terminal."""
     figures = as_json(report)
+    what = "beacons" if report.scenario.workload.kind == "beacons" else "frames"
     runs = counted(figures["replicates"], "Monte Carlo run")
     heading = (
-        f"{figures['name']}: {runs} of {figures['duration']:g} s of beacons, seed {figures['seed']} → {figures['file']}"
+        f"{figures['name']}: {runs} of {figures['duration']:g} s of {what}, seed {figures['seed']} → {figures['file']}"
     )
-    rows = [*_radio_rows(figures), *_link_rows(figures), *_energy_rows(figures)]
+    rows = [
+        *collecting.rows(figures), *_radio_rows(figures, what), *_link_rows(figures), *clock_figures.rows(figures),
+        *_energy_rows(figures),
+    ]  # fmt: skip
     cpu = QUANTITIES["cpu_seconds"]
     per_run = cpu.text(figures["cpu_seconds"] / figures["replicates"], "")
     took = f"  took {figures['wall_seconds']:.1f} s; {cpu.name} {per_run}"
-    return "\n".join([heading, *aligned(rows), took])
+    return "\n".join([*wrapped(figures["answer"]), heading, *aligned(rows), took])
 
 
 MEAN_COLUMNS = (
@@ -90,11 +101,11 @@ def _links(report: Report) -> dict[str, float]:
     }
 
 
-def _radio_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _radio_rows(figures: Mapping[str, Any], what: str) -> list[tuple[str, str]]:
     ratio = QUANTITIES["packet_delivery_ratio"]
     otherwise_lost = round(figures["in_range"] - figures["delivered"] - figures["collided"])
     rows = [
-        ("beacons sent", f"{figures['frames_sent']:,.0f}"),
+        (f"{what} sent", f"{figures['frames_sent']:,.0f}"),
         *(
             (QUANTITIES[name].name, QUANTITIES[name].text(figures[name], ""))
             for name in ("access_failures", "in_range", "delivered")

@@ -29,8 +29,8 @@ from wsnsim.recording.folder import Folder, Manifest
 
 ENERGY: Final = "energy"
 MEASURED: Final = ("replicate", "lost", "losses", "tracked", ENERGY)
-YOUNGER: Final = ("losses",)
-"""Columns that result files of earlier versions lack."""
+YOUNGER: Final = ("losses", "radio_on", "hurried")
+"""Columns that some result files lack: of earlier versions, or of scenarios whose radios always listen."""
 MOST_LOST: Final = 0.05
 """Share of runs lost at any time above which a point is not on the Pareto front: losing the target saves energy."""
 

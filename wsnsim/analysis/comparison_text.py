@@ -13,8 +13,9 @@ import pandas as pd
 
 from wsnsim.analysis.baselines import label
 from wsnsim.analysis.comparison import Comparison
+from wsnsim.analysis.comparison_answer import answer
 from wsnsim.analysis.pairs import ERRORS
-from wsnsim.analysis.phrases import aligned, counted
+from wsnsim.analysis.phrases import aligned, counted, wrapped
 from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
@@ -22,18 +23,28 @@ from wsnsim.base.tables import MORE_IS_BETTER, ONE_IS_BEST
 
 WIDTH: Final = 120
 """Characters of a line of a conclusion."""
+ENERGY: Final = "energy"
+"""The metric that is the energy itself."""
 SEEN: Final = 0.995
 """Share of tracked steps above which the column `tracked` is left out."""
 
 
 def text(found: Comparison) -> str:
-    """The table, a line per point, and below it what the columns mean."""
+    """The answer in a sentence, the table, a line per point, and below it what the columns mean."""
     table = found.table
-    heads, rows = _columns(found)
+    heads, rows = columns(found)
     counts = table["replicates"]
     many = f"{counts.min()}" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()}"
     title = f"{found.name}: {len(table)} point{'s' * (len(table) != 1)}, {many} run{'s' * (many != '1')} each"
-    return "\n".join([title, *aligned([heads, *rows], len(found.keys)), *_conclusions(found), *_notes(found)])
+    return "\n".join(
+        [
+            *wrapped(answer(found)),
+            title,
+            *aligned([heads, *rows], len(found.keys)),
+            *_conclusions(found),
+            *_notes(found),
+        ]
+    )
 
 
 def _conclusions(found: Comparison) -> list[str]:
@@ -47,7 +58,8 @@ def _conclusions(found: Comparison) -> list[str]:
     return lines
 
 
-def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
+def columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
+    """Return the headings of the table, and the cells of each row as texts."""
     table, unit = found.table, found.unit
     name = run_metric_name(found.metric)
     heading = f"{name}{bracketed(unit)}"
@@ -63,7 +75,7 @@ def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
     columns.append(("lost at any time", [_share(row) for _, row in table.iterrows()]))
     if found.metric != "lost" and (table["lost_fraction"] != table["ever_lost"]).any():
         columns.append(("at the end", [f"{100.0 * value:.0f} %" for value in table["lost_fraction"]]))
-    if table["energy"].notna().any() and (table["energy"] > 0).any():
+    if found.metric != ENERGY and table["energy"].notna().any() and (table["energy"] > 0).any():
         columns.append(("energy [J]", [_spread(row, "energy") for _, row in table.iterrows()]))
     if _per_joule(found):
         columns.append((f"{name}/J", [_number(value) for value in table["error_per_joule"]]))
@@ -96,7 +108,7 @@ def _notes(found: Comparison) -> list[str]:
         )
     better = "larger" if found.metric in MORE_IS_BETTER else "smaller"
     among = "point of its group" if found.by and set(found.keys) - set(found.by) else "point"
-    if (table["front"]).any():
+    if _per_joule(found) and table["front"].any():
         notes.append(
             f"  Pareto: * is on the Pareto front: no other {among} has both a {better} median {name} and less\n"
             "  energy; points with more than 5 % of their runs lost at any time are left out"
@@ -123,8 +135,11 @@ def _notes(found: Comparison) -> list[str]:
 
 
 def _per_joule(found: Comparison) -> bool:
-    """Whether metric per joule and Pareto front are shown: not without energy, nor of a metric of which 1 is best."""
-    return found.metric not in ONE_IS_BEST and bool((found.table["energy"] > 0).any())
+    """Whether metric per joule and Pareto front are shown.
+
+    They are not without energy, nor of the energy itself, nor of a metric of which 1 is best.
+    """
+    return found.metric != ENERGY and found.metric not in ONE_IS_BEST and bool((found.table["energy"] > 0).any())
 
 
 def _survivors(found: Comparison) -> str:

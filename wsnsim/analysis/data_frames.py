@@ -14,6 +14,7 @@ import pandas as pd
 from pandas.api.types import union_categoricals
 
 from wsnsim.base.errors import ResultError
+from wsnsim.base.tables import DUTY_CYCLED
 from wsnsim.recording import read_with_meanings
 
 
@@ -28,11 +29,26 @@ def data_frame(columns: Mapping[str, np.ndarray], words: Mapping[str, tuple[str,
 
 
 def stacked(files: Sequence[Path], frames: Sequence[pd.DataFrame], table: str) -> pd.DataFrame:
-    """The rows of several files in one frame. Raises ResultError if their columns differ."""
+    """The rows of several files in one frame, with NaN in columns that only files of duty-cycled MACs have.
+
+    Raises ResultError if the files differ in other columns.
+    """
+    frames = _padded(frames)
     for file, frame in zip(files, frames, strict=True):
         if list(frame) != list(frames[0]):
             raise ResultError(f"{file}: table {table} has other columns than in {files[0]}; name the columns to read")
     return pd.DataFrame({name: _joined([frame[name] for frame in frames]) for name in frames[0]})
+
+
+def _padded(frames: Sequence[pd.DataFrame]) -> list[pd.DataFrame]:
+    """The frames; those without the columns of duty-cycled MACs get them where another has them."""
+    widest = max(frames, key=lambda frame: len(frame.columns))
+    return [
+        frame.reindex(columns=widest.columns)
+        if frame.columns.size < widest.columns.size and {*widest} - {*frame} <= {*DUTY_CYCLED} and {*frame} <= {*widest}
+        else frame
+        for frame in frames
+    ]
 
 
 def _series(values: np.ndarray, words: tuple[str, ...]) -> Any:

@@ -23,7 +23,7 @@ def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> 
     points and runs, and its first columns are the swept parameters in their own types.
 
     Args:
-        path: a result file, the folder of a campaign, or a pattern such as 'results/*.h5'.
+        path: a result file, the folder of a campaign, or a pattern such as `results/*.h5`.
         table: name of the table.
         columns: the columns to read; None for all.
 

@@ -38,13 +38,17 @@ OF_ESTIMATES: Final = (
     "bound",
 )
 OF_NETWORKS: Final = (
-    "energy", "handovers", "frames_lost", "delivered", "packet_delivery_ratio", "clusters", "awake", "coverage",
+    "energy", "handovers", "frames_lost", "delivered", "packet_delivery_ratio", "clusters", "awake", "radio_on",
+    "hurried", "coverage",
 )  # fmt: skip
+ON_REQUEST: Final = "it is computed by `wsnsim run --bound`"
 REASONS: Final = {
     "packet_delivery_ratio": "no frame was sent to a node in range",
     "first_death": "no node died in half of the runs",
     "half_dead": "half of the nodes did not die in half of the runs",
     "lost_at": "no track was lost in half of the runs",
+    "radio_on": "the radio of a node that is awake always listens",
+    "hurried": "the MAC has no short wake interval (mac.near)",
     "rmse_of_kept": "every track that has an estimate is lost at the end",
     "nees": "no estimate has an invertible covariance",
     "nis": "the tracker offers no innovations",

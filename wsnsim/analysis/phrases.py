@@ -5,6 +5,7 @@ row_in_words(row);   energy_in_words(joules);   counted(3, 'packet');   listed(n
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
 MOST_NODES: Final = 24
 """Maximum number of nodes that a sentence lists (our choice)."""
+WIDTH: Final = 100
+"""Characters of a line of a sentence in a terminal."""
 PARCELS: Final = {
     "announce": ("its announcement", "their announcements"),
     "join": ("its join request", "their join requests"),
@@ -25,7 +28,11 @@ PARCELS: Final = {
     "": ("a message", "messages"),
 }
 """The name of a parcel of one sender and of several; other parcels keep the name that the tracker gives them."""
-REASONS: Final = {"no_path": "no path exists", "no_channel": "channel access failed"}
+REASONS: Final = {
+    "no_path": "no path exists", "no_channel": "channel access failed", "no_route": "no route was found in time",
+    "retry_limit": "no acknowledgement up to the last retransmission", "queue_full": "the queue was full",
+    "hop_limit": "it had too many hops", "void": "no neighbour is nearer to the destination",
+}  # fmt: skip
 """The reasons for giving up a message."""
 LOSSES: Final = {
     "empty_region": "no node is near the predicted position",
@@ -133,6 +140,11 @@ def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
     sides = ["<" if i < left else ">" for i in range(len(widths))]
     cells = ((f"{cell:{side}{width}}" for cell, side, width in zip(row, sides, widths, strict=True)) for row in rows)
     return [f"  {'  '.join(row)}".rstrip() for row in cells]
+
+
+def wrapped(sentence: str) -> list[str]:
+    """The lines of a sentence for a terminal."""
+    return textwrap.wrap(sentence, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def counted(count: int, word: str) -> str:

@@ -1,6 +1,6 @@
 """The summary quantities of a result: name, definition, unit and value of each, wherever it is shown.
 
-    arrays = read_arrays(path)                         of a result file; or `ResultArrays(...)` of a report
+    arrays = stored_arrays.read_arrays(path)           of a result file; or `ResultArrays(...)` of a report
     QUANTITIES["rmse"].value(arrays)                   .interval(arrays), .text(value, unit)
     values(arrays) -> {key: value}                     worth_showing(arrays) -> keys
 
@@ -11,20 +11,19 @@ runs, from five runs on. Values that are unknown (NaN) in a run are left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from wsnsim.analysis import plot_data
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.recording import attributes, read_table, tables
 
 NAN: Final = float("nan")
 POSITION_UNIT: Final = "position"
 """Stands for the unit of the motion model's position, which only the result knows."""
+LATENCY: Final = "latency"
+"""Stands for seconds, written in ms where they are below one."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +34,13 @@ class ResultArrays:
         errors: (runs, targets, steps) position errors, NaN without an estimate; empty if they were not recorded.
         runs: the columns of the table `runs`, (runs,) each.
         has_targets: whether there is a target to track.
+        tracks: columns of the table `tracks`, (runs, targets) each; empty if they are not needed.
     """
 
     errors: Floats
     runs: Mapping[str, Floats]
     has_targets: bool = True
+    tracks: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def has_network(self) -> bool:
@@ -83,9 +84,10 @@ class SummaryQuantity:
         name: its name wherever it is shown.
         definition: what it is, in a sentence without a full stop.
         form: how its value is written, without its unit.
-        unit: its SI unit; `POSITION_UNIT` for that of the position.
+        unit: its SI unit; `POSITION_UNIT` for that of the position; `LATENCY` for s, written in ms below one.
         columns: the columns of `runs` that it is computed from; none: the position errors.
         statistic: the value, of a row per run.
+        of_tracks: whether the columns are those of `tracks`.
     """
 
     name: str
@@ -94,14 +96,16 @@ class SummaryQuantity:
     unit: str
     columns: tuple[str, ...]
     statistic: Callable[[Floats], float] = metrics.mean_error
+    of_tracks: bool = False
 
     def samples(self, arrays: ResultArrays) -> Floats:
         """What the value is computed from, a row per run; empty if it was not recorded."""
         if not self.columns:
             return arrays.errors
-        if not set(self.columns) <= arrays.runs.keys():
+        table = arrays.tracks if self.of_tracks else arrays.runs
+        if not set(self.columns) <= table.keys():
             return np.empty(0)
-        columns = [arrays.runs[name] for name in self.columns]
+        columns = [table[name] for name in self.columns]
         return columns[0] if len(columns) == 1 else np.stack(columns, axis=1)
 
     def value(self, arrays: ResultArrays) -> float:
@@ -120,12 +124,17 @@ class SummaryQuantity:
         """The value with its unit; "unknown" for NaN."""
         if np.isnan(value):
             return "unknown"
+        if self.unit == LATENCY:
+            return f"{1e3 * value:.3g} ms" if value < 1.0 else f"{value:.3g} s"
         unit = position_unit if self.unit == POSITION_UNIT else self.unit
         return f"{self.form.format(value)} {unit}".rstrip()
 
     def interval_text(self, low: float, high: float) -> str:
         """The interval in brackets, without the unit; empty if it is unknown."""
-        return f"[{self.form.format(low)}, {self.form.format(high)}]" if np.isfinite(low) else ""
+        if not np.isfinite(low):
+            return ""
+        ends = (self.text(end, "") if self.unit == LATENCY else self.form.format(end) for end in (low, high))
+        return f"[{', '.join(ends)}]"
 
 
 def _of_runs(
@@ -173,6 +182,15 @@ QUANTITIES: Final[dict[str, SummaryQuantity]] = {
         "average NIS", "per measurement, mean over the runs of each run's time average; 1: consistent",
         "{:.3g}", "", "nis",
     ),
+    "delay": SummaryQuantity(
+        "latency at the cluster head, median", "median time from a step to its estimate, median over the tracks",
+        "{:.3g}", LATENCY, ("delay",), metrics.median_error, of_tracks=True,
+    ),
+    "report_delay": SummaryQuantity(
+        "end-to-end latency, median",
+        "median time from a step until its estimate is at a sink, median over the tracks of which one arrived",
+        "{:.3g}", LATENCY, ("report_delay",), metrics.median_error, of_tracks=True,
+    ),
     "energy": _of_runs("energy spent", "energy that the network spent in a run, mean", "{:.4g}", "J", "energy"),
     "handovers": _of_runs("handovers", "handovers begun in a run, mean", "{:.4g}", "", "handovers"),
     "frames_sent": _of_runs("bursts sent", "bursts put on the air in a run, mean", "{:,.0f}", "", "frames_sent"),
@@ -202,6 +220,12 @@ QUANTITIES: Final[dict[str, SummaryQuantity]] = {
     ),
     "cycles": _of_runs("operations computed", "operations stated by the tracker, mean", "{:,.0f}", "", "cycles"),
     "awake": _of_runs("awake time of nodes", "share of the nodes' time that they were awake", "{:.1%}", "", "awake"),
+    "radio_on": _of_runs(
+        "radios on", "share of the nodes' time that their radios sent, received or listened", "{:.2%}", "", "radio_on"
+    ),
+    "hurried": _of_runs(
+        "at the short wake interval", "share of the nodes' time that they were told to hurry", "{:.2%}", "", "hurried"
+    ),
     "alive": _of_runs("nodes alive at the end", "mean over the runs", "{:.4g}", "", "alive"),
     "first_death": _of_runs(
         "first death of a node, median", "median over the runs; unknown if no node died in half of them",
@@ -252,25 +276,9 @@ def worth_showing(arrays: ResultArrays) -> dict[str, float]:
     """The values without those that say nothing: of what never happened, and of what is always so."""
     found = values(arrays)
     dull = {key for key in ONLY_IF_NOT_ZERO if not found.get(key)}
+    dull |= set() if found.get("delay") else {"delay"}
     dull |= {"awake"} if found.get("awake") == 1.0 else set()
     dull |= {"in_range", "delivered"} if found.get("packet_delivery_ratio") == 1.0 else set()
     dull |= set() if found.get("ever_lost") else {"losses", "time_lost", "lost_share"}
     dull |= set() if arrays.has_targets else {"lost", "ever_lost"}
     return {key: value for key, value in found.items() if key not in dull}
-
-
-def read_arrays(path: str | Path) -> ResultArrays:
-    """The arrays of a result file; of the long tables, only the errors are read."""
-    held = tables(path)
-    runs = read_table(path, "runs") if "runs" in held else {}
-    columns = {name: column.astype(np.float64) for name, column in runs.items() if column.dtype.kind in "uif"}
-    errors = plot_data.errors(path).errors if "estimates" in held and held["estimates"].rows else np.empty((0, 0, 0))
-    return ResultArrays(errors, columns, bool(attributes(path)["states"]))
-
-
-def position_unit(path: str | Path) -> str:
-    """The unit of the errors; metres in a file without a target."""
-    if not attributes(path)["states"]:
-        return "m"
-    layout = plot_data.layout(path)
-    return layout.units[layout.position[0]]

@@ -8,18 +8,23 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from wsnsim.analysis.phrases import counted
+from wsnsim.analysis.answer import answer
+from wsnsim.analysis.phrases import counted, wrapped
 from wsnsim.analysis.plot_data import stored_json
-from wsnsim.analysis.quantities import QUANTITIES, position_unit, read_arrays, values, worth_showing
+from wsnsim.analysis.quantities import QUANTITIES, values, worth_showing
+from wsnsim.analysis.stored_arrays import position_unit, read_arrays
 from wsnsim.base.recorded_files import COUNTS, FILES, ROWS
 from wsnsim.recording import attributes, read_table, tables
 
 
-def info(path: str | Path) -> dict[str, Any]:
+def info(path: str | Path, plugins: bool = False) -> dict[str, Any]:
     """The contents of a result file; of its long tables, only the errors are read.
 
-    Keys: file, bytes, status, schema_version, wsnsim_version, name, seed, replicates, tables ({name: {rows, columns,
-    bytes}}), figures ({key of `quantities.QUANTITIES`: value}), position_unit, fingerprints, provenance.
+    `plugins` says whether plug-ins that the result's scenario names are imported for the bound in the answer.
+
+    Keys: file, answer (see `answer.answer`; '' if no run has finished), bytes, status, schema_version, wsnsim_version,
+    name, seed, replicates, tables ({name: {rows, columns, bytes}}), figures ({key of `quantities.QUANTITIES`: value}),
+    position_unit, fingerprints, provenance.
     """
     root = attributes(path)
     sizes = tables(path)
@@ -27,6 +32,7 @@ def info(path: str | Path) -> dict[str, Any]:
     runs = read_table(path, "runs") if "runs" in sizes else {}
     return {
         "file": str(path),
+        "answer": answer(path, plugins=plugins),
         "bytes": Path(path).stat().st_size,
         "status": root["status"],
         "schema_version": root["schema_version"],
@@ -45,12 +51,13 @@ def info(path: str | Path) -> dict[str, Any]:
     }
 
 
-def info_text(path: str | Path) -> str:
-    """The contents of a result file for a terminal."""
-    about = info(path)
+def info_text(path: str | Path, plugins: bool = False) -> str:
+    """The contents of a result file for a terminal: the answer in a sentence first."""
+    about = info(path, plugins)
     scenario = f"{about['name']}, seed {about['seed']}" if about["name"] else "(not stored)"
     runs = "" if about["replicates"] is None else f", {counted(about['replicates'], 'Monte Carlo run')}"
     lines = [
+        *wrapped(about["answer"]),
         f"{about['file']}: {about['status']}, {_size(about['bytes'])}",
         f"scenario     {scenario}{runs}",
         *_provenance_lines(about["provenance"], about["wsnsim_version"]),

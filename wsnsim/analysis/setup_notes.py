@@ -17,16 +17,19 @@ import numpy as np
 from wsnsim.analysis import connectivity
 from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.errors import RunError
+from wsnsim.base.hop_times import CAP_SHARE, is_duty_cycled
 from wsnsim.base.initial_conditions import sample_positions
 from wsnsim.base.metrics import LOST_WINDOW
 from wsnsim.base.ports import Field
 from wsnsim.base.radio import Mode
 from wsnsim.base.recorded_links import RecordsLinks
 from wsnsim.base.rng import Streams, derive_all
-from wsnsim.base.setups import RadioSetup, Setup, TrackingSetup
+from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
 
 SURELY_LINKED: Final = 3.0
 """With more expected neighbours than this (mean over the field), some nodes are surely within range of another."""
+CROWD: Final = 20
+"""Nodes that hear each other, for which beacons are thought to be too many [our choice]."""
 SAMPLED: Final = 64
 """Nodes whose sleep schedules are looked at."""
 Box = tuple[float, float, float, float]
@@ -93,18 +96,18 @@ def links_that_reach_nobody(setup: Setup) -> Iterator[str]:
 
 def sink_outside_the_field(setup: Setup) -> Iterator[str]:
     """A sink whose point is farther outside the field than a frame reaches: the node nearest to it is at the edge."""
-    point = getattr(getattr(setup, "sink", None), "point", None)
-    if point is None or not isinstance(setup, RadioSetup):
+    if not isinstance(setup, RadioSetup):
         return
     field = setup.deploy.field
     left, right, bottom, top = _box(field)
-    away = math.hypot(max(left - point[0], point[0] - right, 0.0), max(bottom - point[1], point[1] - top, 0.0))
-    if away > setup.link.reach:
-        nearest = min(max(point[0], left), right), min(max(point[1], bottom), top)
-        yield (
-            f"sink: ({point[0]:g}, {point[1]:g}) m is {away:.4g} m outside {_named(field)}; the sink is the node "
-            f"nearest to it, at the edge: the nearest point of the field is ({nearest[0]:g}, {nearest[1]:g}) m"
-        )
+    for x, y in setup.sink_points:
+        away = math.hypot(max(left - x, x - right, 0.0), max(bottom - y, y - top, 0.0))
+        if away > setup.link.reach:
+            nearest = min(max(x, left), right), min(max(y, bottom), top)
+            yield (
+                f"sink: ({x:g}, {y:g}) m is {away:.4g} m outside {_named(field)}; the sink is the node nearest to it, "
+                f"at the edge: the nearest point of the field is ({nearest[0]:g}, {nearest[1]:g}) m"
+            )
 
 
 def longer_than_the_run(setup: Setup) -> Iterator[str]:
@@ -150,12 +153,68 @@ def sleep_that_costs_more(setup: Setup) -> Iterator[str]:
         )
 
 
+def steps_shorter_than_a_hop(setup: Setup) -> Iterator[str]:
+    """Steps in which hardly a reading can reach a cluster head: a hop takes longer."""
+    if not isinstance(setup, NetworkSetup) or not is_duty_cycled(setup.mac) or setup.dt >= setup.hop.unicast:
+        return
+    least = math.ceil(setup.hop.unicast * 10.0) / 10.0
+    yield (
+        f"step: steps of {1000 * setup.dt:g} ms are out of reach of mac: {setup.mac.mechanism}: a unicast waits up to "
+        f"{setup.hop.unicast:.3g} s for its receiver; give a step of {least:g} s or more, or a shorter interval of the "
+        "radio"
+    )
+
+
+def messages_after_their_step(setup: Setup) -> Iterator[str]:
+    """Wake-up messages that arrive after the step for which they wake nodes, two hops from a head that waits long."""
+    if not isinstance(setup, NetworkSetup) or not is_duty_cycled(setup.mac) or setup.wakeup.mechanism == "none":
+        return
+    wait, hops = setup.waits.gather or 0.0, 2.0 * setup.hop.broadcast
+    if setup.hop.broadcast < setup.dt < wait + hops:
+        enough = math.ceil(10.0 * hops / (1.0 - CAP_SHARE)) / 10.0
+        yield (
+            f"wakeup: over mac: {setup.mac.mechanism} readings take up to {wait:.3g} s and a message of two hops "
+            f"{hops:.3g} s, more than a step of {setup.dt:g} s: distant nodes are woken after it; give a step of "
+            f"{enough:g} s or more, or a shorter interval of the radio"
+        )
+
+
+def radios_that_save_nothing(setup: Setup) -> Iterator[str]:
+    """Radios that are mostly off where listening costs nothing."""
+    if not isinstance(setup, RadioSetup) or not is_duty_cycled(setup.mac):
+        return
+    model = continuous_power(setup.energy)
+    if model is None or not model.mode_power(Mode.AWAKE).radio:
+        yield (
+            f"mac: {setup.mac.mechanism} turns radios off, and by energy: listening costs nothing: nodes pay for "
+            "reaching each other and save nothing; give energy: {kind: states}"
+        )
+
+
+def beacons_that_fill_the_channel(setup: Setup) -> Iterator[str]:
+    """Routing beacons that follow each other faster than a neighbourhood of duty-cycled radios can send them."""
+    shortest = getattr(setup.routing, "i_min", None) if isinstance(setup, RadioSetup) else None
+    if not isinstance(setup, RadioSetup) or shortest is None or not is_duty_cycled(setup.mac):
+        return
+    least = CROWD * setup.hop.broadcast
+    if shortest < least:
+        yield (
+            f"routing.i_min: over mac: {setup.mac.mechanism} a beacon takes up to {setup.hop.broadcast:.3g} s, and "
+            f"nodes begin with one in {shortest:g} s each: they fill the channel, and routes are found late; give "
+            f"{math.ceil(least):g} s or more, and a routing.patience that is longer than the first few intervals"
+        )
+
+
 NOTES: Final[tuple[Callable[[Setup], Iterator[str]], ...]] = (
     motions_beyond_the_field,
     steps_across_the_field,
     sink_outside_the_field,
     longer_than_the_run,
     sleep_that_costs_more,
+    steps_shorter_than_a_hop,
+    messages_after_their_step,
+    radios_that_save_nothing,
+    beacons_that_fill_the_channel,
 )
 """One function for each kind of note."""
 

@@ -15,6 +15,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from wsnsim.analysis import notes
+from wsnsim.analysis.answer import comparable, sentence
+from wsnsim.analysis.answer_facts import facts_of_report
 from wsnsim.analysis.quantities import QUANTITIES, ResultArrays, interval, median_time
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
@@ -38,6 +40,8 @@ class RunBounds(NamedTuple):
         reason: why there is none.
         active: for the readings of active members.
         arrived: for the readings that arrived at the head.
+        judged: for all readings in range, at the steps of the error in the answer (see `answer.answer`).
+        every: whether those of active members and of the readings that arrived were asked for.
     """
 
     rmse: float = NAN
@@ -45,6 +49,8 @@ class RunBounds(NamedTuple):
     reason: str = ""
     active: float = NAN
     arrived: float = NAN
+    judged: float = NAN
+    every: bool = False
 
 
 NOT_COMPUTED: Final = RunBounds(reason="not computed")
@@ -53,14 +59,17 @@ NOT_COMPUTED: Final = RunBounds(reason="not computed")
 def as_json(report: Report, published: Mapping[str, float], limits: RunBounds = NOT_COMPUTED) -> dict[str, Any]:
     """The summary as one object: SI units, NaN for a quantity that does not exist.
 
-    The quantities of `quantities.QUANTITIES` have their keys there, except `lost`, which is `lost_fraction` here, and
-    `cpu_seconds`, which is the sum over runs. `column_rmse` is the root mean square over steps, runs and targets,
-    `column_rmse_median` the median over runs. `rmse_three` and its like are medians over tracks; counts of waking are
-    means of a run. Steps without an estimate are left out. `notes` says what a reader must know beside the figures, and
-    `unknown` why each figure without a value has none.
+    `answer` is the sentence of `answer.answer`. The quantities of `quantities.QUANTITIES` have their keys there, except
+    `lost`, which is `lost_fraction` here, and `cpu_seconds`, which is the sum over runs. `column_rmse` is the root mean
+    square over steps, runs and targets, `column_rmse_median` the median over runs. `rmse_three` and the like are
+    medians over tracks; counts of waking are means of a run. Steps without an estimate are left out. `notes` says what
+    a reader must know beside the figures, and `unknown` why each figure without a value has none.
     """
     figures = _figures(report, published, limits)
-    return figures | {"notes": notes.of_report(report, figures), "unknown": notes.reasons(report, figures)}
+    unknown = notes.reasons(report, figures)
+    if not limits.every and math.isfinite(limits.rmse) and not without_network(report):
+        unknown |= dict.fromkeys(("bound_active", "bound_arrived"), notes.ON_REQUEST)
+    return figures | {"notes": notes.of_report(report, figures), "unknown": unknown}
 
 
 def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) -> dict[str, Any]:
@@ -72,6 +81,7 @@ def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) 
         found[f"{key}_low"], found[f"{key}_high"] = QUANTITIES[key].interval(arrays)
     return {
         "schema_version": SCHEMA_VERSION,
+        "answer": sentence(facts_of_report(report), limits.judged),
         "name": report.scenario.name,
         "seed": report.scenario.seed,
         "file": str(report.out),
@@ -101,7 +111,13 @@ def result_arrays(report: Report) -> ResultArrays:
     """The arrays of a report that summary quantities are computed from."""
     rows = [summary.run for summary in report.summaries]
     columns = {name: np.array([row[name] for row in rows], dtype=np.float64) for name in rows[0]}
-    return ResultArrays(_errors(report, max(summary.errors.shape[1] for summary in report.summaries)), columns)
+    errors = _errors(report, max(summary.errors.shape[1] for summary in report.summaries))
+    names = [name for quantity in QUANTITIES.values() if quantity.of_tracks for name in quantity.columns]
+    tracks = {
+        name: np.array([[track[name] for track in summary.tracks] for summary in report.summaries], dtype=np.float64)
+        for name in names
+    }
+    return ResultArrays(errors, columns, bool(report.states), tracks)
 
 
 def _errors(report: Report, steps: int) -> Floats:
@@ -112,20 +128,23 @@ def _errors(report: Report, steps: int) -> Floats:
     return errors
 
 
-def bounds_of_report(report: Report) -> RunBounds:
+def bounds_of_report(report: Report, every: bool = False) -> RunBounds:
     """The trajectory-conditional CRLBs of a report, averaged over the steps that have an estimate.
 
-    Which members were active and which readings arrived is known of a network whose events, estimates and clusters
-    were recorded.
+    Args:
+        report: what `experiment.run` returned.
+        every: whether those of active members and of readings that arrived are computed, too. They are known of a
+            network whose events, estimates and clusters were recorded, and take several times as long.
     """
     kind = "per_trajectory"
-    readings = READINGS[:1] if without_network(report) else READINGS
+    readings = READINGS if every and not without_network(report) else READINGS[:1]
     replicates = [summary.run["replicate"] for summary in report.summaries]
     found, *of_members = bounds_of_run(report.out, readings, kind, replicates=replicates, scenario=report.scenario)
     if found.reason:
-        return RunBounds(reason=found.reason)
+        return RunBounds(reason=found.reason, every=every)
     errors = _errors(report, found.each.shape[-1])
-    limits = RunBounds(found.time_mean_at(errors), kind)
+    judged = comparable(facts_of_report(report), found)
+    limits = RunBounds(found.time_mean_at(errors), kind, judged=judged, every=every)
     if not of_members or not math.isfinite(limits.rmse):
         return limits
     active, arrived = (bound.time_mean_at(errors) for bound in of_members)

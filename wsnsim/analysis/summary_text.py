@@ -9,7 +9,8 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from wsnsim.analysis.phrases import counted
+from wsnsim.analysis import clock_figures
+from wsnsim.analysis.phrases import counted, wrapped
 from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, CONSISTENCY_NOTE, ONLY_IF_NOT_ZERO, QUANTITIES
 from wsnsim.analysis.summary import NOT_COMPUTED, OF_THREE, RunBounds, as_json, without_network
 from wsnsim.base.tables import ONE_IS_BEST
@@ -25,7 +26,7 @@ BOUND_KEYS: Final = {"bound": "in_range", "bound_active": "active", "bound_arriv
 
 
 def text(report: Report, published: Published, source: str = "the paper", limits: RunBounds = NOT_COMPUTED) -> str:
-    """The summary as lines for a terminal.
+    """The summary as lines for a terminal: the answer in a sentence, then what it is of, and the table.
 
     Args:
         report: what `experiment.run` returned.
@@ -40,14 +41,19 @@ def text(report: Report, published: Published, source: str = "the paper", limits
         f" seed {figures['seed']} → {figures['file']}"
     )
     rows = [("", "measured", f"published ({source})" if published else "")]
-    rows += _accuracy_rows(figures, published, report, unit) + _tracking_rows(figures, unit) + _latency_rows(figures)
+    rows += (
+        _accuracy_rows(figures, published, report, limits.every)
+        + _tracking_rows(figures, unit)
+        + _latency_rows(figures)
+    )
     if without_network(report):
         rows += _load_rows(report)
     else:
         rows += _energy_rows(figures, published) + _network_rows(figures, published) + _lifetime_rows(figures)
+        rows += [(name, value, "") for name, value in clock_figures.rows(clock_figures.figures(report))]
     widths = [max(len(row[i]) for row in rows) for i in range(2)]
     lines = [f"  {row[0]:<{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]}".rstrip() for row in rows]
-    if math.isfinite(figures["bound"]):
+    if limits.every and math.isfinite(figures["bound"]):
         lines.append(f"  {BOUND_NOTE}")
     if any(math.isfinite(figures[key]) for key in ONE_IS_BEST):
         lines.append(f"  {CONSISTENCY_NOTE}")
@@ -56,7 +62,7 @@ def text(report: Report, published: Published, source: str = "the paper", limits
     lines += [f"  note: {note}" for note in figures["notes"]]
     cpu = QUANTITIES["cpu_seconds"]
     took = f"  took {figures['wall_seconds']:.1f} s; {cpu.name} {cpu.text(figures['cpu_seconds'] / replicates, '')}"
-    return "\n".join([heading, *lines, took])
+    return "\n".join([*wrapped(figures["answer"]), heading, *lines, took])
 
 
 def _row(figures: Figures, key: str, unit: str = "", printed: str = "") -> SummaryRow:
@@ -66,8 +72,8 @@ def _row(figures: Figures, key: str, unit: str = "", printed: str = "") -> Summa
     return quantity.name, quantity.text(figures[key], unit) + (f"  {bounds}" if bounds else ""), printed
 
 
-def _accuracy_rows(figures: Figures, published: Published, report: Report, unit: str) -> list[SummaryRow]:
-    of = QUANTITIES["rmse"]
+def _accuracy_rows(figures: Figures, published: Published, report: Report, bounds: bool) -> list[SummaryRow]:
+    of, unit = QUANTITIES["rmse"], report.states[report.position[0]][1]
     name, value, printed = _row(figures, "rmse", unit, of.text(published["rmse"], unit) if "rmse" in published else "")
     rows = [(name, value + _of_steps(figures), printed)]
     if figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]):
@@ -75,7 +81,7 @@ def _accuracy_rows(figures: Figures, published: Published, report: Report, unit:
     rows += [
         (f"  {BOUND_NAMES[readings]}", of.text(figures[key], unit), "")
         for key, readings in BOUND_KEYS.items()
-        if math.isfinite(figures[key])
+        if bounds and math.isfinite(figures[key])
     ]
     rows += [_row(figures, "rmse_median", unit), _row(figures, "median_error", unit)]
     rows += _column_rows(figures["column_rmse"], published, dict(report.states))
@@ -132,11 +138,11 @@ def _latency_rows(figures: Figures) -> list[SummaryRow]:
     if late > 0:
         rows.append(("late estimates", f"{late:.4g}", ""))
     if figures["delay"] > 0.0:
-        rows.append(("latency at the cluster head, median", _seconds(figures["delay"]), ""))
+        rows.append(_row(figures, "delay"))
     if figures["received"] or figures["due"]:
         rows.append(("estimates received at the sink", f"{figures['received']:.4g} of {figures['due']:.4g}", ""))
     if figures["received"]:
-        rows.append(("end-to-end latency, median", _seconds(figures["report_delay"]), ""))
+        rows.append(_row(figures, "report_delay"))
     return rows
 
 
@@ -168,6 +174,7 @@ def _network_rows(figures: Figures, published: Published) -> list[SummaryRow]:
     shown = ("frames_sent", "frames_lost", "packets_sent", "packet_delivery_ratio", "collided", "retries",
              "access_failures", "cycles")  # fmt: skip
     return [
+        *[_row(figures, name) for name in ("radio_on", "hurried") if math.isfinite(figures[name])],
         ("clusters", f"{figures['clusters']:.4g}", _published(published, "clusters", "{:.0f}")),
         *(_row(figures, key) for key in shown if figures[key] or key not in ONLY_IF_NOT_ZERO),
     ]
@@ -199,11 +206,6 @@ def _of_steps(figures: Figures) -> str:
     """The number of steps with an estimate, if some have none."""
     missing, steps = figures["without_estimate"], figures["steps"] * figures["targets"]
     return f"  (of {steps - missing:,.4g} of {steps:,} steps)" if missing else ""
-
-
-def _seconds(time: float) -> str:
-    """A latency with a fitting unit."""
-    return f"{1000 * time:.3g} ms" if time < 1.0 else f"{time:.3g} s"
 
 
 def _published(published: Published, name: str, pattern: str) -> str:

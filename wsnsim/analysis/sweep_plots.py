@@ -48,7 +48,8 @@ def median(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
         axes.set_yscale("log")
         _written_out(axes.yaxis)
     else:
-        axes.set_ylim(bottom=min(0.0, float(shown.min(initial=0.0))))
+        highest = float(shown.max(initial=0.0))
+        axes.set_ylim(min(0.0, float(shown.min(initial=0.0))), 1.08 * highest if highest > 0.0 else None)
     name = run_metric_name(lines.found.metric)
     axes.set_ylabel(name + bracketed(lines.found.unit))
     return _finished(axes, lines, f"median {name}; {_band(lines)}", legend)
@@ -56,8 +57,8 @@ def median(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
 
 def energy(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
     """Draw the median over runs of the energy spent, with its bootstrap interval."""
-    _drawn(axes, lines, "energy")
-    axes.set_ylim(bottom=0)
+    shown = _drawn(axes, lines, "energy")
+    axes.set_ylim(0.0, 1.08 * float(shown.max(initial=0.0)) or None)  # equal values at the top are not cut
     axes.set_ylabel("energy spent [J]")
     return _finished(axes, lines, f"median energy spent by the network; {_band(lines)}", legend)
 

@@ -49,14 +49,14 @@ class MovingPolicy(ClusterPolicy, Protocol):
 
     `main`: the head is the node nearest to the 'prediction' among those woken for the step, or the one that measured
     the target nearest at the step before ('detection'). Measuring takes `sampling` s. The head waits for readings until
-    none has come for `quiet` s, at most for `cap` s. Without readings it continues its prediction for `patience` s
-    before the track is lost.
+    none has come for `quiet` s, at most for `cap` s; None: as long as the MAC needs (`base.hop_times`). Without
+    readings it continues its prediction for `patience` s before the track is lost.
     """
 
     main: str
     sampling: float
-    quiet: float
-    cap: float
+    quiet: float | None
+    cap: float | None
     patience: float
 
 

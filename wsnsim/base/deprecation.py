@@ -32,6 +32,7 @@ MOVED: Final[Mapping[str, Moved]] = {
 }
 """Each former module still has a file, whose `__getattr__` calls `moved`."""
 RENAMED: Final[Mapping[str, Mapping[str, Moved]]] = {
+    "wsnsim.experiment": {"simulate": Moved("wsnsim.experiment", {"simulate": "simulate_run"})},
     "wsnsim.base.ports": {"Member": Moved("wsnsim.base.requests")},
     "wsnsim.base.radio": {
         "Draw": Moved("wsnsim.base.radio", {"Draw": "ModePower"}),

@@ -18,11 +18,16 @@ from dataclasses import dataclass
 from typing import Final
 
 from wsnsim.base.plugin_code import plugin_fault
+from wsnsim.base.synonyms import meant_by
 
 MOST_PRINTED: Final = 50
 """Issues of one scenario or sweep that a message names."""
 LONGEST_PATH: Final = 200
 """Characters of a path of keys in a message."""
+TYPING_ERROR: Final = 0.85
+"""Similarity from which a word is a typing error of another."""
+ALIKE: Final = 0.6
+"""Similarity from which a name is suggested that a word may be."""
 
 
 class WsnsimError(Exception):
@@ -117,14 +122,28 @@ def plugin_faults_of_run(seed: int, replicate: int, classes: Sequence[str] = ())
         raise (failed if in_plugin else RunError(f"{failed} (with the plug-in {', '.join(classes)})")) from reason
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: the nearest known name, or all of them if none is near."""
+def did_you_mean(word: str, known: Iterable[str], otherwise: str = "") -> str:
+    """Return the end of a message about an unknown name: the known names that it may mean or that are spelled alike.
+
+    Args:
+        word: the unknown name.
+        known: the known names.
+        otherwise: what to say if none is near; '' for a list of all known names.
+    """
     names = sorted(known)
-    near = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1, cutoff=0.6)
-    if near:
-        original = next(name for name in names if name.lower() == near[0])
-        return f"did you mean '{original}'?"
-    return "known: " + ", ".join(names) if names else "none is known"
+    if near := nearest(word, names):
+        return f"did you mean {' or '.join(map(repr, near))}?"
+    return otherwise or ("known: " + ", ".join(names) if names else "none is known")
+
+
+def nearest(word: str, known: Sequence[str]) -> list[str]:
+    """Return the known names nearest to a word: one that is misspelled, else those that it means, three at most."""
+    return _spelled(word, known, TYPING_ERROR) or meant_by(word, known)[:3] or _spelled(word, known, ALIKE)
+
+
+def _spelled(word: str, known: Sequence[str], cutoff: float) -> list[str]:
+    near = difflib.get_close_matches(word.lower(), [name.lower() for name in known], n=1, cutoff=cutoff)
+    return [next(name for name in known if name.lower() == near[0])] if near else []
 
 
 def __getattr__(name: str) -> type[Issue]:

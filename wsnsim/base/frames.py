@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import nan
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -39,6 +39,10 @@ class Burst:
         sequence: Number of the datagram or message, the same over all hops; 0 before the first hop.
         relayed: Whether the sender is not the origin.
         sent: Bits that left the sender.
+        attempts: How often the MAC tried to send its frames, retransmissions included; 0 if it never got the channel. A
+            train of strobes, or of copies of a frame, is one attempt. Set when the burst ends.
+        acknowledged: For a unicast that has ended, whether its sender knows that a frame of it arrived. Where the MAC
+            does not say, whether one did.
         received: For a broadcast, {node: (packets,) which packets it received}.
         heard: For a unicast under way, (packets,) which packets have arrived so far; None: none, or the MAC does not
             say it before the end.
@@ -54,6 +58,8 @@ class Burst:
     sequence: int = 0
     relayed: bool = False
     sent: int = 0
+    attempts: int = 0
+    acknowledged: bool = False
     received: dict[int, Bools] = field(default_factory=dict)
     heard: Bools | None = None
     heard_at: float = nan
@@ -86,10 +92,15 @@ class MacFrame:
         sequence: The number of its burst.
         sends: How often it was sent.
         retries: How often it was sent again after a failed attempt.
+        acknowledged: Whether the sender of a unicast received an acknowledgement; None: the MAC does not say.
         owner: What the MAC keeps beside the frame while it is on the air.
     """
 
-    __slots__ = ("bits", "code", "kind", "owner", "packets", "retries", "sends", "sequence", "target", "to")
+    __slots__ = (
+        "acknowledged", "bits", "code", "kind", "owner", "packets", "retries", "sends", "sequence", "target", "to",
+    )  # fmt: skip
+    is_copy: ClassVar[bool] = False
+    """Whether it is one of several copies that a MAC sends in a row, and counts as one frame."""
 
     def __init__(
         self, to: int, bits: int, packets: int = 1, target: int = -1, code: int = 0, kind: int = SEND, sequence: int = 0
@@ -103,6 +114,7 @@ class MacFrame:
         self.sequence = sequence
         self.sends = 0
         self.retries = 0
+        self.acknowledged: bool | None = None
         self.owner: Any = None
 
     def finish(self, received: Received | None) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
-from wsnsim.base.arrays import Ints
+from wsnsim.base.arrays import Bools, Ints
 from wsnsim.base.counters import Counters
 from wsnsim.base.frames import Burst, MacFrame, Received
 from wsnsim.base.medium_access import FramedMac
@@ -43,6 +43,23 @@ class OnAir(Protocol):
     @property
     def cut(self) -> bool:
         """Whether the sender fell silent before the end."""
+
+    @property
+    def listeners(self) -> Ints | None:
+        """(m,) the nodes whose radios listened from its start and paid for it, ascending; known at its end.
+
+        They received or overheard it, or lost it to another frame. None on a channel without `Listening`.
+        """
+
+
+class Listening(Protocol):
+    """Which radios are on: what a duty-cycled MAC tells its channel. A frame to a radio that is off costs it nothing.
+
+    The level of sleep schedules, faults and empty batteries is below it: the channel asks that itself.
+    """
+
+    def hears(self, ids: Ints, since: float) -> Bools:
+        """(n,) which of the radios have listened without a break since a time (s) that is not in the future."""
 
 
 class SharedChannel(Protocol):
@@ -127,8 +144,14 @@ class MacServices(Protocol):
     def signal(self) -> Signal:
         """Return a new signal, for the end of bursts."""
 
-    def open_channel(self, mac: FramedMac, assessment: float) -> SharedChannel:
-        """Return a channel on which the frames of a MAC take time. `assessment`: s of a clear channel assessment."""
+    def open_channel(self, mac: FramedMac, assessment: float, listening: Listening | None = None) -> SharedChannel:
+        """Return a channel on which the frames of a MAC take time: one for each physical channel.
+
+        Args:
+            mac: The parameters.
+            assessment: Duration of a clear channel assessment in s.
+            listening: Which radios are on; None: those of all nodes that are awake.
+        """
 
     def fragmentation(self, mac: FramedMac) -> Fragmenter:
         """Return what splits bursts into the frames of a MAC."""
@@ -171,6 +194,22 @@ class ExpectsMembers(Protocol):
 
     def expect(self, head: int, members: Sequence[int]) -> None:
         """Note whom a head has appointed: they may have something to send from now on."""
+
+
+@runtime_checkable
+class HurriesNodes(Protocol):
+    """Optional port of a MAC mechanism whose nodes have a short wake interval beside the long one."""
+
+    def hurry(self, nodes: Ints, until: float) -> None:
+        """Have nodes (n,) that are up use the short interval until a time in s, later than they were told before."""
+
+
+@runtime_checkable
+class FollowsRestarts(Protocol):
+    """Optional port of a MAC mechanism whose nodes must do something when they come back after a crash."""
+
+    def restart(self, node: int) -> None:
+        """A node is up again, without anything that it knew."""
 
 
 @runtime_checkable

@@ -130,6 +130,9 @@ class WakeUpServices(Protocol):
     def now(self) -> float:
         """The simulated time in s."""
 
+    def clock(self, node: int) -> float:
+        """What the clock of a node shows now, in s: by this a node decides whether a message has expired."""
+
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
 
@@ -232,6 +235,13 @@ class WorkloadServices(Protocol):
 
     def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:
         """Send a payload of `bits` to a node over the path of `routing`; `on_end(arrived)` is called at the end."""
+
+    @property
+    def sinks(self) -> Sequence[int]:
+        """The sinks of the scenario: the nodes nearest to the `points` of the workload; none if it has no points."""
+
+    def collect(self, node: int, bits: int, what: str, on_end: Callable[[int], None]) -> None:
+        """Send a report of `bits` to whichever sink; `on_end(sink)` is called at the end, with -1 if it was lost."""
 
 
 class WorkloadMechanism(Protocol):

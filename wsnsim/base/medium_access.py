@@ -26,21 +26,27 @@ class IdealAccess(Mac, Protocol):
 
 
 class FramedMac(Mac, Protocol):
-    """A MAC whose frames take time.
+    """A MAC whose frames take time."""
 
-    Attributes:
-        rate: Bit/s on the air.
-        turnaround: Seconds between receiving and sending.
-        acks: Whether unicasts are acknowledged.
-        ack_wait: Seconds for which a sender waits for an acknowledgement.
-        max_retries: How often a frame without acknowledgement is sent again.
-    """
+    @property
+    def rate(self) -> float:
+        """Bit/s on the air."""
 
-    rate: float
-    turnaround: float
-    acks: bool
-    ack_wait: float
-    max_retries: int
+    @property
+    def turnaround(self) -> float:
+        """Seconds between receiving and sending."""
+
+    @property
+    def acks(self) -> bool:
+        """Whether unicasts are acknowledged."""
+
+    @property
+    def ack_wait(self) -> float:
+        """Seconds for which a sender waits for an acknowledgement."""
+
+    @property
+    def max_retries(self) -> int:
+        """How often a frame without acknowledgement is sent again."""
 
     @property
     def ack_bits(self) -> int:

@@ -21,13 +21,18 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Quantity:
-    """The unit (as in `scenario.units`; '' for a pure number) and the bounds of a field. Values are in SI units."""
+    """The unit (as in `scenario.units`; '' for a pure number) and the bounds of a field. Values are in SI units.
+
+    `label` is the unit that documentation shows where `unit` is '' though the number has one: 'SI' for a state whose
+    columns have several, 'byte' for a length that is counted in bytes.
+    """
 
     unit: str = ""
     gt: float | None = None
     ge: float | None = None
     lt: float | None = None
     le: float | None = None
+    label: str = ""
 
 
 @dataclass(frozen=True)

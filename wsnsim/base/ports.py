@@ -84,6 +84,8 @@ class Scene:
         roster_traits: (m, T) of the members in `roster`.
         packet_joules: what one packet of `PACKET_BITS` costs, sent and received: distances (n,) in m -> (n,) J. Zero
             without a network.
+        hop_seconds: how long a packet of a member takes to the head at most, in s, without contention and
+            retries; 0 without a network, and where sending takes no time. A deadline before it gets few answers.
     """
 
     time: float
@@ -106,6 +108,7 @@ class Scene:
     roster_positions: Floats = field_of(default_factory=lambda: np.zeros((0, 2)))
     roster_traits: Floats = field_of(default_factory=lambda: np.zeros((0, 0)))
     packet_joules: Callable[[Floats], Floats] = free_packets
+    hop_seconds: float = 0.0
 
     @property
     def active(self) -> int:

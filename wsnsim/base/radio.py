@@ -153,12 +153,20 @@ class Clock(Protocol):
         """(n,) seconds that pass on the clock of each node per true second, given one counter key per node."""
 
 
+@runtime_checkable
+class StartsWithOffsets(Protocol):
+    """Optional port of a `Clock`: clocks that do not show the true time at the start."""
+
+    def offsets(self, keys: Keys) -> Floats:
+        """(n,) seconds by which the clock of each node is ahead at time 0, given one counter key per node."""
+
+
 class Sink(Protocol):
     """The node that collects the estimates."""
 
     @property
     def point(self) -> tuple[float, float] | None:
-        """(x, y) in m; the sink is the node nearest to it. None: no sink."""
+        """(x, y) in m; the sink is the node nearest to it. None: no sink. For several, see `HasSeveralSinks`."""
 
     @property
     def bits(self) -> int:
@@ -167,6 +175,15 @@ class Sink(Protocol):
     @property
     def every(self) -> float | None:
         """Seconds between reports; None: every estimate is reported."""
+
+
+@runtime_checkable
+class HasSeveralSinks(Protocol):
+    """Optional port of a sink or of a workload without targets: the points of several sinks."""
+
+    @property
+    def points(self) -> tuple[tuple[float, float], ...]:
+        """(x, y) in m; each sink is the node nearest to one of them. A sink's `point` is the first."""
 
 
 class Workload(Protocol):
@@ -187,6 +204,19 @@ class BeaconWorkload(Workload, Protocol):
 
     @property
     def bits(self) -> int: ...
+
+
+class CollectionWorkload(Workload, Protocol):
+    """Every node sends a report of `bits` to a sink once per `period` (s) of its own clock, after `start_at` s."""
+
+    @property
+    def period(self) -> float: ...
+
+    @property
+    def bits(self) -> int: ...
+
+    @property
+    def start_at(self) -> float: ...
 
 
 class FaultEvent(Protocol):
@@ -231,7 +261,54 @@ class Routing(Protocol):
 
     @property
     def weight(self) -> str:
-        """What it minimises: 'energy' or 'hop'; or 'greedy': each hop goes nearest to the destination."""
+        """What it minimises: 'energy' or 'hop'; or 'greedy': each hop goes nearest to the destination.
+
+        Nodes know the paths for nothing. With 'etx' they pay for what they know: see `TreeRouting`.
+        """
+
+
+class TreeRouting(Routing, Protocol):
+    """Routing over a collection tree, whose `weight` is 'etx': the expected number of transmissions."""
+
+    @property
+    def i_min(self) -> float:
+        """The shortest interval of the Trickle timer of beacons in s."""
+
+    @property
+    def i_max(self) -> float:
+        """The longest interval in s."""
+
+    @property
+    def retries(self) -> int:
+        """How often a datagram is sent again over one hop, retransmissions of the MAC included."""
+
+    @property
+    def hysteresis(self) -> float:
+        """By how many transmissions a route must be cheaper than that over the parent."""
+
+    @property
+    def table(self) -> int:
+        """The number of neighbours whose routes a node keeps."""
+
+    @property
+    def queue(self) -> int:
+        """The number of datagrams that a node holds."""
+
+    @property
+    def packet_time(self) -> float:
+        """Seconds of one packet: pauses between frames are multiples of it."""
+
+    @property
+    def patience(self) -> float:
+        """Seconds for which a datagram waits for a route."""
+
+    @property
+    def places(self) -> int:
+        """The number of neighbours whose positions a node keeps."""
+
+    @property
+    def candidates(self) -> int:
+        """The number of bursts that a node sends of a datagram to another node than a sink."""
 
 
 def __getattr__(name: str) -> Any:

@@ -32,7 +32,10 @@ from wsnsim.base.tracking import TrackRule, track_row
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunTotals:
-    """Columns of the table `runs` that do not depend on estimates. The defaults hold for a run without a network."""
+    """Columns of the table `runs` that do not depend on estimates. The defaults hold for a run without a network.
+
+    `radio_on` and `hurried` are None, and no columns, where the radios of nodes that are awake always listen.
+    """
 
     event_fingerprint: int
     alive: int
@@ -48,6 +51,8 @@ class RunTotals:
     retries: int = 0
     cycles: float = 0.0
     awake: float = NAN
+    radio_on: float | None = None
+    hurried: float | None = None
     first_death: float = NAN
     half_dead: float = NAN
     coverage: float = NAN
@@ -167,9 +172,14 @@ def _run_row(result: RunResult, errors: Floats, tracks: Sequence[Mapping[str, An
         "lost_share": _mean(tracks, "lost_share"),
         "tracked": _mean(tracks, "tracked"),
         "tracked_three": _mean(tracks, "tracked_three"),
-        **dataclasses.asdict(result.totals),
+        **columns_of_totals(result.totals),
         "fingerprint": fingerprint(result.totals.event_fingerprint, estimates),
     }
+
+
+def columns_of_totals(totals: RunTotals) -> dict[str, Any]:
+    """The columns of the table `runs` that do not depend on estimates; those that are None are left out."""
+    return {name: value for name, value in dataclasses.asdict(totals).items() if value is not None}
 
 
 def _mean(tracks: Sequence[Mapping[str, Any]], name: str) -> float:

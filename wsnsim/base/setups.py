@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from wsnsim.base.clustering import ClusterPolicy, head_protocol
+from wsnsim.base.hop_times import HeadWaits, head_waits
 from wsnsim.base.medium_access import Mac, Packing
 from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
 from wsnsim.base.packet_joules import PacketJoules
@@ -29,9 +30,11 @@ from wsnsim.base.ports import (
     SensorModel,
     Tracker,
 )
-from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, LinkModel, Routing, Sink, Workload
+from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, HasSeveralSinks, LinkModel, Routing, Sink, Workload
+from wsnsim.base.radio_duty import Latency, hop_latency
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
+from wsnsim.base.synchronisation import TimeSync
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +97,18 @@ class RadioSetup(Setup):
     sleep: SleepSchedule
     cpu: Cpu
     clock: Clock
+    sync: TimeSync
     faults: tuple[FaultEvent, ...] = ()
+
+    @property
+    def sink_points(self) -> tuple[tuple[float, float], ...]:
+        """(x, y) in m of each sink, which is the node nearest to it; empty: there is no sink."""
+        return ()
+
+    @cached_property
+    def hop(self) -> Latency:
+        """How long a packet takes over one hop at most, without contention and retries."""
+        return hop_latency(self.mac, PACKET_BITS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +126,11 @@ class NetworkSetup(TrackingSetup, RadioSetup):
     def head_protocol(self) -> str:
         """The name of the head protocol of the cluster policy; see `ClusterPolicy`."""
         return head_protocol(self.clusters)
+
+    @cached_property
+    def waits(self) -> HeadWaits:
+        """How long heads wait for others, where neither their policy nor their tracker says."""
+        return head_waits(self.mac, self.dt)
 
     @cached_property
     def successor_forecast(self) -> Callable[[Any, Scene, int], Estimate]:
@@ -133,6 +152,14 @@ class NetworkSetup(TrackingSetup, RadioSetup):
     def members_join(self) -> bool:
         """Whether a node belongs to a cluster from the time on at which the event log says that it joined."""
         return self.head_protocol in ("standing", "electing", "appointing")
+
+    @property
+    def sink_points(self) -> tuple[tuple[float, float], ...]:
+        """(x, y) in m of each sink, which is the node nearest to it; empty: there is no sink."""
+        sink = self.sink
+        if sink.point is None:
+            return ()
+        return sink.points if isinstance(sink, HasSeveralSinks) else (sink.point,)
 
     @property
     def polls(self) -> int:
@@ -165,3 +192,8 @@ class BeaconSetup(RadioSetup):
     """A network without targets, whose nodes do what the workload says: send beacons, or what a plug-in makes them."""
 
     workload: Workload
+
+    @property
+    def sink_points(self) -> tuple[tuple[float, float], ...]:
+        """(x, y) in m of each sink, which is the node nearest to it; empty: the workload sends nothing to sinks."""
+        return self.workload.points if isinstance(self.workload, HasSeveralSinks) else ()

@@ -21,7 +21,11 @@ Point = tuple[float, float]
 
 
 class SleepSchedule(Protocol):
-    """When nodes sense and listen."""
+    """When nodes sense and listen, by their clocks.
+
+    Times are those that clocks show. Where clocks are not perfect, each node has a time of its own, which is negative
+    for a moment if its clock is behind at the start.
+    """
 
     @property
     def rest(self) -> Mode:
@@ -31,10 +35,10 @@ class SleepSchedule(Protocol):
         the functions of this port say when it is AWAKE and when ASLEEP.
         """
 
-    def awake(self, keys: Keys, time: float) -> Bools:
-        """Which nodes are awake at a time >= 0, (n,). A change is in effect from its instant on."""
+    def awake(self, keys: Keys, time: Floats | float) -> Bools:
+        """Which nodes are awake at a time, or each at its own (n,). A change is in effect from its instant on."""
 
-    def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
+    def state(self, keys: Keys, time: Floats | float) -> tuple[Bools, Floats, Floats]:
         """Which nodes are awake at a time (n,), and a span [from (n,), until (n,)) around it without a change.
 
         The span may be shorter than possible: its ends need not be changes.
@@ -214,7 +218,7 @@ class WakeUp(Protocol):
             place: the position of the node.
             message: the copy that reached it.
             seen: the node has decided about this message before.
-            now: the time.
+            now: what the clock of the node shows.
             chance: a uniform random number of the node for this message, in [0, 1).
         """
 

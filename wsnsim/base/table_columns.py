@@ -70,6 +70,20 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
             "share of steps with an estimate in time from at least three measurements, mean over targets",
         ),
         _c("awake", "f8", "1", "share of time that nodes were awake, mean over nodes; NaN without a network"),
+        _c(
+            "radio_on",
+            "f8",
+            "1",
+            "share of time that radios were on (sending, receiving or listening), mean over nodes; left out where the"
+            " radio of a node that is awake always is",
+        ),
+        _c(
+            "hurried",
+            "f8",
+            "1",
+            "share of time at the short wake interval `mac.near`, mean over nodes; NaN without it, and left out with"
+            " `radio_on`",
+        ),
         _c("alive", "u4", "1", "nodes alive at the end"),
         _c("first_death", "f8", "s", "time of the first node death; NaN if no node died"),
         _c("half_dead", "f8", "s", "time at which half of the nodes had died; NaN if fewer died"),
@@ -241,6 +255,16 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("cause", "u1", "", "cause of the consumption", CAUSES),
         _c("joules", "f8", "J", "energy that the network consumed in this step; rows of zero are left out"),
     ),
+    "clocks": (
+        _REPLICATE,
+        _STEP,
+        _TIME,
+        _c("error", "f8", "s", "absolute error of a node's clock from true time, mean over the nodes that are up"),
+        _c("error_max", "f8", "s", "the largest of them"),
+        _c("spread", "f8", "s", "absolute difference of a clock from the mean of all clocks, mean over nodes"),
+        _c("spread_max", "f8", "s", "the largest of them"),
+        _c("synchronised", "f8", "1", "share of the nodes that are up that take their clock for synchronised"),
+    ),
     "clusters": (
         _REPLICATE,
         _TARGET,
@@ -272,6 +296,16 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("ineffective", "u2", "1", "of these, nodes with the target out of sensing range"),
         _c("expired", "u2", "1", "nodes that dropped the message because it had expired"),
     ),
+    "reports": (
+        _REPLICATE,
+        _c("target", "i4", "", "target that it is about; -1 for none"),
+        _c("node", "i4", "", "node that sent the report"),
+        _c("time", "f8", "s", "time at which it was sent"),
+        _c("received", "f8", "s", "time at which a sink had received its last packet; NaN if none did"),
+        _c("sink", "i4", "", "sink that received it; -1 if none did"),
+        _c("hops", "u2", "1", "hops to the sink; 0 if it did not arrive"),
+        _c("bits", "u8", "1", "bits sent for it until the end of the run, over all hops"),
+    ),
     "links": (
         _REPLICATE,
         _c("source", "i4", "", "sending node"),
@@ -298,5 +332,5 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("value", "f8", "", "value at this index; the tracker defines its unit"),
     ),
 }
-OFF_BY_DEFAULT: Final = ("covariances", "links", "particles", "readings", "tracker_state")
+OFF_BY_DEFAULT: Final = ("clocks", "covariances", "links", "particles", "readings", "reports", "tracker_state")
 RECORDED_BY_DEFAULT: Final = {name: name not in OFF_BY_DEFAULT for name in TABLES}

@@ -34,12 +34,16 @@ ONE_IS_BEST: Final = ("nees", "nis")
 MORE_IS_BETTER: Final = ("delivered", "tracked", "tracked_three", "alive", "first_death", "half_dead", "coverage")
 """The metrics of which more is better."""
 
+DUTY_CYCLED: Final = ("radio_on", "hurried")
+"""Columns of `runs` about MACs that switch radios off."""
+
 
 def columns_of(
     table: str,
     states: Sequence[tuple[str, str]] = (),
     position: Sequence[int] | None = None,
     components: int = 1,
+    duty_cycled: bool = False,
 ) -> tuple[Column, ...]:
     """The columns of a table for one motion model and one sensor model.
 
@@ -49,10 +53,13 @@ def columns_of(
         position: Which state columns are the position. Its unit replaces metres; if it is one column, there is no
             `sd_y` and no `cov_xy`.
         components: Number of components of a reading. If it is one, `readings` has no column `component`.
+        duty_cycled: Whether a MAC switches radios off. If not, `runs` has none of the columns of `DUTY_CYCLED`.
     """
     columns = TABLES[table]
     if table == "readings" and components == 1:
         return tuple(column for column in columns if column.name != "component")
+    if table == "runs" and not duty_cycled:
+        columns = tuple(column for column in columns if column.name not in DUTY_CYCLED)
     if table == "covariances":
         return columns + covariance_columns(states)
     if position is not None:

@@ -6,23 +6,27 @@ import ast
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from wsnsim.base.errors import UsageError
 from wsnsim.campaign.engines import Engine
 from wsnsim.campaign.folders import prepare
 from wsnsim.campaign.runner import run_campaign
 from wsnsim.campaign.status import CampaignOutcome, CampaignProgress
+from wsnsim.scenario.load import Overrides
 from wsnsim.scenario.plugin_access import Plugins, access
+
+TrackersText: TypeAlias = str | Sequence[Any] | Mapping[str, Any] | None
+"""Trackers to compare: 'pf:particles=1000,ekf', a list of names, components and mappings, or a mapping by names."""
 
 
 def sweep(  # noqa: PLR0913
-    source: str | Path | Mapping[str, Any] | Sequence[str],
+    source: Any,
     *,
     out: str | Path,
-    vary: Sequence[str] = (),
-    overrides: Sequence[str] = (),
-    trackers: str | None = None,
+    vary: Sequence[str] | Mapping[str, Any] = (),
+    overrides: Overrides = (),
+    trackers: TrackersText = None,
     replicates: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -37,13 +41,15 @@ def sweep(  # noqa: PLR0913
 
     Args:
         source: file or shipped name of a sweep, a dict with the same content ({"scenario": "pso_mhpf", "grid":
-            {"tracker.particles": [100, 200]}}), or scenarios, with axes in `vary`.
+            {"tracker.particles": [100, 200]}}), or scenarios (names, a dict, what `load` returned) and axes in
+            `vary`.
         out: folder of the campaign.
-        vary: axes, such as "tracker.particles=100,200".
-        overrides: changed values, such as "duration=10 s".
-        trackers: trackers to compare, each with its own parameters: "pf:particles=1000,ekf".
+        vary: axes, such as ["tracker.particles=100,200"] or {"tracker.particles": [100, 200]}.
+        overrides: changed values, such as ["duration=10 s"] or {"duration": "10 s"}.
+        trackers: trackers to compare, each with its own parameters: "pf:particles=1000,ekf", a list of names,
+            components and mappings, or such a mapping by the names that tables show.
         replicates: Monte Carlo runs per point, if not those of the sweep.
-        workers: number of processes, all cores by default.
+        workers: number of processes, all cores by default; 0: the runs are made in this process.
         scheduler: address of a Dask scheduler, on whose workers to run instead.
         batch: whether standalone runs are made many at once where the tracker offers it.
         progress: called with the progress several times a second.
@@ -59,7 +65,7 @@ def sweep(  # noqa: PLR0913
     """
     from wsnsim.scenario.sweep import load_sweep
 
-    if scheduler is None:
+    if scheduler is None and workers != 0:
         _demand_main_guard()
     plan = load_sweep(source, vary, overrides, trackers, replicates=replicates)
     by = [key for key in ("tracker", "tracker.kind") if trackers and key in plan.keys]
@@ -67,6 +73,15 @@ def sweep(  # noqa: PLR0913
     allowed = access(Plugins.ANY)
     engine = _engine(folder.path, workers, scheduler)
     return run_campaign(folder, engine, on_progress=progress, batch=batch, access=allowed)
+
+
+def needs_main_guard() -> bool:
+    """Whether a script calls this function where a worker process that imports the script would call it, too."""
+    try:
+        _demand_main_guard()
+    except UsageError:
+        return True
+    return False
 
 
 def _demand_main_guard() -> None:
@@ -78,7 +93,8 @@ def _demand_main_guard() -> None:
             name == "__mp_main__" or (name == "__main__" and file and not is_guarded(_text(file), frame.f_lineno))
         ):
             raise UsageError(
-                'a script must call wsnsim.sweep under if __name__ == "__main__": workers import the script'
+                'a script must call wsnsim.sweep under if __name__ == "__main__": workers import the script; workers=0'
+                " makes the runs without workers"
             )
         frame = frame.f_back
 
@@ -105,6 +121,10 @@ def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
         from wsnsim.campaign.dask_engine import DaskEngine
 
         return DaskEngine(folder, scheduler)
+    if workers == 0:
+        from wsnsim.campaign.serial_engine import SerialEngine
+
+        return SerialEngine()
     from wsnsim.campaign.local_engine import LocalEngine, available_cores
 
     return LocalEngine(workers or available_cores())

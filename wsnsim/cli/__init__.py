@@ -1,7 +1,7 @@
 """The command line: arguments become calls, and errors become one message and an exit code.
 
-    wsnsim run | sweep | compare | collect | reproduce | report | check | fit | list | schema | new | info | export |
-           trace | diff | plot | verify | recover
+    wsnsim run | watch | sweep | compare | collect | reproduce | report | check | fit | list | schema | new | info |
+           export | import | trace | diff | plot | verify | recover
 
 Only click is imported here. Every command imports what it needs, so that `wsnsim --help` and `wsnsim list` answer at
 once. Results go to stdout, progress and errors to stderr. Exit codes: 0 success; 1 a run failed; 2 wrong usage or
@@ -25,14 +25,41 @@ from wsnsim.base.errors import ScenarioError, WsnsimError
 from wsnsim.base.garbage import NEW_OBJECTS
 from wsnsim.base.plugin_code import TRACEBACK_HINT, plugin_fault
 from wsnsim.base.progress import watching
-from wsnsim.cli import campaigns, commands, fitting, plotting, reporting, reproducing
+from wsnsim.cli import (
+    campaigns,
+    commands,
+    exporting,
+    fitting,
+    importing,
+    info,
+    new,
+    plotting,
+    reporting,
+    reproducing,
+    running,
+    watch,
+)
 from wsnsim.cli.imports import plugins_announced
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import WorkBar
 from wsnsim.cli.shared import echo, group
 from wsnsim.cli.streams import end_stderr, open_streams, redirect_to_nowhere
 
-__all__ = ["campaigns", "commands", "fitting", "main", "plotting", "reporting", "reproducing"]
+__all__ = [
+    "campaigns",
+    "commands",
+    "exporting",
+    "fitting",
+    "importing",
+    "info",
+    "main",
+    "new",
+    "plotting",
+    "reporting",
+    "reproducing",
+    "running",
+    "watch",
+]
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 

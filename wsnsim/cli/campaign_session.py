@@ -154,7 +154,7 @@ def print_comparison(folder: Folder, options: ComparisonOptions, plugins: Plugin
     Returns:
         The exit code: 1 if there are no results, 3 if a damaged file was set aside.
     """
-    from wsnsim.analysis import code_origin, comparison, comparison_text
+    from wsnsim.analysis import code_origin, comparison, comparison_answer, comparison_text
     from wsnsim.base.errors import ResultError
     from wsnsim.campaign import needs_permission
 
@@ -176,7 +176,8 @@ def print_comparison(folder: Folder, options: ComparisonOptions, plugins: Plugin
     if options.csv:
         _write_csv(found.table, options.csv)
     if options.as_json:
-        echo_json({**comparison.as_json(found), "folder": str(folder.path), **code_origin.as_json(folder)})
+        answer = {"answer": comparison_answer.answer(found), "folder": str(folder.path)}
+        echo_json({**comparison.as_json(found), **answer, **code_origin.as_json(folder)})
     else:
         echo("\n".join([comparison_text.text(found), *code_origin.lines(folder)]))
     return 0

@@ -1,4 +1,4 @@
-"""The commands of campaigns: sweep, compare, collect, export."""
+"""The commands of campaigns: sweep, compare, collect."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ from wsnsim.cli.shared import (
     PATH,
     accept_code_option,
     batch_option,
-    echo,
     group,
     is_campaign,
     jobs_option,
@@ -33,7 +32,6 @@ from wsnsim.cli.shared import (
     plugins_option,
     progress_option,
     quiet_option,
-    reading,
     seed_option,
 )
 
@@ -147,19 +145,6 @@ def collect(shards: tuple[Path, ...], out: Path | None, metric: str, accept_code
     if missing:
         echo_lines([f"wsnsim: {into.path} is incomplete:", *campaign.describe_missing(missing, manifest)])
     return INCOMPLETE if missing else code
-
-
-@group.command()
-@click.argument("result", metavar="FILE|DIR", type=PATH)
-@click.option("--parquet", "folder", type=PATH, required=True, metavar="DIR", help="Folder of the Parquet files.")
-@click.option("--table", "tables", multiple=True, metavar="NAME", help="Export only this table; default all.")
-def export(result: Path, folder: Path, tables: tuple[str, ...]) -> None:
-    """Export the tables of a result or of a campaign as Parquet files."""
-    from wsnsim.analysis import parquet
-
-    with reading(result):
-        for file, rows in parquet.export(result, folder, tables):
-            echo(f"{file}: {rows:,} rows")
 
 
 def _why_no_sweep(source: str) -> str:

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from wsnsim.base.continuous_power import continuous_power
-from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.errors import UsageError
 from wsnsim.base.radio import Mode
 from wsnsim.base.requests import PACKET_BITS
-from wsnsim.cli.listing import table
+from wsnsim.cli.listing import paragraph, table, wrapped_table
 from wsnsim.scenario import datasheets
-from wsnsim.scenario.files import find_or_none, find_sheet, sheet_of, shipped, shipped_parts
+from wsnsim.scenario.files import find_or_none, find_sheet, sheet_of
 
 if TYPE_CHECKING:
     from wsnsim.base.setups import RadioSetup
@@ -64,12 +64,13 @@ class InfoSection:
 
     def text(self) -> str:
         """The title and a table, and the grid as a table of its own."""
-        parts = [self.title, table(["", "value", "unit", self.note], [[*row[:4]] for row in self.rows])]
+        parts = [paragraph(line) for line in self.title.splitlines()]
+        parts.append(wrapped_table(["", "value", "unit", self.note], [[*row[:4]] for row in self.rows]))
         if self.grid:
             heads = [f"{row.name} [{row.unit}]" for row in self.grid]
             lines = zip(*(row.shown.split(", ") for row in self.grid), strict=True)
             parts += ["", table(heads, [list(line) for line in lines])]
-            parts += [f"  {row.name}: {row.note}" for row in self.grid]
+            parts += [paragraph(f"{row.name}: {row.note}", "  ", "    ") for row in self.grid]
         return "\n".join(parts)
 
 
@@ -89,6 +90,19 @@ class ComponentInfo:
         return dict(self.plain)
 
 
+def is_described(source: str) -> bool:
+    """Return whether a datasheet or a scenario has this name."""
+    return bool(what_it_is(source))
+
+
+def what_it_is(source: str) -> str:
+    """Return 'part' if the name is that of a datasheet, 'scenario' if it is that of a scenario, '' if of neither."""
+    file = find_sheet(source, Path())
+    if file is not None and sheet_of(file):
+        return "part"
+    return "scenario" if find_or_none(source) is not None else ""
+
+
 def describe(source: str, plugins: bool = False) -> ComponentInfo:
     """The values of a datasheet or of a scenario's radio, by its file or name. Without `plugins`, none is imported.
 
@@ -99,9 +113,6 @@ def describe(source: str, plugins: bool = False) -> ComponentInfo:
     file = find_sheet(source, Path())
     if file is not None and sheet_of(file):
         return _describe_datasheet(datasheets.datasheet(file, plugins))
-    if find_or_none(source) is None:
-        nearest = did_you_mean(Path(source).stem, [*shipped(), *shipped_parts()])
-        raise UsageError(f"unknown result, scenario or datasheet '{source[:80]}' ({nearest})")
     return _describe_scenario(source, plugins)
 
 

@@ -5,6 +5,7 @@ None of the listed kinds is imported.
 
 from __future__ import annotations
 
+import itertools
 import re
 import shutil
 import sys
@@ -18,7 +19,10 @@ from wsnsim.scenario.files import sheet_of, shipped_parts, shipped_sweeps
 from wsnsim.scenario.registry import ROLES, Kind, Role, kinds, role_named
 
 COLUMNS: Final = ("kind", "idea", "paper")
-TRACKER_COLUMNS: Final = ("kind", "paper", "idea", "state", "messages", "variants")
+WIDEST: Final = 100
+"""Columns of the widest table: what a terminal shows."""
+NARROWEST: Final = 12
+"""Characters below which no column is wrapped."""
 
 
 def listed(word: str | None, as_json: bool) -> str | dict[str, Any]:
@@ -34,13 +38,14 @@ def listed(word: str | None, as_json: bool) -> str | dict[str, Any]:
     roles = [role_named(word)] if word else list(ROLES.values())
     if as_json:
         return {"roles": {role.name: _role_json(role) for role in roles}}
-    return "\n\n".join(_role_text(role) for role in roles)
+    more = "More on a kind: wsnsim info KIND, such as wsnsim info " + next(iter(kinds(roles[0].name)))
+    return "\n\n".join([*(_role_text(role) for role in roles), more])
 
 
 def _files(key: str, headings: list[str], files: Mapping[str, Path], as_json: bool) -> str | dict[str, Any]:
     """The table of files: name, and first sentence of the comment at the top."""
     descriptions = {name: _first_sentence(_text(path)) for name, path in files.items()}
-    return {key: descriptions} if as_json else table(headings, [list(row) for row in descriptions.items()])
+    return {key: descriptions} if as_json else wrapped_table(headings, [list(row) for row in descriptions.items()])
 
 
 def _datasheets(as_json: bool) -> str | dict[str, Any]:
@@ -51,7 +56,7 @@ def _datasheets(as_json: bool) -> str | dict[str, Any]:
     if as_json:
         return {"parts": found}
     rows = [[name, row["sheet"], row["what"]] for name, row in found.items()]
-    return table(["part", "datasheet of a", "description"], rows)
+    return wrapped_table(["part", "datasheet of a", "description"], rows)
 
 
 def _role_json(role: Role) -> dict[str, Any]:
@@ -60,10 +65,8 @@ def _role_json(role: Role) -> dict[str, Any]:
 
 
 def _role_text(role: Role) -> str:
-    columns = TRACKER_COLUMNS if role.name == "tracker" else COLUMNS
-    headings = [{"messages": "messages per step"}.get(name, name) for name in columns]
-    cells = [[_cell(row, name, role) for name in columns] for row in kinds(role.name).values()]
-    return f"{role.plural}: {role.purpose}\n{table(headings, cells)}"
+    cells = [[_cell(row, name, role) for name in COLUMNS] for row in kinds(role.name).values()]
+    return f"{role.plural}: {role.purpose}\n{wrapped_table(list(COLUMNS), cells)}"
 
 
 def _cell(row: Kind, name: str, role: Role) -> str:
@@ -81,6 +84,37 @@ def _first_sentence(text: str) -> str:
         line.lstrip("# ") for line in text.splitlines() if line.startswith("#") and "yaml-language-server" not in line
     ]
     return " ".join(line for line in lines if not line.startswith("(")).partition(". ")[0]
+
+
+def width() -> int:
+    """The columns of a table: those of the terminal, 100 at most, and 100 if there is none."""
+    return min(WIDEST, shutil.get_terminal_size().columns) if sys.stdout.isatty() else WIDEST
+
+
+def paragraph(text: str, start: str = "", indent: str | None = None) -> str:
+    """A text wrapped to the screen: `start` begins its first line, and `indent` (else `start`) the others."""
+    later = start if indent is None else indent
+    return textwrap.fill(text, width(), initial_indent=start, subsequent_indent=later, break_on_hyphens=False)
+
+
+def wrapped_table(headings: list[str], rows: Sequence[list[str]], indent: str = "  ") -> str:
+    """A table that fits the screen: cells are wrapped, except those of the first column."""
+    widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
+    available = width() - len(indent) - 2 * (len(widths) - 1)
+    while sum(widths) > available and max(widths[1:]) > NARROWEST:
+        widest = max(range(1, len(widths)), key=lambda i: widths[i])
+        widths[widest] -= 1
+    lines = []
+    for row in [headings, *rows]:
+        cells = [[row[0]], *(_wrapped(cell, size) for cell, size in zip(row[1:], widths[1:], strict=True))]
+        for pieces in itertools.zip_longest(*cells, fillvalue=""):
+            line = "  ".join(piece.ljust(size) for piece, size in zip(pieces, widths, strict=True))
+            lines.append(f"{indent}{line}".rstrip())
+    return "\n".join(lines)
+
+
+def _wrapped(cell: str, size: int) -> list[str]:
+    return textwrap.wrap(cell, size, break_on_hyphens=False) or [""]
 
 
 def table(headings: list[str], rows: Sequence[list[str]]) -> str:

@@ -21,8 +21,16 @@ from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option,
     metavar="MB",
     help="Largest size of the page; replay and figures are reduced to fit.",
 )
+@click.option("--bound", "bounds", is_flag=True, help="Show the three Cramer-Rao bounds.")
 @plugins_option
-def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, megabytes: float, plugins: bool) -> None:
+def report(
+    results: tuple[Path, ...],
+    out: Path | None,
+    replicate: int | None,
+    megabytes: float,
+    bounds: bool,
+    plugins: bool,
+) -> None:
     """Write one HTML page of results, with a replay. The page loads nothing from the Internet."""
     import wsnsim.recording as recording
     import wsnsim.report as pages
@@ -35,7 +43,7 @@ def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, m
     for result in results:
         not_the_result(path, result, "page")
     with reading(*results):
-        written = pages.write(results, path, replicate, int(1e6 * megabytes), published, plugins)
+        written = pages.write(results, path, replicate, int(1e6 * megabytes), published, plugins, bounds)
     echo(f"{written.path}: {written.size / 1e6:.2f} MB; open it in a browser")
     for note in written.notes:
         echo(f"  {note}")

@@ -63,7 +63,8 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
     Each row shows the published value, the measured one and the bound. PAPER is jiang2013, liu2012, wei2022, ruan2020
     or li2012; all of them by default. Verdicts on means and RMSEs need 200 runs (--full). `frontier` is our own
     comparison: error against energy of every tracker on one field. `reality` compares recorded readings with simulated
-    ones, on the tracks that come with wsnsim or on those of --data. Finished runs are not repeated.
+    ones, on the tracks that come with wsnsim or on those of --data. `duty_cycles` compares what trackers cost on radios
+    that are off most of the time. Finished runs are not repeated.
     """
     from wsnsim.papers import reproduce as reproducing
 

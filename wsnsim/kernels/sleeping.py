@@ -1,7 +1,7 @@
 """Which nodes listen, and what their sleep schedules say, in one pass over them.
 
     listening(nodes, time, ..., result) -> unknown
-    period_spans(keys, time, law, awake, begins, ends)        period_sums(keys, since, until, law, seconds, changes)
+    period_spans(keys, times, law, awake, begins, ends)        period_sums(keys, since, until, law, seconds, changes)
 
 A schedule in periods has a law: period in s, awake part of a period in s, probability of being awake in a period, and
 whether each node's periods have a phase of its own. The random numbers are those of `base.rng`.
@@ -75,12 +75,12 @@ def _is_on(key: np.uint64, number: int, probability: float) -> bool:
 
 
 @exact_kernel
-def period_spans(keys: Keys, time: float, law: Law, awake: Bools, begins: Floats, ends: Floats) -> None:
-    """Find what the schedules say at a time, and the part of a period around it for which they say so.
+def period_spans(keys: Keys, times: Floats, law: Law, awake: Bools, begins: Floats, ends: Floats) -> None:
+    """Find what the schedules say at a time of each, and the part of a period around it for which they say so.
 
     Args:
         keys: (n,) the counter keys of the nodes.
-        time: The time in s.
+        times: (n,) times in s.
         law: The law of the schedules.
         awake: (n,) in which is written which nodes are awake.
         begins: (n,) in which is written from when on, in s.
@@ -89,12 +89,12 @@ def period_spans(keys: Keys, time: float, law: Law, awake: Bools, begins: Floats
     period, length, probability, staggered = law
     for i in range(keys.size):
         phase = period * uniform(keys[i], 0) if staggered else 0.0
-        number = _number(phase, period, time)
+        number = _number(phase, period, times[i])
         awake[i] = _is_on(keys[i], number, probability)
         begins[i], ends[i] = _start(phase, period, number), _start(phase, period, number + 1)
         if length < period:
             falls_asleep = begins[i] + length
-            if time >= falls_asleep:
+            if times[i] >= falls_asleep:
                 awake[i], begins[i] = False, falls_asleep
             else:
                 ends[i] = falls_asleep

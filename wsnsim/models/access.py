@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar, Final
 
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.radio_duty import Latency
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup
 
@@ -55,21 +56,27 @@ class Framed:
     """
 
     rate: Annotated[float, RATE, "bit rate on the air"] = 250e3
-    phy_overhead: Annotated[int, Quantity("", ge=0, le=127), "bytes before the PSDU: preamble, delimiter, length"] = 6
+    phy_overhead: Annotated[
+        int, Quantity("", ge=0, le=127, label="byte"), "bytes before the PSDU: preamble, delimiter, length"
+    ] = 6
     header: Annotated[
-        int, Quantity("", ge=0, le=127), "bytes of the PSDU without its payload: header and check sequence"
+        int,
+        Quantity("", ge=0, le=127, label="byte"),
+        "bytes of the PSDU without its payload: header and check sequence",
     ] = 11
-    max_psdu: Annotated[int, Quantity("", ge=1, le=127), "bytes of the longest PSDU"] = 127
-    turnaround: Annotated[float, SPAN, "between receiving and sending"] = 192e-6
+    max_psdu: Annotated[int, Quantity("", ge=1, le=127, label="byte"), "bytes of the longest PSDU"] = 127
+    turnaround: Annotated[float, SPAN, "time between receiving and sending"] = 192e-6
     acks: Annotated[bool, "whether the receiver acknowledges a unicast"] = True
-    ack_bytes: Annotated[int, Quantity("", ge=1, le=127), "bytes of an acknowledgement on the air"] = 11
+    ack_bytes: Annotated[int, Quantity("", ge=1, le=127, label="byte"), "bytes of an acknowledgement on the air"] = 11
     ack_wait: Annotated[float, TICK, "how long a sender waits for an acknowledgement"] = 864e-6
     max_retries: Annotated[
         int, Quantity("", ge=0, le=100), "how often a frame is sent again without an acknowledgement"
     ] = 3
     sifs: Annotated[float, SPAN, "spacing between a short frame and the sender's next one"] = 192e-6
     lifs: Annotated[float, SPAN, "spacing between a long frame and the sender's next one"] = 640e-6
-    sifs_bytes: Annotated[int, Quantity("", ge=0, le=127), "bytes of the largest PSDU of a short frame"] = 18
+    sifs_bytes: Annotated[
+        int, Quantity("", ge=0, le=127, label="byte"), "bytes of the largest PSDU of a short frame"
+    ] = 18
 
     @property
     def payload_bits(self) -> int:
@@ -141,6 +148,12 @@ class Csma(Framed):
     max_backoffs: Annotated[int, Quantity("", ge=0, le=100), "macMaxCSMABackoffs: attempts after the first"] = 4
     cca: Annotated[float, TICK, "duration of a clear channel assessment"] = 128e-6
 
+    def latency(self, bits: int) -> Latency:
+        """The latency of a payload of `bits`: the longest first backoff, the frame, and its acknowledgement."""
+        waits = (2**self.min_be - 1) * self.backoff + self.cca
+        sent = waits + self.turnaround + self.airtime(self.bits(bits))
+        return Latency(sent + self.turnaround + self.airtime(self.ack_bits), sent)
+
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield the issues of `Framed`, and one if the backoff exponents decrease."""
         yield from Framed.check(self, setup)
@@ -182,7 +195,7 @@ class Tdma(Csma):
         Quantity("s", ge=1e-6, le=1e3),
         "length of a slot; left out: as long as the longest frame of its round needs",
     ] = None
-    schedule_bits: Annotated[int, Quantity("", ge=1, le=1000), "bits of one entry of the schedule"] = 16
+    schedule_bits: Annotated[int, Quantity("", ge=1, le=1000, label="bit"), "bits of one entry of the schedule"] = 16
     contention: Annotated[
         float,
         Quantity("s", ge=0.0, le=10.0),
@@ -212,7 +225,8 @@ class Tdma(Csma):
 def _unfragmented(setup: Setup) -> Iterator[tuple[tuple[str, ...], int, str]]:
     """Yield (key, bits, description) of what the scenario sends in one frame."""
     if isinstance(setup, BeaconSetup):
-        yield ("workload", "bits"), int(getattr(setup.workload, "bits", 0)), "a beacon"
+        what = "a beacon" if setup.workload.mechanism == "beacons" else "a report"
+        yield ("workload", "bits"), int(getattr(setup.workload, "bits", 0)), what
     if isinstance(setup, NetworkSetup):
         yield ("mac", "max_psdu"), PACKET_BITS, "a packet"
         if setup.sink.point is not None:

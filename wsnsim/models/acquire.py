@@ -21,7 +21,11 @@ from wsnsim.base.vector_readings import finite, near, rows
 from wsnsim.models.bounds import DEVIATION, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)
-FRAME = Quantity("", ge=1, le=1_000_000)
+UNITS = ("m", "m/s", "m", "m/s")
+"""Units of the state that the default prior is for."""
+TYPICAL = {"m": 5.0, "m/s": 3.0, "rad/s": 0.1}
+"""Standard deviations by unit, for the example in a message; 1 for any other unit."""
+FRAME = Quantity("", ge=1, le=1_000_000, label="bit")
 MOST_SEARCHES = 1_000_000
 """Greatest number of instants in a run at which nodes search for a target (our choice)."""
 LEVELS = 8
@@ -35,8 +39,10 @@ class AroundTruth:
     Our choice, with its standard deviations: Jiang, Song, Lin (2013) gives no prior.
     """
 
-    sd: Annotated[tuple[float, ...], DEVIATION, "deviation of each column, SI units"] = DEVIATIONS
-    mean: Annotated[tuple[float, ...] | None, STATE, "of each column; left out: drawn around the start"] = None
+    sd: Annotated[tuple[float, ...], DEVIATION, "standard deviation of each column of the state"] = DEVIATIONS
+    mean: Annotated[
+        tuple[float, ...] | None, STATE, "mean of each column of the state; left out: sampled around the start"
+    ] = None
 
     def draw(self, start: Floats, rng: np.random.Generator) -> Estimate:
         """The prior that filters are given: N(m0, diag(sd²)) with m0 ~ N(start, diag(sd²)), or the mean given."""
@@ -45,13 +51,31 @@ class AroundTruth:
         return Estimate(mean=mean, cov=np.diag(sd**2))
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Yield an issue if the prior has another dimension than the state."""
-        columns = setup.motions[0].columns
+        """Yield an issue if the prior has another dimension than the state, or is the default of another state."""
+        motion = setup.motions[0]
+        columns = motion.columns
+        if self.sd == DEVIATIONS and len(columns) == len(DEVIATIONS) and tuple(motion.units) != UNITS:
+            yield Issue(
+                ("prior", "sd"),
+                f"the default is for columns in {', '.join(UNITS)}; the state is {_named(motion)}: "
+                f"give {example_of(motion)}",
+            )
         for key, values in (("sd", self.sd), ("mean", self.mean)):
             if values is not None and len(values) != len(columns):
-                yield Issue(
-                    ("prior", key), f"{len(values)} values for a state of {len(columns)} columns: {' '.join(columns)}"
-                )
+                found = f"{len(values)} values for a state of {len(columns)} columns: {' '.join(columns)}"
+                hint = f"; this is the default, give {example_of(motion)}" if values == DEVIATIONS else ""
+                yield Issue(("prior", key), found + hint)
+
+
+def _named(motion: MotionModel) -> str:
+    """The columns of a state with their units."""
+    pairs = zip(motion.columns, motion.units, strict=True)
+    return ", ".join(f"{column} in {unit}" if unit else column for column, unit in pairs)
+
+
+def example_of(motion: MotionModel) -> str:
+    """Return the line of a scenario with a standard deviation for each state column of a motion model."""
+    return f"prior: {{sd: [{', '.join(f'{TYPICAL.get(unit, 1.0):g}' for unit in motion.units)}]}}"
 
 
 @part
@@ -82,8 +106,8 @@ class FromReadings:
         Quantity("s", ge=1e-2, le=1e6),
         "interval at which awake nodes search for a target without a track, for moving heads; left out: each step",
     ] = None
-    detection_bits: Annotated[int, FRAME, "of the message that a target has been detected"] = PACKET_BITS
-    answer_bits: Annotated[int, FRAME, "of the reading that answers that message"] = PACKET_BITS
+    detection_bits: Annotated[int, FRAME, "bits of the message that a target has been detected"] = PACKET_BITS
+    answer_bits: Annotated[int, FRAME, "bits of the reading that answers that message"] = PACKET_BITS
 
     def estimate(
         self,

@@ -56,9 +56,11 @@ class Appointed(LeadsByPlace):
         Quantity("", gt=0, le=1),
         "mean square error with all in range over that with the members, below which they are too few",
     ] = 0.8
-    horizon: Annotated[float, TIMES, "for which members are appointed and the next head is chosen"] = 0.4
-    margin: Annotated[float, Quantity("m", ge=0.0, le=1e7), "beyond the sensing range in which nodes are members"] = 5.0
-    patience: Annotated[float, TIMES, "for which the head predicts on without a reading; one step at least"] = 1.0
+    horizon: Annotated[float, TIMES, "time ahead for which members are appointed and the next head is chosen"] = 0.4
+    margin: Annotated[
+        float, Quantity("m", ge=0.0, le=1e7), "distance beyond the sensing range in which nodes are members"
+    ] = 5.0
+    patience: Annotated[float, TIMES, "time for which the head predicts on without a reading; one step at least"] = 1.0
     threshold: Threshold = None
 
     def appointment(self, outlook: Outlook) -> Appointment:

@@ -16,9 +16,9 @@ POSITION_ERROR: Final = Quantity("m", ge=0, le=1e6)
 """Standard deviation of what is believed of a node's position, per axis."""
 PLACE: Final = Quantity("m", ge=-1e7, le=1e7)
 """A coordinate of a position."""
-STATE: Final = Quantity("", ge=-1e7, le=1e7)
+STATE: Final = Quantity("", ge=-1e7, le=1e7, label="SI")
 """A column of a state, in SI units."""
-DEVIATION: Final = Quantity("", ge=1e-6, le=1e7)
+DEVIATION: Final = Quantity("", ge=1e-6, le=1e7, label="SI")
 """The standard deviation of a column of a state."""
 POWER_OF_SOUND: Final = Quantity("", ge=1e-12, le=1e18)
 """An energy of a signal or of noise, in any unit."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import Issue
+from wsnsim.base.hop_times import is_duty_cycled, window_of
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.bounds import MOST_NODES, PLACE
@@ -128,6 +129,9 @@ class MovingHead(LeadsByPlace):
     waits for readings until none has come for `quiet`, at most for `cap`. Without a reading it continues its prediction
     for `patience`; then the track is lost, and awake nodes search for the target.
 
+    Left out, `quiet` and `cap` are 12 ms and 50 ms on a radio that always listens. Where it is mostly off they are 1.5
+    and 4 times what a hop takes at most, and not more than 0.6 of a step, if a hop fits into that.
+
     Source: Li, Jiang, Zhang, Zhang (2012), section 2.2, where the head is called main node. The times are our choice,
     since the paper gives none.
     """
@@ -136,20 +140,18 @@ class MovingHead(LeadsByPlace):
     minimum_active: ClassVar[int] = 1
 
     main: Annotated[Literal["prediction", "detection"], "what decides which node leads at the next step"] = "prediction"
-    sampling: Annotated[float, TIMES, "to take a reading"] = 2e-3
-    quiet: Annotated[float, WAITS, "without a reading, after which the head waits no longer"] = 12e-3
-    cap: Annotated[float, WAITS, "for which the head waits at most"] = 50e-3
-    patience: Annotated[float, TIMES, "for which the head continues its prediction without a reading"] = 3.0
+    sampling: Annotated[float, TIMES, "time to take a reading"] = 2e-3
+    quiet: Annotated[
+        float | None, WAITS, "time without a reading, after which the head waits no longer; left out: by the MAC"
+    ] = None
+    cap: Annotated[float | None, WAITS, "time for which the head waits at most; left out: by the MAC"] = None
+    patience: Annotated[float, TIMES, "time for which the head continues its prediction without a reading"] = 3.0
     threshold: Threshold = None
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue if no node could lead, if times do not fit, or if `wakeup` or `tracker` cannot be combined."""
         yield from too_little_charge(setup)
-        if self.quiet > self.cap:
-            yield Issue(("clusters", "quiet"), f"{self.quiet:g} s is more than cap = {self.cap:g} s")
-        if self.sampling + self.cap >= setup.dt:
-            longest = self.sampling + self.cap
-            yield Issue(("clusters", "cap"), f"measuring and waiting take {longest:g} s, a step lasts {setup.dt:g} s")
+        yield from self._bad_waits(setup)
         mechanism = setup.wakeup.mechanism
         if self.main == "prediction" and mechanism == "none":
             yield Issue(
@@ -167,6 +169,23 @@ class MovingHead(LeadsByPlace):
                 "the members change at each step: the tracker must keep its belief in the head (gmtt, tsstp, cluster, "
                 "ris, ekf, pf ...), and this one distributes it over the members",
             )
+
+    def _bad_waits(self, setup: NetworkSetup) -> Iterator[Issue]:
+        """Yield issues: waits that do not fit into each other or into a step, or that end before a reading can come."""
+        quiet, cap = window_of(self, setup.waits)
+        if quiet > cap:
+            yield Issue(("clusters", "quiet"), f"{quiet:g} s is more than cap = {cap:g} s")
+        longest = self.sampling + cap
+        if longest >= setup.dt:
+            yield Issue(("clusters", "cap"), f"measuring and waiting take {longest:g} s, a step lasts {setup.dt:g} s")
+        for key, given in (("quiet", self.quiet), ("cap", self.cap)):
+            if given is not None and given < setup.hop.unicast and is_duty_cycled(setup.mac):
+                yield Issue(
+                    ("clusters", key),
+                    f"{given:g} s is over before a reading can arrive: over mac: {setup.mac.mechanism} a unicast takes "
+                    f"up to {setup.hop.unicast:.3g} s; give at least {setup.hop.unicast:.3g} s, or leave it out",
+                )
+                return
 
 
 def strongest_able(ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Annotated, Final
+from typing import Annotated
 
 import numpy as np
 
@@ -23,12 +23,9 @@ from wsnsim.base.setups import Setup
 from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import TOLERANCE, covers
 from wsnsim.models.deploy_issues import ASSUMED, outside, too_few, too_few_for_a_cluster, uncovered
-from wsnsim.models.node_file import FromFile
+from wsnsim.models.node_file import FromFile, field_around
 
 __all__ = ["Anchors", "FromFile", "Grid", "JitteredGrid", "Uniform", "cells"]
-
-LEAST_SIDE: Final = 1.0
-"""Least side (m) of a field that is derived from the positions of the nodes, as with one node or nodes on a line."""
 
 
 @part
@@ -39,8 +36,8 @@ class Uniform:
     """
 
     nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
-    width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
-    height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
+    width: Annotated[float, LENGTH, "width of the field, in x"] = 400.0
+    height: Annotated[float, LENGTH, "height of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
     position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
@@ -65,8 +62,8 @@ class Grid:
     """Nodes at the centres of nearly square cells, row by row; an incomplete last row is spread evenly."""
 
     nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
-    width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
-    height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
+    width: Annotated[float, LENGTH, "width of the field, in x"] = 400.0
+    height: Annotated[float, LENGTH, "height of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
@@ -90,8 +87,8 @@ class JitteredGrid:
     """Nodes on a grid as in `Grid`, each moved at random in its cell; sampled again until the field is covered."""
 
     nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
-    width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
-    height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
+    width: Annotated[float, LENGTH, "width of the field, in x"] = 400.0
+    height: Annotated[float, LENGTH, "height of the field, in y"] = 400.0
     jitter: Annotated[float, Quantity("", ge=0, le=1), "fraction of its cell over which a node is spread"] = 0.5
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
@@ -121,8 +118,8 @@ class Anchors:
     """
 
     places: Annotated[tuple[tuple[float, float], ...], PLACE, "x and y of each node"] = ((0.0, 0.0),)
-    width: Annotated[float | None, LENGTH, "of the field, in x; default: the extent of the nodes"] = None
-    height: Annotated[float | None, LENGTH, "of the field, in y; default: the extent of the nodes"] = None
+    width: Annotated[float | None, LENGTH, "width of the field, in x; default: the extent of the nodes"] = None
+    height: Annotated[float | None, LENGTH, "height of the field, in y; default: the extent of the nodes"] = None
     centre: Annotated[
         tuple[float, float] | None, PLACE, "x and y of the field's centre; default: the centre of the nodes' extent"
     ] = None
@@ -138,15 +135,11 @@ class Anchors:
     def field(self) -> Field:
         """The monitored rectangle: as the scenario gives it, with defaults from the positions."""
         places = np.array(self.places, dtype=np.float64)
-        low, high = places.min(axis=0), places.max(axis=0)
-        middle = (low + high) / 2
-        # the centre is rounded: without the second term, an outermost node could be outside by a rounding error
-        extents = np.maximum(high - low, 2.0 * np.abs(places - middle).max(axis=0))
-        sides = np.maximum(extents, LEAST_SIDE).tolist()
+        around = field_around(places)
         return Field(
-            sides[0] if self.width is None else self.width,
-            sides[1] if self.height is None else self.height,
-            (float(middle[0]), float(middle[1])) if self.centre is None else self.centre,
+            around.width if self.width is None else self.width,
+            around.height if self.height is None else self.height,
+            around.centre if self.centre is None else self.centre,
         )
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:

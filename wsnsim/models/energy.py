@@ -68,6 +68,14 @@ class Supply:
         """Joules of a change of mode; going down and coming back cost nothing."""
         return 0.0 if before is after or Mode.DOWN in (before, after) else self.switch
 
+    def radio_start(self) -> tuple[float, float]:
+        """Return no time and `switch` joules: a start of the radio alone is a change, too."""
+        return 0.0, self.switch
+
+    def radio_stop(self) -> tuple[float, float]:
+        """Return no time and `switch` joules: a stop of the radio alone is a change, too."""
+        return 0.0, self.switch
+
     def turnaround(self) -> float:
         """Joules of a change between receiving and sending: none in these models."""
         return 0.0
@@ -181,6 +189,14 @@ class States:
         if after is Mode.AWAKE and before is not Mode.AWAKE:
             joules += processor.wake * processor.run
         return joules
+
+    def radio_start(self) -> tuple[float, float]:
+        """(s, J) of the radio from its sleep state to listening."""
+        return self._sleep.wake, self._sleep.wake * self._sleep.wake_power
+
+    def radio_stop(self) -> tuple[float, float]:
+        """(s, J) of the radio from listening to its sleep state."""
+        return self.radio.doze, self.radio.doze * self.radio.doze_power
 
     def turnaround(self) -> float:
         """Joules of one change of the radio between receiving and sending."""

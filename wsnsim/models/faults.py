@@ -15,12 +15,15 @@ from typing import Annotated, ClassVar, Final
 from wsnsim.base.errors import Issue, did_you_mean
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field
+from wsnsim.base.radio import Mode
 from wsnsim.base.setups import BeaconSetup, RadioSetup, Setup, TrackingSetup
 from wsnsim.base.vector_readings import components_of
 from wsnsim.models.bounds import MOST_NODES, PLACE
 
 TIME: Final = Quantity("s", ge=0.0, le=1e9)
 COMPONENT: Final = "the component of readings that it concerns, such as bearing; left out: all"
+TIMELESS: Final = ("ideal", "csma")
+"""MACs for which clocks may show any time."""
 SELECTORS: Final = ("nodes", "fraction", "region", "head")
 
 
@@ -160,9 +163,10 @@ class ClockStep(Aimed):
     offset: Annotated[float, Quantity("s", ge=-1e6, le=1e6), "size of the jump; positive: the clock is then ahead"]
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield the issues of every fault, and one for a network without a target, which does not use the time."""
+        """Yield the issues of every fault, and one for a network in which nothing depends on the time of a clock."""
         yield from Aimed.check(self, setup)
-        if isinstance(setup, BeaconSetup):
+        timeless = isinstance(setup, BeaconSetup) and setup.mac.mechanism in TIMELESS and setup.sync.mechanism == "none"
+        if timeless and isinstance(setup, BeaconSetup) and setup.sleep.rest is not Mode.SCHEDULED:
             yield _fault("kind", "has no effect in a network without a target: nothing depends on the time of a clock")
 
 
@@ -174,7 +178,7 @@ class Stuck(Aimed):
 
     value: Annotated[
         float | None,
-        Quantity("", ge=-1e18, le=1e18),
+        Quantity("", ge=-1e18, le=1e18, label="as readings"),
         "the stuck reading, in the unit of readings; left out: the last reading",
     ] = None
     component: Annotated[str, COMPONENT] = ""
@@ -192,7 +196,9 @@ class Bias(Aimed):
 
     mechanism: ClassVar[str] = "bias"
 
-    offset: Annotated[float, Quantity("", ge=-1e18, le=1e18), "the constant, in the unit of readings"]
+    offset: Annotated[
+        float, Quantity("", ge=-1e18, le=1e18, label="as readings"), "the constant, in the unit of readings"
+    ]
     component: Annotated[str, COMPONENT] = ""
 
     def check(self, setup: Setup) -> Iterator[Issue]:

@@ -6,7 +6,7 @@ seconds(cycles) -> s    rates(keys) -> (n,)    distort(readings, keys) -> (n,)  
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
@@ -14,10 +14,14 @@ from wsnsim.base.arrays import Floats, Keys
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.requests import PACKET_BITS
-from wsnsim.base.rng import normals, uniforms
+from wsnsim.base.rng import derive_each, normals, uniforms
 from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.bounds import PLACE
 from wsnsim.models.draws import truncated_normals
+from wsnsim.models.sinks import sink_issues
+
+OFFSETS: Final = np.array([1], dtype=np.uint64)
+"""In a counter key, stands for the error of a clock at the start; the key itself is that of its rate."""
 
 
 @part
@@ -62,14 +66,22 @@ class PerfectClock:
 class DriftingClock:
     """The clock of each node runs fast or slow by a constant rate error: N(0, sd²), truncated at three deviations.
 
-    30 ppm is the tolerance of a quartz; the truncated normal distribution is our choice.
+    At the start it is wrong by N(0, offset²), truncated in the same way; 0: the network was synchronised before. 30 ppm
+    is the tolerance of a quartz; the truncated normal distributions are our choice.
     """
 
     sd: Annotated[float, Quantity("", ge=0.0, le=0.01), "standard deviation of the rates from 1"] = 30e-6
+    offset: Annotated[
+        float, Quantity("s", ge=0.0, le=1e6), "standard deviation of the errors of clocks at the start"
+    ] = 0.0
 
     def rates(self, keys: Keys) -> Floats:
         """(n,) seconds that pass on the clock of each node per true second."""
         return 1.0 + self.sd * truncated_normals(keys)
+
+    def offsets(self, keys: Keys) -> Floats:
+        """(n,) seconds by which the clock of each node is ahead of true time at the start."""
+        return self.offset * truncated_normals(derive_each(keys, OFFSETS))
 
 
 @part
@@ -98,11 +110,15 @@ class ImperfectDetection:
         float, Quantity("", ge=0.0, lt=1.0), "probability of a false alarm, per step and node out of range"
     ] = 0.0
     bias_sd: Annotated[
-        float, Quantity("", ge=0.0, le=1e9), "standard deviation of the biases of nodes, in the unit of readings"
+        float,
+        Quantity("", ge=0.0, le=1e9, label="as readings"),
+        "standard deviation of the biases of nodes, in the unit of readings",
     ] = 0.0
     stuck: Annotated[float, Quantity("", ge=0.0, le=1.0), "probability that a node is stuck"] = 0.0
     stuck_at: Annotated[
-        float, Quantity("", ge=-1e18, le=1e18), "what a stuck node reports, in the unit of readings"
+        float,
+        Quantity("", ge=-1e18, le=1e18, label="as readings"),
+        "what a stuck node reports, in the unit of readings",
     ] = 0.0
 
     def distort(self, readings: Floats, keys: Keys) -> Floats:
@@ -168,7 +184,7 @@ class NearestNode:
 
     x: Annotated[float, PLACE, "the sink is the node nearest to (x, y)"] = 0.0
     y: Annotated[float, PLACE, "the sink is the node nearest to (x, y)"] = 0.0
-    bits: Annotated[int, Quantity("", ge=1, le=1_000_000), "bits of a report"] = PACKET_BITS
+    bits: Annotated[int, Quantity("", ge=1, le=1_000_000, label="bit"), "bits of a report"] = PACKET_BITS
     every: Annotated[
         float | None, Quantity("s", gt=0.0, le=1e9), "time between reports; left out: every estimate is reported"
     ] = None
@@ -179,8 +195,5 @@ class NearestNode:
         return self.x, self.y
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue for reports at times that are not steps."""
-        if self.every is not None:
-            steps = self.every / setup.dt
-            if abs(steps - round(steps)) > 1e-9 * steps or round(steps) < 1:
-                yield Issue(("sink", "every"), f"{self.every:g} s must be a whole number of steps of {setup.dt:g} s")
+        """Yield an issue for reports at times that are not steps, and for a sink that no route reaches."""
+        yield from sink_issues(setup, self.every)

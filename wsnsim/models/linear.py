@@ -109,7 +109,7 @@ class ConstantVelocity:
     noise_input: Annotated[NoiseInput, "Γ: what the process noise acts on"] = "accelerations"
     variances: Annotated[
         tuple[float, ...],
-        Quantity("", ge=0, le=1e9),
+        Quantity("", ge=0, le=1e9, label="SI"),
         "variances of the noise inputs, in SI units: one for all, or one each",
     ] = (0.72,)
     start: Annotated[tuple[float, float, float, float], STATE, "px, vx, py, vy at time 0, in m and m/s"] = (
@@ -117,7 +117,7 @@ class ConstantVelocity:
     )  # fmt: skip
     start_sd: Annotated[
         tuple[float, float, float, float] | None,
-        Quantity("", ge=0, le=1e7),
+        Quantity("", ge=0, le=1e7, label="SI"),
         "standard deviations of the ground truth's start about `start`, in m and m/s; default: none",
     ] = None
     truth_noise: Annotated[bool, "whether the ground truth has process noise; filters always assume it"] = True

@@ -3,7 +3,8 @@
     powers(distances, pairs, directions) -> dBm (n,)    reception(powers, bits, interference) -> probability (n,)
     senses(powers) -> bool (n,)                         reach, audible: m
 
-The routing components only name what a path minimises; `network.radio.routing` finds it.
+The routing components only name what a path minimises; `network.radio.routing` finds it. Nodes know it for nothing:
+these paths are the reference for `models.collection`, where nodes pay for their routes.
 """
 
 from __future__ import annotations

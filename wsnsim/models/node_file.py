@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
-from typing import Annotated, ClassVar
+from functools import cached_property
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
-from wsnsim.base.part import part
+from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field
 from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.base.traits import HEIGHT
 from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
 from wsnsim.models.csvfile import CsvRows, Wanted, read_columns, read_rows
 from wsnsim.models.deploy_issues import ASSUMED, outside, too_few_for_a_cluster, uncovered
+
+MARGIN: Final = Quantity("m", ge=0, le=1e6)
+LEAST_SIDE: Final = 1.0
+"""Least side (m) of a field that is derived from the positions of the nodes, as with one node or nodes on a line."""
+EVERYWHERE: Final = Field(2e7, 2e7)
+"""The places that a coordinate may have: see `bounds.PLACE`."""
 
 
 @part
@@ -34,21 +42,43 @@ class PlaceColumns:
 class FromFile:
     """Nodes at positions from a CSV file with the columns x and y, in m; optionally names (id) and heights (z).
 
+    Coordinates may have any origin, such as that of a map grid: `centre` says where the field is, or `fit: true` takes
+    the field from the nodes. Trajectories are in the same coordinates.
+
     Recorded readings refer to nodes by these names. Heights count in the law of a sensor that has them.
     """
 
     path: Annotated[str, "CSV file, also .gz, with a header that names x and y; further columns are ignored"]
     columns: Annotated[PlaceColumns, "the names of the file's columns, where they differ"] = PlaceColumns()
-    width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
-    height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
+    width: Annotated[float, LENGTH, "width of the field, in x"] = 400.0
+    height: Annotated[float, LENGTH, "height of the field, in y"] = 400.0
     centre: Annotated[tuple[float, float], PLACE, "x and y of the field's centre"] = (0.0, 0.0)
+    fit: Annotated[bool, "whether the field is the smallest rectangle that contains the nodes, wherever they stand"] = (
+        False
+    )
+    margin: Annotated[float, MARGIN, "by which a fitted field extends beyond the outermost nodes, on every side"] = 0.0
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
-    @property
+    def __post_init__(self) -> None:
+        """Raises ValueError if the field is both fitted and given."""
+        if self.fit and (self.width, self.height, self.centre) != (400.0, 400.0, (0.0, 0.0)):
+            raise ValueError("fit: true sets width, height and centre from the nodes: leave them out")
+        if self.margin and not self.fit:
+            raise ValueError("margin goes with fit: true")
+
+    @cached_property
     def field(self) -> Field:
-        """The rectangle of `width` by `height`, centred at `centre`."""
-        return Field(self.width, self.height, self.centre)
+        """The rectangle of `width` by `height` around `centre`, or that of the nodes if it is fitted.
+
+        If the file cannot be read, it is the former: `check` and `draw` say why.
+        """
+        given = Field(self.width, self.height, self.centre)
+        if not self.fit:
+            return given
+        with contextlib.suppress(RunError):
+            return field_around(self._places(), self.margin)
+        return given
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -80,7 +110,13 @@ class FromFile:
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions in the file's order. Raises RunError with file and line if it cannot be read."""
+        if self.fit:
+            return self._places()
         return read_positions(self.path, self.field, (self.columns.x, self.columns.y))
+
+    def _places(self) -> Floats:
+        """(N, 2) positions, wherever they are. Raises RunError with file and line if the file cannot be read."""
+        return read_positions(self.path, EVERYWHERE, (self.columns.x, self.columns.y))
 
     def _rows(self, wanted: Wanted) -> CsvRows:
         """The rows of the file. Raises RunError with file and line if one cannot be used: it would shift the others."""
@@ -99,6 +135,16 @@ class FromFile:
             return
         yield from too_few_for_a_cluster(len(positions), "path", setup)
         yield from uncovered(self, positions, setup)
+
+
+def field_around(places: Floats, margin: float = 0.0) -> Field:
+    """The smallest rectangle with sides of at least 1 m that contains places (N, 2) m, extended by a margin."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    middle = (low + high) / 2
+    # the centre is rounded: without the second term, an outermost node could be outside by a rounding error
+    extents = np.maximum(high - low, 2.0 * np.abs(places - middle).max(axis=0))
+    width, height = (np.maximum(extents, LEAST_SIDE) + 2.0 * margin).tolist()
+    return Field(width, height, (float(middle[0]), float(middle[1])))
 
 
 def read_positions(path: str, field: Field, columns: tuple[str, str] = ("x", "y")) -> Floats:

@@ -34,11 +34,11 @@ class _NeverAsleep:
 
     always_listening: ClassVar[bool] = True
 
-    def awake(self, keys: Keys, time: float) -> Bools:
+    def awake(self, keys: Keys, time: Floats | float) -> Bools:
         """(n,) True: every node is awake."""
         return np.ones(len(keys), dtype=np.bool_)
 
-    def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
+    def state(self, keys: Keys, time: Floats | float) -> tuple[Bools, Floats, Floats]:
         """Every node is awake, for all time."""
         return np.ones(len(keys), dtype=np.bool_), np.zeros(len(keys)), np.full(len(keys), math.inf)
 
@@ -76,14 +76,14 @@ class _PeriodicSchedule:
     rest: ClassVar[Mode] = Mode.SCHEDULED
     period: float
 
-    def awake(self, keys: Keys, time: float) -> Bools:
-        """(n,) which nodes are awake at a time."""
+    def awake(self, keys: Keys, time: Floats | float) -> Bools:
+        """(n,) which nodes are awake at a time, or each at a time of its own (n,)."""
         return self.state(keys, time)[0]
 
-    def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
+    def state(self, keys: Keys, time: Floats | float) -> tuple[Bools, Floats, Floats]:
         """Which nodes are awake (n,), and the part of a period that contains the time: from (n,), until (n,)."""
         awake, begins, ends = np.empty(keys.size, dtype=np.bool_), np.empty(keys.size), np.empty(keys.size)
-        period_spans(keys, float(time), self._law, awake, begins, ends)
+        period_spans(keys, np.full(keys.size, time), self._law, awake, begins, ends)
         return awake, begins, ends
 
     def tally(self, keys: Keys, since: Floats, until: Floats | float) -> tuple[Floats, Floats]:
@@ -105,11 +105,13 @@ class _PeriodicSchedule:
         awake, switches = np.zeros(asked.size), np.zeros(asked.size)
         for starts, on, before in self._in_order(keys, float(asked[-1])):
             begun = np.searchsorted(starts, asked, side="right")
-            over = np.searchsorted(starts + self._length, asked, side="right")
+            over = np.searchsorted(starts + self.awake_part, asked, side="right")
             spells, into = _prefixes(on), _prefixes((starts - starts[0]) * on)
             under_way = spells[begun] - spells[over]
-            awake += spells[over] * self._length + under_way * (asked - starts[0]) - (into[begun] - into[over])
-            switches += spells[begun] + spells[over] if self._length < self.period else _prefixes(on != before)[begun]
+            awake += spells[over] * self.awake_part + under_way * (asked - starts[0]) - (into[begun] - into[over])
+            switches += (
+                spells[begun] + spells[over] if self.awake_part < self.period else _prefixes(on != before)[begun]
+            )
         return awake[1:] - awake[0], switches[1:] - switches[0]
 
     def check(self, setup: Setup) -> Iterator[Issue]:
@@ -125,11 +127,11 @@ class _PeriodicSchedule:
         if airtime is None:
             return
         frame = airtime(setup.mac.bits(setup.mac.payload_bits))  # type: ignore[attr-defined]
-        if self._length < 2.0 * frame:
+        if self.awake_part < 2.0 * frame:
             yield Issue(
                 ("sleep", "period"),
-                f"nodes would be awake for {1000 * self._length:.3g} ms at a time, which is too short for two of the "
-                f"longest frames ({1000 * frame:.3g} ms)",
+                f"nodes would be awake for {1000 * self.awake_part:.3g} ms at a time, which is too short for two of "
+                f"the longest frames ({1000 * frame:.3g} ms)",
             )
 
     def _in_order(self, keys: Keys, until: float) -> Iterator[tuple[Floats, Bools, Bools]]:
@@ -165,8 +167,8 @@ class _PeriodicSchedule:
         raise NotImplementedError
 
     @property
-    def _length(self) -> float:
-        """The awake part of a period in s."""
+    def awake_part(self) -> float:
+        """Seconds that a node is awake at a time, at least."""
         return self._law[1]
 
 
@@ -179,8 +181,8 @@ class RandomIndependent(_PeriodicSchedule):
     Source: Kumar, Lai, Balogh (2004); p and T are our choice, as Li, Jiang, Zhang, Zhang (2012) give none.
     """
 
-    period: Annotated[float, PERIOD, "T_RIS: the time for which a node decides at once"] = 10.0
-    probability: Annotated[float, Quantity("", ge=0.0, le=1.0), "p: of being awake in a period"] = 0.3
+    period: Annotated[float, PERIOD, "T_RIS: length of the periods, for each of which a node decides once"] = 10.0
+    probability: Annotated[float, Quantity("", ge=0.0, le=1.0), "p: probability of being awake in a period"] = 0.3
 
     @property
     def _law(self) -> Law:
@@ -194,7 +196,7 @@ class DutyCycle(_PeriodicSchedule):
     Our choice, for comparison: at an equal share of time awake it matters which nodes are awake together.
     """
 
-    period: Annotated[float, PERIOD, "from one waking to the next"] = 10.0
+    period: Annotated[float, PERIOD, "time from one waking to the next"] = 10.0
     awake_share: Annotated[float, Quantity("", gt=0.0, le=1.0), "share of the period that a node is awake"] = 0.3
     phases: Annotated[Literal["synchronous", "staggered"], "whether all nodes wake at the same time"] = "staggered"
 

@@ -124,7 +124,7 @@ class _WakesRegion(_Wakes):
     """What wake-up protocols share that wake a disc around the predicted position."""
 
     radius: Annotated[
-        float | None, LENGTH, "of the region around the predicted position; left out: the sensing range"
+        float | None, LENGTH, "radius of the region around the predicted position; left out: the sensing range"
     ] = None
     speed: Annotated[
         float,
@@ -209,8 +209,8 @@ class ExperienceZones(_Wakes):
     probabilities: Annotated[
         tuple[float, float, float, float] | None,
         Quantity("", ge=0.0, le=1.0),
-        "to track: inside r and ahead, inside r and not ahead, beyond r and ahead, beyond r and not ahead; left out: "
-        "those of `levels`",
+        "probabilities to track: inside r and ahead, inside r and not ahead, beyond r and ahead, beyond r and not "
+        "ahead; left out: those of `levels`",
     ] = None
 
     def compose(self, plan: WakeUpPlan, belief: Any) -> WakeUpMessage:

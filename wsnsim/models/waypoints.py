@@ -80,9 +80,9 @@ class RandomWaypoint(Straight):
     Jiang, Zhang, Zhang (2012) give v_max; the least speed and the pauses are our choice.
     """
 
-    width: Annotated[float, LENGTH, "of the area, in x"] = 500.0
-    height: Annotated[float, LENGTH, "of the area, in y"] = 500.0
-    centre: Annotated[tuple[float, float], PLACE, "centre of the area"] = (0.0, 0.0)
+    width: Annotated[float, LENGTH, "width of the area, in x"] = 500.0
+    height: Annotated[float, LENGTH, "height of the area, in y"] = 500.0
+    centre: Annotated[tuple[float, float], PLACE, "x and y of the area's centre"] = (0.0, 0.0)
     speed: Annotated[tuple[float, float], Quantity("m/s", gt=0.0, le=1e6), "range of the speed, uniform"] = (
         1.0, 8.0,
     )  # fmt: skip
@@ -179,7 +179,7 @@ class Waypoints(Straight):
 
     points: Annotated[
         tuple[tuple[float, float, float], ...],
-        Quantity("", ge=-FARTHEST_POINT, le=FARTHEST_POINT),
+        Quantity("", ge=-FARTHEST_POINT, le=FARTHEST_POINT, label="s, m, m"),
         "t, x and y of each waypoint, in s and m",
     ] = ()
     path: Annotated[str | None, "CSV file with a header that names t, x and y; other columns are ignored"] = None

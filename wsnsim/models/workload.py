@@ -28,8 +28,8 @@ class Periodic:
 
     mechanism: ClassVar[str] = "beacons"
 
-    period: Annotated[float, Quantity("s", ge=1e-3, le=1e6), "between a node's beacons, on its own clock"] = 1.0
-    bits: Annotated[int, Quantity("", ge=1, le=1_000_000), "payload of a beacon"] = PACKET_BITS
+    period: Annotated[float, Quantity("s", ge=1e-3, le=1e6), "time between a node's beacons, on its own clock"] = 1.0
+    bits: Annotated[int, Quantity("", ge=1, le=1_000_000, label="bit"), "payload of a beacon"] = PACKET_BITS
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if a beacon takes longer than its period."""

@@ -1,56 +1,166 @@
-"""The clocks of nodes: how far drift and steps have put them ahead of true time.
+"""The clocks of nodes: how far drift, steps and corrections have put them ahead of true time.
 
-    clocks.rate(node)                    seconds on the clock per true second: a timer of T s lasts T / rate
-    clocks.error(nodes, time) -> (n,)    seconds by which each clock is ahead of true time
+    clocks.rate(node)                     seconds on the oscillator per true second: a timer of T s lasts T / rate
+    clocks.error(nodes, time) -> (n,)     seconds by which each clock is ahead of true time
+    clocks.local(nodes, time) -> (n,)     what the clocks show      clocks.when(node, local) -> true time
+    clocks.correct(node, offset, rate)    what time synchronisation does
 
-The rate of a clock is a function of the random key and the number of the node alone. Perfect clocks cost nothing.
+Every node has an *own clock*: its oscillator, which drifts, and which a fault may step. Its *clock* is what schedules
+and time stamps depend on: the own clock with all corrections. Both are linear functions of true time between two
+changes. The rate of an oscillator is a function of the random key and the number of the node alone. Perfect clocks
+cost nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
+import simpy
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.radio import Clock
+from wsnsim.base.radio import Clock, StartsWithOffsets
 from wsnsim.base.rng import derive_all
 
 
 class Clocks:
-    """The clocks of `size` nodes. All show the true time at the start (our choice: the network was synchronised)."""
+    """The clocks of `size` nodes. Unless the model has offsets, all show the true time at the start (our choice).
 
-    def __init__(self, model: Clock, key: int, size: int) -> None:
-        rates = model.rates(derive_all(key, np.arange(size)))
+    `env` gives the time of corrections; without it they are made at time 0.
+
+    Attributes:
+        drift: Whether any oscillator runs at another rate than true time.
+        on_step: Called with each node whose clock was stepped or corrected, after the change.
+    """
+
+    def __init__(self, model: Clock, key: int, size: int, env: simpy.Environment | None = None) -> None:
+        self._env = simpy.Environment() if env is None else env
+        self._size = size
+        keys = derive_all(key, np.arange(size))
+        rates = model.rates(keys)
+        offsets = model.offsets(keys) if isinstance(model, StartsWithOffsets) else np.zeros(0)
         self._largest_drift = float(np.abs(rates - 1.0).max(initial=0.0))
-        self._rates: Floats | None = rates if self._largest_drift > 0.0 else None
-        self._steps: dict[int, float] = {}
+        self.drift = self._largest_drift > 0.0
+        self._rates: Floats | None = rates if self.drift else None
+        self._slopes: Floats | None = rates - 1.0 if self.drift else None
+        self._bases: Floats | None = offsets if offsets.any() else None
+        self._own_slopes, self._own_bases = self._slopes, self._bases
+        self._corrected: dict[int, float] = {}
+        self.on_step: list[Callable[[int], None]] = []
 
     @property
-    def drift(self) -> bool:
-        """Whether any clock runs at another rate than true time."""
-        return self._rates is not None
+    def perfect(self) -> bool:
+        """Whether every clock has shown the true time so far, and will until it is stepped."""
+        return self._slopes is None and self._bases is None
 
     def rate(self, node: int) -> float:
-        """Seconds that pass on the clock of a node per true second. Backoffs and beacon periods depend on it."""
+        """Seconds that pass on the oscillator of a node per true second. Backoffs and beacon periods depend on it."""
         return 1.0 if self._rates is None else float(self._rates[node])
 
     def lasts(self, node: int, seconds: float) -> float:
         """True seconds for which a timer of a node runs that is set to `seconds`."""
         return seconds if self._rates is None else seconds / float(self._rates[node])
 
-    def step(self, nodes: Iterable[int], offset: float) -> None:
-        """Put the clocks of nodes forward by `offset` seconds; back if it is negative."""
-        for node in nodes:
-            self._steps[node] = self._steps.get(node, 0.0) + offset
-
     def error(self, nodes: Ints, time: float) -> Floats:
-        """(n,) seconds by which the clocks of nodes are ahead at a true time: (rate - 1) time + steps."""
-        ahead = np.zeros(len(nodes)) if self._rates is None else (self._rates[nodes] - 1.0) * time
-        if self._steps:
-            ahead = ahead + np.array([self._steps.get(node, 0.0) for node in nodes.tolist()])
-        return ahead
+        """(n,) seconds by which the clocks of nodes are ahead at a true time, by what is known of them now."""
+        ahead = np.zeros(len(nodes)) if self._slopes is None else self._slopes[nodes] * time
+        return ahead if self._bases is None else ahead + self._bases[nodes]
+
+    def local(self, nodes: Ints, time: float) -> Floats:
+        """(n,) what the clocks of nodes show at a true time, in s."""
+        return time + self.error(nodes, time)
+
+    def when(self, node: int, local: float) -> float:
+        """The true time in s at which the clock of a node shows `local`, if nothing changes it before."""
+        base = 0.0 if self._bases is None else float(self._bases[node])
+        slope = 0.0 if self._slopes is None else float(self._slopes[node])
+        return (local - base) / (1.0 + slope)
+
+    def shows(self, node: int) -> float:
+        """What the clock of a node shows now, in s."""
+        now = self._env.now
+        return now + self._error_of(node, now, self._bases, self._slopes)
+
+    def own(self, node: int) -> float:
+        """What the own clock of a node shows now, in s: its clock, had it never been corrected."""
+        now = self._env.now
+        return now + self._error_of(node, now, self._own_bases, self._own_slopes)
+
+    def lines(self, nodes: Ints) -> tuple[Floats, Floats]:
+        """((n,) b in s, (n,) m) of the errors b + m t of nodes, from their last change on."""
+        nothing = np.zeros(len(nodes))
+        return (
+            nothing if self._bases is None else self._bases[nodes],
+            nothing if self._slopes is None else self._slopes[nodes],
+        )
+
+    def step(self, nodes: Iterable[int], offset: float) -> None:
+        """Put the own clocks of nodes, and their clocks, forward by `offset` seconds; back if it is negative."""
+        self._separate()
+        assert self._bases is not None and self._own_bases is not None, "stepped clocks have offsets"
+        for node in nodes:
+            self._bases[node] += offset
+            self._own_bases[node] += offset
+            self._changed(node)
+
+    def correct(self, node: int, offset: float, rate: float | None = None) -> None:
+        """Put the clock of a node forward by `offset` seconds from now on; back if it is negative.
+
+        While every clock shows the true time this does nothing: perfect clocks need no correction.
+
+        Args:
+            node: The node.
+            offset: In s.
+            rate: Estimated seconds on its oscillator per second of the time that it is synchronised to: the clock goes
+                slower by this factor than the oscillator. None: the last estimate.
+        """
+        if self.perfect:
+            return
+        ahead = self._error_of(node, self._env.now, self._bases, self._slopes) + offset
+        slope = 0.0 if self._slopes is None else float(self._slopes[node])
+        self._corrected[node] = self.corrected(node) + offset
+        self._follow(node, ahead, slope if rate is None else self.rate(node) / rate - 1.0)
+
+    def corrected(self, node: int) -> float:
+        """Seconds by which corrections have put the clock of a node forward at once, all together."""
+        return self._corrected.get(node, 0.0)
+
+    def forget(self, node: int) -> None:
+        """A node has lost its corrections: its clock is its own clock again."""
+        if not self.perfect:
+            now = self._env.now
+            ahead = self._error_of(node, now, self._own_bases, self._own_slopes)
+            self._follow(node, ahead, self.rate(node) - 1.0)
+            self._corrected.pop(node, None)
+
+    def _follow(self, node: int, ahead: float, slope: float) -> None:
+        """The clock of a node is ahead by `ahead` s now, and its error grows by `slope` s per true second."""
+        self._separate()
+        if self._slopes is self._own_slopes:
+            self._slopes = np.zeros(self._size) if self._own_slopes is None else self._own_slopes.copy()
+        assert self._bases is not None and self._slopes is not None, "corrected clocks have errors"
+        self._bases[node] = ahead - slope * self._env.now
+        self._slopes[node] = slope
+        self._changed(node)
+
+    def _separate(self) -> None:
+        """Hold the offsets of clocks and of own clocks in arrays of their own."""
+        if self._own_bases is None:
+            self._own_bases = np.zeros(self._size)
+        if self._bases is None or self._bases is self._own_bases:
+            self._bases = self._own_bases.copy()
+
+    def _changed(self, node: int) -> None:
+        for action in self.on_step:
+            action(node)
+
+    def _error_of(self, node: int, time: float, bases: Floats | None, slopes: Floats | None) -> float:
+        ahead = 0.0 if slopes is None else float(slopes[node]) * time
+        return ahead if bases is None else ahead + float(bases[node])
 
     def largest_error(self, time: float) -> float:
         """An upper bound in s on the error of every clock, in either direction, at a true time."""
-        return self._largest_drift * time + max(map(abs, self._steps.values()), default=0.0)
+        if self._slopes is not self._own_slopes:
+            return float(np.abs(self.error(np.arange(self._size), time)).max(initial=0.0))
+        offset = 0.0 if self._bases is None else float(np.abs(self._bases).max(initial=0.0))
+        return self._largest_drift * time + offset

@@ -104,6 +104,10 @@ class EventLog:
         self.extend: Callable[[Any], None] = self._rows.extend
         self.code = recorder.words.code
 
+    def word(self, code: int) -> str:
+        """Return the word of a code in the column `what`."""
+        return self._recorder.words.all()[code]
+
     def add_all(self, row: Event, nodes: Ints) -> None:
         """Append one event for each of the nodes; `row` has EACH instead of the node."""
         self._rows.append(row)

@@ -5,14 +5,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, failed_run
+from wsnsim.base.following import RunNow, TrackNow, follower_of
+from wsnsim.base.mac_mechanisms import FollowsRestarts
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.ports import Recorder
+from wsnsim.base.radio import TreeRouting
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import RadioSetup
 from wsnsim.network.energy.energy_steps import EnergySteps
@@ -20,11 +24,18 @@ from wsnsim.network.event_log import EventLog
 from wsnsim.network.faults.schedule import FaultSchedule
 from wsnsim.network.faults.services import FaultSite, NodeControl
 from wsnsim.network.places import Places
-from wsnsim.network.radio.radio_stack import make_radio_stack
+from wsnsim.network.radio.collection_tree import CollectionTree
+from wsnsim.network.radio.datagrams import Forwarding, Hops
+from wsnsim.network.radio.path_forwarding import PathForwarding
+from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, sink_nodes
 from wsnsim.network.radio.routing import Router
 from wsnsim.network.radio.transport import Transport
+from wsnsim.network.report_rows import ReportRows
 from wsnsim.network.result_rows import NetworkOutcome
 from wsnsim.network.step_clock import StepClock
+from wsnsim.network.synchronisation.clock_errors import ClockErrors
+from wsnsim.network.synchronisation.mechanisms import make_sync
+from wsnsim.network.synchronisation.services import NetworkSyncServices
 
 Steps = Generator[simpy.Event, Any, None]
 
@@ -56,16 +67,22 @@ class Network(ABC):
         self._setup = setup
         self._replicate = replicate
         self._recorder = recorder
+        self._follower = follower_of(recorder)
         self._event_log = log = EventLog(recorder, replicate)
         self._stack = stack = make_radio_stack(setup, sensors.positions, sensors.traits, streams, log, count_links)
         self._env, self._nodes = stack.radio.env, stack.radio.nodes
         if sensors.assumed is not None and sensors.assumed is not sensors.positions:
             self._nodes.assumed = Places(sensors.assumed)
         self._clock = StepClock(self._env, setup.dt)
-        self._router = Router(stack.radio, setup.routing.weight, setup.link.audible)
-        stack.radio.topology.on_change = self._router.restore
-        self._transport = Transport(stack.radio, stack.mac, self._router)
+        self._sinks = sink_nodes(setup, self._nodes)
+        hops = Hops(stack.radio, stack.mac)
+        self._forwarding = make_forwarding(setup, stack, hops, self._sinks, streams.key("routing"))
+        stack.radio.topology.on_change = self._forwarding.forget_links
+        self._transport = Transport(stack.radio, stack.mac, hops, self._forwarding)
+        self._reports = ReportRows(self._env, log, self._transport)
         self._energy_steps = EnergySteps(self._env, self._nodes, recorder)
+        self._sync = make_sync(setup.sync, NetworkSyncServices(stack, streams.key("sync")))
+        self._clock_errors = ClockErrors(stack.clocks, self._nodes, self._sync, recorder)
 
     def _make_faults(
         self, key: int, head_of: Callable[[int], int | None], defects: dict[int, SensorDefect]
@@ -81,6 +98,8 @@ class Network(ABC):
         for node in self._nodes.died_early:
             self._handle_death(node)
         self._faults.start()
+        self._forwarding.start()
+        self._sync.begin()
 
     def _run_until(self, ended: simpy.Event) -> NetworkOutcome:
         """Run until an event, and return the outcome. Errors name the seed, the run and the simulated time."""
@@ -91,21 +110,38 @@ class Network(ABC):
         except (Exception, SystemExit) as raised:  # a plug-in may exit
             reason = raised.__cause__ or raised
             raise failed_run(self._env.now, self._setup.seed, self._replicate, reason) from reason
-        awake = self._nodes.duty_cycles.awake_fraction(self._env.now)
+        awake, radio_on = self._nodes.duty_cycles.awake_fraction(self._env.now), self._nodes.consumption.radio_on()
         self._energy_steps.end(self._clock.step)
         self._energy_steps.write(self._replicate, self._setup.dt, self._recorder)
+        self._clock_errors.write(self._replicate, self._recorder)
+        self._reports.write(self._replicate, self._recorder)
         links = self._stack.links.columns()
         if links:
             self._recorder.write("links", {"replicate": self._replicate, **links})
         counters, fingerprint = self._stack.radio.counters, self._event_log.fingerprint()
-        return NetworkOutcome(self._nodes, counters, fingerprint, awake, steps=self._clock.step)
+        return NetworkOutcome(self._nodes, counters, fingerprint, awake, steps=self._clock.step, radio_on=radio_on)
 
     def _begin_step(self, step: int) -> None:
         """Close the step before, and count a new one."""
         if step:
             self._energy_steps.close(step - 1)
         self._clock.step = self._event_log.step = step
-        self._event_log.flush()
+        self._tell_follower(step)
+        self._clock_errors.note(step, self._env.now)
+
+    def _tell_follower(self, step: int) -> None:
+        """Write the events of the steps before, all of them if somebody follows the run, who then gets its state."""
+        is_due = self._follower.due()
+        self._event_log.flush(everything=is_due)
+        if is_due:
+            now = self._env.now
+            scheduled = self._nodes.scheduled_totals(np.array([now]))[0]
+            joules = [float(sum(each)) for each in zip(self._nodes.totals_now(), scheduled, strict=True)]
+            self._follower.follow(RunNow(step, now, self._tracks_now(), joules, self._nodes.residual_energies()))
+
+    def _tracks_now(self) -> list[TrackNow]:
+        """The tracks so far; none in a network without targets."""
+        return []
 
     def _handle_death(self, node: int) -> None:
         """Take down a node whose battery is empty, whatever it is doing."""
@@ -120,15 +156,26 @@ class Network(ABC):
         """Take down a node: end what it does, and forget what it knows."""
         self._stack.mac.silence(node)
         self._nodes.crash(node)
+        self._stack.clocks.forget(node)
+        self._sync.forget(node)
         if node not in self._nodes.died_at:
             self._take_down(node)
 
     def _restart(self, node: int) -> None:
         """Bring back a node that was down, at rest and without a role."""
         self._nodes.restart(node, self._env.now)
-        self._router.restore()
+        if isinstance(self._stack.mac, FollowsRestarts) and self._nodes.alive[node]:
+            self._stack.mac.restart(node)
+        self._forwarding.restore(node)
 
     def _take_down(self, node: int) -> None:
         """End what a node that is no longer up was doing."""
-        self._router.remove(node)
+        self._forwarding.remove(node)
         self._stack.mac.silence(node)
+
+
+def make_forwarding(setup: RadioSetup, stack: RadioStack, hops: Hops, sinks: tuple[int, ...], key: int) -> Forwarding:
+    """Return how the datagrams of a scenario find their way. `key`: the random key of what nodes do for it."""
+    if setup.routing.weight == "etx":
+        return CollectionTree(stack, hops, cast(TreeRouting, setup.routing), sinks, key)
+    return PathForwarding(stack.radio, hops, Router(stack.radio, setup.routing.weight, setup.link.audible), sinks)

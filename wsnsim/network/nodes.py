@@ -93,6 +93,12 @@ class Nodes:
         """The mode of a node that has nothing to do."""
         return Mode.AWAKE if node in self._always_awake else self.duty_cycles.rest
 
+    def note_clock(self, node: int) -> None:
+        """The clock of a node has been stepped or corrected: its schedule changes at other times than expected."""
+        self.duty_cycles.note_clock(node)
+        if self.alive[node] and self.battery - self._spent[node] <= self._reserve:
+            self._watch(node)
+
     def keep_awake(self, node: int) -> None:
         """Keep a node awake for the whole run, whatever its schedule says."""
         if self.follows_schedules:
@@ -108,6 +114,56 @@ class Nodes:
         """A node has nothing more to send."""
         if self.follows_schedules and self.duty_cycles.end_sending(node):
             self._change_mode(node, self.rest_of(node))
+
+    def hold_radio(self, node: int, on: bool = False) -> None:
+        """Switch the radio of a node on, until `release_radio`; nothing happens if it is held already.
+
+        It listens, and pays for it, while it neither sends nor receives. Only for duty-cycled MACs (see
+        `base.radio_duty`): a radio that follows no duty always listens. A node with a sleep schedule must be held awake
+        meanwhile: see `begin_sending`.
+
+        Args:
+            node: The node.
+            on: Whether the radio is on already, in a wake-up of its duty. Neither start nor stop are then charged,
+                which belong to that wake-up.
+        """
+        if self.alive[node] and not self.consumption.is_held(node) and self._settle(node):
+            self.consumption.hold_radio(node, on)
+            self._pay_added(node)
+
+    def release_radio(self, node: int, missed: float | None = None) -> None:
+        """Let the radio of a node follow its duty again; nothing happens if it is not held.
+
+        Args:
+            node: The node.
+            missed: In how many wake-ups of its duty it was held: they were not charged. None: as many as there are on
+                average in that time.
+        """
+        if self.consumption.is_held(node) and self._settle(node):
+            self.consumption.release_radio(node, missed)
+            self._pay_added(node)
+
+    def set_duty(self, node: int, index: int) -> None:
+        """Let the radio of a node follow another of the duties of its MAC from now on, given the number of the duty."""
+        if self.alive[node] and self._settle(node):
+            self.consumption.set_duty(node, index)
+            self._pay_added(node)
+
+    def spend_listening(self, node: int, seconds: float, starts: float = 0.0) -> None:
+        """Charge a radio that follows a duty for listening and for starts in addition to that; less if negative.
+
+        The frames that such a radio sends and receives are charged in addition to its duty, too: a MAC gives back the
+        listening whose place they take.
+        """
+        if self.alive[node]:
+            self.consumption.add_listening(node, seconds, starts)
+            self._pay_added(node)
+
+    def _pay_added(self, node: int) -> None:
+        """Book at once what was added to a node's consumption if it may run out."""
+        left = self.battery - self._spent[node] - self.consumption.added(node)
+        if left <= self._tight and self._settle(node):
+            self._watch(node)
 
     def set_mode(self, node: int, mode: Mode) -> None:
         """A node has a task that needs a mode, or none. It pays for the change of mode and may die of it."""
@@ -237,7 +293,7 @@ class Nodes:
             if self._settle(node) and self.consumption.runs_out(node, self.battery - self._spent[node]):
                 self._die(node, ())
         for nodes, cause, joules in self.consumption.pending_charges(living[~tight]):
-            self.ledger.book_each(nodes, cause, np.maximum(joules, 0.0))
+            self.ledger.book_each(nodes, cause, np.maximum(joules, -self.ledger.joules[cause][nodes]))
         self.consumption = Consumption()
         self._reserve = self._tight = 0.0
 

@@ -35,7 +35,9 @@ class NetworkOutcome:
         counters: the counters of the radio.
         event_fingerprint: fingerprint of the event log.
         awake: share of the nodes' total time in which they were awake.
+        radio_on: share of it in which their radios were on; None where the radio of a node that is awake always is.
         cycles: operations that trackers computed.
+        hurried: share of the nodes' total time at the short wake interval; NaN where there is one interval.
         steps: number of the last step.
         tracks: one per target; none in a network without targets.
         woken: numbers of nodes that woke, and of those that woke unnecessarily, (targets, steps + 1, 2).
@@ -47,10 +49,12 @@ class NetworkOutcome:
     event_fingerprint: int
     awake: float
     cycles: float = 0.0
+    hurried: float = NAN
     steps: int = 0
     tracks: tuple[Track, ...] = ()
     woken: Ints = field(default_factory=lambda: np.zeros((0, 1, 2), dtype=np.int64))
     received: Mapping[tuple[int, int], float] = field(default_factory=dict)
+    radio_on: float | None = None
 
 
 def write_tables(outcome: NetworkOutcome, replicate: int, setup: RadioSetup, recorder: Recorder) -> None:
@@ -109,6 +113,8 @@ def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:
         handovers=sum(track.handovers for track in outcome.tracks),
         cycles=outcome.cycles,
         awake=outcome.awake,
+        radio_on=outcome.radio_on,
+        hurried=None if outcome.radio_on is None else outcome.hurried,
         first_death=deaths[0] if deaths else NAN,
         half_dead=deaths[half - 1] if len(deaths) >= half else NAN,
         coverage=coverage,

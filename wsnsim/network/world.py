@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.following import TrackNow
 from wsnsim.base.ports import Estimate, Recorder
 from wsnsim.base.progress import OnTime
 from wsnsim.base.rng import Streams
@@ -30,6 +31,7 @@ from wsnsim.network.clusters.sink_reports import SinkReports
 from wsnsim.network.clusters.target_search import TargetSearch
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead
+from wsnsim.network.clusters.wake_intervals import make_wake_intervals
 from wsnsim.network.clusters.wake_up_counters import WakeUpCounters
 from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.network import Network, Sensors, Steps
@@ -68,7 +70,7 @@ class World(Network):
     ) -> None:
         super().__init__(setup, replicate, sensors, streams, recorder)
         self._log = ProtocolLog(self._clock, self._event_log)
-        self._reports = SinkReports(self._stack.radio, self._transport, setup.sink, setup.dt)
+        self._sink_reports = SinkReports(self._env, self._reports, setup.sink, setup.dt, self._sinks)
         self._processors = Processors(self._clock, self._nodes, self._event_log, setup.energy, setup.cpu)
         self._tracks = tuple(Track(i, prior, self._env.event()) for i, prior in enumerate(targets.priors))
         points = [truth[:, list(motion.position)] for truth, motion in zip(targets.truths, setup.motions, strict=True)]
@@ -82,32 +84,38 @@ class World(Network):
         readings: CurrentReadings = [{} for _ in points]
         network = NetworkView(setup, clock, self._log, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counters = WakeUpCounters(network, points)
+        self._intervals = intervals = make_wake_intervals(setup, clock, nodes, self._stack.mac)
         wakes_ahead = setup.wakeup.mechanism != "none"
         on_wake = _ignore_wake if wakes_ahead else self._wake_up_counters.count_wake
         self._processes = NodeProcesses(NodeServices(self._env, nodes, self._log, on_wake))
         sensing = SensingServices(clock, nodes, self._processes, self._event_log, available, setup.energy.sense())
         self._sensing = make_sensing(sensing, readings, setup.nodes_search)
         self._coordination = ClusterCoordination(clock, self._log, self._processes, self._tracks)
+        deadline, log = setup.waits.gather, self._log
+        driver = DriverServices(self._env, nodes, self._transport, self._processors, log, deadline, intervals)
         self._coordination.protocol = make_head_protocol(
             HeadServices(
                 network,
-                HeadMessages(network, self._transport),
-                DriverServices(self._env, nodes, self._transport, self._processors, self._log),
+                HeadMessages(network, self._transport, intervals),
+                driver,
                 Elections(network, self._transport, self._processes, self._coordination.appoint),
-                Estimates(network, self._reports, self._recorder, self._replicate),
+                Estimates(network, self._sink_reports, self._recorder, self._replicate),
                 self._make_wake_ahead(network, streams.key("wakeup")) if wakes_ahead else NoWakeAhead(),
                 self._processes,
                 TargetSearch(network, available, targets.paths or targets.truths, imperfections, streams.key("search")),
             )
         )
-        if self._reports.node is not None:
-            nodes.keep_awake(self._reports.node)
+        for sink in self._sinks:
+            nodes.keep_awake(sink)
         self._faults = self._make_faults(streams.key("faults"), self._coordination.head_of, imperfections.defects)
 
     def _make_wake_ahead(self, network: NetworkView, key: int) -> WakesAhead:
         """Make the service that wakes nodes for heads, and the last node of a datagram's path."""
-        service = WakeUpService(network, self._processes, self._transport, self._event_log, key)
-        self._transport.wake_neighbour = service.call_one
+        clocks = self._stack.clocks
+        service = WakeUpService(
+            network, self._processes, self._transport, self._intervals, clocks, self._event_log, key
+        )
+        self._transport.hops.wake_neighbour = service.call_one
         return WakeAhead(network, service)
 
     def run(self, progress: OnTime | None = None) -> NetworkOutcome:
@@ -119,8 +127,9 @@ class World(Network):
             outcome,
             cycles=self._processors.operations,
             tracks=self._tracks,
+            hurried=self._intervals.share(),
             woken=self._wake_up_counters.woken,
-            received=self._reports.received,
+            received=self._sink_reports.received,
         )
 
     def _run_steps(self, progress: OnTime | None) -> Steps:
@@ -141,6 +150,9 @@ class World(Network):
                 for track in self._tracks:
                     self._coordination.fill_vacancy(track, poll)
             yield env.timeout((step + 1) * setup.dt - env.now)
+
+    def _tracks_now(self) -> list[TrackNow]:
+        return [TrackNow(track.target, track.estimates, track.heads) for track in self._tracks]
 
     def _log_crossing(self, target: int, step: int) -> None:
         """Log that a target left the field or came back."""
@@ -175,6 +187,7 @@ class World(Network):
         self._sensing.remove(node)
         self._coordination.withdraw(node)
         self._processes.stop(node)
+        self._intervals.forget(node)
 
 
 def _ignore_wake(node: int, target: int, by_frame: bool) -> None:

@@ -6,7 +6,6 @@ is issued at the step itself. Arrays have the axes runs (R) and steps (K).
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
@@ -17,7 +16,7 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import RunError
 from wsnsim.base.ports import MotionModel
-from wsnsim.base.results import RunTotals, Summary
+from wsnsim.base.results import RunTotals, Summary, columns_of_totals
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.offline.measurements import HEAD
@@ -182,7 +181,7 @@ def run_columns(
     errors = np.concatenate([columns["error"] for columns in estimates], axis=1)
     means = np.stack([target.estimates.means for target in targets], axis=1)
     events = [_digest(each.tobytes()) for each in means]
-    totals = dataclasses.asdict(RunTotals(event_fingerprint=0, alive=0))
+    totals = columns_of_totals(RunTotals(event_fingerprint=0, alive=0))
     totals |= {"event_fingerprint": events, "alive": sensors}
     totals |= dict.fromkeys(("frames_sent", "packets_sent", "in_range", "delivered"), sum(t.frames for t in targets))
     totals |= {"cycles": sum(target.estimates.cycles for target in targets)}

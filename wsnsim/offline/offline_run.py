@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.errors import ResultError, RunError, failed_run
+from wsnsim.base.following import RunNow, TrackNow, follower_of
 from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.ports import Estimate, Recorder, Scene
 from wsnsim.base.requests import Flow, Request
@@ -67,6 +68,7 @@ class OfflineRun:
         setup, tracker, step = self._setup, self._setup.tracker, 0
         cluster = OfflineCluster(setup, target, self._conditions, self._streams)
         estimates: dict[int, Issued] = {}
+        follower = follower_of(self._recorder)
         try:
             scene = cluster.scene(0, 0)
             self._write_readings(scene, cluster)
@@ -80,6 +82,8 @@ class OfflineRun:
                     key = {"replicate": self._replicate, "target": target, "step": step}
                     members = list(cluster.members.values())
                     write_belief(self._recorder, key, tracker, belief, members, setup.motions[target].columns)
+                if follower.due():
+                    follower.follow(RunNow(step + 1, scene.time, [TrackNow(target, estimates, [HEAD] * (step + 1))]))
                 if progress:
                     progress(scene.time)
         except ResultError:  # the file cannot be written: the run itself is not to blame

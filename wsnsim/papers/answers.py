@@ -1,5 +1,6 @@
 """Answers to hypotheses that were registered before the runs that answer them.
 
+resamples(statistic) -> (1 + draws,)    a statistic of the runs as they are, and of every resample
 interval(values) -> Interval            of a value and its resamples
 Interval.above(threshold)               True, False, or None if the interval contains the threshold
 Answer(words, found, answer)            'yes', 'no' or 'undecided', with the intervals that it follows from
@@ -13,7 +14,7 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.papers.resampling import DRAWS
+from wsnsim.papers.resampling import DRAWS, Resampled, weights
 
 TAIL: Final = 0.025
 Word: TypeAlias = Literal["yes", "no", "undecided"]
@@ -51,6 +52,12 @@ class Answer(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.words}: {self.answer}" + (f", {' and '.join(map(str, self.found))}" if self.found else "")
+
+
+def resamples(found: Resampled) -> Floats:
+    """(1 + draws,) a statistic of the runs as they are, and of every resample."""
+    count = len(found.runs)
+    return np.concatenate([found.at(np.ones((1, count))), found.at(weights(count, count))])
 
 
 def interval(values: Floats) -> Interval:

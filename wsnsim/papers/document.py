@@ -93,8 +93,8 @@ class ExperimentTemplate(DocumentModel):
 class PaperDocument(DocumentModel):
     """A paper: what it prints, what is run for it, and what is claimed about the results.
 
-    `words` holds for every experiment. `main` lists the rows of the README's table: for an experiment, the ids of
-    claims and the variants or orders shown, or `all`. `published_runs` is the number of Monte Carlo runs behind a
+    `words` holds for every experiment. `main` lists the rows in docs/papers: for an experiment, the ids of claims and
+    the variants or orders shown, or `all`. `published_runs` is the number of Monte Carlo runs behind a
     published value, where an experiment or a claim gives no other.
     """
 

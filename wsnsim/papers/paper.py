@@ -29,8 +29,10 @@ FRONTIER: Final = "frontier"
 """The comparison of error and energy; a stored sweep has chosen some of its variants' settings."""
 REALITY: Final = "reality"
 """The comparison whose variants come from a folder of recorded tracks."""
-PAGES: Final = (*PAPERS, FRONTIER, REALITY)
-"""Every name that `wsnsim reproduce` takes; the frontier and reality are comparisons of our own."""
+DUTY_CYCLES: Final = "duty_cycles"
+"""The comparison of trackers on radios that are off most of the time."""
+PAGES: Final = (*PAPERS, FRONTIER, REALITY, DUTY_CYCLES)
+"""Every name that `wsnsim reproduce` takes; those after PAPERS are comparisons of our own."""
 FOLDER: Final = Path(__file__).parent
 
 
@@ -86,7 +88,7 @@ class Paper:
 
     @functools.cached_property
     def main(self) -> list[tuple[Experiment, Claim]]:
-        """The claims whose rows the README shows, in its order. Raises ScenarioError."""
+        """The claims whose rows docs/papers shows, in its order. Raises ScenarioError."""
         groups = enumerate(self._document.content.main)
         return [
             found

@@ -2,6 +2,7 @@
 
 with ResultFile(path, states, wanted) as file:      # a base.ports.Recorder; a file with its final name is complete
     file.write("truth", {"replicate": 0, "target": 0, "step": steps, ...})
+with MemoryResult(states, wanted) as result:        # the same in memory; result.save(path) writes the file
 read_table(path, "truth")                           # {column: array}; see also tables, read_text, attributes
 recover(tmp)                                        # the rows of a killed run
 Folder(path)                                        # a campaign on disk: a manifest, and a folder per point
@@ -9,6 +10,7 @@ provenance(command_line, seed, plugins)             # versions, command and mach
 """
 
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
+from wsnsim.recording.memory_result import MemoryResult
 from wsnsim.recording.provenance import provenance
 from wsnsim.recording.reader import (
     TableSize,
@@ -29,6 +31,7 @@ from wsnsim.recording.writer import ResultFile
 __all__ = [
     "Folder",
     "Manifest",
+    "MemoryResult",
     "PointOnDisk",
     "ResultFile",
     "TableSize",

@@ -36,7 +36,7 @@ class TableBuffer:
 
     def append(self, rows: Mapping[str, Any]) -> bool:
         """Append rows: arrays or lists of one length, and scalars, which are repeated. True if a chunk was written."""
-        fitted = self._fit(rows)
+        fitted = fitted_rows(self._name, self._columns, rows)
         length = _common_length(self._name, fitted)
         before, start = self._written, 0
         while start < length:
@@ -58,14 +58,6 @@ class TableBuffer:
         if self._filled or not self._written:
             self._write_buffered()
 
-    def _fit(self, rows: Mapping[str, Any]) -> dict[str, np.ndarray]:
-        unknown, missing = rows.keys() - self._buffered.keys(), self._buffered.keys() - rows.keys()
-        assert not unknown, f"table {self._name} has no column {', '.join(sorted(unknown))}"
-        assert not missing, f"rows of table {self._name} lack column {', '.join(sorted(missing))}"
-        return {
-            name: _fitted(rows[name], column.dtype, f"{self._name}.{name}") for name, column in self._buffered.items()
-        }
-
     def _write_buffered(self) -> None:
         rows = self._filled
         for column in self._columns:
@@ -78,6 +70,15 @@ class TableBuffer:
                 _create(self._group, column, values)
         self._written += rows
         self._filled = 0
+
+
+def fitted_rows(table: str, columns: tuple[Column, ...], rows: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """The values of each column as an array of its type; scalars, which stand for equal values in all rows, as such."""
+    wanted = {column.name: np.dtype(column.dtype) for column in columns}
+    unknown, missing = rows.keys() - wanted.keys(), wanted.keys() - rows.keys()
+    assert not unknown, f"table {table} has no column {', '.join(sorted(unknown))}"
+    assert not missing, f"rows of table {table} lack column {', '.join(sorted(missing))}"
+    return {name: _fitted(rows[name], dtype, f"{table}.{name}") for name, dtype in wanted.items()}
 
 
 def _fitted(value: Any, dtype: np.dtype[Any], name: str) -> np.ndarray:

@@ -21,7 +21,8 @@ from typing import Any, Final
 
 PACKAGE: Final = "wsnsim"
 NOT_IN_A_RUN: Final = (
-    "__main__.py", "analysis", "bounds", "campaign", "cli", "fitting", "papers", "report", "testing", "verification",
+    "__main__.py", "analysis", "api", "bounds", "campaign", "cli", "fitting", "papers", "report", "testing",
+    "verification", "watch",
 )  # fmt: skip
 """What a run cannot import: the layers above `experiment`, see the import contracts."""
 SUFFIXES: Final = (".py", ".yaml", ".so", ".pyd")

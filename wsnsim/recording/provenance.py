@@ -28,8 +28,9 @@ def provenance(
 
     It holds versions, the git commit if wsnsim runs from a checkout, seed, command line, plug-ins, the assignments that
     changed the scenario's text, platform and start time (UTC). `cpu_features` are the instruction sets that NumPy
-    found: its log and exp differ in the last bit between processors, so equal bits are guaranteed for equal features
-    only. No path, user or host name is stored, except those in the command line and in the assignments.
+    found, and the processor that kernels are compiled for: log, exp and sums differ in the last bit between processors,
+    so equal bits are guaranteed for equal features only. No path, user or host name is stored, except those in the
+    command line and in the assignments.
     """
     return {
         "command_line": command_line,
@@ -48,10 +49,21 @@ def provenance(
 
 @functools.cache
 def cpu_features() -> tuple[str, ...]:
-    """The instruction sets of this machine that NumPy uses."""
+    """The instruction sets of this machine that NumPy uses, then the processor that kernels are compiled for."""
     config = np.show_config(mode="dicts")
     extensions = config.get("SIMD Extensions", {}) if config else {}
-    return (*extensions.get("baseline", []), *extensions.get("found", []))
+    return (*extensions.get("baseline", []), *extensions.get("found", []), compiled_for())
+
+
+def compiled_for() -> str:
+    """The name of the processor that kernels are compiled for, such as 'znver4', as LLVM and Numba know it.
+
+    Processors with the same instruction sets have different names if LLVM orders or joins operations differently for
+    them, which changes last bits.
+    """
+    from llvmlite import binding
+
+    return os.environ.get("NUMBA_CPU_NAME") or str(binding.get_host_cpu_name())
 
 
 @functools.cache

@@ -46,9 +46,11 @@ def _copy(content: Content, tmp: Path, final: Path) -> None:
     held, copied = {table: content.group(table) for table in TABLES if table in content.names}, 0
     wanted = dict.fromkeys(held, True)
     components = 2 if "readings" in held and "component" in column_names(content, held["readings"]) else 1
+    duty_cycled = "runs" in held and "radio_on" in column_names(content, held["runs"])
     file = ResultFile(
-        final, states_of(content), wanted, position=position_of(content), components=components, status=PARTIAL
-    )
+        final, states_of(content), wanted, position=position_of(content), components=components,
+        duty_cycled=duty_cycled, status=PARTIAL,
+    )  # fmt: skip
     with file as result:
         if words := _words(content, held, "events", "what"):
             result.words = words

@@ -48,6 +48,7 @@ class ResultFile:
         wanted: whether a table is kept; rows of other tables are dropped.
         position: indices of the position in the state.
         components: number of components of a reading: `readings` has the column `component` if there are several.
+        duty_cycled: whether a MAC switches radios off: `runs` has the column `radio_on` then.
         status: status of the complete file.
 
     Raises:
@@ -62,6 +63,7 @@ class ResultFile:
         *,
         position: Sequence[int] | None = None,
         components: int = 1,
+        duty_cycled: bool = False,
         status: str = COMPLETE,
     ) -> None:
         unknown = wanted.keys() - TABLES.keys()
@@ -72,6 +74,7 @@ class ResultFile:
         self._states = tuple(states)
         self._position = None if position is None else tuple(position)
         self._components = components
+        self._duty_cycled = duty_cycled
         self._wanted = tuple(table for table in TABLES if wanted.get(table, False))
         self._status = status
         self._buffers: dict[str, TableBuffer] = {}
@@ -141,7 +144,7 @@ class ResultFile:
         if self._position is not None:
             attributes["position"] = list(self._position)
         for table in self._wanted:
-            columns = columns_of(table, self._states, self._position, self._components)
+            columns = columns_of(table, self._states, self._position, self._components, self._duty_cycled)
             self._buffers[table] = TableBuffer(self._file.create_group(table), columns)
         self._file.flush()
 
@@ -162,8 +165,7 @@ class ResultFile:
             buffer.finish()
         self._write_words()
         if self._provenance is not None and self._status == COMPLETE:
-            ended = json.loads(self._provenance) | {"end": datetime.now(UTC).isoformat(timespec="seconds")}
-            _put_text(self._file, "provenance_json", json.dumps(ended))
+            _put_text(self._file, "provenance_json", with_end(self._provenance))
         self._file.attrs["status"] = self._status
         if self._in_memory:
             self._file.flush()
@@ -189,6 +191,12 @@ class ResultFile:
         except BaseException:
             self._discard()
             raise
+
+
+def with_end(provenance: str) -> str:
+    """The provenance with the time at which the runs ended: now, unless it says so already."""
+    known = json.loads(provenance)
+    return json.dumps({**known, "end": known.get("end") or datetime.now(UTC).isoformat(timespec="seconds")})
 
 
 def _claim_beside(path: Path) -> Path:

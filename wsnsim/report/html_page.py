@@ -6,13 +6,9 @@ result is escaped. What exceeds the size limit is thinned or left out, and the p
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import html
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,6 +17,7 @@ from wsnsim.analysis.figure_style import replacing
 from wsnsim.analysis.replicate_tables import check_replicate, first_replicate
 from wsnsim.report import page_sections
 from wsnsim.report.page_sections import PageSection
+from wsnsim.report.page_template import filled, script_of, source_of, static_text
 from wsnsim.report.replay import Replay, encode
 from wsnsim.report.summary_table import PublishedLookup, summary_table
 from wsnsim.report.svg_figures import svg_figures
@@ -31,8 +28,7 @@ FIGURE_SHARE: Final = 0.6
 """Fraction of the limit that figures may take (our choice); the rest is for replays."""
 AROUND: Final = 2000
 """Bytes of the element and the notes around a replay (our choice)."""
-SCRIPTS: Final = ("replay_data.js", "drawing.js", "legend.js", "player.js")
-SLOT: Final = re.compile(r"\{\{(\w+)\}\}")
+SCRIPTS: Final = ("replay_data.js", "tooltips.js", "drawing.js", "legend.js", "player.js", "start.js")
 
 
 @dataclass(frozen=True)
@@ -51,6 +47,7 @@ def write(
     limit: int = LIMIT,
     published: PublishedLookup | None = None,
     plugins: bool = False,
+    bounds: bool = False,
 ) -> WrittenPage:
     """Write the page of one or several results.
 
@@ -61,6 +58,7 @@ def write(
         limit: largest size of the page (bytes).
         published: gives the published values of a scenario.
         plugins: whether plug-ins that a result's scenario names are imported for the bounds.
+        bounds: whether the three trajectory-conditional CRLBs are shown.
 
     Raises:
         UsageError: a result has no such replicate.
@@ -69,7 +67,7 @@ def write(
     sections = _sections(results, replicate, plugins)
     _drop_figures(sections, int(FIGURE_SHARE * limit))
     paths, names = [section.path for section in sections], [section.name for section in sections]
-    summary = summary_table(paths, names, published, plugins)
+    summary = summary_table(paths, names, published, plugins, bounds)
     bare = len(_page(sections, [Replay("", ())] * len(sections), summary).encode())
     replays = _replays(sections, limit - bare)
     page = _page(sections, replays, summary).encode()
@@ -83,7 +81,7 @@ def write(
 
 def _sections(results: Sequence[Path], replicate: int | None, plugins: bool) -> list[PageSection]:
     """The section of each result. All results are checked before the figures, which take time, are drawn."""
-    infos = [_info(path) for path in results]
+    infos = [_info(path, plugins) for path in results]
     chosen = [first_replicate(path) if replicate is None else replicate for path in results]
     for path, number in zip(results, chosen, strict=True):
         check_replicate(path, number)
@@ -93,8 +91,11 @@ def _sections(results: Sequence[Path], replicate: int | None, plugins: bool) -> 
     ]
 
 
-def _info(path: Path) -> dict[str, Any]:
-    return result_info.info(path) | {"path": path, "source": page_sections.stored_text(path, "scenario/source_yaml")}
+def _info(path: Path, plugins: bool) -> dict[str, Any]:
+    return result_info.info(path, plugins) | {
+        "path": path,
+        "source": page_sections.stored_text(path, "scenario/source_yaml"),
+    }
 
 
 def _replays(sections: Sequence[PageSection], room: int) -> list[Replay]:
@@ -131,24 +132,20 @@ def _drop_figures(sections: Sequence[PageSection], room: int) -> None:
 
 
 def _page(sections: Sequence[PageSection], replays: Sequence[Replay], summary: str) -> str:
-    """The page's text. All slots are filled in one pass, because an inserted text may contain a slot."""
-    folder = files("wsnsim.report") / "static"
-    template, style, *scripts = (
-        (folder / name).read_text(encoding="utf-8") for name in ("template.html", "style.css", *SCRIPTS)
-    )
-    script = '"use strict";\n{\n' + "".join(scripts) + "}\n"
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    """The page's text."""
+    script = script_of([static_text(name) for name in SCRIPTS])
     names, pairs = list(dict.fromkeys(section.name for section in sections)), list(zip(sections, replays, strict=True))
     slots = {
         "title": html.escape(" · ".join(names)),
         "heading": " · ".join(map(page_sections.isolated, names)),
-        "hash": f"'sha256-{digest}'",
-        "style": style,
+        "hash": source_of(script),
+        "style": static_text("style.css"),
         "script": script,
         "lead": "\n".join(page_sections.lead(*pair) for pair in pairs),
+        "answers": "\n".join(page_sections.answer(section, len(sections) > 1) for section in sections),
         "summary": summary,
         "notes": "\n".join(page_sections.notes(*pair, several=len(sections) > 1) for pair in pairs),
         "replays": "\n".join(page_sections.replay_data(*pair) for pair in pairs if pair[1].text),
         "sections": "\n".join(page_sections.html_of(section, i) for i, section in enumerate(sections)),
     }
-    return SLOT.sub(lambda slot: slots[slot[1]], template)
+    return filled(static_text("template.html"), slots)

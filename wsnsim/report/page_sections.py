@@ -86,6 +86,12 @@ def lead(section: PageSection, replay: Replay) -> str:
     return line + f'\n<p class="warn">This result is {html.escape(info["status"])}: the simulation did not finish.</p>'
 
 
+def answer(section: PageSection, several: bool) -> str:
+    """The result's answer in a sentence; with its name if there are several. Empty if no run has finished."""
+    name = f"<b>{isolated(section.name)}</b>: " if several else ""
+    return f'<p class="answer">{name}{html.escape(section.info["answer"])}</p>' if section.info["answer"] else ""
+
+
 def notes(section: PageSection, replay: Replay, several: bool) -> str:
     """What a viewer of the replay must know; with the result's name if there are several."""
     rows = "".join(f"<li>{html.escape(note)}</li>" for note in replay.notes)

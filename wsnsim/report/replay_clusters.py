@@ -62,17 +62,27 @@ def _is_last_change(events: Columns) -> Bools:
     return result
 
 
-def add_clusters(encoder: ReplayEncoder) -> None:
-    """Add the changes of membership, or a note if the event log has none."""
+def add_clusters(encoder: ReplayEncoder, joined_before: Ints | None = None) -> Ints:
+    """Add the changes of membership, or a note if the event log has none.
+
+    Args:
+        encoder: the replay.
+        joined_before: indices of the nodes that joined a cluster in earlier portions of the replay.
+
+    Returns:
+        The indices of all nodes that joined a cluster so far.
+    """
     events = encoder.run.events
     index, change = encoder.index_of(events["node"]), coded(events["kind"], CHANGES)
     targets = np.array(encoder.run.targets, dtype=np.int64)
     of_target = np.isin(events["target"], targets) & (change != LEAVES) & (change != NONE)
     joined = np.unique(index[of_target & (change != ENDS) & (index >= 0)])
+    if joined_before is not None:
+        joined = np.union1d(joined, joined_before)
     if not joined.size:
         if encoder.run.guess:
             encoder.notes.append("no cluster members are drawn: the event log has none")
-        return
+        return joined
     of_target &= (index >= 0) | (change == ENDS)
     rows = np.flatnonzero(of_target | ((change == LEAVES) & np.isin(index, joined)))
     number = np.where(of_target, np.searchsorted(targets, events["target"]), 0)[rows]
@@ -83,3 +93,4 @@ def add_clusters(encoder: ReplayEncoder) -> None:
         target=number.astype("<u2"),
         change=change[rows].astype("u1"),
     )
+    return joined

@@ -56,6 +56,7 @@ class ReplayEncoder:
         drawn: ids of the nodes that are drawn, ascending.
         columns: the columns so far.
         notes: what a viewer must know, so far.
+        first: number of the first frame; above 0 only in a portion of a replay.
     """
 
     run: ReplicateTables
@@ -65,6 +66,7 @@ class ReplayEncoder:
     drawn: Ints
     columns: Columns
     notes: list[str]
+    first: int = 0
 
     @classmethod
     def empty(cls, run: ReplicateTables, detail: DetailLevel) -> ReplayEncoder:
@@ -72,8 +74,8 @@ class ReplayEncoder:
         return cls(run, detail, ceil(run.last / detail.stride) + 1, box_of(run), drawn_nodes(run, detail.nodes), {}, [])
 
     def frame_of(self, steps: Ints) -> Ints:
-        """The frames that show the steps."""
-        return -(-steps.astype(np.int64) // self.detail.stride)
+        """The frames that show the steps, counted from the first one."""
+        return -(-steps.astype(np.int64) // self.detail.stride) - self.first
 
     def index_of(self, nodes: Ints) -> Ints:
         """The indices of nodes among the drawn ones, -1 for others."""
@@ -83,15 +85,16 @@ class ReplayEncoder:
         return np.where(self.drawn[index] == nodes, index, -1)
 
     def add(self, name: str, frames: Ints, **columns: np.ndarray) -> None:
-        """Add rows that belong to frames; rows after the last frame are dropped."""
+        """Add rows that belong to frames; rows before the first and after the last frame are dropped."""
         order = np.argsort(frames, kind="stable")
-        order = order[frames[order] < self.frames]
+        order = order[(frames[order] >= 0) & (frames[order] < self.frames)]
         self.columns[f"{name}_count"] = np.bincount(frames[order], minlength=self.frames).astype("<u4")
         self.columns.update({f"{name}_{key}": values[order] for key, values in columns.items()})
 
     def add_total(self, name: str, frames: Ints) -> None:
         """Add the number of rows that each frame has in the tables, if not all of them are drawn."""
-        self.columns[f"{name}_total"] = np.bincount(frames, minlength=self.frames).astype("<u4")
+        shown = frames[(frames >= 0) & (frames < self.frames)]
+        self.columns[f"{name}_total"] = np.bincount(shown, minlength=self.frames).astype("<u4")
 
     def text(self, header: dict[str, Any]) -> str:
         """The compressed header and columns."""

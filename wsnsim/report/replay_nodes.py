@@ -30,7 +30,7 @@ def add_nodes(encoder: ReplayEncoder) -> list[float] | None:
         The least and the greatest residual energy as fractions of the initial energy, and the number of levels between
         them; None if nodes have no limited energy.
     """
-    run, box = encoder.run, encoder.box
+    run = encoder.run
     rows = np.argsort(run.nodes["node"], kind="stable")
     rows = rows[np.isin(run.nodes["node"][rows], encoder.drawn)]
     nodes = {name: values[rows] for name, values in run.nodes.items()}
@@ -39,15 +39,21 @@ def add_nodes(encoder: ReplayEncoder) -> list[float] | None:
         encoder.notes.append(
             f"{encoder.drawn.size:,} of {total:,} nodes are drawn: those that took part, and others evenly spread"
         )
-    x, y = (np.full(rows.size, box[2]), nodes["x"]) if run.flat else (nodes["x"], nodes["y"])
-    encoder.columns["node"] = nodes["node"].astype("<i4")
-    encoder.columns["node_x"] = quantised(x, box[0], box[2])
-    encoder.columns["node_y"] = quantised(y, box[1], box[3])
+    x, y = (np.full(rows.size, encoder.box[2]), nodes["x"]) if run.flat else (nodes["x"], nodes["y"])
+    add_places(encoder, nodes["node"], x, y)
     if run.events:
         _add_states(encoder)
     else:
         _add_deaths(encoder, nodes)
     return _add_charge(encoder, nodes) if run.network else None
+
+
+def add_places(encoder: ReplayEncoder, nodes: Ints, x: Floats, y: Floats) -> None:
+    """Add the ids and the positions of the drawn nodes."""
+    box = encoder.box
+    encoder.columns["node"] = nodes.astype("<i4")
+    encoder.columns["node_x"] = quantised(x, box[0], box[2])
+    encoder.columns["node_y"] = quantised(y, box[1], box[3])
 
 
 def _add_deaths(encoder: ReplayEncoder, nodes: Columns) -> None:
@@ -61,19 +67,40 @@ def _add_deaths(encoder: ReplayEncoder, nodes: Columns) -> None:
 
 def _add_states(encoder: ReplayEncoder) -> None:
     """The initial state of each node, and its changes by frame."""
-    events = encoder.run.events
-    state = np.full(encoder.drawn.size, AWAKE, np.uint8)
-    index, after = encoder.index_of(events["node"]), coded(events["kind"], STATE_AFTER)
-    if np.isin(events["kind"], [KIND[kind] for kind in SLEEP_KINDS]).any():
-        state[:] = ASLEEP
-    else:
-        after[events["kind"] == KIND["restart"]] = AWAKE
-    rows = (index >= 0) & (after != NONE)
-    first, row = np.unique(index[rows], return_index=True)
-    state[first[events["kind"][rows][row] == KIND["sleep"]]] = AWAKE
-    encoder.columns["state"] = state
-    frames = encoder.frame_of(shown_from(events)[rows])
-    encoder.add("state_change", frames, node=index[rows].astype("<u4"), state=after[rows])
+    history = StateHistory(encoder.drawn.size)
+    history.add_changes(encoder)
+    encoder.columns["state"] = history.initial
+
+
+class StateHistory:
+    """The initial states of nodes, as far as the events of the portions so far tell.
+
+    Attributes:
+        initial: (drawn nodes,) the state of each node before its first event.
+    """
+
+    def __init__(self, nodes: int) -> None:
+        self.initial = np.full(nodes, AWAKE, np.uint8)
+        self._changed = np.zeros(nodes, dtype=np.bool_)
+        self._sleeps = False
+
+    def add_changes(self, encoder: ReplayEncoder) -> bool:
+        """Add a portion's changes of state to it. Returns whether initial states are now known to be others."""
+        events, before = encoder.run.events, self.initial.copy()
+        index, after = encoder.index_of(events["node"]), coded(events["kind"], STATE_AFTER)
+        if not self._sleeps and np.isin(events["kind"], [KIND[kind] for kind in SLEEP_KINDS]).any():
+            self._sleeps = True
+            self.initial[:] = ASLEEP
+        if not self._sleeps:
+            after[events["kind"] == KIND["restart"]] = AWAKE
+        rows = (index >= 0) & (after != NONE)
+        first, row = np.unique(index[rows], return_index=True)
+        awake = (events["kind"][rows][row] == KIND["sleep"]) & ~self._changed[first]
+        self.initial[first[awake]] = AWAKE
+        self._changed[first] = True
+        frames = encoder.frame_of(shown_from(events)[rows])
+        encoder.add("state_change", frames, node=index[rows].astype("<u4"), state=after[rows])
+        return bool((before != self.initial).any())
 
 
 def _add_charge(encoder: ReplayEncoder, nodes: Columns) -> list[float] | None:

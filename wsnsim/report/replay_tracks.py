@@ -20,7 +20,7 @@ def add_tracks(encoder: ReplayEncoder) -> None:
     run = encoder.run
     for name, table in (("truth", run.truth), ("estimate", run.guess)):
         if table:
-            _add_track(encoder, name, table)
+            add_track(encoder, name, table)
     delay = run.guess["issued"] - run.guess["time"] if run.guess else np.empty(0)
     delay = delay[np.isfinite(delay)]
     if delay.size and delay.max() > NO_DELAY:
@@ -29,7 +29,7 @@ def add_tracks(encoder: ReplayEncoder) -> None:
         )
 
 
-def _add_track(encoder: ReplayEncoder, name: str, table: Columns) -> None:
+def add_track(encoder: ReplayEncoder, name: str, table: Columns) -> None:
     """The position of each target at each frame, target by target; for estimates also error and cluster head."""
     run, box = encoder.run, encoder.box
     steps = np.minimum(np.arange(encoder.frames) * encoder.detail.stride, run.last)

@@ -1,4 +1,8 @@
-"""The summary table of a page: one row per summary quantity with its 95 % interval, one column per result."""
+"""The summary tables of a page: a row per summary quantity with its 95 % interval, a column per result.
+
+The first table has the quantities that most readers ask for, the second one, which is folded, all others. The name of a
+quantity is explained by its definition.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +15,8 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.analysis import recorded_bounds
-from wsnsim.analysis.quantities import (
-    BOUND_NAMES,
-    BOUND_NOTE,
-    QUANTITIES,
-    position_unit,
-    read_arrays,
-    worth_showing,
-)
+from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, QUANTITIES, worth_showing
+from wsnsim.analysis.stored_arrays import position_unit, read_arrays
 from wsnsim.base.errors import ResultError
 from wsnsim.recording import read_json
 
@@ -30,36 +28,69 @@ MIN_RUNS: Final = 5
 """Least number of Monte Carlo runs for an interval."""
 RUNS: Final = "Monte Carlo runs"
 PUBLISHED_KEYS: Final = ("rmse", "energy")
+FIRST: Final = (
+    "rmse", "rmse_median", "ever_lost", "tracked", "delay", "report_delay", "energy", "packet_delivery_ratio",
+    "radio_on", "first_death", "alive",
+)  # fmt: skip
+"""The quantities of the first table."""
+EXPLAINED: Final = (
+    {quantity.name: quantity.definition for quantity in QUANTITIES.values()}
+    | dict.fromkeys(BOUND_NAMES.values(), BOUND_NOTE)
+    | {RUNS: "independent repetitions of the scenario, each with random numbers of its own"}
+)
+"""The explanation of each row by its name."""
 Cells = dict[str, str]
 
 
 def summary_table(
-    results: Sequence[Path], names: Sequence[str], published: PublishedLookup | None = None, plugins: bool = False
+    results: Sequence[Path],
+    names: Sequence[str],
+    published: PublishedLookup | None = None,
+    plugins: bool = False,
+    bounds: bool = False,
 ) -> str:
-    """The table as HTML. A quantity that no result has is left out.
+    """The tables as HTML. A quantity that no result has is left out.
 
-    `plugins` says whether plug-ins that a result's scenario names are imported for the bounds.
+    Args:
+        results: result files.
+        names: their names in the page.
+        published: gives the published values of a scenario.
+        plugins: whether plug-ins that a result's scenario names are imported for the bounds.
+        bounds: whether the three trajectory-conditional CRLBs are shown.
     """
-    columns = [_cells(path, published, plugins) for path in results]
-    first, *others = (quantity.name for quantity in QUANTITIES.values())
-    order = [RUNS, first, *BOUND_NAMES.values(), *others]
-    labels = [label for label in order if any(label in column for column in columns)]
+    columns = [_cells(path, published, plugins, bounds) for path in results]
+    order = [RUNS, QUANTITIES["rmse"].name, *BOUND_NAMES.values(), *(each.name for each in QUANTITIES.values())]
+    labels = [label for label in dict.fromkeys(order) if any(label in column for column in columns)]
     if not labels:
         return "<p>There is no summary: no run has finished.</p>"
+    first = {RUNS, *BOUND_NAMES.values(), *(QUANTITIES[key].name for key in FIRST)}
+    some, others = ([label for label in labels if (label in first) == wanted] for wanted in (True, False))
+    notes = [f"In brackets: 95 % bootstrap intervals over runs, for {MIN_RUNS} runs or more."]
+    notes += [f"{BOUND_NOTE[0].upper()}{BOUND_NOTE[1:]}."] if bounds and {*BOUND_NAMES.values()} & {*labels} else []
+    folded = (
+        f"<details><summary>Other quantities</summary>\n{_table(others, columns, names)}</details>\n" if others else ""
+    )
+    return f'{_table(some, columns, names)}{folded}<p class="small">{" ".join(notes)}</p>'
+
+
+def _table(labels: Sequence[str], columns: Sequence[Cells], names: Sequence[str]) -> str:
+    """A table with a row per label."""
     head = "".join(f'<th scope="col">{_breakable(name)}</th>' for name in names)
     rows = "".join(
-        f'<tr><th scope="row">{html.escape(label)}</th>'
+        f'<tr><th scope="row">{explained(label, EXPLAINED[label])}</th>'
         + "".join(f"<td>{column.get(label, '')}</td>" for column in columns)
         + "</tr>\n"
         for label in labels
     )
     return (
         f'<div class="wide" tabindex="0" role="region" aria-label="Summary"><table>\n'
-        f'<thead><tr><th scope="col">over all runs</th>{head}</tr></thead>\n<tbody>\n{rows}'
-        "</tbody></table></div>\n"
-        f'<p class="small">In brackets: 95 % bootstrap intervals over runs, for {MIN_RUNS} runs or more. '
-        f"{BOUND_NOTE[0].upper()}{BOUND_NOTE[1:]}.</p>"
+        f'<thead><tr><th scope="col">over all runs</th>{head}</tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n'
     )
+
+
+def explained(term: str, explanation: str) -> str:
+    """A term as HTML, with an explanation on hover, on focus and by tap."""
+    return f'<span class="term" tabindex="0" data-tip="{html.escape(explanation)}">{html.escape(term)}</span>'
 
 
 def _breakable(name: str) -> str:
@@ -68,7 +99,7 @@ def _breakable(name: str) -> str:
     return f"<bdi>{broken}</bdi>"
 
 
-def _cells(path: Path, published: PublishedLookup | None, plugins: bool) -> Cells:
+def _cells(path: Path, published: PublishedLookup | None, plugins: bool, bounds: bool) -> Cells:
     """The summary quantities of a result by name, as HTML."""
     values, paper = _published_values(path, published)
     arrays, unit = read_arrays(path), position_unit(path)
@@ -78,11 +109,11 @@ def _cells(path: Path, published: PublishedLookup | None, plugins: bool) -> Cell
     for key, value in worth_showing(arrays).items():
         quantity = QUANTITIES[key]
         low, high = quantity.interval(arrays)
-        bounds = quantity.interval_text(low, high) if low < high else ""
-        cells[quantity.name] = html.escape(quantity.text(value, unit)) + _small(bounds)
+        ends = quantity.interval_text(low, high) if low < high else ""
+        cells[quantity.name] = html.escape(quantity.text(value, unit)) + _small(ends)
         if key in PUBLISHED_KEYS and key in values:
             cells[quantity.name] += _small(f"published {quantity.text(values[key], unit)} ({paper})")
-    if arrays.errors.size:
+    if arrays.errors.size and bounds:
         cells |= {
             BOUND_NAMES[readings]: html.escape(QUANTITIES["rmse"].text(bound, unit))
             for readings, bound in recorded_bounds.time_averages(path, plugins).items()

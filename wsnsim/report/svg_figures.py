@@ -31,6 +31,8 @@ MANY: Final = 3000
 SIZE: Final = (5.2, 3.7)
 MARGINS: Final = {"left": 0.15, "right": 0.97, "bottom": 0.13, "top": 0.84}
 """Space for two rows of a legend and a title. It is fixed, because computing it takes as long as drawing."""
+ROW_OF_LEGEND: Final = 0.065
+"""Height of a further row of a legend, as a share of the figure's."""
 MAX_TARGETS: Final = 4
 """Targets whose tracks get a figure (our choice)."""
 LEGEND_COLUMNS: Final = 3
@@ -149,6 +151,8 @@ def _wrap_legend(axes: Axes) -> None:
     if len(handles) <= LEGEND_COLUMNS:
         return
     rows = -(-len(handles) // LEGEND_COLUMNS)
+    box = axes.get_position()
+    axes.set_position((box.x0, box.y0, box.width, box.height - ROW_OF_LEGEND * max(rows - 2, 0)))
     axes.set_title(axes.get_title(loc="left"), loc="left", pad=8 + 12 * rows)
     axes.legend(
         handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=LEGEND_COLUMNS, frameon=False,

@@ -5,7 +5,7 @@ setup = build(load("scenarios/pso_mhpf.yaml", ["seed=7"]))
 
 from wsnsim.scenario.build import build, plugins, resolved
 from wsnsim.scenario.files import shipped
-from wsnsim.scenario.load import load
+from wsnsim.scenario.load import Overrides, listed, load
 from wsnsim.scenario.plugin_access import Plugins
 
-__all__ = ["Plugins", "build", "load", "plugins", "resolved", "shipped"]
+__all__ = ["Overrides", "Plugins", "build", "listed", "load", "plugins", "resolved", "shipped"]

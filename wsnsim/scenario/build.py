@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from wsnsim.base.deprecation import uses_former
 from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.scenario.abilities import missing_abilities
+from wsnsim.scenario.combinations import impossible_combinations
 from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.registry import ROLES, Role, find
 
@@ -31,7 +32,7 @@ def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
     """Return the setup of a scenario.
 
     Returns:
-        A NetworkSetup; a BeaconSetup for a network without a target; a TrackingSetup for `network: none`.
+        A NetworkSetup; a BeaconSetup for a network without a target; a TrackingSetup for a standalone filter.
 
     Raises:
         ScenarioError: with every issue that a component finds in itself or in the setup.
@@ -163,6 +164,7 @@ def _issues(scenario: Scenario, setup: TrackingSetup | BeaconSetup, components: 
         for issue in _checked(part, setup)
     }
     yield from sorted(found, key=lambda issue: ([str(key) for key in issue.path], issue.message))
+    yield from impossible_combinations(setup)
     if isinstance(setup, TrackingSetup):
         yield from missing_abilities(scenario, setup)
         yield from _other_columns(scenario, setup)

@@ -180,7 +180,8 @@ def _model_at(node: LocatedValue, path: Keys, role: Role, issues: list[Issue]) -
     if node.value is BROKEN or (written is not None and written.value is BROKEN):
         return None
     if not isinstance(node.value, dict):
-        example = f"{{kind: {role.default or role.kinds[0].kind}}}"
+        written_kind = node.value if isinstance(node.value, str) and node.value in kinds(role.name) else None
+        example = f"{{kind: {written_kind or role.default or role.kinds[0].kind}}}"
         issues.append(node.spot.issue(path, f"expected a mapping such as {example}, got {described(plain(node))}"))
         return None
     kind = plain(written) if written else role.default

@@ -8,13 +8,13 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, Final, Generic, Protocol
 
-from wsnsim.base import ports, radio, sleeping
+from wsnsim.base import ports, radio, sleeping, synchronisation
 from wsnsim.base.errors import did_you_mean
 from wsnsim.scenario.fields import PartError
 from wsnsim.scenario.kinds import ROLES
 from wsnsim.scenario.registry import load_class
 
-PORT_MODULES: Final = (ports, radio, sleeping)
+PORT_MODULES: Final = (ports, radio, sleeping, synchronisation)
 NOT_DEMANDED: Final = ("protocol",)
 """Members that plug-ins of older versions lack, and that `base.ports` derives for them."""
 

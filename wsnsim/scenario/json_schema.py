@@ -16,7 +16,7 @@ from wsnsim.scenario.build import plain_json
 from wsnsim.scenario.fields import PartError, PartModel
 from wsnsim.scenario.kinds import AT_TOP, ROLES
 from wsnsim.scenario.registry import kinds
-from wsnsim.scenario.schema import BEACONS, Scenario, part_model
+from wsnsim.scenario.schema import WITHOUT_TARGETS, Scenario, part_model
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 REF = "#/$defs/"
@@ -80,7 +80,7 @@ def _demands(schema: dict[str, Any]) -> dict[str, Any]:
     of_network = [role.name for role in missing if role.of_network or role.offline_default]
     either = [{"required": [key]} for key in ROLES["motion"].keys]
     bench = {"required": ["network"], "properties": {"network": {"const": "none"}}}
-    beacons = {"properties": {"kind": {"const": BEACONS}}, "required": ["kind"]}
+    beacons = {"properties": {"kind": {"enum": [*WITHOUT_TARGETS]}}, "required": ["kind"]}
     without_target = {"required": ["workload"], "properties": {"workload": beacons}}
     kinds_of = {role.name: demand for role in alone if (demand := _fields_demanded(schema, role.name))}
     cases = [

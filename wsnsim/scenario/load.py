@@ -1,18 +1,19 @@
 """Loading of scenarios: a text is merged with the file it extends and with `--set`, then every key is checked.
 
-    load('pso_mhpf', ['link.reach=80 m']) -> Scenario
+    load('pso_mhpf', ['link.reach=80 m']) -> Scenario        load('pso_mhpf', {'link.reach': '80 m'}): the same
 
 Heavy modules are imported where they are used: `wsnsim list` imports this module.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
-from wsnsim.scenario.build import resolved
+from wsnsim.scenario.build import plain_json, resolved
 from wsnsim.scenario.files import content_of, find_or_none, shipped
 from wsnsim.scenario.plugin_access import Plugins
 
@@ -26,16 +27,20 @@ MOST_EXTENDED: Final = 16
 Keys: TypeAlias = tuple[str | int, ...]
 Assignment: TypeAlias = "tuple[Keys, LocatedValue]"
 """A path of keys, and the value to put there."""
+Override: TypeAlias = str | tuple[str, Any]
+"""A value that replaces one of the scenario: 'link.reach=80 m', or ('link.reach', '80 m')."""
+Overrides: TypeAlias = Iterable[Override] | Mapping[str, Any]
+"""Values that replace those of the scenario, as a list or as a mapping; in Python a value may be a component."""
 
 
 def load(
-    source: str | Path | Mapping[str, Any] | Scenario, overrides: Iterable[str] = (), plugins: Plugins = Plugins.ANY
+    source: str | Path | Mapping[str, Any] | Scenario, overrides: Overrides = (), plugins: Plugins = Plugins.ANY
 ) -> Scenario:
     """Return the checked scenario of a file, of a shipped scenario's name or of a dict.
 
     Args:
         source: what to load. A Scenario is returned as it is, unless there are overrides.
-        overrides: assignments that replace values, such as 'link.reach=80 m'.
+        overrides: assignments that replace values, such as 'link.reach=80 m', or {'link.reach': '80 m'}.
         plugins: which plug-ins the source, and what it extends, may name. Overrides may name any.
 
     Raises:
@@ -48,11 +53,21 @@ def load(
     text = read_scenario(source, plugins)
     if text.tree is None:
         raise ScenarioError(text.issues)
-    written = tuple(overrides)
+    written = listed(overrides)
     assignments, issues = assignments_of(written)
     scenario = validated(text, assignments, issues)
-    scenario._overrides = written
+    scenario._overrides = tuple(
+        each if isinstance(each, str) else _as_text(each[0], node)
+        for each, (_, node) in zip(written, assignments, strict=True)
+    )
     return scenario
+
+
+def listed(overrides: Overrides) -> tuple[Override, ...]:
+    """Return overrides as a tuple, whichever form they have."""
+    if isinstance(overrides, Mapping):
+        return tuple(overrides.items())
+    return (overrides,) if isinstance(overrides, str) else tuple(overrides)
 
 
 class ScenarioText(NamedTuple):
@@ -93,9 +108,12 @@ def validated(text: ScenarioText, assignments: Iterable[Assignment], issues: Ite
     return scenario
 
 
-def assignments_of(overrides: Iterable[str], plugins: Plugins = Plugins.ANY) -> tuple[list[Assignment], list[Issue]]:
-    """Return the assignments of texts such as 'a.b.c=value', and the issues of those that cannot be read."""
-    read = [_assignment(override, plugins) for override in overrides]
+def assignments_of(overrides: Overrides, plugins: Plugins = Plugins.ANY) -> tuple[list[Assignment], list[Issue]]:
+    """Return the assignments of texts such as 'a.b.c=value', or of pairs, and the issues of those that are wrong."""
+    read = [
+        _assignment(override, plugins) if isinstance(override, str) else _of_pair(*override, plugins)
+        for override in listed(overrides)
+    ]
     assignments = [(keys, node) for keys, node, _ in read if node is not None]
     return assignments, [issue for *_, issues in read for issue in issues]
 
@@ -136,7 +154,8 @@ def _from_dict(source: Mapping[str, Any], plugins: Plugins) -> tuple[LocatedValu
 
     tree, issues = of_dict(source, Origin("", Path.cwd(), plugins=plugins))
     if tree.value is BROKEN or issues:
-        return tree, issues, ("", "")
+        unresolved = isinstance(tree.value, dict) and "extends" in tree.value  # what it extends may give other keys
+        return None if unresolved else tree, issues, ("", "")
     written = yaml.safe_dump(plain(tree), sort_keys=False, allow_unicode=True)
     if "extends" not in tree.value:
         return tree, issues, ("", written)
@@ -212,3 +231,29 @@ def _assignment(override: str, plugins: Plugins) -> tuple[Keys, LocatedValue | N
         return (), None, [Issue((), "'extends' is allowed in a file only", f"--set {written}")]
     node, issues = read(value, Origin(f"--set {dotted(keys)}", Path.cwd(), (), keys, plugins))
     return keys, node, issues
+
+
+def _of_pair(written: str, value: Any, plugins: Plugins) -> tuple[Keys, LocatedValue | None, list[Issue]]:
+    """Return the assignment of a value that a caller gives in Python."""
+    from wsnsim.scenario.located_values import BROKEN, Origin
+    from wsnsim.scenario.reader import of_dict
+
+    keys = keys_of(written) if isinstance(written, str) else ()
+    if not keys:
+        return (), None, [Issue((), "expected keys, such as 'link.reach'", f"overrides {written!r}")]
+    if keys[0] == "extends":
+        return (), None, [Issue((), "'extends' is allowed in a file only", written)]
+    node, issues = of_dict(value, Origin("", Path.cwd(), (), keys, plugins), keys)
+    return keys, None if node.value is BROKEN else node, issues
+
+
+def _as_text(written: str, node: LocatedValue) -> str:
+    """Return an assignment as the command line takes it: `tracker.particles=200`."""
+    from wsnsim.scenario.located_values import Origin, plain
+    from wsnsim.scenario.reader import read
+
+    value = plain_json(plain(node))
+    if not isinstance(value, str):
+        return f"{written}={json.dumps(value)}"
+    again, _ = read(value, Origin("", Path()))
+    return f"{written}={value if again is not None and again.value == value else json.dumps(value)}"

@@ -18,6 +18,7 @@ from typing import Any, Final
 import yaml
 
 from wsnsim.base.errors import Issue
+from wsnsim.scenario.component_values import WrongComponent, is_component, role_at, values_of
 from wsnsim.scenario.located_values import BROKEN, Entry, Keys, LocatedValue, Origin, Spot, mapping, sequence
 from wsnsim.scenario.plugin_access import Plugins
 from wsnsim.scenario.units import shown
@@ -199,7 +200,10 @@ def _real(text: str) -> float:
 def of_dict(
     values: Any, origin: Origin, path: Keys = (), inside: frozenset[int] = frozenset()
 ) -> tuple[LocatedValue, list[Issue]]:
-    """Return the tree of a caller's dict: tuples and arrays as lists, NumPy scalars as their values, paths as text."""
+    """Return the tree of a caller's dict.
+
+    Tuples, ranges and arrays become lists, NumPy scalars their values, paths text, components mappings with their kind.
+    """
     spot = Spot(origin)
     if len(path) > DEEPEST or id(values) in inside:
         return LocatedValue(BROKEN, spot), [
@@ -207,7 +211,12 @@ def of_dict(
         ]
     if hasattr(values, "tolist"):
         values = values.tolist()
-    if isinstance(values, Mapping | list | tuple):
+    if is_component(values):
+        try:
+            values = values_of(values, role_at(path))
+        except WrongComponent as error:
+            return LocatedValue(BROKEN, spot), [spot.issue(path, str(error))]
+    if isinstance(values, Mapping | list | tuple | range):
         return _of_many(values, origin, path, inside | {id(values)})
     if hasattr(values, "__fspath__"):
         return LocatedValue(str(values), spot), []

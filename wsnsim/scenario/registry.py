@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.errors import UsageError, did_you_mean, nearest
 from wsnsim.base.plugin_code import note_plugin, plugin_fault
 from wsnsim.scenario.kinds import ROLES
 from wsnsim.scenario.roles import Kind, Role
@@ -37,7 +37,9 @@ def role_named(word: str) -> Role:
     for role in ROLES.values():
         if word in (role.name, role.plural):
             return role
-    raise UsageError(f"unknown role '{word}' ({did_you_mean(word, [role.plural for role in ROLES.values()])})")
+    names = [role.plural for role in ROLES.values()]
+    near = [ROLES[name].plural if name in ROLES else name for name in nearest(word, [*names, *ROLES])]
+    raise UsageError(f"unknown role '{word}' ({did_you_mean(near[0] if near else word, names)})")
 
 
 def kinds(role: str) -> dict[str, Kind]:

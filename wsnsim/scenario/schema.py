@@ -48,8 +48,8 @@ SHORT_FORMS: Final = {"gains": "gains", "inflate": "inflate", "filter_noise_scal
 SAFE_CHARACTERS: Final = re.compile(r"\w[\w.\-]*")
 MOST_CHARACTERS: Final = 100
 """Characters of a name; the limit in bytes follows from temporary names."""
-BEACONS: Final = "beacons"
-"""The kind of the built-in workload without targets."""
+WITHOUT_TARGETS: Final = ("beacons", "collection")
+"""The kinds of the built-in workloads without targets."""
 TRACKING: Final = "tracking"
 """The mechanism of the workload with targets; every other workload has none."""
 

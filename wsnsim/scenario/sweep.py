@@ -30,9 +30,11 @@ from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import TABLES
 from wsnsim.scenario import axes as shapes
 from wsnsim.scenario.axes import demand_few
+from wsnsim.scenario.build import resolved
 from wsnsim.scenario.files import content_of, find_or_none, find_sweep
 from wsnsim.scenario.load import (
     Assignment,
+    Overrides,
     ScenarioText,
     assignments_of,
     keys_of,
@@ -53,9 +55,10 @@ from wsnsim.scenario.located_values import (
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.points import PointName, demand_no_axis, keys_of_points, points_of
 from wsnsim.scenario.reader import of_dict, origin_of, read
+from wsnsim.scenario.schema import Scenario
 from wsnsim.scenario.sweep_blocks import BLOCKS, Findings, assignments_in, combined, with_reals
 from wsnsim.scenario.sweep_schema import Plan, SweepText
-from wsnsim.scenario.tracker_choices import tracker_choices, with_trackers
+from wsnsim.scenario.tracker_choices import TrackerChoice, choices_of, tracker_choices, with_trackers
 
 KEPT: Final = ("runs", "tracks")
 """The tables that a campaign records by default."""
@@ -79,10 +82,10 @@ def is_sweep(source: str | Path) -> bool:
 
 
 def load_sweep(
-    source: str | Path | Mapping[str, Any] | Sequence[str],
-    vary: Iterable[str] = (),
-    overrides: Iterable[str] = (),
-    trackers: str | None = None,
+    source: Any,
+    vary: Iterable[str] | Mapping[str, Any] = (),
+    overrides: Overrides = (),
+    trackers: str | Sequence[Any] | Mapping[str, Any] | None = None,
     **given: Any,
 ) -> Plan:
     """Return the plan of a sweep.
@@ -90,28 +93,31 @@ def load_sweep(
     A range between whole numbers holds whole numbers only, unless the scenario has a real number at its key.
 
     Args:
-        source: a file, a dict with the same keys, or the names of one or several scenarios.
-        vary: further axes of the grid, such as 'tracker.particles=100,200'.
-        overrides: assignments as those of `--set`.
-        trackers: trackers to run at every point, each with its own parameters, such as 'pf:particles=1000,ekf'.
+        source: a file, a dict with the same keys, the names of one or several scenarios, a scenario as a dict, or what
+            `load` returned.
+        vary: further axes of the grid, such as ['tracker.particles=100,200'] or {'tracker.particles': [100, 200]}.
+        overrides: assignments as those of `--set`, as a list or as a mapping.
+        trackers: trackers to run at every point, each with its own parameters, such as 'pf:particles=1000,ekf', or
+            components, mappings and names in a list.
         given: values that replace `name`, `replicates` and `timeout` of the sweep.
 
     Raises:
         ScenarioError: with the issues of the sweep, or of its points.
     """
-    tree, name, text = _read(source)
+    own = _own_scenario(source)
+    tree, name, text = _read(source) if own is None else _of_own(own)
     found = Findings(_with_given(_with_vary(tree, vary), given, name))
     written = _checked(found)
     tree = found.tree
     assignments, wrong = assignments_of(overrides)
     found.add(wrong)
-    bases = _bases(tree, found)
+    bases = _bases(tree, found) if own is None else [own]
     common = [*_record(tree.spot), *assignments_in(child(tree, "set"), found), *assignments]
     found.tree = tree = with_reals(tree, bases, common)
     settings = combined(tree, written, found)
     names: list[PointName] | None = None
     with found.collected():
-        settings, names = with_trackers(tracker_choices(trackers) if trackers else [], settings)
+        settings, names = with_trackers(_choices(trackers), settings)
         demand_few(len(bases) * len(settings), tree)
         demand_no_axis(assignments, settings)
         points = points_of(bases, common, settings, names)
@@ -131,6 +137,36 @@ def load_sweep(
         timeout=written.timeout,
         source=text,
     )
+
+
+def _choices(trackers: str | Sequence[Any] | Mapping[str, Any] | None) -> list[TrackerChoice]:
+    if not trackers:
+        return []
+    return tracker_choices(trackers) if isinstance(trackers, str) else choices_of(trackers)
+
+
+def _own_scenario(source: Any) -> ScenarioText | None:
+    """Return the text of a scenario that the caller wrote as a dict, or loaded; None for anything else.
+
+    Raises:
+        ScenarioError: with its issues.
+    """
+    values = resolved(source) if isinstance(source, Scenario) else source
+    if not isinstance(values, Mapping) or any(sign in values for sign in SIGNS):
+        return None
+    text = read_scenario(values)
+    if text.issues or text.tree is None:
+        raise ScenarioError(in_order(text.issues))
+    return text
+
+
+def _of_own(own: ScenarioText) -> tuple[LocatedValue, str, str]:
+    """Return what `_read` returns, for a scenario of the caller, which is named instead of a file."""
+    assert own.tree is not None
+    named = child(own.tree, "name")
+    name = named.value if named is not None and isinstance(named.value, str) else "sweep"
+    spot = Spot(Origin("", Path.cwd()))
+    return mapping({"scenario": Entry(spot, LocatedValue(name, spot))}, spot), name, own.origin[1]
 
 
 def _checked(found: Findings) -> SweepText | None:
@@ -195,8 +231,13 @@ def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Locat
     return mapping({"scenario": Entry(spot, given)}, spot), re.sub(r"^\W|[^\w.\-]", "_", stems)[:100] or "sweep", ""
 
 
-def _with_vary(tree: LocatedValue, vary: Iterable[str]) -> LocatedValue:
+def _with_vary(tree: LocatedValue, vary: Iterable[str] | Mapping[str, Any]) -> LocatedValue:
     """Return the tree with the axes of the command line in its grid; they replace axes of the same key."""
+    if isinstance(vary, Mapping):
+        given, issues = of_dict(vary, Origin("", Path.cwd()), ("grid",))
+        if issues:
+            raise ScenarioError(in_order(issues))
+        return _with_axes(tree, given.value) if vary else tree
     added: dict[str, Entry] = {}
     for text in vary:
         key, sign, values = text.partition("=")
@@ -215,6 +256,11 @@ def _with_vary(tree: LocatedValue, vary: Iterable[str]) -> LocatedValue:
         added[dotted(keys)] = Entry(spot, alone if is_range and alone is not None else node)
     if not added:
         return tree
+    return _with_axes(tree, added)
+
+
+def _with_axes(tree: LocatedValue, added: Mapping[str, Entry]) -> LocatedValue:
+    """Return the tree with axes in its grid; they replace axes of the same key."""
     old = child(tree, "grid")
     grid = mapping({**(old.value if old and isinstance(old.value, dict) else {}), **added}, tree.spot)
     return mapping({**tree.value, "grid": Entry(tree.spot, grid)}, tree.spot)

@@ -37,7 +37,7 @@ link:                            # which nodes receive each other
   kind: disk                     # also: log_normal, where links differ and weak frames are lost; recorded
   reach: 75 m
 mac:                             # when a frame gets the channel
-  kind: ideal                    # also: csma (IEEE 802.15.4, unslotted), tdma (slots inside a cluster)
+  kind: ideal                    # also: csma, tdma (slots in clusters); radios sleep with xmac, contikimac, tsch
 clusters:                        # which node is cluster head, and until when
   kind: strongest_signal         # also: appointed (members near the prediction, without joins), central, moving_head
   handover_fraction: 0.25
@@ -48,6 +48,8 @@ tracker:                         # the strategy: `wsnsim list trackers`, or your
   assumes:                       # assumptions of the filter
     gains: known
     noise_scale: 1
+clock:                           # the errors of the nodes' clocks
+  kind: perfect                  # also: drift; then `sync: {{kind: ftsp}}` keeps clocks together, by paid messages
 faults: []                       # injected failures (`wsnsim list faults`): [{{kind: crash, at: 9 s, fraction: 0.1}}]
 record:                          # which tables are recorded
   events: true

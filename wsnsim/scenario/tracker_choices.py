@@ -12,16 +12,18 @@ from __future__ import annotations
 
 import itertools
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
 from wsnsim.scenario.axes import Settings, joined
+from wsnsim.scenario.component_values import defaults_of
 from wsnsim.scenario.load import Assignment, keys_of
-from wsnsim.scenario.located_values import LocatedValue, Origin, Spot, dotted
+from wsnsim.scenario.located_values import LocatedValue, Origin, Spot, dotted, plain
 from wsnsim.scenario.points import PointName
-from wsnsim.scenario.reader import read
+from wsnsim.scenario.reader import of_dict, read
 from wsnsim.scenario.registry import kinds
 
 OPTION: Final = "--trackers"
@@ -66,6 +68,39 @@ def tracker_choices(text: str) -> list[TrackerChoice]:
         first = [TrackerText(found["parameter"], part.start + found.start("parameter"))] if found else []
         groups.append((TrackerText(found["kind"] if found else part.text, part.start), first))
     return [_choice(text, kind, parameters) for kind, parameters in groups]
+
+
+def choices_of(trackers: Sequence[Any] | Mapping[str, Any]) -> list[TrackerChoice]:
+    """Return the trackers that a caller gives in Python: texts, components and mappings, or a mapping by their names.
+
+    Raises:
+        ScenarioError: one of them is no tracker.
+    """
+    named = list(trackers.items()) if isinstance(trackers, Mapping) else [("", tracker) for tracker in trackers]
+    found: list[TrackerChoice] = []
+    for number, (name, tracker) in enumerate(named):
+        if isinstance(tracker, str):
+            found += [TrackerChoice(name or one.name, one.assignments) for one in tracker_choices(tracker)]
+        else:
+            found.append(_of_value(f"trackers.{name or number}", name, tracker))
+    return found
+
+
+def _of_value(place: str, name: str, tracker: Any) -> TrackerChoice:
+    """Return the choice of a component, or of a mapping with a kind; without a name, named as --trackers would."""
+    tree, issues = of_dict(tracker, Origin("", Path.cwd()), ("tracker",))
+    values = tree.value if isinstance(tree.value, dict) else {}
+    if not issues and "kind" not in values:
+        message = f"expected a tracker: a component, a mapping with a kind, or a name, got {type(tracker).__name__}"
+        issues = [Issue((), message)]
+    if issues:
+        raise ScenarioError([replace(issue, place=place) for issue in issues])
+    assignments = [(("tracker", key), entry.node) for key, entry in values.items()]
+    kind = str(plain(values["kind"].node))
+    usual = defaults_of(tracker)
+    given = {str(key): plain(node) for (_, key), node in assignments if key != "kind"}
+    words = [f"{key}={value}" for key, value in given.items() if key not in usual or usual[key] != value]
+    return TrackerChoice(name or kind + (":" + ",".join(words) if words else ""), tuple(assignments))
 
 
 def column_of(choices: list[TrackerChoice]) -> str:

@@ -34,13 +34,27 @@ from wsnsim.testing.demand import demand
 from wsnsim.testing.faults import check_fault
 from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac
+from wsnsim.testing.motions import check_motion
 from wsnsim.testing.privacy import examine, same
+from wsnsim.testing.sensors import check_sensor
+from wsnsim.testing.synchronisation import check_sync
 from wsnsim.testing.table import FIRST, SECOND, Table, another, passed_on, track
 from wsnsim.testing.wakeups import check_wakeup
 from wsnsim.testing.whole_runs import demand_whole_runs
 from wsnsim.testing.workloads import check_workload
 
-__all__ = ["Table", "check_fault", "check_mac", "check_tracker", "check_wakeup", "check_workload", "track"]
+__all__ = [
+    "Table",
+    "check_fault",
+    "check_mac",
+    "check_motion",
+    "check_sensor",
+    "check_sync",
+    "check_tracker",
+    "check_wakeup",
+    "check_workload",
+    "track",
+]
 
 
 class Models(NamedTuple):

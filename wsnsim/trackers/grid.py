@@ -26,7 +26,7 @@ from wsnsim.trackers.shared.readings import gather_readings
 
 SPREAD_CYCLES = 15.0
 """CPU cycles to add a share of one cell's mass to another cell."""
-EDGE = Quantity("", ge=-1e9, le=1e9)
+EDGE = Quantity("", ge=-1e9, le=1e9, label="SI")
 LEAST_EXTENT = 1e-6
 
 

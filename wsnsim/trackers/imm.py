@@ -88,7 +88,9 @@ class InteractingModels(HeadFilter):
         "probabilities of the modes in the next step, a row per present mode; in place of stay",
     ] = None
     added_sd: Annotated[
-        float, Quantity("", gt=0, le=1e9), "deviation at the start of columns that the scenario's motion lacks, in SI"
+        float,
+        Quantity("", gt=0, le=1e9, label="SI"),
+        "deviation at the start of columns that the scenario's motion lacks, in SI",
     ] = 0.2
 
     def __post_init__(self) -> None:

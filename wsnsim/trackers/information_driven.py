@@ -57,6 +57,9 @@ HASTE: Final = 1.2
 LATENESS: Final = 1.4
 """Readings wait for their packet while the mean square error grows by less than `HASTE` in each step that
 they wait; a plan that makes them wait is kept until it grows by more than `LATENESS`."""
+DEADLINE: Final = 0.6
+LATEST: Final = 0.9
+"""Shares of a step after which the head goes on, and after which it does so at the latest if a hop takes longer."""
 TRIES: Final = 3
 """How often a head sends to its successor what has not arrived there."""
 MISSED: Final = 3
@@ -96,7 +99,8 @@ class InformationDriven(HeadFilter):
     readings to wait. Members that are appointed later receive it with their announcement. If several members
     answer as if they had none, it is replaced.
 
-    On a radio that takes time the head goes on when the share `deadline` of a step is over. A handover carries each
+    On a radio that takes time the head goes on when the share `deadline` of a step is over; left out, that is 0.6, or
+    more if a hop of the MAC takes longer. A handover carries each
     Gaussian with its weight. The gains of sensors are not estimated.
 
     Sources: the selection follows Zhao, Shin, Reich (2002), "Information-driven dynamic sensor collaboration", IEEE
@@ -117,8 +121,11 @@ class InformationDriven(HeadFilter):
         "share of the members' information that is asked for; 1: all at each step, without a plan",
     ] = 0.95
     deadline: Annotated[
-        float, Quantity("", gt=0, le=1), "share of a step after which the head goes on with the readings that arrived"
-    ] = 0.6
+        float | None,
+        Quantity("", gt=0, le=1),
+        "share of a step after which the head goes on with the readings that arrived; left out: 0.6, or what a hop of "
+        "the MAC needs",
+    ] = None
     every: Annotated[int, Quantity("", ge=1, le=4), "readings that a member sends in one packet, once settled"] = 2
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[PlannedBelief]:
@@ -136,7 +143,7 @@ class InformationDriven(HeadFilter):
             lambda members: prepare(members, scene, self.every),
             uses_readings=False,
         )
-        answer = yield Gather(outgoing, deadline=self.deadline * scene.dt)
+        answer = yield Gather(outgoing, deadline=self._seconds(scene))
         if plan is not None and expected is not None:
             yield Compute(EXTRAPOLATION_CYCLES * (scene.step - expected.step) + WORTH_CYCLES * len(answer))
             expected = extrapolated(expected, scene)
@@ -147,6 +154,12 @@ class InformationDriven(HeadFilter):
         yield Compute(filter_cycles(kept, arrived, scene))
         after = _belief(kept[-1].mixture, scene.head)
         return replace(after, plan=plan, expected=expected, kept=kept[-self.every :] if self.every > 1 else ())
+
+    def _seconds(self, scene: Scene) -> float:
+        """The deadline of readings in s. Left out, it leaves time for one hop, and for the estimate after it."""
+        if self.deadline is not None:
+            return self.deadline * scene.dt
+        return max(DEADLINE * scene.dt, min(scene.hop_seconds, LATEST * scene.dt))
 
     def hand_over(self, belief: PlannedBelief, scene: Scene, successor: int) -> Flow[PlannedBelief | None]:
         """Each Gaussian with its weight: 4 packets for a state of four. Those that do not arrive whole are sent again.

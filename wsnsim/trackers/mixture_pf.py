@@ -107,9 +107,11 @@ class MixturePf(HeadFilter):
         3.0
     )
     start_sd: Annotated[
-        tuple[float, float, float, float], Quantity("", gt=0.0, le=1e7), "standard deviations of P0, in m and m/s"
+        tuple[float, float, float, float],
+        Quantity("", gt=0.0, le=1e7, label="SI"),
+        "standard deviations of P0, in m and m/s",
     ] = (5.0, 3.0, 5.0, 3.0)
-    reading_bits: Annotated[int, Quantity("", ge=1, le=100_000), "bits of a reading on the air"] = 88
+    reading_bits: Annotated[int, Quantity("", ge=1, le=100_000, label="bit"), "bits of a reading on the air"] = 88
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[Mixture]:
         """The prior's mean with P0; the prior's covariance of the position replaces that of P0 if it is larger.

@@ -45,14 +45,6 @@ class AppointedCluster(Cluster):
         """Add nodes that the head's map says are appointed."""
         self._appointed.update(nodes)
 
-    def admit(self, nodes: Iterable[int]) -> list[int]:
-        """Add living nodes that know that they are appointed; return those that are new."""
-        alive, members = self._network.nodes.alive, self.members
-        new = [node for node in nodes if node not in members and alive[node]]
-        for node in new:
-            self._admit(node)
-        return new
-
     def note_answers(self, nodes: Iterable[int]) -> None:
         """Note that packets of members have arrived at the head: these are awake, and know whom to report to."""
         self._answered.update(nodes)

@@ -129,6 +129,9 @@ class AppointingProtocol(StandingClusterProtocol):
         positions, motion = network.nodes.assumed.positions, self._setup.filter_motions[target]
         ids = self._services.messages.linked(head, heard)
         covered = appointment.covers(positions[ids], motion).tolist()
+        self._services.messages.intervals.shorten_for_next_step(
+            [head, *(node for node, near in zip(ids, covered, strict=True) if near)]
+        )
         cluster.appoint(self._appointed_on_map(head, appointment, target))
         self._services.messages.expect(head, cluster.known)
         self._admit(track, cluster, [node for node, near in zip(ids, covered, strict=True) if near])
@@ -218,15 +221,23 @@ class AppointingProtocol(StandingClusterProtocol):
         """Appoint more members or hand over, if the expected information of the members is too small."""
         track, cluster = lead.track, lead.cluster
         outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.known, lead.belief, lead.scene)
+        if self._may_be_unheard(lead):
+            appointment = self._policy.appointment(outlook)
+            yield from self._announce(track, cluster, appointment, self._payload_of(lead.belief, lead.scene))
         if lead.tentative or not self._policy.must_appoint(outlook):
             return None
         successor = self._next_head(track, cluster, lead.belief, lead.scene)
         if successor is not None and successor != cluster.head:
-            return (yield from self._hand_on(lead, successor))
+            return (yield from self._unless_undelivered(self._hand_on(lead, successor)))
         appointment = self._policy.appointment(outlook)
         if not set(self._appointed_on_map(cluster.head, appointment, track.target)) <= set(cluster.known):
             yield from self._announce(track, cluster, appointment, self._payload_of(lead.belief, lead.scene))
         return None
+
+    def _may_be_unheard(self, lead: AppointedLead) -> bool:
+        """Whether no member has answered, and none is about to, where radios are mostly off: frames collide there."""
+        silent = not lead.driver.overdue and not lead.driver.answered - {lead.cluster.head}
+        return silent and self._setup.waits.keeps_undelivered
 
     def _hand_on(self, lead: AppointedLead, successor: int) -> HandingOver:
         """Send the belief to the successor, which acts at once."""

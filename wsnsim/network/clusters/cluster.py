@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import HEAD_KEY, derive, derive_all, derive_each
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.network_view import NetworkView
 
 KEYS_AHEAD: Final = 64
@@ -16,7 +18,11 @@ KEYS_AHEAD: Final = 64
 
 
 class Cluster:
-    """A cluster whose members, the head included, are fixed when it forms."""
+    """A cluster, with the members that joined when it formed, the head included, and those that are admitted later.
+
+    `reported`: {node: reading} that came with the joins; `awaited`: the number of joins that are still under way;
+    `forming`: whether the cluster is not yet that of the track.
+    """
 
     def __init__(
         self, network: NetworkView, target: int, head: int, joined: list[int], keys_ahead: int = KEYS_AHEAD
@@ -35,8 +41,19 @@ class Cluster:
         self._roster_traits, self._roster_positions = self._traits, self._positions
         self.head = head
         self.members: dict[int, Member] = {}
+        self.reported: Mapping[int, Reading] = {}
+        self.awaited = 0
+        self.forming = False
         for node in [head, *joined]:
             self._admit(node)
+
+    def admit(self, nodes: Iterable[int]) -> list[int]:
+        """Add living nodes that know that they belong; return those that are new."""
+        alive, members = self._network.nodes.alive, self.members
+        new = [node for node in nodes if node not in members and alive[node]]
+        for node in new:
+            self._admit(node)
+        return new
 
     def _admit(self, node: int) -> None:
         nodes = self._network.nodes
@@ -103,6 +120,7 @@ class Cluster:
             roster_positions=self._roster_positions,
             roster_traits=self._roster_traits,
             packet_joules=setup.packet_joules,
+            hop_seconds=setup.hop.unicast,
         )
 
     def _update_roster(self, roster: tuple[int, ...]) -> None:

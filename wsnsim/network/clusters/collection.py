@@ -18,7 +18,8 @@ from simpy.events import EventPriority
 from wsnsim.base.arrays import Bools
 from wsnsim.base.gathered import Journeys
 from wsnsim.base.requests import Parcel, all_arrived
-from wsnsim.network.radio.transport import Datagram, Transport
+from wsnsim.network.radio.datagrams import Datagram
+from wsnsim.network.radio.transport import Transport
 from wsnsim.network.radio.unicasts import Unicasts
 
 Masks: TypeAlias = list[Bools | None]
@@ -51,6 +52,7 @@ class Collection:
 
     Attributes:
         bits: sent in datagrams so far.
+        overdue: whether some datagrams were still under way when the last deadline had passed.
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class Collection:
         self._window = window
         self._one_hop = one_hop
         self.bits = 0
+        self.overdue = False
 
     def gather(
         self, nodes: list[int], parcels: list[Parcel], deadline: float | None
@@ -121,6 +124,7 @@ class Collection:
 
     def collect(self, datagrams: list[Datagram], deadline: float | None = None) -> Generator[simpy.Event, Any, None]:
         """Send datagrams to the head; wait until all have ended, for the window, or for `deadline` s if less."""
+        self.overdue = False
         if self._window is not None:
             yield from self._collect_in_window(datagrams, *self._window, deadline)
         elif deadline is None:
@@ -128,6 +132,7 @@ class Collection:
         elif any(datagram.source != datagram.to for datagram in datagrams):
             ended = self._transport.carry(datagrams, self._target, self._head, self._one_hop)
             yield ended | Deadline(self._env, deadline)
+            self.overdue = not ended.triggered
             self.bits += sum(datagram.bits for datagram in datagrams)
         else:
             yield from self.carry(datagrams)

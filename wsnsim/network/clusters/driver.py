@@ -34,8 +34,10 @@ from wsnsim.base.requests import (
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.collection import Collection
 from wsnsim.network.clusters.processors import Processors
+from wsnsim.network.clusters.wake_intervals import WakeIntervals
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.transport import Datagram, Transport
+from wsnsim.network.radio.datagrams import Datagram
+from wsnsim.network.radio.transport import Transport
 from wsnsim.network.step_clock import ProtocolLog
 
 Performance = Generator[simpy.Event, Any, Any]
@@ -47,13 +49,18 @@ class HeadDied(Exception):
 
 @dataclass(frozen=True, slots=True)
 class DriverServices:
-    """What drivers use."""
+    """What drivers use. `deadline`: of gathers without one of their own, in s; None: all must have ended.
+
+    `intervals`: the nodes' wake intervals, which are short at the head, and at members that hear from it.
+    """
 
     env: simpy.Environment
     nodes: Nodes
     transport: Transport
     processors: Processors
     log: ProtocolLog
+    deadline: float | None
+    intervals: WakeIntervals
 
 
 class Driver:
@@ -96,6 +103,11 @@ class Driver:
         """The bits sent in datagrams so far."""
         return self._collection.bits
 
+    @property
+    def overdue(self) -> bool:
+        """Whether some parcels were still under way when the head went on."""
+        return self._collection.overdue
+
     def perform(self, flow: Flow[Any]) -> Performance:
         """Perform a flow's requests and return the flow's belief. The flow is closed, however it ends.
 
@@ -104,6 +116,7 @@ class Driver:
         """
         answer: Any = None
         self.readings = 0
+        self._services.intervals.shorten_for_next_step([self._head])
         try:
             while True:
                 try:
@@ -177,7 +190,7 @@ class Driver:
                 if parcel.readings != 0 and (count := parcel.readings_of(member)):
                     assert member.reading is not None, "only a member with a reading sends one"
                     readings[member.id] = member.reading, count
-        masks, journeys = yield from self._collection.gather(nodes, parcels, request.deadline)
+        masks, journeys = yield from self._collection.gather(nodes, parcels, self._deadline_of(request))
         answer = Gathered(
             {
                 node: (parcel.payload, mask)
@@ -196,7 +209,8 @@ class Driver:
     def _gather_readings(self, request: GatherReadings) -> Generator[simpy.Event, Any, GatheredReadings]:
         readings = request.readings_of(self._addressed(request.who))
         form = Parcel(None, 1, request.packet_bits, request.what)
-        masks, journeys = yield from self._collection.gather(list(readings), [form] * len(readings), request.deadline)
+        parcels, deadline = [form] * len(readings), self._deadline_of(request)
+        masks, journeys = yield from self._collection.gather(list(readings), parcels, deadline)
         arrived = [node for node, mask in zip(readings, masks, strict=True) if mask is not None]
         self.answered.update(arrived)
         if readings:
@@ -204,6 +218,9 @@ class Driver:
             self.readings = len(arrived)
         values = np.array([readings[node] for node in arrived], dtype=np.float64)
         return GatheredReadings(tuple(arrived), values, journeys)
+
+    def _deadline_of(self, request: Gather | GatherReadings) -> float | None:
+        return self._services.deadline if request.deadline is None else request.deadline
 
     def collect(self, datagrams: list[Datagram]) -> Generator[simpy.Event, Any, None]:
         """Send datagrams to the head and wait until all have ended, or for the window; later ones are ignored."""
@@ -215,20 +232,20 @@ class Driver:
         what = next(iter(parcels.values())).what if parcels else ""
         self._services.log.add("allocate", self._target, head, what, packets=packets)
         masks = yield from self._collection.exchange([head] * len(parcels), list(parcels), list(parcels.values()))
-        return {
-            node: self._deliver(node, parcel, mask)
-            for (node, parcel), mask in zip(parcels.items(), masks, strict=True)
-            if mask is not None and node in self._members
-        }
+        return self._deliver(
+            {
+                node: (parcel, mask)
+                for (node, parcel), mask in zip(parcels.items(), masks, strict=True)
+                if mask is not None and node in self._members
+            }
+        )
 
     def _broadcast(self, request: Broadcast) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         event, (burst,) = self._services.transport.broadcast([self._head], [request.parcel], self._target)
         yield event
-        return {
-            node: self._deliver(node, request.parcel, mask)
-            for node, mask in burst.received.items()
-            if node in self._members
-        }
+        return self._deliver(
+            {node: (request.parcel, mask) for node, mask in burst.received.items() if node in self._members}
+        )
 
     def _send(self, request: Send) -> Generator[simpy.Event, Any, Bools]:
         datagram = Datagram(self._head, request.to, request.parcel)
@@ -236,6 +253,9 @@ class Driver:
         self.hops = datagram.hops
         return datagram.mask
 
-    def _deliver(self, node: int, parcel: Parcel, mask: Bools) -> Bools:
-        self._members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask))
-        return mask
+    def _deliver(self, arrived: dict[int, tuple[Parcel, Bools]]) -> dict[int, Bools]:
+        """Put what arrived into the inboxes of members; return the masks."""
+        for node, (parcel, mask) in arrived.items():
+            self._members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask))
+        self._services.intervals.shorten_for_next_step(arrived)
+        return {node: mask for node, (_, mask) in arrived.items()}

@@ -13,7 +13,7 @@ from wsnsim.base.vector_readings import Reading
 
 
 class Election:
-    """One election. `closed` fires with the winner or None once every candidate has broadcast, or is down.
+    """One election. `closed` fires with the winner or None once every candidate has broadcast, withdrew or is down.
 
     An idealisation: the strongest of all candidates wins, even if it did not hear all others, and all nodes know it
     at once.
@@ -35,6 +35,7 @@ class Election:
         self._sensor = sensor
         self._pending = set(strengths)
         self._heard: dict[int, Mapping[int, Bools]] = {}
+        self._overdue = False
 
     def report(self, node: int, heard: Mapping[int, Bools]) -> None:
         """Note that a candidate's broadcast has ended, and who heard it; withdrawn candidates are ignored."""
@@ -44,13 +45,29 @@ class Election:
         self._end(node)
 
     def withdraw(self, node: int) -> None:
-        """Remove a candidate that went down, before or after its broadcast."""
+        """Remove a candidate that went down, before or after its broadcast, or that keeps silent."""
         self._heard.pop(node, None)
         self._end(node)
 
+    def is_outbid(self, node: int) -> bool:
+        """Whether a candidate has heard one whose reading is at least as strong."""
+        own = strength_of(self._sensor, self.strengths[node])
+        return any(
+            node in heard and strength_of(self._sensor, self.strengths[other]) >= own
+            for other, heard in self._heard.items()
+        )
+
+    def close(self) -> None:
+        """Wait for no further broadcast, unless none has ended yet: then the first one decides."""
+        self._overdue = True
+        self._close_if_decided()
+
     def _end(self, node: int) -> None:
         self._pending.discard(node)
-        if not self._pending and not self.closed.triggered:
+        self._close_if_decided()
+
+    def _close_if_decided(self) -> None:
+        if not (self._pending and not (self._overdue and self._heard)) and not self.closed.triggered:
             ids = sorted(self._heard)
             strengths = [strength_of(self._sensor, self.strengths[i]) for i in ids]
             self.closed.succeed(self._policy.elect(ids, strengths, [True] * len(ids)) if ids else None)

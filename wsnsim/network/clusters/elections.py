@@ -7,17 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
+import numpy as np
 import simpy
 
 from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.network.clusters.collection import Deadline
 from wsnsim.network.clusters.election import Election
+from wsnsim.network.clusters.election_timing import waiting_share
 from wsnsim.network.clusters.handover import Handover
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.node import NodeProcesses
 from wsnsim.network.radio.transport import Transport
+
+ELECTION_KEY: Final = 7
+"""Makes the key of candidates' waits another than those of trackers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +63,10 @@ class Elections:
         track.election = election
         assert election.closed.callbacks is not None
         election.closed.callbacks.append(lambda _: setattr(track, "election", None))
+        if setup.waits.closing is not None:
+            closing = Deadline(clock.env, setup.waits.closing)
+            assert closing.callbacks is not None
+            closing.callbacks.append(lambda _: election.close())
         for node in strengths:
             self.processes.of(node).begin(self._stand(track, election, node, fills_vacancy))
         return election
@@ -63,12 +74,18 @@ class Elections:
     def _stand(
         self, track: Track, election: Election, node: int, fills_vacancy: bool
     ) -> Generator[simpy.Event, Any, None]:
-        """A candidate's part: broadcast its strength; the winner of an election that fills a vacancy takes the lead."""
+        """A candidate's part: broadcast its strength, unless it has heard that another's is at least as great.
+
+        The winner of an election that fills a vacancy takes the lead.
+        """
         parcel = Parcel(election.strengths[node], 1, PACKET_BITS, "strength")
         try:
-            event, (burst,) = self.transport.broadcast([node], [parcel], track.target)
-            yield event
-            election.report(node, burst.received)
+            if (yield from self._keeps_silent(track, election, node)):
+                election.withdraw(node)
+            elif not election.closed.triggered:
+                event, (burst,) = self.transport.broadcast([node], [parcel], track.target)
+                yield event
+                election.report(node, burst.received)
             winner = yield election.closed
         except simpy.Interrupt:
             return
@@ -76,3 +93,15 @@ class Elections:
             self.network.log.add("elect", track.target, node)
             readings = election.readings_at(node)
             self.appoint(track, Handover(node, election.step, readings=readings, elected=True, at_once=True))
+
+    def _keeps_silent(self, track: Track, election: Election, node: int) -> Generator[simpy.Event, Any, bool]:
+        """Where broadcasts take long, wait: the nearer the target, the shorter. Whether nothing is left to say then."""
+        network, setup = self.network, self.network.setup
+        if setup.waits.election is None:
+            return False
+        key = derive(network.tracker_key, ELECTION_KEY, track.target, election.step)
+        chance = float(uniforms(derive_all(key, np.array([node])), 0)[0])
+        columns, traits = len(setup.filter_motions[track.target].position), network.nodes.traits[node]
+        share = waiting_share(setup.filter_sensor, columns, traits, election.strengths[node], chance)
+        yield network.clock.env.timeout(share * setup.waits.election)
+        return election.is_outbid(node)

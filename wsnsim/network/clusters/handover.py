@@ -44,5 +44,12 @@ class TrackLost(Exception):
     """The track was lost while its cluster head is alive. The argument is the reason that is logged."""
 
 
+class NotDelivered(TrackLost):
+    """Nothing of a belief arrived at the next head. A patient head goes on with it, others lose the track."""
+
+    def __init__(self) -> None:
+        super().__init__("handover_lost")
+
+
 class LastClusterDone(Exception):
     """The scenario ends with this cluster (`until.clusters`)."""

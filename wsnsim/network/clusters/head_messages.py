@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,9 +12,38 @@ from wsnsim.base.arrays import Bools
 from wsnsim.base.outlook import Appointment
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.vector_readings import Reading
+from wsnsim.network.clusters.collection import Deadline
 from wsnsim.network.clusters.driver import HeadDied
 from wsnsim.network.clusters.network_view import NetworkView
-from wsnsim.network.radio.transport import Datagram, Transport
+from wsnsim.network.clusters.wake_intervals import WakeIntervals
+from wsnsim.network.radio.datagrams import Datagram
+from wsnsim.network.radio.transport import Transport
+
+
+@dataclass(frozen=True, slots=True)
+class Joins:
+    """The answers to an announcement.
+
+    Attributes:
+        step: the step of their readings.
+        readings: {node: reading} of the nodes that have joined, ascending.
+        pending: joins that are still under way, with the events of their ends.
+    """
+
+    step: int
+    readings: dict[int, Reading]
+    pending: list[tuple[Datagram, simpy.Event]]
+
+    @property
+    def is_unanswered(self) -> bool:
+        """Whether no node has joined, and none is about to."""
+        return not self.readings and not self.pending
+
+    def on_end(self, ended: Callable[[int, bool], None]) -> None:
+        """Call `ended` at the end of each pending join, with its node and whether it arrived."""
+        for join, event in self.pending:
+            assert event.callbacks is not None, "a join that is under way has not ended"
+            event.callbacks.append(lambda _, join=join: ended(join.source, join.arrived))  # type: ignore[misc]
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,22 +52,33 @@ class HeadMessages:
 
     network: NetworkView
     transport: Transport
+    intervals: WakeIntervals
 
-    def recruit(self, target: int, head: int) -> Generator[simpy.Event, Any, list[int]]:
-        """Broadcast an announcement; each sensing node that hears it sends a join. Return who joined, ascending."""
-        alive, readings = self.network.nodes.alive, self.network.readings
-        self.network.log.add("announce", target, head)
+    def recruit(self, target: int, head: int) -> Generator[simpy.Event, Any, Joins]:
+        """Broadcast an announcement; each sensing node that hears it sends a join, with its reading.
+
+        The head waits until all joins have ended; where radios are mostly off, at most for `waits.joins` s.
+        """
+        network, readings, wait = self.network, self.network.readings, self.network.setup.waits.joins
+        network.log.add("announce", target, head)
         heard = yield from self.ask(target, head, "announce", PACKET_BITS)
-        joining = [node for node in heard if node in readings[target]]
-        joins = [Datagram(node, head, Parcel(None, 1, PACKET_BITS, "join")) for node in joining]
-        if joins:
+        step = network.clock.step
+        sent = {node: readings[target][node] for node in heard if node in readings[target]}
+        self.intervals.shorten_for_next_step([head, *sent])
+        joins = [Datagram(node, head, Parcel(value, 1, PACKET_BITS, "join")) for node, value in sent.items()]
+        events: list[simpy.Event] = []
+        if joins and wait is None:
             yield self.transport.carry(joins, target, one_hop=True)
-        if not alive[head]:
+        elif joins and wait is not None:
+            events = [self.transport.carry([join], target, one_hop=True) for join in joins]
+            yield network.clock.env.all_of(events) | Deadline(network.clock.env, wait)
+        if not network.nodes.alive[head]:
             raise HeadDied
-        joined = [join.source for join in joins if join.arrived and alive[join.source]]
+        joined = {join.source: join.parcel.payload for join in joins if join.arrived}
+        joined = {node: value for node, value in joined.items() if network.nodes.alive[node]}
         for node in joined:
-            self.network.log.add("join", target, node, peer=head)
-        return joined
+            network.log.add("join", target, node, peer=head)
+        return Joins(step, joined, [each for each in zip(joins, events, strict=bool(events)) if not each[1].processed])
 
     def ask(self, target: int, head: int, what: str, bits: int) -> Generator[simpy.Event, Any, list[int]]:
         """Broadcast a packet; return the living nodes that heard it, ascending.

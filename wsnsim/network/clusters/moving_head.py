@@ -17,6 +17,7 @@ from typing import Any, Final, cast
 import simpy
 
 from wsnsim.base.clustering import MovingPolicy
+from wsnsim.base.hop_times import window_of
 from wsnsim.base.ports import Portable
 from wsnsim.base.requests import Parcel
 from wsnsim.base.vector_readings import Reading
@@ -26,7 +27,7 @@ from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLos
 from wsnsim.network.clusters.head_protocol import HeadServices, Leading, Waiting
 from wsnsim.network.clusters.succession import Lead, make_succession
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.radio.transport import Datagram
+from wsnsim.network.radio.datagrams import Datagram
 
 ROUNDING: Final = 1e-9
 """Times (s) that differ by less than this are equal but for rounding."""
@@ -42,6 +43,7 @@ class MovingHeadProtocol:
         self._setup = services.network.setup
         self._log = services.network.log
         self._policy = cast(MovingPolicy, self._setup.clusters)
+        self._window = window_of(self._policy, self._setup.waits)
         self._succession = make_succession(services.network, self._policy.main)
         self._message_carries_belief = self._setup.wakeup.carries_belief and isinstance(self._setup.tracker, Portable)
 
@@ -97,6 +99,7 @@ class MovingHeadProtocol:
         listeners = yield from self._ask(lead, "detection")
         answers = [Datagram(node, head, Parcel(detected[node], 1, acquire.answer_bits, "reading"))
                    for node in listeners if node in detected]  # fmt: skip
+        self._services.messages.intervals.shorten_for_next_step([head, *(answer.source for answer in answers)])
         cluster = self._cluster(track, head, [answer.source for answer in answers])
         driver = self._driver(track, cluster)
         yield from driver.collect(answers)
@@ -118,8 +121,10 @@ class MovingHeadProtocol:
     def _step(self, lead: Lead) -> Waiting:
         """One step at the head: readings in, an estimate out."""
         clock, track, estimates = self._clock, lead.track, self._services.estimates
-        began = clock.now
+        began, asked = clock.now, clock.step
         members = yield from self._measuring(lead)
+        if clock.step != asked:  # the request took longer than a step: members answer with what they measure now
+            self._log_sensing(track, [lead.head, *members], self._network.readings[track.target])
         cluster = track.cluster = self._cluster(track, lead.head, members)
         track.clusters[-1].members = max(track.clusters[-1].members, cluster.size)
         driver = self._driver(track, cluster)
@@ -149,7 +154,9 @@ class MovingHeadProtocol:
         self._log_sensing(track, list(readings[track.target]), readings[track.target])
         yield self._clock.env.timeout(self._policy.sampling)
         listeners = yield from self._ask(lead, "request")
-        return [node for node in listeners if node in readings[track.target]]
+        sensing = [node for node in listeners if node in readings[track.target]]
+        self._services.messages.intervals.shorten_for_next_step(sensing)
+        return sensing
 
     def _log_sensing(self, track: Track, nodes: Iterable[int], readings: Mapping[int, Reading]) -> None:
         for node in nodes:
@@ -170,8 +177,7 @@ class MovingHeadProtocol:
         return (yield from self._services.messages.ask(lead.track.target, lead.head, what, bits))
 
     def _driver(self, track: Track, cluster: Cluster) -> Driver:
-        window = self._policy.quiet, self._policy.cap
-        return Driver(self._services.driver, track.target, cluster.head, cluster.members, window)
+        return Driver(self._services.driver, track.target, cluster.head, cluster.members, self._window)
 
     def _wake_nodes(self, lead: Lead) -> None:
         self._services.wake_ahead.wake(lead.track, lead.head, lead.belief, lead.scene, lead.last_sensed)
@@ -180,7 +186,9 @@ class MovingHeadProtocol:
         """Have nodes woken for the next step and wait for it; the handover, if another node leads from now on."""
         waker = self._succession.waker(lead)
         if waker != lead.head:
-            return (yield from self._hand_over(lead, waker, wakes_nodes=True))
+            following = yield from self._hand_over(lead, waker, wakes_nodes=True)
+            if following is not None:
+                return following
         self._wake_nodes(lead)
         yield lead.track.tick
         return (yield from self._give_way(lead))
@@ -197,12 +205,14 @@ class MovingHeadProtocol:
         return self._next(lead, Handover(successor, lead.belief_step, lead.track.round.tracking[successor].belief))
 
     def _hand_over(self, lead: Lead, successor: int, wakes_nodes: bool) -> Leading:
-        """Send the belief to the next head. If it does not arrive, the track is lost."""
+        """Send the belief to the next head. If it does not arrive, the track is lost, or the head goes on: None."""
         track = lead.track
         driver = self._driver(track, self._cluster(track, lead.head, []))
         self._log.add("handover", track.target, lead.head, peer=successor)
         flow = self._setup.tracker.hand_over(lead.belief, lead.scene, successor)
         belief = yield from driver.perform(flow)
+        if belief is None and self._setup.waits.keeps_undelivered:
+            return None
         if belief is None or not self._network.nodes.alive[successor]:
             raise TrackLost("handover_lost")
         handover = Handover(

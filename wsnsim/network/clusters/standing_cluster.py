@@ -17,7 +17,7 @@ from wsnsim.base.requests import Flow
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver, HeadDied
-from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
+from wsnsim.network.clusters.handover import Handover, LastClusterDone, NotDelivered, TrackLost
 from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading
 from wsnsim.network.clusters.outlooks import Outlooks
 from wsnsim.network.clusters.track import Track
@@ -50,7 +50,8 @@ class StandingClusterProtocol:
         belief, last = handover.belief, handover.belief_step
         if handover.readings is not None:
             scene = cluster.scene(0)
-            prior, readings = yield from self._first_estimate(track, handover, handover.readings)
+            known = self._with_joins(cluster, handover.readings)
+            prior, readings = yield from self._first_estimate(track, handover, known)
             belief = yield from driver.perform(tracker.start(prior, scene))
             driver.readings = readings
             services.estimates.note_start(track, cluster.head)
@@ -66,8 +67,10 @@ class StandingClusterProtocol:
             services.wake_ahead.wake(track, cluster.head, belief, scene, scene.time)
             if waits_for is not None and waits_for != set(self._network.readings[track.target]):
                 waits_for = None
-            if waits_for is None and self._must_hand_over(track, cluster, belief, scene):
-                return (yield from self._hand_over(track, cluster, belief, scene))
+            if waits_for is None and not cluster.awaited and self._must_hand_over(track, cluster, belief, scene):
+                following = yield from self._unless_undelivered(self._hand_over(track, cluster, belief, scene))
+                if following is not None:
+                    return following
             yield track.tick
 
     def release(self, track: Track, cluster: Cluster) -> None:
@@ -77,16 +80,34 @@ class StandingClusterProtocol:
     def _form(self, track: Track, handover: Handover) -> Generator[simpy.Event, Any, Cluster | Handover]:
         """Announce the cluster and let those that sense join; a handover if an election gave the lead to another."""
         target, head, network = track.target, handover.successor, self._network
-        joined = yield from self._services.messages.recruit(target, head)
-        cluster = Cluster(network, target, head, joined)
-        too_few = cluster.active() < self._setup.clusters.minimum_active
+        joins = yield from self._services.messages.recruit(target, head)
+        if joins.is_unanswered and self._setup.waits.keeps_undelivered:
+            joins = yield from self._services.messages.recruit(target, head)
+        cluster = Cluster(network, target, head, list(joins.readings))
+        cluster.reported = joins.readings if joins.step == handover.belief_step else {}
+        cluster.awaited, cluster.forming = len(joins.pending), True
+        joins.on_end(lambda node, arrived: self._end_join(track, cluster, node, arrived))
+        too_few = cluster.active() + cluster.awaited < self._setup.clusters.minimum_active
         if too_few and not handover.elected and handover.readings is None:
             winner = yield from self._services.elections.vote(track)
             if winner is not None and winner != head:
-                return (yield from self._pass_on(track, cluster, replace(handover, successor=winner, elected=True)))
+                chosen = replace(handover, successor=winner, elected=True)
+                following = yield from self._unless_undelivered(self._pass_on(track, cluster, chosen))
+                if following is not None:
+                    cluster.forming = False
+                    return following
+        cluster.forming = False
         self._open(track, cluster, handover)
         self._services.processes.enlist(cluster.members, target)
         return cluster
+
+    def _end_join(self, track: Track, cluster: Cluster, node: int, arrived: bool) -> None:
+        """Make a node a member whose join arrived after the head had gone on, if the cluster still exists."""
+        cluster.awaited -= 1
+        if arrived and (cluster.forming or track.cluster is cluster) and cluster.admit([node]):
+            self._log.add("join", track.target, node, peer=cluster.head)
+            if not cluster.forming:
+                self._services.processes.enlist([node], track.target)
 
     def _open(self, track: Track, cluster: Cluster, handover: Handover) -> None:
         """Make a cluster the track's own, without members that died while it formed."""
@@ -107,6 +128,10 @@ class StandingClusterProtocol:
         if not readings:
             raise TrackLost("no_readings")
         return self._services.estimates.initial(track, readings), len(readings)
+
+    def _with_joins(self, cluster: Cluster, readings: Mapping[int, Reading]) -> Mapping[int, Reading]:
+        """The readings of a new head, with those that came with the joins where most candidates kept silent."""
+        return readings if self._setup.waits.election is None else {**cluster.reported, **readings}
 
     def _known_readings(
         self, track: Track, head: int, readings: Mapping[int, Reading]
@@ -164,7 +189,9 @@ class StandingClusterProtocol:
     def _send_belief(self, driver: Driver, flow: Flow[Any], handover: Handover) -> HandingOver:
         """Send a belief to the successor; the handover with what arrived there."""
         belief = yield from driver.perform(flow)
-        if belief is None or not self._network.nodes.alive[handover.successor]:
+        if belief is None:
+            raise NotDelivered
+        if not self._network.nodes.alive[handover.successor]:
             raise TrackLost("handover_lost")
         return replace(
             handover,
@@ -173,6 +200,15 @@ class StandingClusterProtocol:
             hops=handover.hops + driver.hops,
             bits=handover.bits + driver.bits,
         )
+
+    def _unless_undelivered(self, handing_over: HandingOver) -> Leading:
+        """A handover; None if the belief did not arrive, and the head goes on with it (see `HeadWaits`)."""
+        try:
+            return (yield from handing_over)
+        except NotDelivered:
+            if self._setup.waits.keeps_undelivered:
+                return None
+            raise
 
     def _waits_for(self, track: Track, cluster: Cluster) -> set[int] | None:
         """Who senses now, if the cluster is too small: it stays until that changes, or it would hand over at each step.
@@ -200,6 +236,8 @@ class ElectingClusterProtocol(StandingClusterProtocol):
         if nearest is None:
             return None, False
         awake = yield from self._services.messages.wake(track.target, head, nearest)
+        if not awake and self._setup.waits.keeps_undelivered:
+            raise NotDelivered
         if not awake:
             return None, True
         yield track.tick

@@ -42,7 +42,7 @@ class RegionWakeUp:
             return
         key = (node, message.target, message.sequence)
         decision = self._component.decide(
-            services.place(node), message, key in self._decided, services.now, self._chance(node, message)
+            services.place(node), message, key in self._decided, services.clock(node), self._chance(node, message)
         )
         if decision is Decision.DROP:
             services.drop(round, node, message)

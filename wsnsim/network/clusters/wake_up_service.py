@@ -22,8 +22,10 @@ from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRadio, WakeUpRound
 from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.network.clocks import Clocks
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
+from wsnsim.network.clusters.wake_intervals import WakeIntervals
 from wsnsim.network.clusters.wake_up_mechanisms import MESSAGE_NAMES, make_mechanism
 from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.node import FRAME, NodeProcesses
@@ -44,14 +46,17 @@ class WakeUpService:
     """
 
     def __init__(
-        self, network: NetworkView, processes: NodeProcesses, transport: Transport, event_log: EventLog, key: int
-    ) -> None:
+        self, network: NetworkView, processes: NodeProcesses, transport: Transport, intervals: WakeIntervals,
+        clocks: Clocks, event_log: EventLog, key: int,
+    ) -> None:  # fmt: skip
         setup = network.setup
         self._protocol = setup.wakeup
         self._energy = setup.energy
         self._clock = network.clock
         self._processes = processes
         self._transport = transport
+        self._intervals = intervals
+        self._clocks = clocks
         self._event_log = event_log
         self._nodes = network.nodes
         self._env = network.clock.env
@@ -91,6 +96,10 @@ class WakeUpService:
     def now(self) -> float:
         """The simulated time in s."""
         return self._env.now
+
+    def clock(self, node: int) -> float:
+        """What the clock of a node shows now, in s."""
+        return self._clocks.shows(node)
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
@@ -154,9 +163,14 @@ class WakeUpService:
         self._call(node, sleepers, round.message.target, bits, awake)
 
     def track(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
-        """Note that a node tracks at the message's step, and keep it awake until then and for the waiting time."""
+        """Note that a node tracks at the message's step, and keep it awake until then and for the waiting time.
+
+        The node goes by its own clock.
+        """
         round.tracking[node] = message
-        self._processes.of(node).keep_awake(message.target, message.due + self._protocol.wait, FRAME)
+        until = self._clocks.when(node, message.due + self._protocol.wait)
+        self._processes.of(node).keep_awake(message.target, until, FRAME)
+        self._intervals.shorten([node], until)
 
     def release(self, node: int, target: int) -> None:
         """Let a node follow its schedule again."""
@@ -197,8 +211,9 @@ class WakeUpService:
             paid = nodes.spend_receive(one, cost, bits)
             self._log(CALLED, one, target, node, bits=paid, joules=cost * paid / bits, cause=RX)
             if nodes.alive[one]:
-                process = self._processes.of(one)
-                process.keep_awake(target, self._env.now + self._protocol.wait, "call")
+                until = self._env.now + self._clocks.lasts(one, self._protocol.wait)
+                self._processes.of(one).keep_awake(target, until, "call")
+                self._intervals.shorten([one], until)
                 woken.append(one)
         return woken
 

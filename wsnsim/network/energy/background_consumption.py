@@ -1,43 +1,37 @@
 """Background consumption: idle listening, sleep, and measurements that look for targets.
 
 No event happens until a node spends energy or is asked for it: then it is *settled*, which means that its consumption
-since the last time is computed and booked. The consumption is a function of the mode of the node, less the seconds in
-which its radio or its processor was busy. The totals of the network need no look at the nodes: their power is a sum
-that changes when a node changes its mode. A node that may run out before the end has a battery timer.
+since the last time is computed and booked. The consumption is a function of the state of the node (its mode, and what
+its radio does in it: see `power_table`), less the seconds in which its radio or its processor was busy. The totals of
+the network need no look at the nodes: their power is a sum that changes when a node changes its state. A node that may
+run out before the end has a battery timer.
 
-The consumption of a node that follows a sleep schedule is a closed form of the schedule. The network's totals leave
-it out, as if no node ever left its schedule: `scheduled_totals` computes it for many times at once.
+The consumption of a node that follows a sleep schedule is a closed form of the schedule, and so is that of a radio that
+follows a duty. The network's totals leave schedules out, as if no node ever left its own: `scheduled_totals` computes
+them for many times at once.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats, Ints, scalars
-from wsnsim.base.radio import ContinuousPower, Mode
-from wsnsim.base.tables import CAUSE, CAUSES
+from wsnsim.base.radio import Mode
+from wsnsim.base.tables import CAUSES
 from wsnsim.kernels.charging import mark_busy
-from wsnsim.network.energy.battery_timers import EVERYBODY, BatteryTimers
+from wsnsim.network.energy.battery_watch import BatteryWatch
 from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import Charges
+from wsnsim.network.energy.power_table import ASLEEP, AWAKE, HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable
+from wsnsim.network.energy.radio_levels import RadioLevels
 
-IDLE, SLEEP, SENSE, SWITCH = CAUSE["idle"], CAUSE["sleep"], CAUSE["sense"], CAUSE["switch"]
 OVER_TIME: Final = (IDLE, SLEEP, SENSE, SWITCH)
 """Causes on which background consumption is booked."""
-AWAKE, ASLEEP, SCHEDULED = int(Mode.AWAKE), int(Mode.ASLEEP), int(Mode.SCHEDULED)
-NEAR: Final = 1e-2
-"""If the predicted lifetime (s) is below this, check at the predicted depletion time; otherwise after half of it."""
-SOON: Final = 1e-9
-"""A charge that lasts for less than this time (s) is what rounding leaves: the battery is empty."""
-SHORTEST: Final = 5e-3
-"""Mean time (s) between changes of the fastest schedule: two in its period of 10 ms."""
-Number = TypeVar("Number", float, Floats)
 
 
 class BackgroundConsumption(Consumption):
@@ -49,136 +43,106 @@ class BackgroundConsumption(Consumption):
     """
 
     def __init__(
-        self,
-        env: simpy.Environment,
-        model: ContinuousPower,
-        duty_cycles: DutyCycles,
-        size: int,
-        horizon: float,
-        searching: float = 0.0,
-        standby: float = 0.0,
+        self, env: simpy.Environment, table: PowerTable, duty_cycles: DutyCycles, size: int, horizon: float
     ) -> None:
         """Begin at time 0.
 
         Args:
             env: The clock.
-            model: The energy model.
+            table: The power of a node in each state.
             duty_cycles: Which nodes are awake; all are in its mode `rest`.
             size: Number of nodes.
             horizon: End of the run in s.
-            searching: Power in W that a node which is awake spends on measurements, to find targets.
-            standby: Power in W of the wake-up receiver of a node that sleeps.
         """
         self._env = env
-        self._model = model
+        self._table = table
+        self._model = model = table.model
         self._duty_cycles = duty_cycles
         self._size = size
-        self._horizon = horizon
         rest = duty_cycles.rest
-        table = [model.mode_power(Mode.AWAKE if mode is Mode.SCHEDULED else mode) for mode in Mode]
-        self._radio = [float(power.radio) for power in table]
-        self._radio[ASLEEP] += standby
-        self._processor = [float(power.processor) for power in table]
-        self._sensor = [searching if mode in (Mode.AWAKE, Mode.SCHEDULED) else 0.0 for mode in Mode]
-        self._radio_cause = [SLEEP if power.radio_sleeps else IDLE for power in table]
-        self._processor_cause = [SLEEP if power.processor_sleeps else IDLE for power in table]
+        self._radio, self._radio_cause, self._share = table.radio, table.radio_cause, table.share
+        self._processor, self._processor_cause = table.processor, table.processor_cause
+        self._sensor, self._scheduled = table.sensor, table.scheduled
         self._per_switch = (model.switching(Mode.AWAKE, Mode.ASLEEP) + model.switching(Mode.ASLEEP, Mode.AWAKE)) / 2.0
-        self._modes = np.full(size, int(rest), dtype=np.int8)
+        self._states = np.full(size, int(rest), dtype=np.int16)
         self._settled_at, self._radio_busy, self._computed = (np.zeros(size) for _ in range(3))
-        self._counts = np.zeros(len(Mode), dtype=np.int64)
-        self._mode, self._since = scalars(self._modes), scalars(self._settled_at)
+        self._counts = np.zeros(len(self._radio), dtype=np.int64)
+        self._state, self._since = scalars(self._states), scalars(self._settled_at)
         self._radio_busy_of, self._computed_of = scalars(self._radio_busy), scalars(self._computed)
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
-        self._grand_totals = np.zeros(len(CAUSES))
+        self._grand_totals = np.zeros(ON + 1)
         self._grand = scalars(self._grand_totals)
-        self._power: dict[int, float] = dict.fromkeys(OVER_TIME, 0.0)
+        self._power: dict[int, float] = dict.fromkeys((*OVER_TIME, ON), 0.0)
         self._booked: dict[int, float] = {SENSE: 0.0, SWITCH: 0.0}
         if rest is not Mode.SCHEDULED:
-            for cause, power in self._powers(int(rest)):
+            for cause, power in table.powers(int(rest)):
                 self._power[cause] += size * power
-        self.most = max(map(sum, zip(self._radio, self._processor, self._sensor, strict=True))) * horizon
-        self._most_by_schedule = max(map(self._power_of_mode, (AWAKE, ASLEEP))) + self._per_switch / SHORTEST
-        self._changes = 4.0 * self._per_switch  # half of it pays two changes that come at once, however slow
-        if self._per_switch:
-            self.most += duty_cycles.most_switches(horizon) * self._per_switch
+        self._watch = BatteryWatch(env, table, duty_cycles, self._per_switch, horizon)
+        self.most = self._watch.most
+        self._start_duties(size)
+
+    def _start_duties(self, size: int) -> None:
+        """Begin with all radios at level 0."""
+        self._levels = RadioLevels(self._table, size)
+        self._duty_cycled = self._levels.active
+        self._off = np.array(self._table.off)
+        self._off_of = scalars(self._off)
 
     def start(self, battery: float, check: Callable[[int], None]) -> None:
         """Begin to watch batteries of a charge; `check(node)` is called when a node may have run out."""
-        self.timers = BatteryTimers(self._env, check)
-        rest = self._duty_cycles.rest
-        resting = 2.0 * self._most_by_schedule if rest is Mode.SCHEDULED else self._power_of_mode(int(rest))
-        if resting > 0 and battery <= self.most:
-            self.timers.set(battery / resting if battery > self._changes else 0.0, EVERYBODY)
-
-    def _powers(self, mode: int) -> tuple[tuple[int, float], ...]:
-        """(cause, W) of a mode other than SCHEDULED."""
-        return (
-            (self._radio_cause[mode], self._radio[mode]),
-            (self._processor_cause[mode], self._processor[mode]),
-            (SENSE, self._sensor[mode]),
-        )
+        self._watch.start(battery, check)
+        self.timers = self._watch.timers
 
     def _charges(self, node: int) -> tuple[list[tuple[int, float]], float]:
         """(cause, joules) since the node was settled, negative if paid in advance; and the seconds it was awake."""
-        mode, passed = self._mode[node], self._env.now - self._since[node]
+        state, passed = self._state[node], self._env.now - self._since[node]
         busy, computed = self._radio_busy_of[node], self._computed_of[node]
-        if mode != SCHEDULED:
-            return [
-                (self._radio_cause[mode], self._radio[mode] * (passed - busy)),
-                (self._processor_cause[mode], self._processor[mode] * (passed - computed)),
-                (SENSE, self._sensor[mode] * passed),
-            ], passed
-        awake, switches = self._duty_cycles.tally_one(node, self._since[node], self._env.now)
-        return self._by_schedule(awake, passed, switches, busy, computed), awake
-
-    def _by_schedule(
-        self,
-        awake: Number,
-        passed: Number,
-        switches: Number,
-        busy: Number | float = 0.0,
-        computed: Number | float = 0.0,
-    ) -> list[tuple[int, Number]]:
-        """(cause, joules) of a time by schedule of which a part is awake, and of switches. Numbers, or arrays.
-
-        In `busy` and `computed` seconds of the time awake, radio and processor are booked elsewhere.
-        """
-        asleep = passed - awake
-        return [
-            (self._radio_cause[AWAKE], self._radio[AWAKE] * (awake - busy)),
-            (self._processor_cause[AWAKE], self._processor[AWAKE] * (awake - computed)),
-            (SENSE, self._sensor[AWAKE] * awake),
-            (self._radio_cause[ASLEEP], self._radio[ASLEEP] * asleep),
-            (self._processor_cause[ASLEEP], self._processor[ASLEEP] * asleep),
-            (SWITCH, self._per_switch * switches),
-        ]
+        awake = passed
+        if self._scheduled[state]:
+            awake, switches = self._duty_cycles.tally_one(node, self._since[node], self._env.now)
+            switched = self._per_switch * switches
+            charges = self._table.by_schedule(awake, passed, switched, busy, computed, state // MODES)
+        else:
+            charges = self._table.by_state(state, passed, busy, computed)
+        if self._duty_cycled:
+            charges[-2:] = self._levels.with_added(node, charges[-2:])
+        return charges, awake
 
     def pending(self, node: int) -> float:
         """Joules consumed since the node was last settled. Changes nothing."""
         return sum(max(joules, 0.0) for _, joules in self._charges(node)[0])
 
     def pending_charges(self, nodes: Ints) -> Iterator[tuple[Ints, int, Floats]]:
-        """(nodes, cause, joules) consumed since the nodes were settled, in pieces; negative if paid in advance."""
-        modes, now = self._modes[nodes], self._env.now
-        for mode in np.unique(modes).tolist():
-            chosen = nodes[modes == mode]
+        """(nodes, cause, joules) consumed since the nodes were settled, in pieces.
+
+        They are negative where a MAC has taken more off the cost of a duty than there has been since.
+        """
+        states, now = self._states[nodes], self._env.now
+        for state in np.unique(states).tolist():
+            chosen = nodes[states == state]
             passed, busy, computed = now - self._settled_at[chosen], self._radio_busy[chosen], self._computed[chosen]
-            if mode == SCHEDULED:
+            if self._scheduled[state]:
                 awake, switches = self._duty_cycles.tally(chosen, self._settled_at[chosen], now)
-                for cause, joules in self._by_schedule(awake, passed, switches, busy, computed):
-                    yield chosen, cause, joules
-                continue
-            yield chosen, self._radio_cause[mode], self._radio[mode] * (passed - busy)
-            yield chosen, self._processor_cause[mode], self._processor[mode] * (passed - computed)
-            if self._sensor[mode]:
-                yield chosen, SENSE, self._sensor[mode] * passed
+                switched = self._per_switch * switches
+                charges = self._table.by_schedule(awake, passed, switched, busy, computed, state // MODES)
+            else:
+                charges = self._table.by_state(state, passed, busy, computed)
+            of_duty = [] if not self._duty_cycled else charges[-2:]
+            for cause, joules in charges[: len(charges) - len(of_duty)]:
+                if cause != SENSE or self._sensor[state]:
+                    yield chosen, cause, np.maximum(joules, 0.0)
+            for cause, joules in of_duty:
+                yield chosen, cause, joules + self._levels.added[cause][chosen]
 
     def settle(self, node: int) -> Charges:
         """Return what a node has consumed since it was last settled, and regard it as booked."""
         charges, passed = self._charges(node)
+        state = self._state[node]
+        if self._duty_cycled:
+            self._levels.settle(node, charges[-2:], passed, state // MODES)
         charges = [(cause, joules) for cause, joules in charges if joules > 0]
         self._since[node] = self._env.now
-        self._radio_busy_of[node] = max(self._radio_busy_of[node] - passed, 0.0)
+        self._radio_busy_of[node] = max(self._radio_busy_of[node] - self._share[state] * passed, 0.0)
         self._computed_of[node] = max(self._computed_of[node] - passed, 0.0)
         for cause, joules in charges:
             if cause in self._booked:
@@ -187,19 +151,23 @@ class BackgroundConsumption(Consumption):
 
     def mark_radio_busy(self, node: int, seconds: float) -> None:
         """The radio of a node sends or receives for this time."""
-        mode = self._mode[node]
-        self._grand[self._radio_cause[mode]] -= self._radio[mode] * seconds
+        state = self._state[node]
+        self._grand[self._radio_cause[state]] -= self._radio[state] * seconds
+        if self._duty_cycled:
+            self._grand[ON] += self._off_of[state] * seconds
         self._radio_busy_of[node] += seconds
 
     def mark_radios_busy(self, nodes: Ints, seconds: float) -> None:
         """`mark_radio_busy` for different nodes (n,)."""
-        mark_busy(nodes, seconds, self._radio_busy, self._modes, self._counts, *self._radio_law, self._grand_totals)
+        mark_busy(nodes, seconds, self._radio_busy, self._states, self._counts, *self._radio_law, self._grand_totals)
+        if self._duty_cycled:
+            self._grand[ON] += float(self._off @ self._counts) * seconds
 
     def mark_computing(self, node: int, cycles: float) -> None:
         """The processor of a node computes for a number of cycles."""
         seconds = self._model.seconds(cycles)
-        mode = self._mode[node]
-        self._grand[self._processor_cause[mode]] -= self._processor[mode] * seconds
+        state = self._state[node]
+        self._grand[self._processor_cause[state]] -= self._processor[state] * seconds
         self._computed_of[node] += seconds
 
     def mark_all_computing(self, nodes: Sequence[int], cycles: Sequence[float]) -> None:
@@ -217,24 +185,92 @@ class BackgroundConsumption(Consumption):
 
     def switching(self, node: int, mode: Mode) -> float:
         """Joules of the change of a node to a mode."""
-        return self._model.switching(self._resolved(node, Mode(self._mode[node])), self._resolved(node, mode))
+        return self._model.switching(self._resolved(node, Mode(self._state[node] % MODES)), self._resolved(node, mode))
 
     def _resolved(self, node: int, mode: Mode) -> Mode:
         """The mode, or what the schedule says now if it is SCHEDULED."""
         return mode if mode is not Mode.SCHEDULED else self._duty_cycles.scheduled(node)
 
     def change_mode(self, node: int, mode: Mode) -> None:
-        """A settled node is in another mode from now on."""
-        busy, computed = self._radio_busy_of[node], self._computed_of[node]
-        for index, sign in ((self._mode[node], -1.0), (int(mode), 1.0)):
-            self._grand[self._radio_cause[index]] -= sign * self._radio[index] * busy
-            self._grand[self._processor_cause[index]] -= sign * self._processor[index] * computed
-            if index != SCHEDULED:
-                for cause, power in self._powers(index):
+        """A settled node is in another mode from now on. One that goes down forgets what its radio did."""
+        level = self._state[node] // MODES
+        if mode is Mode.DOWN and self._duty_cycled:
+            level = 0
+            self._levels.forget(node)
+            listened, switched = self._levels.of(node)
+            self._add(node, -listened, -switched)
+        self._enter(node, level * MODES + int(mode))
+
+    def _enter(self, node: int, after: int) -> None:
+        """A settled node is in another state from now on."""
+        busy, computed, table = self._radio_busy_of[node], self._computed_of[node], self._table
+        for state, sign in ((self._state[node], -1.0), (after, 1.0)):
+            self._grand[self._radio_cause[state]] -= sign * self._radio[state] * busy
+            self._grand[ON] += sign * self._off_of[state] * busy
+            self._grand[self._processor_cause[state]] -= sign * self._processor[state] * computed
+            if not self._scheduled[state]:
+                for cause, power in table.powers(state):
                     self._power[cause] += sign * power
                     self._grand[cause] -= sign * power * self._env.now
-        self._mode[node] = int(mode)
+        self._state[node] = after
         self._since[node] = self._env.now
+        if self._duty_cycled:
+            self._levels.enter(node, after // MODES, self._scheduled[after])
+
+    def is_held(self, node: int) -> bool:
+        """Whether a duty-cycled MAC has switched the radio of a node on."""
+        return self._levels.is_held(node)
+
+    def hold_radio(self, node: int, on: bool) -> None:
+        """The radio of a settled node listens from now on; `on`: it did so already, in a wake-up of its duty."""
+        if self._duty_cycled:
+            self._levels.hold(node, self._env.now, on)
+            self._enter(node, HELD * MODES + self._state[node] % MODES)
+            self._add(node, 0.0, 0.0 if on else self._table.start)
+
+    def release_radio(self, node: int, missed: float | None) -> None:
+        """The radio of a settled node that was held follows its duty again.
+
+        Args:
+            node: The node.
+            missed: How many wake-ups of its duty the radio was held in; None: as many as there are on average.
+        """
+        since, on, level = self._levels.release(node)
+        self._enter(node, level * MODES + self._state[node] % MODES)
+        self._add(node, 0.0, 0.0 if on else self._table.stop)
+        if missed is not None:
+            duty = self._table.duties[max(level - 1, 0)]
+            wake_ups = (self._env.now - since) / duty.interval - missed
+            self.add_listening(node, wake_ups * duty.on, wake_ups * duty.starts)
+
+    def set_duty(self, node: int, index: int) -> None:
+        """A settled node follows another of the duties of its MAC; if its radio is held, afterwards."""
+        level = self._levels.set_duty(node, index)
+        if not self._levels.is_held(node):
+            self._enter(node, level * MODES + self._state[node] % MODES)
+
+    def add_listening(self, node: int, seconds: float, starts: float) -> None:
+        """The radio of a node that follows its duty listens for seconds more than that says, and starts more often.
+
+        It does not sleep in these seconds.
+        """
+        table, state = self._table, self._state[node]
+        if self._duty_cycled:
+            self._add(node, table.listen * seconds, (table.start + table.stop) * starts)
+            self._grand[ON] += seconds
+            if table.off[state]:
+                self._grand[self._radio_cause[state]] -= self._radio[state] * seconds
+                self._radio_busy_of[node] += seconds
+
+    def _add(self, node: int, listened: float, switched: float) -> None:
+        """Consume joules of listening and of switching in addition to the law of a node; less if negative."""
+        self._levels.add(node, listened, switched)
+        self._grand[IDLE] += listened
+        self._grand[SWITCH] += switched
+
+    def added(self, node: int) -> float:
+        """Joules that the MAC added since the node was settled."""
+        return sum(self._levels.of(node))
 
     def correct(self, cause: int, joules: float) -> None:
         """Add to the network's total of a cause: a node that died could not pay what it consumed, or lost a rest."""
@@ -248,52 +284,37 @@ class BackgroundConsumption(Consumption):
             booked = settled[cause] - self._booked[cause] if cause in self._booked else 0.0
             result[cause] = booked + self._grand[cause] + self._power[cause] * self._env.now
         awake, switches, passed = self._duty_cycles.skipped()
-        for cause, joules in self._by_schedule(awake, passed, switches):
+        for cause, joules in self._table.by_schedule(awake, passed, self._per_switch * switches):
             result[cause] -= joules
+        for level, awake in enumerate(self._levels.awake(self._duty_cycles, self._settled_at, self._env.now)):
+            for sign, each in ((1.0, level), (-1.0, 0)):
+                for cause, joules in self._table.by_schedule(awake, awake, 0.0, level=each):
+                    result[cause] += sign * joules
         return result
+
+    def radio_on(self) -> float | None:
+        """Share of the time of all nodes until now in which radios were on: sent, received or listened."""
+        now, on = self._env.now, self._table.on
+        if not self._duty_cycled:
+            return None
+        scheduled = float(self._duty_cycles.profile(np.array([now]))[0][0]) - self._duty_cycles.skipped()[0]
+        seconds = self._grand[ON] + self._power[ON] * now + on[AWAKE] * scheduled
+        for level, awake in enumerate(self._levels.awake(self._duty_cycles, self._settled_at, self._env.now)):
+            seconds += (on[level * MODES + AWAKE] - on[AWAKE]) * awake
+        return float(seconds / (self._size * now)) if now else 0.0
 
     def scheduled_totals(self, times: Floats) -> Floats:
         """(T, causes) what all nodes would have consumed by each time, had they only followed their schedules."""
         totals = np.zeros((times.size, len(CAUSES)))
         awake, switches, passed = self._duty_cycles.profile(times)
-        for cause, joules in self._by_schedule(awake, passed, switches):
+        for cause, joules in self._table.by_schedule(awake, passed, self._per_switch * switches):
             totals[:, cause] += joules
         return totals
 
     def watch(self, node: int, left: float) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""
-        if left > self.most:
-            return
-        power, now = self._power_of(node), self._env.now
-        if self._mode[node] == SCHEDULED:
-            self._watch_schedule(node, left)
-            return
-        if power <= 0 or now + left / power > self._horizon:
-            return
-        lasts = left / power
-        due = now + (lasts if lasts < NEAR else lasts / 2)
-        if self.timers.due(node) > now + lasts:
-            self.timers.set(due, node)
-
-    def _watch_schedule(self, node: int, left: float) -> None:
-        """Check again when its schedule changes, or earlier if the charge may not last until then."""
-        now, most, power = self._env.now, self._most_by_schedule, self._power_of(node)
-        due = self._duty_cycles.next_change(node)
-        lasts = left / power if power > 0 else math.inf
-        if now + lasts < due:
-            due = now + (lasts if lasts < NEAR else lasts / 2)
-        elif most > 0 and left > self._changes:
-            due = max(due, now + left / most / 2)
-        if due <= self._horizon and self.timers.due(node) > due:
-            self.timers.set(due, node)
+        self._watch.watch(node, self._state[node], left)
 
     def runs_out(self, node: int, left: float) -> bool:
         """Whether `left` joules of a node are only what rounding leaves."""
-        return left <= self._power_of(node) * SOON
-
-    def _power_of(self, node: int) -> float:
-        """Power in W of a node now."""
-        return self._power_of_mode(int(self._resolved(node, Mode(self._mode[node]))))
-
-    def _power_of_mode(self, mode: int) -> float:
-        return self._radio[mode] + self._processor[mode] + self._sensor[mode]
+        return self._watch.runs_out(node, self._state[node], left)

@@ -34,7 +34,7 @@ class Consumption:
         return 0.0
 
     def pending_charges(self, nodes: Ints) -> Iterable[tuple[Ints, int, Floats]]:
-        """(nodes, cause, joules) consumed since the nodes were settled, in pieces; negative if paid in advance."""
+        """(nodes, cause, joules) consumed since the nodes were settled, in pieces; negative if given back."""
         return ()
 
     def settle(self, node: int) -> Charges:
@@ -70,6 +70,30 @@ class Consumption:
 
     def change_mode(self, node: int, mode: Mode) -> None:
         """A settled node is in another mode from now on."""
+
+    def is_held(self, node: int) -> bool:
+        """Whether a duty-cycled MAC has switched the radio of a node on."""
+        return False
+
+    def hold_radio(self, node: int, on: bool) -> None:
+        """The radio of a settled node listens from now on; `on`: it did so already, in a wake-up of its duty."""
+
+    def release_radio(self, node: int, missed: float | None) -> None:
+        """The radio of a settled node that was held follows its duty again; it was held in `missed` wake-ups."""
+
+    def set_duty(self, node: int, index: int) -> None:
+        """A settled node follows another of the duties of its MAC; if its radio is held, afterwards."""
+
+    def add_listening(self, node: int, seconds: float, starts: float) -> None:
+        """The radio of a node that follows its duty listens for seconds more than that says, and starts more often."""
+
+    def added(self, node: int) -> float:
+        """Joules that the MAC added since the node was settled."""
+        return 0.0
+
+    def radio_on(self) -> float | None:
+        """Share of the time of all nodes until now in which radios were on; None if those of awake nodes always are."""
+        return None
 
     def correct(self, cause: int, joules: float) -> None:
         """Add to the network's total of a cause: a node that died could not pay what it consumed, or lost a rest."""

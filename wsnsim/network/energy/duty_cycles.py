@@ -14,10 +14,10 @@ from typing import Final, TypeAlias
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.radio import Mode
-from wsnsim.base.sleeping import SleepSchedule
 from wsnsim.kernels.sleeping import listening
+from wsnsim.network.energy.local_schedules import LocalSchedules
 
 LINGER: Final = 1.0
 """A node that sends less than this time (s) before its schedule ends is held awake. Frames hardly ever wait longer."""
@@ -50,6 +50,9 @@ class DutyCycles:
 
     def note(self, node: int, mode: Mode) -> None:
         """A node has changed to a mode."""
+
+    def note_clock(self, node: int) -> None:
+        """The clock of a node has been stepped or corrected."""
 
     def may_change(self, node: int, mode: Mode) -> bool:
         """A node has a task that needs this mode, or none; whether it may change now: not while it sends."""
@@ -90,17 +93,17 @@ class DutyCycles:
 
 
 class ScheduledDutyCycles(DutyCycles):
-    """The duty cycles of nodes that follow a sleep schedule. `keys` (N,) are their counter keys."""
+    """The duty cycles of nodes that follow a sleep schedule."""
 
-    def __init__(self, env: simpy.Environment, schedule: SleepSchedule, keys: Keys) -> None:
+    def __init__(self, env: simpy.Environment, schedules: LocalSchedules) -> None:
         super().__init__(Mode.SCHEDULED)
         self._env = env
-        self._schedule = schedule
-        self._keys = keys
-        self._held = np.zeros(keys.size, dtype=np.bool_)
-        self._since = np.zeros(keys.size)
-        self._awake = np.zeros(keys.size, dtype=np.bool_)
-        self._from, self._until = np.zeros(keys.size), np.zeros(keys.size)
+        self._schedules = schedules
+        self._size = size = schedules.size
+        self._held = np.zeros(size, dtype=np.bool_)
+        self._since = np.zeros(size)
+        self._awake = np.zeros(size, dtype=np.bool_)
+        self._from, self._until = np.zeros(size), np.zeros(size)
         self._off: dict[int, float] = {}
         self._skipped = (0.0, 0.0, 0.0)
         self._spans: list[tuple[int, float, float]] = []
@@ -122,8 +125,7 @@ class ScheduledDutyCycles(DutyCycles):
     def _ask(self, ids: Ints, time: float) -> None:
         """Ask the schedules of nodes (n,) what they say at a time, unless what they last said is about it."""
         stale = ids[~((self._from[ids] <= time) & (time < self._until[ids]))]
-        found = self._schedule.state(self._keys[stale], time)
-        self._awake[stale], self._from[stale], self._until[stale] = found
+        self._awake[stale], self._from[stale], self._until[stale] = self._schedules.state(stale, time)
 
     def is_awake(self, node: int) -> bool:
         """Whether a living node is awake now."""
@@ -158,6 +160,11 @@ class ScheduledDutyCycles(DutyCycles):
             self._since[node] = now
         self._held[node] = held
 
+    def note_clock(self, node: int) -> None:
+        """The clock of a node has been stepped or corrected: what its schedule last said is void."""
+        self._schedules.note_change(node, self._env.now)
+        self._from[node] = self._until[node] = 0.0
+
     def may_change(self, node: int, mode: Mode) -> bool:
         """A node has a task that needs this mode, or none; whether it may change now: not while it sends."""
         (self._with_task.discard if mode is Mode.SCHEDULED else self._with_task.add)(node)
@@ -189,7 +196,7 @@ class ScheduledDutyCycles(DutyCycles):
 
     def tally(self, nodes: Ints, since: Floats, until: float) -> tuple[Floats, Floats]:
         """(n,) seconds that schedules keep nodes awake in [since, until), and (n,) switches in that time."""
-        return self._schedule.tally(self._keys[nodes], since, until)
+        return self._schedules.tally(nodes, since, until)
 
     def tally_one(self, node: int, since: float, until: float) -> tuple[float, float]:
         """`tally` for one node; quick if its schedule has not changed since."""
@@ -200,12 +207,12 @@ class ScheduledDutyCycles(DutyCycles):
 
     def most_switches(self, until: float) -> float:
         """The largest number of switches of a node from 0 to `until`."""
-        return float(self._schedule.tally(self._keys, np.zeros(self._keys.size), until)[1].max(initial=0.0))
+        return self._schedules.most_switches(until)
 
     def profile(self, times: Floats) -> tuple[Floats, Floats, Floats]:
         """If all nodes followed their schedules: awake seconds, switches and total seconds by each time, (T,)."""
-        awake, switches = self._schedule.profile(self._keys, times)
-        return awake, switches, self._keys.size * times
+        awake, switches = self._schedules.profile(times)
+        return awake, switches, self._size * times
 
     def skipped(self) -> Totals:
         """Scheduled awake time, switches and total time that did not happen because nodes were held awake or down."""
@@ -218,14 +225,14 @@ class ScheduledDutyCycles(DutyCycles):
         """Share of the time of all nodes from 0 to `until`, which is now, that they were awake. Down is asleep."""
         held = sum(until - since for node, since in self._off.items() if self._held[node])
         scheduled = float(self.profile(np.array([until]))[0][0]) - self.skipped()[0]
-        return (scheduled + self._held_seconds + held) / (self._keys.size * until) if until else 0.0
+        return (scheduled + self._held_seconds + held) / (self._size * until) if until else 0.0
 
     def _in_spans(self, spans: list[tuple[int, float, float]]) -> Totals:
         """What the schedules say of (node, since, until) spans."""
         if not spans:
             return 0.0, 0.0, 0.0
         nodes, since, until = (np.array(column) for column in zip(*spans, strict=True))
-        awake, switches = self._schedule.tally(self._keys[nodes], since, until)
+        awake, switches = self._schedules.tally(nodes, since, until)
         return float(awake.sum()), float(switches.sum()), float((until - since).sum())
 
 

@@ -23,6 +23,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.kernels.reception import add_common, take_over, unlock
 from wsnsim.network.radio.radio_services import RadioServices
+from wsnsim.network.radio.radios_on import RadiosOn
 from wsnsim.network.radio.transmission import Transmission
 
 HEADER_BITS: Final = 40
@@ -34,14 +35,14 @@ MARGIN: Final = 3.0
 
 
 class CapturingReceivers:
-    """The locks of all receivers. `header` is the duration of the synchronisation header in s.
+    """The locks of all receivers. `header` is the duration of the synchronisation header in s; `on`: who listens.
 
     Locks are found in the order in which frames start, at the first end of a frame after that.
     """
 
-    def __init__(self, radio: RadioServices, header: float) -> None:
+    def __init__(self, radio: RadioServices, header: float, on: RadiosOn) -> None:
         self._env = radio.env
-        self._nodes = radio.nodes
+        self._nodes, self._on = radio.nodes, on
         self._topology = radio.topology
         self._link = radio.topology.link
         self._margin = float(getattr(self._link, "capture_margin", MARGIN))
@@ -122,7 +123,8 @@ class CapturingReceivers:
         nodes, ids = self._nodes, sent.neighbours.ids
         if sent.end <= sent.start:
             return np.zeros(ids.size, dtype=np.bool_)
-        listening = nodes.living[ids] if nodes.all_heard(sent.start) else nodes.hears(ids, sent.start)
+        hears = self._on.hears(ids, sent.start)
+        listening = nodes.living[ids] if hears is None else hears
         return listening if sent.asleep is None else listening & ~np.isin(ids, sent.asleep)
 
     def _synchronisable(self, sent: Transmission) -> Bools:

@@ -17,14 +17,17 @@ import simpy
 from wsnsim.base.arrays import Ints
 from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.frames import EVERYONE, MacFrame
+from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.event_log import event
 from wsnsim.network.radio.capture import HEADER_BITS, CapturingReceivers
 from wsnsim.network.radio.link_counters import LinkCounters, NoLinkCounters
 from wsnsim.network.radio.radio_services import RadioServices
+from wsnsim.network.radio.radios_on import NOBODY, RadiosOn, SomeRadiosOn
 from wsnsim.network.radio.reception import Reception
 from wsnsim.network.radio.transmission import OnEnd, Transmission, overlap, received_by_none
+from wsnsim.network.radio.use_counter import LossSamples
 
 DROP: Final = KIND["drop"]
 TX, SWITCH = EVENT_CAUSE["tx"], CAUSE["switch"]
@@ -38,13 +41,15 @@ class Channel:
         radio: The services of the radio.
         mac: The MAC component, which knows airtime and turnaround.
         assessment: Duration of a clear channel assessment, in s.
-        key: The key of the random losses.
+        losses: The random losses, shared by all channels.
         links: Counts broadcasts per link.
+        listening: Which radios are on; None: those of all nodes that are awake.
     """
 
     def __init__(
-        self, radio: RadioServices, mac: FramedMac, assessment: float, key: int, links: LinkCounters | NoLinkCounters
-    ) -> None:
+        self, radio: RadioServices, mac: FramedMac, assessment: float, losses: LossSamples,
+        links: LinkCounters | NoLinkCounters, listening: Listening | None = None,
+    ) -> None:  # fmt: skip
         energy = radio.energy
         self._env = radio.env
         self._nodes = radio.nodes
@@ -54,8 +59,9 @@ class Channel:
         self._counters = radio.counters
         self._mac = mac
         captures = radio.topology.link.captures
-        self._receivers = CapturingReceivers(radio, mac.airtime(HEADER_BITS)) if captures else None
-        self._reception = Reception(radio, key, self._receivers)
+        self._radios_on = RadiosOn(radio.nodes) if listening is None else SomeRadiosOn(radio.nodes, listening)
+        self._receivers = CapturingReceivers(radio, mac.airtime(HEADER_BITS), self._radios_on) if captures else None
+        self._reception = Reception(radio, losses, self._radios_on, self._receivers)
         self._assessment = assessment
         self._links = links
         self._turnaround = mac.turnaround
@@ -167,16 +173,18 @@ class Channel:
         if transmission.cut or not self._pay(transmission, WHOLE):
             transmission.cut = True
             received = received_by_none(frame)
+            self._radios_on.note(transmission, NOBODY)
         else:
             received = self._reception.resolve(transmission)
             if frame.to == EVERYONE:
-                self._links.count(transmission, received)
+                if frame.packets and not frame.is_copy:
+                    self._links.count(transmission, received)
             elif received:
                 frame.note_arrival(self._env.now)
             elif frame.to not in transmission.neighbours.members:
                 self._log_unheard(transmission)
         frame.sends += 1
-        if frame.packets:
+        if frame.packets and not frame.is_copy:
             counters = self._counters
             counters.frames_sent += 1
             counters.packets_sent += frame.packets
@@ -190,7 +198,7 @@ class Channel:
             event(self._env.now, self._log.step, frame.target, frame.to, DROP, frame.code, sent.number,
                   frame.sequence, sent.source, frame.packets)
         )  # fmt: skip
-        if frame.packets and self._nodes.alive[frame.to]:
+        if frame.packets and not frame.is_copy and self._nodes.alive[frame.to]:
             self._counters.in_range += 1
 
     def _pay(self, transmission: Transmission, share: float) -> bool:

@@ -95,26 +95,7 @@ class CsmaMechanism:
 
     def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
         """Queue bursts at their senders; the event fires when the last burst has ended."""
-        event = self._env.event()
-        remaining = len(bursts)
-
-        def ended() -> None:
-            nonlocal remaining
-            remaining -= 1
-            if remaining == 0:
-                event.succeed()
-
-        if not bursts:
-            return event.succeed()
-        for burst in bursts:
-            fragments = self.fragmentation.split(burst, ended)
-            if not fragments or not self._nodes.alive[burst.source]:
-                burst.lose()
-                ended()
-            else:
-                for fragment in fragments:
-                    self._enqueue(burst.source, fragment)
-        return event
+        return self.fragmentation.send_all(bursts, self._env.event(), self._is_up, self._enqueue)
 
     def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
         """Broadcast one payload, then call `done` with the receivers, or with None if it never got the channel."""
@@ -134,6 +115,9 @@ class CsmaMechanism:
         for frame in sender.queue:
             frame.finish(None)
 
+    def _is_up(self, burst: Burst) -> bool:
+        return bool(self._nodes.alive[burst.source])
+
     def _enqueue(self, node: int, frame: MacFrame) -> None:
         sender = self._senders.get(node)
         if sender is None:
@@ -146,6 +130,8 @@ class CsmaMechanism:
     def _begin(self, sender: _Sender, frame: MacFrame) -> None:
         sender.frame = frame
         sender.received = False
+        if self._acks:
+            frame.acknowledged = False
         self._nodes.begin_sending(sender.node)
         self._contend(sender)
 
@@ -228,6 +214,8 @@ class CsmaMechanism:
         if sender.stopped:
             return
         if received:
+            assert sender.frame is not None, "a sender awaits the acknowledgement of its frame"
+            sender.frame.acknowledged = True
             self._finish(sender, True)
         else:
             airtime = transmission.end - transmission.start

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
+import simpy
 
 from wsnsim.base.arrays import Bools, Ints
 from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received
@@ -33,7 +34,11 @@ class Fragment(MacFrame):
 
     def finish(self, received: Received | None) -> None:
         """Add the result of the fragment to its burst; `received` is None if the fragment never got the channel."""
-        self._reassembly.burst.sent += self.bits * self.sends
+        burst = self._reassembly.burst
+        burst.sent += self.bits * self.sends
+        burst.attempts += min(self.sends, self.retries + 1)
+        if self.to != EVERYONE:
+            burst.acknowledged |= bool(received) if self.acknowledged is None else self.acknowledged
         self._reassembly.add(self, received)
 
     def note_arrival(self, now: float) -> None:
@@ -117,6 +122,37 @@ class Fragmentation:
         self._sequence = 0
         self._whole: dict[tuple[int, int], list[Span]] = {}
         """{(packets, bits of a packet): spans of a burst with all packets of its parcel}"""
+
+    def send_all(
+        self,
+        bursts: Sequence[Burst],
+        ended: simpy.Event,
+        may_send: Callable[[Burst], bool],
+        enqueue: Callable[[int, MacFrame], None],
+    ) -> simpy.Event:
+        """Give the frames of bursts to `enqueue(source, frame)`; return `ended`, which fires after the last burst.
+
+        A burst whose source may not send is lost.
+        """
+        remaining = len(bursts)
+
+        def note_end() -> None:
+            nonlocal remaining
+            remaining -= 1
+            if remaining == 0:
+                ended.succeed()
+
+        if not bursts:
+            return ended.succeed()
+        for burst in bursts:
+            frames = self.split(burst, note_end)
+            if not frames or not may_send(burst):
+                burst.lose()
+                note_end()
+            else:
+                for frame in frames:
+                    enqueue(burst.source, frame)
+        return ended
 
     def split(self, burst: Burst, on_end: Callable[[], None]) -> list[MacFrame]:
         """Return the fragments of a burst, in order; none for a burst without packets.

@@ -56,6 +56,7 @@ class IdealMedium:
         counters.packets_sent += burst.packets
         number = counters.frames_sent
         burst.sequence = burst.sequence or number
+        burst.attempts = 1
         code = self._log.code(burst.parcel.what)
         if burst.to == EVERYONE:
             self._broadcast(burst, number, code)
@@ -124,6 +125,7 @@ class IdealMedium:
         if got:
             burst.mask, burst.packets = mask, got
             burst.heard, burst.heard_at = mask, self._env.now
+            burst.acknowledged = True
         else:
             burst.lose()
 

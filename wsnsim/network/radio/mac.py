@@ -18,8 +18,11 @@ from wsnsim.base.medium_access import IdealAccess, Mac
 from wsnsim.base.requests import Parcel
 from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.ideal_medium import IdealMedium
+from wsnsim.network.radio.lpl.contikimac import ContikiMacMechanism
+from wsnsim.network.radio.lpl.xmac import XMacMechanism
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.tdma import TdmaMechanism
+from wsnsim.network.radio.tsch.tsch_mechanism import TschMechanism
 from wsnsim.network.radio.unicasts import Unicasts
 
 
@@ -36,6 +39,7 @@ class IdealMechanism:
     def __init__(self, mac: IdealAccess, services: NetworkMacServices) -> None:
         self._env = services.radio.env
         self._nodes = services.radio.nodes
+        self._log = services.radio.log
         self._rate = mac.rate
         self._medium = IdealMedium(services.radio, services.key("link"), mac.rate)
         self._silenced: dict[int, int] = {}
@@ -58,7 +62,8 @@ class IdealMechanism:
 
     def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
         """Broadcast one payload, now or after its airtime."""
-        burst = full_burst(node, EVERYONE, Parcel(None, 1, payload_bits, "beacon"), -1)
+        what = self._log.word(code) or "beacon"
+        burst = full_burst(node, EVERYONE, Parcel(None, 1, payload_bits, what), -1)
         event = self.send([burst])
         assert event.callbacks is not None, "a burst ends later than it is sent"
         event.callbacks.append(lambda _: done(np.array(sorted(burst.received), dtype=np.int64)))
@@ -87,6 +92,9 @@ MECHANISMS: Final[dict[str, Callable[[Any, NetworkMacServices], MacMechanism]]] 
     "ideal": IdealMechanism,
     "csma": CsmaMechanism,
     "tdma": TdmaMechanism,
+    "xmac": XMacMechanism,
+    "contikimac": ContikiMacMechanism,
+    "tsch": TschMechanism,
 }
 """The built-in mechanisms by name."""
 

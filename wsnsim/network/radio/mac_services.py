@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.counters import Counters
 from wsnsim.base.frames import Burst, MacFrame
+from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac, Packing
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import KIND
@@ -19,19 +20,25 @@ from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.fragmentation import Fragmentation
 from wsnsim.network.radio.link_counters import LinkCounters, NoLinkCounters
 from wsnsim.network.radio.radio_services import RadioServices
+from wsnsim.network.radio.use_counter import LossSamples, UseCounter
 
 DROP = KIND["drop"]
 
 
 @dataclass(frozen=True, slots=True)
 class NetworkMacServices:
-    """Services of one network. Built-in MACs also use `radio` and `clocks` directly, where speed matters."""
+    """Services of one network. Built-in MACs also use `radio` and `clocks` directly, where speed matters.
+
+    `sinks` are the nodes that collect the estimates; none if nobody does.
+    """
 
     radio: RadioServices
     packing: Packing
     clocks: Clocks
     streams: Streams
     links: LinkCounters | NoLinkCounters
+    uses: UseCounter = field(default_factory=UseCounter)
+    sinks: tuple[int, ...] = ()
 
     @property
     def now(self) -> float:
@@ -85,9 +92,16 @@ class NetworkMacServices:
         """Return a new signal, for the end of bursts."""
         return self.radio.env.event()
 
-    def open_channel(self, mac: FramedMac, assessment: float) -> Channel:
-        """Return a channel on which the frames of a MAC take time. `assessment`: s of a clear channel assessment."""
-        return Channel(self.radio, mac, assessment, self.streams.key("link"), self.links)
+    def open_channel(self, mac: FramedMac, assessment: float, listening: Listening | None = None) -> Channel:
+        """Return a channel on which the frames of a MAC take time: one for each physical channel.
+
+        Args:
+            mac: The parameters.
+            assessment: Duration of a clear channel assessment in s.
+            listening: Which radios are on; None: those of all nodes that are awake.
+        """
+        losses = LossSamples(self.streams.key("link"), self.uses)
+        return Channel(self.radio, mac, assessment, losses, self.links, listening)
 
     def fragmentation(self, mac: FramedMac) -> Fragmentation:
         """Return what splits bursts into the frames of a MAC."""

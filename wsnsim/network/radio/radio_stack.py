@@ -8,10 +8,11 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.continuous_power import continuous_power
+from wsnsim.base.continuous_power import NoPower, continuous_power
 from wsnsim.base.counters import Counters
 from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.base.radio import ContinuousPower, Mode
+from wsnsim.base.radio_duty import DutyCycledMac
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup
@@ -20,6 +21,8 @@ from wsnsim.network.clocks import Clocks
 from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles, ScheduledDutyCycles
+from wsnsim.network.energy.local_schedules import LocalSchedules
+from wsnsim.network.energy.power_table import PowerTable
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.link_counters import LinkCounters, NoLinkCounters
@@ -53,17 +56,25 @@ def make_radio_stack(
         count_links: Whether broadcasts are counted per link.
     """
     env = simpy.Environment()
-    nodes = make_nodes(env, setup, positions, traits, streams.key("sleep"))
+    clocks = Clocks(setup.clock, streams.key("clock"), len(positions), env)
+    nodes = make_nodes(env, setup, positions, traits, streams.key("sleep"), clocks)
     topology = Topology(nodes, setup.link, streams.key("shadowing"), PACKET_BITS)
     topology.follow_rounds(env)
-    clocks = Clocks(setup.clock, streams.key("clock"), nodes.size)
     links = LinkCounters(nodes.positions, topology) if count_links else NoLinkCounters()
     radio = RadioServices(env, nodes, topology, setup.energy, log, Counters())
-    mac = make_mac(setup.mac, NetworkMacServices(radio, setup.packing, clocks, streams, links))
+    sinks = sink_nodes(setup, nodes)
+    mac = make_mac(setup.mac, NetworkMacServices(radio, setup.packing, clocks, streams, links, sinks=sinks))
     return RadioStack(radio, clocks, mac, links)
 
 
-def make_nodes(env: simpy.Environment, setup: RadioSetup, positions: Floats, traits: Floats, key: int) -> Nodes:
+def sink_nodes(setup: RadioSetup, nodes: Nodes) -> tuple[int, ...]:
+    """Return the sinks: the nodes nearest to the points of the scenario, each once; none if it has no sink."""
+    return tuple(dict.fromkeys(nodes.grid.nearest(np.array(point)) for point in setup.sink_points))
+
+
+def make_nodes(
+    env: simpy.Environment, setup: RadioSetup, positions: Floats, traits: Floats, key: int, clocks: Clocks
+) -> Nodes:
     """Return the nodes of a scenario with their duty cycles and background consumption.
 
     Args:
@@ -72,17 +83,24 @@ def make_nodes(env: simpy.Environment, setup: RadioSetup, positions: Floats, tra
         positions: (N, 2) in m.
         traits: (N, T) constants of the sensors.
         key: The random key of sleep schedules.
+        clocks: The clocks of the nodes, by which their schedules go.
     """
     duty_cycles: DutyCycles = DutyCycles(setup.sleep.rest)
     if setup.sleep.rest is Mode.SCHEDULED:
-        duty_cycles = ScheduledDutyCycles(env, setup.sleep, derive_all(key, np.arange(len(positions))))
+        schedules = LocalSchedules(setup.sleep, derive_all(key, np.arange(len(positions))), clocks)
+        duty_cycles = ScheduledDutyCycles(env, schedules)
     consumption: Consumption = Consumption()
     model, searching = continuous_power(setup.energy), _search_power(setup)
-    if model is not None and (_costs_over_time(model) or searching):
-        horizon = (setup.steps + 1) * setup.dt
-        standby = _standby_power(setup, model)
-        consumption = BackgroundConsumption(env, model, duty_cycles, len(positions), horizon, searching, standby)
-    return Nodes(positions, traits, setup.energy.battery, setup.link.reach, duty_cycles, consumption)
+    duties = setup.mac.duties if isinstance(setup.mac, DutyCycledMac) else ()
+    if model is None and duties:
+        model = NoPower()
+    if model is not None and (_costs_over_time(model) or searching or duties):
+        table = PowerTable(model, duties, searching, _standby_power(setup, model))
+        consumption = BackgroundConsumption(env, table, duty_cycles, len(positions), (setup.steps + 1) * setup.dt)
+    nodes = Nodes(positions, traits, setup.energy.battery, setup.link.reach, duty_cycles, consumption)
+    if nodes.follows_schedules:
+        clocks.on_step.append(nodes.note_clock)
+    return nodes
 
 
 def _search_power(setup: RadioSetup) -> float:

@@ -1,6 +1,6 @@
 """Reception: which neighbours receive a transmission, lose it to what, or overhear it; each is charged and logged.
 
-    Reception(radio, key, receivers).resolve(transmission) -> Received
+    Reception(radio, losses, on, receivers).resolve(transmission) -> Received
 
 A radio that receives a frame pays for it, whether it can use the frame or not. A radio that hears two frames at once
 pays for the time once. A radio that sends receives nothing. `resolve` chooses one of four ways to the same result:
@@ -21,8 +21,9 @@ from wsnsim.kernels.reception import COLLIDED, FOREIGN, HEARD_OTHER, HIT, LOST, 
 from wsnsim.network.event_log import EACH, event
 from wsnsim.network.radio.capture import CapturingReceivers
 from wsnsim.network.radio.radio_services import RadioServices
+from wsnsim.network.radio.radios_on import RadiosOn
 from wsnsim.network.radio.transmission import Transmission
-from wsnsim.network.radio.use_counter import UseCounter
+from wsnsim.network.radio.use_counter import LossSamples
 
 RECEIVE, DROP, COLLIDE, OVERHEAR = (KIND[name] for name in ("receive", "drop", "collide", "overhear"))
 NONE, RX, OVERHEARD = (EVENT_CAUSE[name] for name in ("none", "rx", "overhear"))
@@ -38,27 +39,29 @@ Numbers: TypeAlias = tuple[int, int, int]
 
 
 class Reception:
-    """What transmissions do at the neighbours of their senders. `key` is the key of the random losses.
+    """What transmissions do at the neighbours of their senders, whose radios may be `on`.
 
     `receivers` know which frame each receiver is locked on, where frames are captured; elsewhere they are None.
     """
 
-    def __init__(self, radio: RadioServices, key: int, receivers: CapturingReceivers | None = None) -> None:
+    def __init__(
+        self, radio: RadioServices, losses: LossSamples, on: RadiosOn, receivers: CapturingReceivers | None = None
+    ) -> None:
         self._env = radio.env
         self._nodes = radio.nodes
         self._log = radio.log
         self._topology = radio.topology
+        self._on = on
         self._receivers = receivers
         self._counters = radio.counters
-        self._key = key
-        self._key_of_all = np.uint64(key)
+        self._key, self._uses = losses
+        self._key_of_all = np.uint64(losses.key)
         self._groups = np.empty((0, 4))
-        self._uses = UseCounter()
 
     def resolve(self, sent: Transmission) -> Received:
         """Return the result of a frame that was sent completely."""
         nodes, ids = self._nodes, sent.neighbours.ids
-        listening = None if nodes.all_heard(sent.start) else nodes.hears(ids, sent.start)
+        listening = self._on.hears(ids, sent.start)
         if self._receivers is not None:
             self._receivers.lock_started()
         if nodes.disturbed or not nodes.can_all_receive(ids, sent.costs[2]):
@@ -81,7 +84,7 @@ class Reception:
         count, in_range, delivered = outcomes(
             self._key_of_all, numbers, ids, thresholds, usable, hears, marks, until, frame.to, order, self._groups
         )
-        received, collided = 0, 0
+        received, collided, paying = 0, 0, 0
         for outcome, begin, end, paid_until in self._groups[:count].tolist():
             group = order[int(begin) : int(end)]
             if outcome == LOST:
@@ -89,9 +92,11 @@ class Reception:
                 continue
             share = WHOLE if sent.overlapping is None else (sent.end - paid_until) / (sent.end - sent.start)
             self._book_group(sent, group, share, *KINDS[outcome])
+            paying = int(end)
             received += group.size if outcome == RECEIVED else 0
             collided += group.size if outcome == COLLIDED else 0
         self._count(sent, in_range if everyone or nodes.alive[frame.to] else 0, delivered, collided)
+        self._on.note(sent, order[:paying])
         if received == ids.size or not everyone:
             return ids if everyone else bool(received)
         return order[:received] if sent.overlapping is None else np.sort(order[:received])
@@ -108,7 +113,10 @@ class Reception:
             marks, mark = np.where(self._receivers.locked(sent), 0, HIT), HEARD_OTHER
         for other in sent.overlapping:
             if other.end > max(other.start, sent.start):
-                paid = other.end if other.end <= sent.end and not other.cut else sent.start
+                paid = self._on.paid_until(other, sent)
+                if other.listeners is not None:
+                    overlap(ids, other.listeners, other.source, mark, paid, sent.end, marks, until)
+                    paid = sent.start
                 overlap(ids, other.neighbours.ids, other.source, mark, paid, sent.end, marks, until)
         return marks, until
 
@@ -128,21 +136,18 @@ class Reception:
 
     def _broadcast_alone(self, sent: Transmission) -> Received:
         """The result of an undisturbed broadcast: all neighbours receive it."""
-        ids, counters = sent.neighbours.ids, self._counters
+        ids = sent.neighbours.ids
         if ids.size:
             self._book_group(sent, ids, WHOLE, RECEIVE, RX)
-        counters.in_range += ids.size
-        counters.delivered += ids.size
+        self._count(sent, ids.size, ids.size, 0)
+        self._on.note(sent, ids)
         return ids
 
     def _broadcast_overlapped(self, sent: Transmission) -> Received:
         """The result of a broadcast that overlaps others, if distance alone decides; events are in another order."""
-        neighbours, counters = sent.neighbours, self._counters
+        neighbours = sent.neighbours
         collided = self._collided_until(sent)
-        counters.in_range += len(neighbours.id_list)
-        counters.collided += len(collided)
-        sent.missed = bool(collided)
-        counters.delivered += len(neighbours.id_list) - len(collided)
+        self._count(sent, len(neighbours.id_list), len(neighbours.id_list) - len(collided), len(collided))
         groups: dict[float, list[int]] = {}
         airtime = sent.end - sent.start
         for node, until in collided.items():
@@ -154,6 +159,7 @@ class Reception:
             received = np.array([node for node in neighbours.id_list if node not in collided], dtype=np.int64)
         if received.size:
             self._book_group(sent, received, WHOLE, RECEIVE, RX)
+        self._on.note(sent, neighbours.ids)
         return received
 
     def _collided_until(self, sent: Transmission) -> dict[int, float]:
@@ -163,10 +169,11 @@ class Reception:
             if other.end <= max(other.start, sent.start):
                 continue
             members, sender = other.neighbours.members, other.source
-            until = other.end if other.end <= sent.end and not other.cut else sent.start
+            until = self._on.paid_until(other, sent)
+            payers = members if other.listeners is None else set(other.listeners.tolist())
             for node in sent.neighbours.id_list:
                 if node in members:
-                    collided[node] = max(collided.get(node, sent.start), until)
+                    collided[node] = max(collided.get(node, sent.start), until if node in payers else sent.start)
                 elif node == sender:
                     collided[node] = sent.end
         return collided
@@ -198,6 +205,7 @@ class Reception:
         if not everyone:
             self._charge(sent, (arrived | collided) & ~meant, share, OVERHEAR, OVERHEARD)
         living = nodes.living[ids]
+        self._on.note(sent, ids[(arrived | collided) & living])
         if everyone and listening is not None:
             meant = meant & listening
         lost = meant & ~(arrived | collided)
@@ -213,7 +221,7 @@ class Reception:
     def _count(self, sent: Transmission, in_range: int, delivered: int, collided: int) -> None:
         """Count the receptions of a frame."""
         sent.missed = delivered < in_range
-        if sent.frame.packets:
+        if sent.frame.packets and not sent.frame.is_copy:
             self._counters.in_range += in_range
             self._counters.delivered += delivered
             self._counters.collided += collided
@@ -233,8 +241,9 @@ class Reception:
                 continue
             here, _ = neighbours.common(other.neighbours)
             overlapped[here] = True
-            if other.end <= sent.end and not other.cut:
-                paid_until[here] = np.maximum(paid_until[here], other.end)
+            if other.listeners is not None:
+                here = here[np.isin(ids[here], other.listeners)]
+            paid_until[here] = np.maximum(paid_until[here], self._on.paid_until(other, sent))
             at = neighbours.index(other.source)
             if at >= 0:
                 hit[at], paid_until[at] = True, sent.end

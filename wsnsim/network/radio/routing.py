@@ -18,6 +18,8 @@ neighbours know each other's schedules is our choice: they exchange a seed once.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -77,6 +79,14 @@ class Router:
             self._paths[ends] = self._search(source, to)
         return self._paths[ends]
 
+    def cheapest_end(self, source: int, ends: Sequence[int]) -> int | None:
+        """The end with the cheapest path from a node, the first of equally cheap ones; None without a path."""
+        if self._weight == "greedy":
+            return self._nearest_end(source, ends)
+        paths = [(end, self.path(source, end)) for end in ends]
+        costs = [(self._cost(path), i, end) for i, (end, path) in enumerate(paths) if path is not None]
+        return min(costs)[2] if costs else None
+
     def remove(self, node: int) -> None:
         """Remove a node that died or crashed."""
         self._paths.clear()
@@ -87,6 +97,24 @@ class Router:
         """Forget all paths, because a node came back."""
         self._paths.clear()
         self._graph = None
+
+    def _nearest_end(self, source: int, ends: Sequence[int]) -> int | None:
+        """The nearest end, by the assumed positions, to which a greedy path leads."""
+        places = self._nodes.assumed.positions
+        away = _lengths(places[list(ends)] - places[source])
+        order = np.argsort(away, kind="stable").tolist()
+        return next((ends[i] for i in order if self.path(source, ends[i]) is not None), None)
+
+    def _cost(self, path: Sequence[int]) -> float:
+        """What the router minimises, of one path."""
+        hops = [*pairwise(path)]
+        if self._weight == "hop":
+            return float(len(hops))
+        probability = self._topology.probability
+        joules = [self._joules(self._nodes.distance(a, b)) for a, b in hops]
+        if self._topology.distance_only:
+            return sum(joules)
+        return sum(each / probability(a, b) for each, (a, b) in zip(joules, hops, strict=True))
 
     def _search(self, source: int, to: int) -> list[int] | None:
         if not (self._nodes.alive[source] and self._nodes.alive[to]):

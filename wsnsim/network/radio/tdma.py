@@ -138,9 +138,12 @@ class TdmaMechanism:
         self._periods.inform(head, set().union(*(neighbours(node).id_list for node in [head, *schedule])))
 
     def _clock_offset(self, head: int, node: int) -> float:
-        """By how much a node's clock is ahead of the head's, in s."""
+        """By how much a node's clock is ahead of the head's, in s, without the corrections of offset that both know of.
+
+        Slots stay where they are when a clock is put right; a rate that is corrected keeps them there for longer.
+        """
         member, reference = self._clocks.error(np.array([node, head]), self._env.now).tolist()
-        return float(member - reference)
+        return float(member - self._clocks.corrected(node) - reference + self._clocks.corrected(head))
 
     def _slots(self, head: int, bursts: Sequence[Burst]) -> list[_Slot]:
         """The slots of a round. Bursts whose senders do not know their slots, or miss them, are lost."""

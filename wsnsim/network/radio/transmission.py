@@ -31,6 +31,8 @@ class Transmission:
         asleep: Ids of nodes that have the radio off because they know that the frame is not for them.
         costs: (electronics J, amplifier J, reception J, airtime s).
         locks: (n,) which neighbours are locked on it (see `capture`); None until they are first needed.
+        listeners: (m,) the nodes whose radios listened from its start and paid for it: they received or overheard it,
+            or lost it to another frame. Ascending. None until its end, and where all radios listen.
     """
 
     __slots__ = (
@@ -39,6 +41,7 @@ class Transmission:
         "cut",
         "end",
         "frame",
+        "listeners",
         "locks",
         "missed",
         "neighbours",
@@ -66,6 +69,7 @@ class Transmission:
         self.asleep: Ints | None = None
         self.costs = FREE
         self.locks: Bools | None = None
+        self.listeners: Ints | None = None
 
 
 OnEnd = Callable[[Transmission, Received], None]

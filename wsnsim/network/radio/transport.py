@@ -1,4 +1,4 @@
-"""Transport: parcels from node to node, over the path that the scenario's `routing` names.
+"""Transport: parcels from node to node, over one hop or as the scenario's `routing` forwards them.
 
 transport.carry(datagrams, target) -> simpy.Event                   fires when every datagram has ended
 transport.broadcast(sources, parcels, target) -> (event, bursts)
@@ -6,63 +6,19 @@ transport.broadcast(sources, parcels, target) -> (event, bursts)
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Generator, Sequence
-from math import nan
-from typing import Any, Protocol, cast
+from collections.abc import Sequence
+from typing import Protocol, cast
 
-import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools
 from wsnsim.base.frames import EVERYONE, Burst, full_burst
 from wsnsim.base.mac_mechanisms import ExpectsMembers, MacMechanism
 from wsnsim.base.optional_ports import defined_together
-from wsnsim.base.requests import Parcel, all_arrived
-from wsnsim.base.tables import KIND
-from wsnsim.network.event_log import event
+from wsnsim.base.requests import Parcel
+from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops
 from wsnsim.network.radio.radio_services import RadioServices
-from wsnsim.network.radio.routing import Router
 from wsnsim.network.radio.topology import Neighbours
 from wsnsim.network.radio.unicasts import Unicasts
-
-DROP = KIND["drop"]
-
-
-class Datagram:
-    """A parcel on its way to its destination, over one hop or several.
-
-    Attributes:
-        source: The node that sends it.
-        to: Its destination.
-        parcel: What is sent.
-        mask: (packets,) which packets arrived, after `Transport.carry`.
-        arrived: Whether any packet arrived.
-        arrived_at: When the last packet arrived, in s.
-        hops: The number of hops that it took.
-        bits: The bits sent for it, over all hops.
-        last_hop: The burst on its last hop, once it is there.
-    """
-
-    __slots__ = ("arrived", "arrived_at", "bits", "hops", "last_hop", "mask", "parcel", "source", "to")
-
-    def __init__(self, source: int, to: int, parcel: Parcel) -> None:
-        self.source = source
-        self.to = to
-        self.parcel = parcel
-        self.mask = all_arrived(parcel.packets)
-        self.arrived = False
-        self.arrived_at = nan
-        self.hops = 0
-        self.bits = 0
-        self.last_hop: Burst | None = None
-
-    def arrivals(self) -> tuple[Bools, float] | None:
-        """(mask, time in s) of the packets that have arrived so far; None for none. Its sender may not know yet."""
-        burst = self.last_hop
-        if burst is not None and burst.heard is not None:
-            return burst.heard, burst.heard_at
-        return (self.mask, self.arrived_at) if self.arrived else None
 
 
 class SendsUnicasts(Protocol):
@@ -75,23 +31,25 @@ class SendsUnicasts(Protocol):
 class Transport:
     """What nodes send with.
 
+    Args:
+        radio: The services of the radio.
+        mac: The MAC.
+        hops: How bursts cross one hop.
+        forwarding: How datagrams cross several.
+
     Attributes:
-        wake_neighbour: (node, sleeping neighbour, target) -> event: wakes the destination of a datagram; None if
-            sleeping nodes cannot be woken.
+        hops: How bursts cross one hop.
     """
 
-    def __init__(self, radio: RadioServices, mac: MacMechanism, router: Router) -> None:
+    def __init__(self, radio: RadioServices, mac: MacMechanism, hops: Hops, forwarding: Forwarding) -> None:
         self._env = radio.env
-        self._nodes = radio.nodes
         self._topology = radio.topology
-        self._log = radio.log
-        self._mac = mac
-        self._router = router
+        self._forwarding = forwarding
+        self.hops = hops
         at_once = defined_together(type(mac), "send_unicasts", "send")
         self._send_unicasts = cast(SendsUnicasts, mac).send_unicasts if at_once else _send_no_unicasts
         self._expect = mac.expect if isinstance(mac, ExpectsMembers) else _expect_nobody
         self._pairs: set[tuple[int, int]] = set()
-        self.wake_neighbour: Callable[[int, int, int], simpy.Event] | None = None
 
     def carry(
         self, datagrams: Sequence[Datagram], target: int, head: int | None = None, one_hop: bool = False
@@ -110,13 +68,15 @@ class Transport:
         """
         direct, relayed = [], []
         for datagram in datagrams:
+            if datagram.to == A_SINK:
+                datagram.to = self._forwarding.sink_of(datagram.source)
             if datagram.source == datagram.to:
                 datagram.arrived, datagram.arrived_at = True, self._env.now
             elif self._goes_directly(datagram.source, datagram.to, one_hop):
                 direct.append(datagram)
             else:
                 relayed.append(datagram)
-        events: list[simpy.Event] = [self._env.process(self._relay(datagram, target)) for datagram in relayed]
+        events: list[simpy.Event] = [self._forwarding.forward(datagram, target) for datagram in relayed]
         if direct or not relayed:
             events.append(self._one_hop(direct, target, head))
         return events[0] if len(events) == 1 else self._env.all_of(events)
@@ -135,7 +95,7 @@ class Transport:
         if self._send_unicasts is _send_no_unicasts:
             return None
         ends = [*zip(unicasts.sources, unicasts.destinations, strict=True)]
-        near = one_hop and self.wake_neighbour is None and self._pairs.issuperset(ends)
+        near = one_hop and self.hops.wake_neighbour is None and self._pairs.issuperset(ends)
         if not near and not all(self._goes_directly(source, to, one_hop) for source, to in ends):
             return None
         return self._send_unicasts(unicasts)
@@ -158,7 +118,7 @@ class Transport:
         bursts = [full_burst(source, EVERYONE, parcel, target) for source, parcel in zip(sources, parcels, strict=True)]
         for burst in bursts:
             burst.sequence, burst.relayed = sequence, relayed
-        return self._send(bursts), bursts
+        return self.hops.send(bursts), bursts
 
     def expect(self, head: int, members: Sequence[int]) -> None:
         """Tell the MAC whom a head takes for members, before they have something to send."""
@@ -177,9 +137,6 @@ class Transport:
             self._pairs.add((a, b))
         return connected
 
-    def _send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
-        return cast(simpy.Event, self._mac.send(bursts, head))
-
     def _one_hop(self, datagrams: list[Datagram], target: int, head: int | None) -> simpy.Event:
         sources, destinations = [datagram.source for datagram in datagrams], [datagram.to for datagram in datagrams]
         unicasts = Unicasts(sources, destinations, [datagram.parcel for datagram in datagrams], target)
@@ -188,51 +145,18 @@ class Transport:
             bursts = unicasts.split()
             for datagram, burst in zip(datagrams, bursts, strict=True):
                 datagram.hops, datagram.last_hop = 1, burst
-            event = self._send(bursts, head)
+            event = self.hops.send(bursts, head)
         assert event.callbacks is not None, "bursts end later than they are sent"
         event.callbacks.append(lambda _: _complete(datagrams, unicasts, self._env.now))
         return event
 
-    def _relay(self, datagram: Datagram, target: int) -> Generator[simpy.Event, Any, None]:
-        """Send a datagram over several hops; each hop sends what arrived over the one before."""
-        source, parcel = datagram.source, datagram.parcel
-        path = self._router.path(source, datagram.to)
-        if path is None:
-            self._drop(datagram, target)
-            return
-        sequence, mask, packets = 0, datagram.mask, parcel.packets
-        for node, to in itertools.pairwise(path):
-            if self.wake_neighbour is not None and to == datagram.to and self._sleeps(to):
-                yield self.wake_neighbour(node, to, target)
-            burst = Burst(node, to, parcel, target, mask, packets, sequence, relayed=node != source)
-            datagram.hops += 1
-            datagram.last_hop = burst if to == datagram.to else None
-            yield self._send([burst])
-            datagram.bits += burst.sent
-            sequence, mask, packets = burst.sequence, burst.mask, burst.packets
-            if packets == 0:
-                break
-        _end(datagram, mask, packets > 0, self._env.now)
-
     def _goes_directly(self, source: int, to: int, one_hop: bool) -> bool:
-        """Whether a datagram takes one hop, to a destination that is within range and need not be woken.
-
-        A neighbour without a path died: the sender does not know, and sends in vain.
-        """
-        if not self.connected(source, to) or (self.wake_neighbour is not None and self._sleeps(to)):
+        """Whether a datagram takes one hop, to a destination that is within range and need not be woken."""
+        if to == A_SINK or not self.connected(source, to):
             return False
-        path = None if one_hop else self._router.path(source, to)
-        return path is None or len(path) == 2
-
-    def _sleeps(self, node: int) -> bool:
-        return bool(self._nodes.alive[node]) and not self._nodes.is_awake(node)
-
-    def _drop(self, datagram: Datagram, target: int) -> None:
-        """Log that no path leads to the destination."""
-        source, to, packets = datagram.source, datagram.to, datagram.parcel.packets
-        datagram.mask = np.zeros(packets, dtype=np.bool_)
-        now, step, code = self._env.now, self._log.step, self._log.code("no_path")
-        self._log.add(event(now, step, target, source, DROP, code, peer=to, packets=packets))
+        if self.hops.wake_neighbour is not None and self.hops.sleeps(to):
+            return False
+        return one_hop or self._forwarding.is_one_hop(source, to)
 
 
 def _complete(datagrams: list[Datagram], unicasts: Unicasts, now: float) -> None:
@@ -245,15 +169,7 @@ def _complete(datagrams: list[Datagram], unicasts: Unicasts, now: float) -> None
         return
     for datagram, burst in zip(datagrams, unicasts.bursts, strict=True):
         datagram.hops, datagram.bits, datagram.last_hop = 1, burst.sent, burst
-        _end(datagram, burst.mask, burst.packets > 0, now)
-
-
-def _end(datagram: Datagram, mask: Bools, arrived: bool, now: float) -> None:
-    """Write into a datagram what arrived of it, and when: as the MAC noted, otherwise now."""
-    datagram.mask, datagram.arrived = mask, arrived
-    if arrived:
-        burst = datagram.last_hop
-        datagram.arrived_at = now if burst is None or burst.heard is None else burst.heard_at
+        datagram.end(burst.mask, burst.packets > 0, now)
 
 
 def _send_no_unicasts(unicasts: Unicasts) -> simpy.Event | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
+from typing import NamedTuple
 
 
 class UseCounter:
@@ -20,3 +21,10 @@ class UseCounter:
         count = count + 1 if last_step == step else 1
         self._uses[user] = step, count
         return count
+
+
+class LossSamples(NamedTuple):
+    """The key of the random losses of a network, and the numbers of the frames that may be lost."""
+
+    key: int
+    uses: UseCounter

@@ -55,7 +55,7 @@ class Imperfections:
         probe = np.ones(1)
         keys = np.zeros(1, dtype=np.uint64)
         detects_all = self.detection.missed == self.detection.false_alarm == 0
-        return not detects_all or self.clocks.drift or self.detection.distort(probe, keys) is not probe
+        return not detects_all or not self.clocks.perfect or self.detection.distort(probe, keys) is not probe
 
 
 class ImperfectReadings(Readings):

@@ -8,8 +8,12 @@ from typing import Any, Final
 from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices, complete, unknown_mechanism
 from wsnsim.base.radio import Workload
 from wsnsim.network.workloads.beacons import Beacons
+from wsnsim.network.workloads.collection_reports import CollectionReports
 
-MECHANISMS: Final[Mapping[str, Callable[[Any, WorkloadServices], WorkloadMechanism]]] = {"beacons": Beacons}
+MECHANISMS: Final[Mapping[str, Callable[[Any, WorkloadServices], WorkloadMechanism]]] = {
+    "beacons": Beacons,
+    "collection": CollectionReports,
+}
 """The built-in mechanisms by name. The workload 'tracking' has targets: see `world`."""
 
 

@@ -5,7 +5,7 @@ WorkloadWorld(setup, replicate, positions, streams, recorder).run() -> NetworkOu
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND
 from wsnsim.network.event_log import event
 from wsnsim.network.network import Network, Sensors, Steps
+from wsnsim.network.radio.datagrams import A_SINK, Datagram
 from wsnsim.network.radio.radio_stack import RadioStack
-from wsnsim.network.radio.transport import Datagram, Transport
+from wsnsim.network.radio.transport import Transport
+from wsnsim.network.report_rows import ReportRows
 from wsnsim.network.result_rows import NetworkOutcome
 from wsnsim.network.workloads.mechanisms import make_workload
 
@@ -28,12 +30,16 @@ from wsnsim.network.workloads.mechanisms import make_workload
 class WorkloadNetwork:
     """What a workload may use of a network (`mechanisms.WorkloadServices`). `key` is the workload's random key."""
 
-    def __init__(self, stack: RadioStack, transport: Transport, key: int) -> None:
+    def __init__(
+        self, stack: RadioStack, transport: Transport, reports: ReportRows, sinks: Sequence[int], key: int
+    ) -> None:  # fmt: skip
         nodes = stack.radio.nodes
         self._env = stack.radio.env
         self._nodes = nodes
         self._mac = stack.mac
         self._transport = transport
+        self._reports = reports
+        self.sinks = sinks
         self.key = key
         self.positions = nodes.positions
         self.is_awake: Callable[[int], bool] = nodes.is_awake
@@ -66,6 +72,13 @@ class WorkloadNetwork:
         assert ended.callbacks is not None
         ended.callbacks.append(lambda _: on_end(datagram.arrived))
 
+    def collect(self, node: int, bits: int, what: str, on_end: Callable[[int], None]) -> None:
+        """Send a report of `bits` to whichever sink; `on_end(sink)` is called at the end, with -1 if it was lost."""
+        report = Datagram(node, A_SINK, Parcel(None, 1, bits, what))
+        ended = self._reports.send(report, -1)
+        assert ended.callbacks is not None
+        ended.callbacks.append(lambda _: on_end(report.to if report.arrived else -1))
+
 
 class WorkloadWorld(Network):
     """One network without targets."""
@@ -78,7 +91,7 @@ class WorkloadWorld(Network):
         sensors = Sensors(positions, np.ones((len(positions), 0)))
         super().__init__(setup, replicate, sensors, streams, recorder, count_links=recorder.wants("links"))
         self._stack.radio.topology.find_all()
-        services = WorkloadNetwork(self._stack, self._transport, streams.key("beacons"))
+        services = WorkloadNetwork(self._stack, self._transport, self._reports, self._sinks, streams.key("beacons"))
         self.workload: WorkloadMechanism = make_workload(setup.workload, services)
         self._faults = self._make_faults(streams.key("faults"), lambda target: None, {})
 

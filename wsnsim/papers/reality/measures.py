@@ -15,11 +15,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.papers.answers import Answer, Interval, both, interval, word
+from wsnsim.papers.answers import Answer, Interval, both, interval, resamples, word
 from wsnsim.papers.measures import Data, OwnMeasure, sample
 from wsnsim.papers.reality.recording import TrackFolder, recording
 from wsnsim.papers.reality.residuals import figures_in_words
-from wsnsim.papers.resampling import weights
 
 MEASURES: Final[dict[str, OwnMeasure]] = {}
 MEMORYLESS: Final = "trilateration"
@@ -48,9 +47,7 @@ def trackers_on(data: Data, words: str, last: str = "") -> list[str]:
 
 def medians(data: Data, variant: str, column: str = "rmse") -> Floats:
     """(1 + draws,) the median over the runs as they are, and of every resample."""
-    found = sample(data, variant, f"median:{column}")
-    count = len(found.runs)
-    return np.concatenate([found.at(np.ones((1, count))), found.at(weights(count, count))])
+    return resamples(sample(data, variant, f"median:{column}"))
 
 
 def answers(data: Data) -> list[Answer]:

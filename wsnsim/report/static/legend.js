@@ -1,6 +1,19 @@
-// The legend of the drawing, and the colours that depend on the replay.
+// The legend of the drawing, of at most ten entries with an explanation each, and the colours that depend on the replay.
 // Words from a scenario are inserted as text, with their writing direction isolated.
 const CIVIDIS = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"];
+const MOST_ENTRIES = 10;
+const EXPLANATIONS = {
+  truth: "the simulated trajectory, against which errors are measured; in bold: the last steps",
+  estimate: "mean of the position that a tracker reports for a step; hollow: outside the drawing",
+  particles: "samples of the state; the belief of the tracker",
+  node: "one sensor node: sensor, processor, radio, battery; small: asleep, dormant or on its schedule; crossed: dead",
+  energy: "what is left in a battery: initial less spent; as a share of the initial energy",
+  head: "the node that runs the tracker and collects from the members",
+  member: "a node that joined a cluster, the head included",
+  sensing: "a node that takes a measurement of the target in this step",
+  message: "a line is a message from its sender to a receiver, a dashed ring a broadcast",
+  lost: "a message that its receiver did not receive",
+};
 const isolated = (word) => (/^[ -~]*$/.test(word) ? word : `\u2068${word}\u2069`);
 
 function colours() {
@@ -13,17 +26,28 @@ function colours() {
   });
 }
 
-// The most frequent messages have a style each; all others share one.
-function styles() {
-  const counts = new Map();
-  for (const name of ["link_message", "broadcast_message"]) {
-    (replay.col[name] || []).forEach((word) => counts.set(word, (counts.get(word) || 0) + 1));
+// The messages in use, the most frequent ones first, each with the way it is sent: { word, sent, broadcast }.
+function messageKinds() {
+  const kinds = new Map();
+  for (const [name, way] of [["link_message", "sent"], ["broadcast_message", "broadcast"]]) {
+    (replay.col[name] || []).forEach((word) => {
+      const kind = kinds.get(word) || { word, count: 0, sent: false, broadcast: false };
+      kind.count += 1; kind[way] = true;
+      kinds.set(word, kind);
+    });
   }
-  replay.style = {};
-  [...counts.keys()].sort((a, b) => counts.get(b) - counts.get(a)).forEach((word, i) => { replay.style[word] = Math.min(i, OTHER_STYLE); });
+  return [...kinds.values()].sort((a, b) => b.count - a.count);
 }
 
-function entry(text, paint) {
+// The most frequent messages have a style each, as many as the legend has room for; all others share one.
+function styles() {
+  const kinds = messageKinds(), room = Math.min(OTHER_STYLE, MOST_ENTRIES - markEntries().length - (anyLost() ? 1 : 0));
+  const own = kinds.length <= room ? kinds.length : room - 1;
+  replay.style = {};
+  kinds.forEach((kind, i) => { replay.style[kind.word] = i < own ? i : OTHER_STYLE; });
+}
+
+function entry([text, paint, explanation]) {
   const item = document.createElement("li"), swatch = document.createElement("canvas"), zoom = devicePixelRatio || 1;
   swatch.width = 34 * zoom; swatch.height = 22 * zoom;
   swatch.style.width = "34px"; swatch.style.height = "22px";
@@ -32,7 +56,7 @@ function entry(text, paint) {
   view.dot = Math.max(Math.min(dot, 4), 3);
   paint(pen);
   view.dot = dot;
-  item.append(swatch, document.createTextNode(text));
+  item.append(swatch, term(text, explanation));
   byId("legend").append(item);
 }
 
@@ -42,65 +66,70 @@ function line(colour, dash = [], width = 2) {
 
 function legend() {
   byId("legend").replaceChildren();
-  targetLegend();
-  if (replay.nodes) nodeLegend();
-  trafficLegend();
+  [...markEntries(), ...messageEntries()].forEach(entry);
 }
 
-function targetLegend() {
-  const { col } = replay, trail = Math.min(replay.trail, replay.frames - 1), steps = replay.stride > 1 ? "drawn steps" : "steps";
+// [text, the function that paints its mark, explanation] of targets and nodes.
+function markEntries() {
+  const { col } = replay, several = replay.targets.length > 1, entries = [];
   if (col.truth_x) {
-    entry("ground truth", (pen) => truthMark(pen, 17, 11));
-    entry("ground-truth trajectory", line(view.trajectory, [], 1.2));
-    entry(`ground-truth trajectory, last ${trail} ${steps}`, line(view.ink));
+    entries.push([several ? "ground truth, with the target's number" : "ground truth", (pen) => { line(view.ink)(pen); truthMark(pen, 17, 11); }, EXPLANATIONS.truth]);
   }
-  if (col.estimate_x) {
-    entry("estimate", (pen) => estimateMark(pen, 17, 11, false));
-    entry("estimate outside the drawing", (pen) => estimateMark(pen, 17, 11, true));
-    entry(`estimates, last ${trail} ${steps}`, line(view.estimate, [], 1.5));
-  }
+  if (col.estimate_x) entries.push(["estimate", (pen) => { line(view.estimate, [], 1.5)(pen); estimateMark(pen, 17, 11, false); }, EXPLANATIONS.estimate]);
   if (col.particle_x && col.particle_x.length) {
-    entry("particles", (pen) => { pen.fillStyle = view.particle; [6, 13, 18, 26].forEach((x, i) => pen.fillRect(x, 7 + 3 * (i % 3), 2.2, 2.2)); });
+    entries.push(["particles", (pen) => { pen.fillStyle = view.particle; [6, 13, 18, 26].forEach((x, i) => pen.fillRect(x, 7 + 3 * (i % 3), 2.2, 2.2)); }, EXPLANATIONS.particles]);
   }
-  if (replay.targets.length > 1) entry("numbers beside marks are targets", () => {});
+  return replay.nodes ? [...entries, ...nodeEntries()] : entries;
 }
 
-function nodeLegend() {
+function nodeEntries() {
   const { col } = replay, full = replay.charge ? replay.charge[2] : 0, percent = (share) => `${+(100 * share).toFixed(1)}\u00a0%`;
-  const as = (mode, mark) => (pen) => { node(pen, 17, 11, 3.5, mode, full); if (mark) mark(pen, 17, 11); };
   const modes = new Set([...(col.state || []), ...(col.state_change_state || [])]);
-  entry(modes.has(ASLEEP) ? "node awake" : "node", as(AWAKE));
-  if (modes.has(ASLEEP)) {
-    entry("node asleep, dormant or on its schedule", view.dot < 1.5 ? (pen) => node(pen, 17, 11, 1.4, ASLEEP, full) : as(ASLEEP));
-  }
-  if (modes.has(DEAD)) entry("dead node", as(DEAD));
+  const marked = (mark) => (pen) => { node(pen, 17, 11, 3.5, AWAKE, full); mark(pen, 17, 11); };
+  const shownModes = [AWAKE, ASLEEP, DEAD].filter((mode) => mode === AWAKE || modes.has(mode)), word = { [AWAKE]: "awake", [ASLEEP]: "asleep", [DEAD]: "dead" };
+  const names = shownModes.length > 1 ? `node: ${shownModes.map((mode) => word[mode]).join(", ")}` : "node";
+  const dots = (pen) => shownModes.forEach((mode, i) => node(pen, 17 + 11 * (i - (shownModes.length - 1) / 2), 11, mode === ASLEEP && view.dot < 1.5 ? 1.4 : 3.5, mode, full));
+  const entries = [[names, dots, EXPLANATIONS.node]];
   if (replay.charge) {
-    entry(`residual energy, ${percent(replay.charge[0])} (dark) to ${percent(replay.charge[1])}`, (pen) => {
+    entries.push([`residual energy, ${percent(replay.charge[0])} (dark) to ${percent(replay.charge[1])}`, (pen) => {
       for (let x = 0; x < 34; x++) { pen.fillStyle = ramp[Math.round((x / 33) * full)]; pen.fillRect(x, 6, 1.2, 10); }
-    });
+    }, EXPLANATIONS.energy]);
   }
-  if (col.head && col.head.some((at) => at >= 0)) entry("cluster head", as(AWAKE, headMark));
-  if (col.membership_node && col.membership_node.length) memberLegend(as);
-  if (col.sense_node && col.sense_node.length) entry("sensing node", as(AWAKE, senseMark));
+  if (col.head && col.head.some((at) => at >= 0)) entries.push(["cluster head", marked(headMark), EXPLANATIONS.head]);
+  if (col.membership_node && col.membership_node.length) entries.push(memberEntry(full));
+  if (col.sense_node && col.sense_node.length) entries.push(["sensing node", marked(senseMark), EXPLANATIONS.sensing]);
+  return entries;
 }
 
-function memberLegend(as) {
-  const several = replay.targets.length > 1;
-  replay.targets.slice(0, RING_DASHES.length).forEach((number, target) => {
-    entry(several ? `cluster member, target ${number}` : "cluster member", as(AWAKE, (pen, x, y) => memberMark(pen, x, y, target)));
+// Members of several targets differ in the dashes of their rings.
+function memberEntry(full) {
+  const shown = replay.targets.slice(0, RING_DASHES.length), several = shown.length > 1, repeat = replay.targets.length > shown.length;
+  const paint = (pen) => shown.forEach((_, target) => {
+    const x = 17 + 11 * (target - (shown.length - 1) / 2);
+    node(pen, x, 11, several ? 2 : 3.5, AWAKE, full);
+    memberMark(pen, x, 11, several ? target : 0);
   });
-  if (replay.targets.length > RING_DASHES.length) entry("rings repeat for further targets", () => {});
+  const text = several ? `cluster member of target ${shown.join(", ")}${repeat ? " …" : ""}` : "cluster member";
+  return [text, paint, EXPLANATIONS.member + (repeat ? "; rings repeat for further targets" : "")];
 }
 
-function trafficLegend() {
-  const { col } = replay, name = (word) => isolated(replay.messages[word] || "message");
-  const words = [...new Set([...(col.link_message || []), ...(col.broadcast_message || [])])].sort((a, b) => replay.style[a] - replay.style[b]);
-  for (const word of words.slice(0, OTHER_STYLE)) entry(`message: ${name(word)}`, line(view.kinds[replay.style[word]], DASHES[replay.style[word]]));
-  if (words.length > OTHER_STYLE) entry(`other messages: ${words.slice(OTHER_STYLE).map(name).join(", ")}`, line(view.kinds[OTHER_STYLE], DASHES[OTHER_STYLE]));
-  if (col.broadcast_node && col.broadcast_node.length) {
-    entry("broadcast, in the colour of its message", (pen) => { marker(pen, "dot", 17, 11, 9); stroke(pen, view.soft, 1.6, [4, 3]); });
+function messageEntries() {
+  const kinds = messageKinds(), name = ({ word }) => isolated((replay.messages[word] || "message").replaceAll("_", " "));
+  const own = kinds.filter(({ word }) => replay.style[word] < OTHER_STYLE), others = kinds.filter(({ word }) => replay.style[word] === OTHER_STYLE);
+  const entries = own.map((kind) => [`message: ${name(kind)}`, messageMark(kind, replay.style[kind.word]), EXPLANATIONS.message]);
+  if (others.length) {
+    const both = { sent: others.some(({ sent }) => sent), broadcast: others.some(({ broadcast }) => broadcast) };
+    entries.push([own.length ? "other messages" : "messages", messageMark(both, OTHER_STYLE), `${others.map(name).join(", ")}: ${EXPLANATIONS.message}`]);
   }
-  if (col.link_lost && col.link_lost.some((each) => each)) {
-    entry("lost transmission", (pen) => { line(view.lost, [3, 3])(pen); marker(pen, "cross", 17, 11, 3.5); stroke(pen, view.lost, 1.6); });
-  }
+  if (anyLost()) entries.push(["lost transmission", (pen) => { line(view.lost, [3, 3])(pen); marker(pen, "cross", 17, 11, 3.5); stroke(pen, view.lost, 1.6); }, EXPLANATIONS.lost]);
+  return entries;
 }
+
+function messageMark({ sent, broadcast }, style) {
+  return (pen) => {
+    if (sent) line(view.kinds[style], DASHES[style])(pen);
+    if (broadcast) { marker(pen, "dot", sent ? 10 : 17, 11, 8); stroke(pen, view.kinds[style], 1.6, [4, 3]); }
+  };
+}
+
+function anyLost() { return Boolean(replay.col.link_lost && replay.col.link_lost.some((each) => each)); }

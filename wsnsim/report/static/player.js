@@ -30,8 +30,8 @@ function describe() {
   const lines = [`step ${step} of ${replay.last}${replay.dt === null ? "" : ` · ${+(step * replay.dt).toPrecision(7)} s`}`];
   replay.targets.forEach((number, target) => lines.push(describeTarget(number, target)));
   if (replay.col.sense_node && replay.col.sense_node.length) lines.push(counted(sensing, "sensing node"));
-  if (replay.col.link_count) lines.push(`${countOf("link", "link")} in use, ${countOf("broadcast", "broadcast")}`);
-  if (replay.col.particle_count) lines.push(countOf("particle", "particle"));
+  if (replay.from.link) lines.push(`${countOf("link", "link")} in use, ${countOf("broadcast", "broadcast")}`);
+  if (replay.from.particle) lines.push(countOf("particle", "particle"));
   byId("status").textContent = lines.join("\n");
   if (!playing && opened && document.activeElement !== slider) byId("spoken").textContent = lines.join(". ");
   slider.value = frame;
@@ -67,14 +67,14 @@ function rates() {
 }
 
 function show(number) {
-  frame = Math.min(Math.max(number, 0), replay.frames - 1);
+  frame = Math.min(Math.max(number, 0), lastFrame());
   draw();
   describe();
 }
 
 function play(wanted) {
-  playing = wanted && replay.frames > 1;
-  if (playing && frame >= replay.frames - 1) show(0);
+  playing = wanted && lastFrame() > 0;
+  if (playing && frame >= lastFrame()) show(0);
   byId("play").textContent = playing ? "Pause" : "Play";
   if (playing) { due = 0; before = performance.now(); requestAnimationFrame(tick); } else { describe(); updateAddress(); }
 }
@@ -86,7 +86,7 @@ function tick(now) {
   const whole = Math.floor(due);
   due -= whole;
   if (whole) show(frame + whole);
-  if (frame >= replay.frames - 1) play(false); else requestAnimationFrame(tick);
+  if (frame >= lastFrame()) play(false); else requestAnimationFrame(tick);
 }
 
 function goTo(number) { playing = false; show(number); play(false); }
@@ -113,18 +113,22 @@ async function open(run, step) {
     return;
   }
   if (mine !== opened) return;
-  replay = unpacked[run];
+  present(unpacked[run], step);
+  if (!root.dataset.drawn) root.dataset.drawn = Math.round(performance.now());
+  root.dataset.ready = "yes";
+}
+
+function present(data, step) {
+  replay = data;
   view = null;
   message.hidden = true;
   player.hidden = false;
   shown.close = replay.nodes > FEW_NODES && !replay.flat && replay.targets.length > 0;
   colours(); styles(); rates();
-  slider.max = replay.frames - 1;
+  slider.max = lastFrame();
   byId("play").textContent = "Play";
   show(frameOf(step));
   legend(); layers();
-  if (!root.dataset.drawn) root.dataset.drawn = Math.round(performance.now());
-  root.dataset.ready = "yes";
 }
 
 // Keys are handled only if the focus is within the player; elsewhere they scroll the page.
@@ -133,7 +137,7 @@ function key(event) {
   if (!replay || !player.contains(held) || event.ctrlKey || event.metaKey || event.altKey || held.tagName === "SELECT") return;
   if (event.key === " " && ["BUTTON", "INPUT"].includes(held.tagName) && held !== slider) return;
   const stride = event.shiftKey ? 10 : 1;
-  const goal = { ArrowLeft: frame - stride, ArrowRight: frame + stride, Home: 0, End: replay.frames - 1 }[event.key];
+  const goal = { ArrowLeft: frame - stride, ArrowRight: frame + stride, Home: 0, End: lastFrame() }[event.key];
   if (event.key === " ") play(!playing); else if (goal === undefined) return; else goTo(goal);
   event.preventDefault();
 }
@@ -153,7 +157,7 @@ function listen() {
   chosen.addEventListener("change", () => open(+chosen.value, 0).then(() => { if (replay) updateAddress(); }));
   addEventListener("keydown", key);
   addEventListener("hashchange", followAddress);
-  new ResizeObserver(() => { if (view && canvas.clientWidth !== view.wide) redraw(); }).observe(canvas);
+  new ResizeObserver(() => { if (view && canvas.clientWidth && canvas.clientWidth !== view.wide) redraw(); }).observe(canvas);
   addEventListener("resize", () => { if (view && Math.abs(innerHeight - view.high) > MIN_RESIZE) redraw(); });
   addEventListener("beforeprint", () => { root.dataset.print = "yes"; redraw(); });
   addEventListener("afterprint", () => { delete root.dataset.print; redraw(); });
@@ -190,5 +194,3 @@ async function begin() {
   listen();
   await followAddress();
 }
-
-begin().catch((error) => fail(`The replay cannot be shown: ${error.message}`));

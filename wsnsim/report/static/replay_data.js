@@ -5,16 +5,22 @@ const NUMBERS = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, i4: Int32Arr
 const root = document.documentElement, byId = (id) => document.getElementById(id);
 let replay = null, frame = 0;
 
-async function unpack(text) {
+// The header and the columns of a text: a whole replay, or what a live view gets of it at a time.
+async function parse(text) {
   const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   const buffer = await new Response(stream).arrayBuffer();
   const size = new DataView(buffer).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
-  const data = { ...head, col: {}, from: {} };
+  const data = { ...head, col: {} };
   for (const [name, [kind, offset, count]] of Object.entries(head.columns)) {
     data.col[name] = new NUMBERS[kind](buffer, 4 + size + offset, count);
   }
+  return data;
+}
+
+async function unpack(text) {
+  const data = { ...await parse(text), from: {} };
   for (const name of Object.keys(data.col).filter((name) => name.endsWith("_count"))) {
     const from = new Uint32Array(data.frames + 1);
     data.col[name].forEach((count, i) => { from[i + 1] = from[i] + count; });
@@ -36,7 +42,11 @@ function rewind(data) {
 function nodeGroups(data) {
   const busy = new Uint8Array(data.nodes).fill(data.nodes <= FEW_NODES ? 1 : 0);
   for (const name of ["state_change_node", "charge_change_node"]) (data.col[name] || []).forEach((node) => { busy[node] = 1; });
-  const every = Uint32Array.from({ length: data.nodes }, (_, i) => i);
+  return busyGroups(busy);
+}
+
+function busyGroups(busy) {
+  const every = Uint32Array.from({ length: busy.length }, (_, i) => i);
   return [every.filter((i) => !busy[i]), every.filter((i) => busy[i])];
 }
 
@@ -63,6 +73,8 @@ function changeClusters(first, end) {
   }
 }
 
+// The last frame that can be shown; a live view does not know all frames yet.
+const lastFrame = () => (replay.known ?? replay.frames) - 1;
 const rows = (name) => (replay.from[name] ? [replay.from[name][frame], replay.from[name][frame + 1]] : [0, 0]);
 const stepOf = (number) => Math.min(number * replay.stride, replay.last);
-const frameOf = (step) => Math.min(Math.ceil(step / replay.stride), replay.frames - 1);
+const frameOf = (step) => Math.min(Math.ceil(step / replay.stride), lastFrame());

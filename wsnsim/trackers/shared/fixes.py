@@ -60,7 +60,7 @@ class RangeFix(HeadFilter):
     angles: ClassVar[bool] = False
     vector_readings: ClassVar[bool] = False
 
-    reading_bits: Annotated[int, Quantity("", ge=1, le=100_000), "of a reading on the air"] = 88
+    reading_bits: Annotated[int, Quantity("", ge=1, le=100_000, label="bit"), "bits of a reading on the air"] = 88
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[Fixes]:
         """The prior, whose position is the first fix."""

@@ -1,0 +1,101 @@
+"""Wrong arguments of the functions and results of the package are refused with one sentence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wsnsim
+from wsnsim.base.errors import ResultError, ScenarioError, StorageError, UsageError
+
+SHORT = {"duration": 3}
+
+
+@pytest.fixture(scope="module")
+def plain() -> wsnsim.Result:
+    return wsnsim.simulate("rkf", **SHORT)
+
+
+@pytest.mark.parametrize(
+    ("replicates", "message"),
+    [
+        ([1, 1], "replicates: run 1 is named twice"),
+        (True, "replicates: expected a number of runs from 1, or a list .* got True"),
+        ("3", "replicates: expected .* got '3'"),
+        (2.0, "replicates: expected .* got 2.0"),
+        ([-1], "replicates: expected the number of a run, a whole number from 0, got -1"),
+        ([False], "replicates: .* got False"),
+        ([], "replicates: must be at least 1"),
+        (0, "replicates: must be at least 1"),
+    ],
+)
+def test_runs_are_a_number_or_different_numbers(replicates, message):
+    with pytest.raises(UsageError, match=message):
+        wsnsim.run("rkf", replicates=replicates, **SHORT)
+
+
+def test_numbers_of_numpy_are_numbers_of_runs():
+    assert wsnsim.run("rkf", replicates=np.int64(2), **SHORT).replicates == (0, 1)
+    assert wsnsim.run("rkf", replicates=np.array([3, 1]), **SHORT).replicates == (3, 1)
+
+
+@pytest.mark.parametrize("scenario", [None, 5, [1], object()])
+def test_what_is_no_scenario_is_refused(scenario):
+    with pytest.raises(UsageError, match=r"scenario: expected the name of a scenario, a file, a dict, .* got "):
+        wsnsim.simulate(scenario)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"replicate": "x"}, "replicate: expected the number of a run, a whole number from 0, got 'x'"),
+        ({"replicate": -1}, "replicate: .* got -1"),
+        ({"replicate": 1.5}, "replicate: .* got 1.5"),
+        ({"overrides": 5}, "overrides: expected a mapping such as .* got 5"),
+        ({"overrides": [3]}, "overrides: expected a mapping .* got 3 in it"),
+        ({"overrides": [("a", "b", 3)]}, r"overrides: .* got \('a', 'b', 3\) in it"),
+        ({"keep": 5}, r"keep: expected names of tables, such as \['events'\], got 5"),
+        ({"keep": [["a"]]}, r"keep: .* got \[\['a'\]\]"),
+    ],
+)
+def test_a_wrong_value_of_an_argument_is_a_usage_error(arguments, message):
+    with pytest.raises(UsageError, match=message):
+        wsnsim.simulate("rkf", **arguments)
+
+
+def test_none_means_no_overrides_and_no_tables():
+    assert wsnsim.simulate("rkf", overrides=None, keep=None, **SHORT).scenario.overrides == ("duration=3",)
+
+
+@pytest.mark.parametrize("path", [None, 5, ".", "a.csv", "a", "a.parquet"])
+def test_a_result_is_saved_in_a_result_file_only(plain, path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match=r"path: expected .* suffix .h5, got "):
+        plain.save(path)
+    if path is not None:
+        with pytest.raises(UsageError, match=r"out: expected .* suffix .h5, got "):
+            wsnsim.run("rkf", out=path, **SHORT)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_page_needs_a_name_a_suffix_and_a_folder(plain):
+    for path in (".", "a.txt", None):
+        with pytest.raises(UsageError, match=r"path: expected .* suffix .html, got "):
+            plain.report(path)
+    with pytest.raises(StorageError, match=r"no/a.html: cannot be written: folder does not exist: no$"):
+        plain.report("no/a.html")
+
+
+def test_a_result_whose_file_was_deleted_names_that_file_and_is_still_shown(tmp_path):
+    filed = wsnsim.run("rkf", replicates=1, out=tmp_path / "mine.h5", **SHORT)
+    (tmp_path / "mine.h5").unlink()
+    with pytest.raises(ResultError, match=r"mine.h5: the file of this result is missing"):
+        filed.save(tmp_path / "copy.h5")
+    assert "rkf" in filed._repr_html_() and "mine.h5" in filed._repr_html_()
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_object_that_is_no_component_is_the_only_error_of_a_scenario_that_extends_another():
+    with pytest.raises(ScenarioError) as caught:
+        wsnsim.simulate({"extends": "pso_mhpf", "tracker": object()})
+    assert str(caught.value) == "tracker: error: a object is not allowed in a scenario"

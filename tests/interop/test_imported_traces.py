@@ -1,0 +1,284 @@
+"""Mobility traces of ns-3 and SUMO become the trajectories that those simulators moved their nodes along."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import json
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wsnsim
+from tests.helpers.commands import run_command
+from wsnsim.base.errors import RunError, UsageError
+from wsnsim.interop import ns3, sumo, traces, trajectories
+from wsnsim.interop.trajectories import Placement
+
+SETDEST = """\
+# two nodes
+$node_(0) set X_ 0.0
+$node_(0) set Y_ 10
+$node_(0) set Z_ 1.5
+$node_(1) set X_ 5
+$node_(1) set Y_ 5
+$god_ set-dist 0 1 2
+$ns_ at 1.0 "$god_ set-dist 0 1 3"
+$ns_ at 1.0 "$node_(0) setdest 100.0 10.0 10.0"
+$ns_ at 6.0 "$node_(0) setdest 50.0 60.0 5.0"
+$ns_ at 20.0 "$node_(0) setdest 0.0 0.0 0.0"
+$ns_ at 30.0 "$node_(0) set X_ 70.0"
+"""
+COURSES = """\
+now=+0ns node=0 pos=0:0:0 vel=1:0:0
+now=+1e+10ns node=0 pos=10:0:0 vel=0:2:0
+now=+15s node=0 pos=50:0:0 vel=0:-1:0
+now=+20s node=1 pos=50:0:0 vel=0:0:0
+"""
+FCD = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<fcd-export xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance">
+    <timestep time="0.00">
+        <vehicle id="bus.1" x="5.10" y="498.35" angle="90.00" speed="0.00" pos="5.10" lane="1fi_0" slope="0.00"/>
+    </timestep>
+    <timestep time="1.00">
+        <vehicle id="bus.1" x="7.02" y="498.35" angle="90.00" speed="1.92" pos="7.02" lane="1fi_0" slope="0.00"/>
+        <person id="ann" x="1.00" y="2.00" angle="0" speed="1" pos="0" edge="e"/>
+    </timestep>
+    <timestep time="2.00"/>
+</fcd-export>
+"""
+FCD_CSV = """\
+timestep_time;vehicle_angle;vehicle_id;vehicle_x;vehicle_y;person_id;person_x;person_y
+0.00;90;bus.1;5.10;498.35;;;
+1.00;90;bus.1;7.02;498.35;;;
+1.00;;;;;ann;1.00;2.00
+2.00;;;;;;;
+"""
+
+
+def written(folder: Path, name: str, text: str) -> str:
+    path = folder / name
+    path.write_text(text)
+    return str(path)
+
+
+def at(track: np.ndarray, time: float) -> list[float]:
+    """The place at a time, interpolated as `recorded_track` does."""
+    return [float(np.interp(time, track[:, 0], track[:, column])) for column in (1, 2)]
+
+
+def test_a_setdest_trace_moves_as_ns_3_moves_it(tmp_path: Path) -> None:
+    track = traces.read(written(tmp_path, "a.tcl", SETDEST), ns3, ["0"]).tracks["0"]
+    speed = 5.0 / np.hypot(0.0, 50.0)  # from (50, 10), where the second command finds it, straight up
+    for time, place in ((0.5, (0, 10)), (3.0, (20, 10)), (6.0, (50, 10)), (8.0, (50, 10 + 2 * speed * 50))):
+        assert at(track, time) == pytest.approx(place, abs=1e-9), time
+    assert at(track, 18.0) == pytest.approx((50, 60)) and at(track, 29.0) == pytest.approx((50, 60))
+    assert at(track, 30.0) == pytest.approx((70, 60)) and set(track[:, 3]) == {1.5}
+
+
+def test_a_command_that_stops_a_node_on_its_way_leaves_it_there(tmp_path: Path) -> None:
+    text = SETDEST.replace("$ns_ at 20.0", "$ns_ at 11.0")
+    track = traces.read(written(tmp_path, "a.tcl", text), ns3, ["0"]).tracks["0"]
+    assert at(track, 11.0) == pytest.approx((50, 35)) and at(track, 25.0) == pytest.approx((50, 35))
+
+
+def test_course_changes_are_joined_by_their_velocities_and_jumps_stay_jumps(tmp_path: Path) -> None:
+    track = traces.read(written(tmp_path, "b.log", COURSES), ns3, ["0"]).tracks["0"]
+    assert at(track, 5.0) == pytest.approx((5, 0)) and at(track, 14.0) == pytest.approx((10, 8))
+    assert at(track, 15.0) == pytest.approx((50, 0)) and at(track, 20.0) == pytest.approx((50, -5))
+
+
+@pytest.mark.parametrize(("name", "text"), [("a.xml", FCD), ("a.csv", FCD_CSV), ("b.csv", FCD_CSV.replace(";", ","))])
+def test_floating_car_data_are_read_from_xml_and_csv(name: str, text: str, tmp_path: Path) -> None:
+    path = written(tmp_path, name, text)
+    found = traces.read(path, sumo, ["bus.1", "ann"])
+    assert found.tracks["bus.1"][:, :3].tolist() == [[0.0, 5.1, 498.35], [1.0, 7.02, 498.35]]
+    assert at(found.tracks["ann"], 1.0) == [1.0, 2.0] and len(found.tracks["ann"]) == 2
+    assert {node: summary.entries for node, summary in found.nodes.items()} == {"bus.1": 2, "ann": 1}
+    packed = tmp_path / f"{name}.gz"
+    packed.write_bytes(gzip.compress(text.encode()))
+    assert np.array_equal(
+        traces.read(str(packed), sumo, ["bus.1"]).tracks["bus.1"], found.tracks["bus.1"], equal_nan=True
+    )
+
+
+@pytest.mark.parametrize(
+    ("form", "text", "old", "new", "line", "words"),
+    [
+        (ns3, SETDEST, "100.0 10.0 10.0", "100.0 10.0", 9, "cannot read"),
+        (ns3, SETDEST, "set X_ 0.0", "set X_ 1e999", 2, "X_ must be a finite number, is '1e999'"),
+        (ns3, SETDEST, "60.0 5.0", "60.0 -5.0", 10, "speed must not be negative"),
+        (ns3, SETDEST, '$ns_ at 6.0 "$node_(0) setdest 50.0 60.0 5.0"', "$node_(0) setdest 1 2 3", 10, "needs a time"),
+        (ns3, SETDEST, "$node_(0) set Y_ 10\n", "", 2, "no initial Y_"),
+        (ns3, COURSES, "now=+15s", "now=+15parsec", 3, "cannot read the time"),
+        (ns3, COURSES, "pos=50:0:0 vel=0:-1:0", "pos=50:0 vel=0:-1:0", 3, "pos must be three numbers"),
+        (ns3, COURSES, "now=+20s node=1", "$node_(0) set X_ 3\nnow=+20s node=1", 4, "course changes and commands"),
+        (sumo, FCD, 'x="7.02"', 'x="7,02"', 7, "x must be a finite number, is '7,02'"),
+        (sumo, FCD, 'id="ann" ', "", 8, "person needs an id"),
+        (sumo, FCD, "</timestep>", "", 11, "mismatched tag"),
+        (sumo, FCD, "<fcd-export", "<!DOCTYPE a [<!ENTITY b 'c'>]><fcd-export", 2, "document type"),
+        (sumo, FCD, "<timestep time", "<timestep at", 3, "timestep needs time"),
+        (sumo, FCD.replace("fcd-export", "net"), "", "", 2, "root element must be fcd-export"),
+        (sumo, FCD, "<fcd-export", '<!-- <fcd-output.geo value="true"/> --><fcd-export', 2, "positions are degrees"),
+        (sumo, FCD_CSV, "7.02", "far", 3, "x must be a finite number, is 'far'"),
+        (sumo, FCD_CSV, "vehicle_x", "vehicle_lon", 3, None),
+        (sumo, FCD_CSV, "timestep_time", "step", 1, "the header must name time"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_named_with_its_line(
+    form: traces.TraceFormat, text: str, old: str, new: str, line: int, words: str | None, tmp_path: Path
+) -> None:
+    path = written(tmp_path, "trace", text.replace(old, new) if old else text)
+    ids = ["0"] if form is ns3 else ["bus.1"]
+    with pytest.raises((RunError, UsageError)) as caught:
+        traces.read(path, form, ids)
+    if words is None:  # vehicles have no x: there are only persons
+        assert "no node 'bus.1'" in str(caught.value)
+    else:
+        assert str(caught.value).startswith(f"{path}:{line}: ") and words in str(caught.value)
+
+
+def test_a_choice_is_needed_where_there_are_several_nodes(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.tcl", SETDEST)
+    with pytest.raises(UsageError, match=r"holds 2 nodes \('0', '1'\): choose with --id"):
+        traces.read(path, ns3)
+    with pytest.raises(UsageError, match="no node '7'"):
+        traces.read(path, ns3, ["7"])
+    only = written(tmp_path, "b.tcl", "".join(line for line in SETDEST.splitlines(True) if "(1)" not in line))
+    assert list(traces.read(only, ns3).tracks) == ["0"]
+
+
+def test_units_windows_and_origins_are_applied_in_this_order(tmp_path: Path) -> None:
+    read = traces.read(written(tmp_path, "a.xml", FCD), sumo, ["bus.1"])
+    how = Placement(metres=1000.0, seconds=60.0, start=15.0, end=45.0, time_origin=15.0, origin=(5000.0, 498000.0))
+    track = trajectories.placed(read, how).tracks["bus.1"]
+    assert track[:, :3] == pytest.approx(np.array([[0.0, 580.0, 350.0], [30.0, 1540.0, 350.0]]))
+    with pytest.raises(UsageError, match="known from 0 to 1 s: no time is left between 2 and 1 s"):
+        trajectories.placed(read, Placement(start=2.0))
+    centred = trajectories.placed(read, Placement(origin="centre"))
+    assert centred.origin == (6.0, 498.0)
+
+
+def test_the_command_writes_a_track_that_a_scenario_follows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, "a.tcl", SETDEST)
+    answer = run_command(capsys, "import", "ns3", "a.tcl", "--id", "0")
+    assert answer.code == 0 and "0.csv: written" in answer.out
+    rows = list(csv.DictReader(Path("0.csv").read_text().splitlines()))
+    assert list(rows[0]) == ["time", "id", "x", "y", "z"] and rows[0]["id"] == "0"
+    answer = run_command(capsys, "import", "ns3", "a.tcl", "--id", "0", "--out", "s.yaml", "--json")
+    assert answer.code == 0 and json.loads(answer.out)["files"] == ["s_0.csv", "s.yaml"]
+    summary = run_command(capsys, "run", "s.yaml", "--set", "duration=4 s", "--quiet", "--out", "s.h5")
+    assert summary.code == 0
+    targets = wsnsim.read("s.h5", "truth")
+    x, y = json.loads(answer.out)["origin"]
+    assert targets.px.iloc[3] + x == pytest.approx(20.0) and targets.py.iloc[3] + y == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--out", "x.txt"], "ends in .csv"),
+        (["--nodes", "n.csv"], "--nodes goes with a scenario"),
+        (["--id", "0", "--out", "x.yaml", "--nodes", "n.csv"], "n.csv: file does not exist"),
+        (["--id", "0", "--unit", "s"], "--unit s:"),
+        (["--id", "0", "--origin", "1;2"], "--origin 1;2: give two numbers"),
+        (["--id", "0", "--time-origin", "nan"], "--time-origin nan: give a finite number"),
+        (["--id", "0", "--from", "nan"], "--from nan: give a finite number"),
+        (["--id", "0", "--until", "inf"], "--until inf: give a finite number"),
+        (["--id", "0", "--list"], "--list shows all nodes"),
+        (["--id", "0", "--out", "a.tcl.csv/x.csv"], "folder does not exist"),
+        (["--id", "00"], "no node '00'"),
+    ],
+)
+def test_wrong_options_end_with_one_sentence_and_no_file(
+    arguments: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, "a.tcl", SETDEST)
+    answer = run_command(capsys, "import", "ns3", "a.tcl", *arguments)
+    assert answer.code == 2 and words in answer.err and answer.err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["a.tcl"]
+
+
+def test_nodes_and_tracks_are_shifted_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, "a.tcl", SETDEST)
+    nodes = written(tmp_path, "n.csv", 'name,y,x,id,z\nfirst,40,7.5,a,2\nsecond,50,9,"b,1",3\n')
+    command = ["import", "ns3", "a.tcl", "--id", "0", "--nodes", "n.csv", "--out", "s.yaml"]
+    assert run_command(capsys, *command).code == 0
+    assert "path: 'n.csv'" in Path("s.yaml").read_text()
+    place = next(csv.DictReader(Path("s_0.csv").read_text().splitlines()))
+    before = Path(nodes).read_text()
+    answer = run_command(capsys, *command, "--origin", "5,1000", "--json")
+    assert json.loads(answer.out)["files"] == ["s_nodes.csv", "s_0.csv", "s.yaml"]
+    assert "path: 's_nodes.csv'" in Path("s.yaml").read_text() and Path(nodes).read_text() == before
+    assert Path("s_nodes.csv").read_text() == 'id,x,y,z\na,2.5,-960,2\n"b,1",4,-950,3\n'
+    shifted = next(csv.DictReader(Path("s_0.csv").read_text().splitlines()))
+    assert float(place["x"]) - float(shifted["x"]) == 5.0 and float(place["y"]) - float(shifted["y"]) == 1000.0
+
+
+def test_shifted_positions_never_replace_their_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, "a.tcl", SETDEST)
+    nodes = Path(written(tmp_path, "s_nodes.csv", "x,y\n1,2\n"))
+    command = ["import", "ns3", "a.tcl", "--id", "0", "--origin", "5,6", "--out", "s.yaml", "--nodes"]
+    answer = run_command(capsys, *command, "s_nodes.csv")
+    assert answer.code == 2 and "s_nodes.csv would be replaced by the shifted positions" in answer.err
+    assert nodes.read_text() == "x,y\n1,2\n"
+    written(tmp_path, "n.csv", "x,y\n1,two\n")
+    answer = run_command(capsys, *command, "n.csv")
+    assert answer.code != 0 and "n.csv:2: " in answer.err and answer.err.count("\n") == 1
+    assert not Path("s.yaml").exists() and not Path("s_0.csv").exists()
+
+
+def test_a_file_that_exists_is_replaced_only_if_it_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    trace = written(tmp_path, "0.csv", "time;id;x;y\n0;0;1;2\n1;0;3;4\n")
+    before = Path(trace).read_bytes()
+    answer = run_command(capsys, "import", "sumo", "0.csv")
+    assert answer.code == 2 and "0.csv exists: --out FILE.csv" in answer.err
+    assert Path(trace).read_bytes() == before
+
+
+def test_nodes_are_listed_with_their_times(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, "a.xml", FCD)
+    lines = run_command(capsys, "import", "sumo", "a.xml", "--list").out.splitlines()
+    assert lines[1].split() == ["bus.1", "2", "0", "1"] and lines[2].split() == ["ann", "1", "1", "1"]
+
+
+def test_a_long_trace_is_read_in_pieces(tmp_path: Path) -> None:
+    path = tmp_path / "long.xml"
+    others = "".join(
+        f'<vehicle id="v{i}" x="1.00" y="{i}.00" angle="90.00" speed="0.00" lane="e_0"/>\n' for i in range(40)
+    )
+    with path.open("w") as file:
+        file.write("<fcd-export>\n")
+        for step in range(600):
+            file.write(f'<timestep time="{step}">\n<vehicle id="me" x="{step}" y="0"/>\n{others}</timestep>\n')
+        file.write("</fcd-export>\n")
+    tracemalloc.start()
+    try:
+        track = traces.read(str(path), sumo, ["me"]).tracks["me"]
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert len(track) == 600 and peak < path.stat().st_size / 2

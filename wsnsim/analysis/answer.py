@@ -1,0 +1,199 @@
+"""The answer of a result in one sentence: was the target followed, how well, for how many joules, spent on what.
+
+answer(source) -> 'The target was followed in all 30 runs, with a time-averaged RMSE of 0.894 m, 6.8 times the ...'
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from wsnsim.analysis.answer_facts import AnswerFacts, Table, facts_of_file, facts_of_report, facts_of_tables
+from wsnsim.analysis.answer_network import (
+    collection_clause,
+    energy_clause,
+    figure,
+    lifetime_clause,
+    percent,
+    reception_clause,
+    runs,
+    sink_clause,
+)
+from wsnsim.analysis.quantities import time_averaged_rmse
+from wsnsim.base import metrics
+from wsnsim.base.errors import WsnsimError
+from wsnsim.bounds import Bound, bound, bounds_of_run
+from wsnsim.experiment import Report
+
+Source = Report | str | Path | Mapping[str, Table]
+NAN: Final = float("nan")
+SEEN: Final = 0.995
+"""Share of tracked steps from which on all steps count as tracked."""
+
+
+def answer(
+    source: Source,
+    scenario: Any = None,
+    *,
+    crlb: Bound | None = None,
+    bounded: bool = True,
+    plugins: bool = False,
+) -> str:
+    """A sentence on the runs of a result: whether the target was followed, how well, for how many joules.
+
+    The error is the time-averaged RMSE over the runs in which no track was lost, and over all runs. Beside it stands
+    the trajectory-conditional CRLB of the same steps for all readings in range, unless most runs lost a track.
+
+    Args:
+        source: what `experiment.run` returned, or a result file, or tables by name, as DataFrames or as mappings of
+            columns to arrays: `runs` is needed, and `tracks`, `estimates`, `energy` and `reports` say more.
+        scenario: the Scenario of tables in memory.
+        crlb: the bound, if it is already known (`bounds.bound(...)` or `bounds.bound_of_run(...)` of the kind
+            `per_trajectory` for the readings `in_range`).
+        bounded: whether the bound is computed otherwise; it takes about 20 ms a run of 700 steps.
+        plugins: whether plug-ins that a result file names are imported for the bound.
+
+    Raises:
+        ResultError: the file cannot be read.
+    """
+    if isinstance(source, Report):
+        facts = facts_of_report(source)
+    elif isinstance(source, str | Path):
+        facts = facts_of_file(source)
+    else:
+        facts = facts_of_tables(source, scenario)
+    if bounded and crlb is None and facts.recorded.errors.size:
+        crlb = _found_bound(source, scenario, facts, plugins)
+    return sentence(facts, comparable(facts, crlb))
+
+
+def sentence(facts: AnswerFacts, crlb: float = NAN) -> str:
+    """The sentence of known facts; empty if no run has finished.
+
+    Args:
+        facts: what is known of the runs.
+        crlb: the bound beside the error, NaN if there is none.
+    """
+    if not facts.count:
+        return ""
+    if facts.workload != "tracking":
+        first = collection_clause(facts) or reception_clause(facts)
+    else:
+        first = _followed(facts, crlb) if _estimates(facts) else _no_estimate(facts)
+    clauses = (first, sink_clause(facts), energy_clause(facts), lifetime_clause(facts))
+    return "; ".join(filter(None, clauses)) + "."
+
+
+def _found_bound(source: Source, scenario: Any, facts: AnswerFacts, plugins: bool) -> Bound | None:
+    """The trajectory-conditional CRLB for all readings in range; None if it cannot be had."""
+    replicates, kind = facts.recorded.replicates.tolist(), "per_trajectory"
+    try:
+        if isinstance(source, Report):
+            return bound(source.scenario, replicates, kind)
+        if isinstance(source, str | Path):
+            return bounds_of_run(source, ("in_range",), kind, replicates=replicates, plugins=plugins)[0]
+        return bound(scenario, replicates, kind)
+    except WsnsimError:
+        return None
+
+
+def comparable(facts: AnswerFacts, crlb: Bound | None) -> float:
+    """The time average of a bound at the steps of the errors that are judged; NaN without a bound."""
+    steps = facts.recorded.steps
+    if crlb is None or crlb.reason or not steps.size:
+        return NAN
+    judged, each = facts.judged_errors, crlb.each
+    if steps[0] < 1 or steps[-1] > each.shape[-1] or judged.shape[:2] != each.shape[:2]:
+        return NAN
+    errors = np.full(each.shape, NAN)
+    errors[:, :, steps - 1] = judged
+    return crlb.time_mean_at(errors)
+
+
+def _estimates(facts: AnswerFacts) -> bool:
+    """Whether any step of any run has an estimate."""
+    known = facts.recorded.errors if facts.recorded.errors.size else facts.column("rmse")
+    return bool(np.isfinite(known).any())
+
+
+def _targets(facts: AnswerFacts) -> int:
+    """The number of targets."""
+    if "target" in facts.tracks and facts.tracks["target"].size:
+        return int(np.unique(facts.tracks["target"]).size)
+    return int(max(facts.recorded.errors.shape[1], 1))
+
+
+def _no_estimate(facts: AnswerFacts) -> str:
+    subject = "The target was" if _targets(facts) == 1 else "The targets were"
+    where = "the run" if facts.count == 1 else f"the {facts.count:,} runs"
+    return f"{subject} never located: no step of {where} has an estimate"
+
+
+def _followed(facts: AnswerFacts, crlb: float) -> str:
+    """Whether the targets were followed, in how many runs one was lost, and with what error."""
+    lost, (name, value) = int(facts.ever_lost.sum()), _error(facts)
+    error = f"a {name} of {figure(value)} {facts.unit}".rstrip()
+    if 0 < lost < facts.count:
+        error += f" ({figure(_error_of_all(facts))} {facts.unit}".rstrip() + " over all runs)"
+    if math.isfinite(crlb) and crlb > 0.0 and (2 * lost <= facts.count or lost == facts.count):
+        limit = f"trajectory-conditional CRLB of {figure(crlb)} {facts.unit}".rstrip()
+        error += f", {_ratio(value / crlb)} times the {limit}"
+    if others := facts.count - lost if lost else 0:
+        return f"{_lost(facts, lost)}; the other {'has' if others == 1 else f'{others:,} have'} {error}"
+    if lost:
+        return f"{_lost(facts, lost)}, with {error}"
+    if math.isinf(facts.limit):
+        return f"Over {'the run' if facts.count == 1 else f'{facts.count:,} runs'} the filter has {error}"
+    poor = value > facts.limit / 2.0
+    return f"{_never_lost(facts, poor)}, {'but ' * poor}with {error}"
+
+
+def _never_lost(facts: AnswerFacts, poor: bool) -> str:
+    """That no track was lost; `poor` if the error is so large that the target can hardly be said to be followed."""
+    targets, tracked = _targets(facts), facts.mean("tracked")
+    subject = {1: "The target was", 2: "Both targets were"}.get(targets, f"All {targets:,} targets were")
+    share = f" (tracked at {percent(tracked)} of the steps)" if tracked < SEEN else ""
+    how = "never lost in" if poor else "followed throughout" if facts.count == 1 else "followed in"
+    return f"{subject} {how} {runs(facts.count, facts.count)}{share}"
+
+
+def _lost(facts: AnswerFacts, lost: int) -> str:
+    """In how many runs a track was lost, and in how many of these it was found again."""
+    found, subject = lost - int(facts.lost_at_the_end.sum()), "The target" if _targets(facts) == 1 else "A target"
+    if facts.count == 1:
+        share = facts.mean("lost_share")
+        how = "but found again" if found else "and not found again" if "losses" in facts.runs else "at the end"
+        return f"{subject} was lost {how}" + (f" (for {percent(share)} of the steps)" if share > 0.0 else "")
+    again = f" (and found again in {_share(found, lost)} of these)" if lost > 1 else " (and found again)"
+    return f"{subject} was lost in {runs(lost, facts.count)}{again * (found > 0)}"
+
+
+def _share(some: int, every: int) -> str:
+    if some < every:
+        return f"{some:,}"
+    return "both" if every == 2 else "all"
+
+
+def _error(facts: AnswerFacts) -> tuple[str, float]:
+    """(name, value) of the error over the runs that are judged."""
+    if facts.recorded.errors.size:
+        return "time-averaged RMSE", time_averaged_rmse(facts.judged_errors)
+    lost = facts.ever_lost
+    kept = facts.column("rmse")[~lost] if lost.any() and not lost.all() else facts.column("rmse")
+    return "median per-run RMSE", metrics.median_error(kept)
+
+
+def _error_of_all(facts: AnswerFacts) -> float:
+    """The error over all runs, those in which a track was lost included."""
+    if facts.recorded.errors.size:
+        return time_averaged_rmse(facts.recorded.errors)
+    return metrics.median_error(facts.column("rmse"))
+
+
+def _ratio(value: float) -> str:
+    """A ratio to the bound, with two or three digits."""
+    return f"{value:.2f}" if value < 2.0 else f"{value:.1f}" if value < 10.0 else f"{value:,.0f}"

@@ -1,0 +1,210 @@
+"""What the answer of a result is made of: columns of the short tables, position errors, and joules by cause.
+
+facts_of_file(path)      facts_of_tables(tables, scenario)      facts_of_report(report)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+import wsnsim.scenario as scenarios
+from wsnsim.analysis.plot_data import stored_json
+from wsnsim.analysis.stored_arrays import position_unit
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.columns import CAUSES
+from wsnsim.base.setups import TrackingSetup
+from wsnsim.experiment import Report
+from wsnsim.recording import read_table, tables
+
+Table = Mapping[str, Any]
+"""Columns by name: a DataFrame, or a mapping to arrays."""
+MANY_ROWS: Final = 500_000
+"""Rows of the table `energy` above which the energy is summed from `energy_steps`, if that is shorter (our choice)."""
+SHORT: Final = ("runs", "tracks", "reports")
+"""The tables, without `energy`, that are read as a whole."""
+NAN: Final = float("nan")
+
+
+class RecordedErrors(NamedTuple):
+    """Position errors of runs.
+
+    Attributes:
+        replicates: (E,) numbers of the runs.
+        steps: (K,) numbers of the steps, from 1 on.
+        errors: (E, targets, K) position errors, NaN without an estimate.
+    """
+
+    replicates: Ints = np.empty(0, dtype=np.int64)
+    steps: Ints = np.empty(0, dtype=np.int64)
+    errors: Floats = np.empty((0, 0, 0))
+
+
+@dataclass(frozen=True)
+class AnswerFacts:
+    """What is known of the runs of a result.
+
+    Attributes:
+        runs: the columns of the table `runs`, (R,) each.
+        tracks: the columns of the table `tracks`.
+        reports: the columns of the table `reports`; empty if it was not recorded.
+        recorded: the position errors.
+        joules: energy (J) by cause, mean over the runs; empty without a network, or if it was not recorded.
+        unit: unit of the position.
+        workload: kind of the workload: `tracking`, `beacons`, `collection` or that of a plug-in.
+        limit: mean error from which on a track is lost; infinite if no track can be lost, NaN if it is unknown.
+    """
+
+    runs: Mapping[str, Floats]
+    tracks: Mapping[str, Floats] = field(default_factory=dict)
+    reports: Mapping[str, Floats] = field(default_factory=dict)
+    recorded: RecordedErrors = field(default_factory=RecordedErrors)
+    joules: Mapping[str, float] = field(default_factory=dict)
+    unit: str = "m"
+    workload: str = "tracking"
+    limit: float = NAN
+
+    @property
+    def count(self) -> int:
+        """The number of finished runs."""
+        return next(iter(self.runs.values())).size if self.runs else 0
+
+    @property
+    def has_network(self) -> bool:
+        """Whether a network was simulated: without one, no energy is spent."""
+        return bool(np.isfinite(self.column("energy")).any())
+
+    def column(self, name: str) -> Floats:
+        """A column of `runs`; NaN for each run if there is none."""
+        return self.runs.get(name, np.full(self.count, NAN))
+
+    def mean(self, name: str) -> float:
+        """The mean of the known values of a column of `runs`; NaN without one."""
+        known = self.column(name)
+        known = known[np.isfinite(known)]
+        return float(known.mean()) if known.size else NAN
+
+    @property
+    def ever_lost(self) -> Bools:
+        """(R,) the runs with a track lost at any time; in files of earlier versions, those lost at the end."""
+        lost: Bools = self.column("losses" if "losses" in self.runs else "lost") > 0
+        return lost
+
+    @property
+    def lost_at_the_end(self) -> Bools:
+        """(R,) the runs with a track lost in its last window of steps."""
+        lost: Bools = self.column("lost") > 0
+        return lost
+
+    @property
+    def judged_errors(self) -> Floats:
+        """The errors without those of runs in which a track was lost at any time; all of them if all were lost."""
+        lost = self.ever_lost
+        if not lost.any() or lost.all():
+            return self.recorded.errors
+        numbers = self.column("replicate")[lost]
+        return np.where(np.isin(self.recorded.replicates, numbers)[:, None, None], NAN, self.recorded.errors)
+
+
+def facts_of_report(report: Report) -> AnswerFacts:
+    """The facts of runs that have just been made."""
+    rows, tracks = [one.run for one in report.summaries], [row for one in report.summaries for row in one.tracks]
+    causes = {cause for summary in report.summaries for cause in summary.joules}
+    steps = max((one.errors.shape[1] for one in report.summaries if one.errors.ndim > 1), default=0)
+    errors = np.full((len(rows), len(report.summaries[0].tracks), steps), NAN)
+    for into, one in zip(errors, report.summaries, strict=True):
+        if one.errors.size:
+            into[:, : one.errors.shape[1]] = one.errors
+    recorded = dict(report.scenario.record).get("reports") and report.out.is_file()
+    return AnswerFacts(
+        _columns({name: [row[name] for row in rows] for name in rows[0]}),
+        _columns({name: [row[name] for row in tracks] for name in tracks[0]}) if tracks else {},
+        _columns(read_table(report.out, "reports")) if recorded else {},
+        RecordedErrors(np.array([row["replicate"] for row in rows]), np.arange(1, steps + 1), errors),
+        {cause: float(np.mean([one.joules.get(cause, 0.0) for one in report.summaries])) for cause in causes},
+        report.states[report.position[0]][1] if report.states else "m",
+        *_of_scenario(scenarios.resolved(report.scenario)),
+    )
+
+
+def facts_of_file(path: str | Path) -> AnswerFacts:
+    """The facts of a result file; of its long tables, only the errors and the joules are read."""
+    held = {name: size.rows for name, size in tables(path).items() if size.rows}
+    found: dict[str, Table] = {name: read_table(path, name) for name in SHORT if name in held}
+    if "estimates" in held:
+        found["estimates"] = read_table(path, "estimates", ["replicate", "target", "step", "error"])
+    energy = [name for name in ("energy", "energy_steps") if name in held]
+    if len(energy) > 1 and held["energy"] > MANY_ROWS:
+        energy.sort(key=lambda name: held[name])
+    if energy:
+        found["energy"] = read_table(path, energy[0], ["replicate", "cause", "joules"])
+    return _of_columns(found, stored_json(path, "scenario/resolved_json"), position_unit(path))
+
+
+def facts_of_tables(found: Mapping[str, Table], scenario: Any) -> AnswerFacts:
+    """The facts of tables in memory.
+
+    Args:
+        found: tables by name, as DataFrames or as mappings of columns to arrays. `runs` must be there; `tracks`,
+            `estimates`, `energy` and `reports` say more.
+        scenario: the Scenario of the runs.
+    """
+    setup = scenarios.build(scenario)
+    motion = setup.motions[0] if isinstance(setup, TrackingSetup) else None
+    unit = motion.units[motion.position[0]] if motion else "m"
+    return _of_columns(found, scenarios.resolved(scenario), unit)
+
+
+def _of_columns(found: Mapping[str, Table], scenario: Mapping[str, Any], unit: str) -> AnswerFacts:
+    runs = _columns(found.get("runs", {}))
+    if not runs or not next(iter(runs.values())).size:
+        return AnswerFacts({})
+    errors = _errors(found.get("estimates", {}))
+    joules = _joules(found.get("energy", {}), next(iter(runs.values())).size)
+    tracks, reports = (_columns(found.get(name, {})) for name in ("tracks", "reports"))
+    return AnswerFacts(runs, tracks, reports, errors, joules, unit, *_of_scenario(scenario))
+
+
+def _columns(table: Table) -> dict[str, Floats]:
+    """The columns of a table that hold numbers."""
+    columns = {name: np.asarray(table[name]) for name in table}
+    return {name: values.astype(np.float64) for name, values in columns.items() if values.dtype.kind in "uifb"}
+
+
+def _errors(table: Table) -> RecordedErrors:
+    """The position errors of the table `estimates`."""
+    if not {"replicate", "target", "step", "error"} <= set(table) or not len(table["step"]):
+        return RecordedErrors()
+    names = ("replicate", "target", "step")
+    (numbers, row), (targets, target), (steps, step) = (
+        np.unique(np.asarray(table[name]), return_inverse=True) for name in names
+    )
+    errors = np.full((numbers.size, targets.size, steps.size), NAN)
+    errors[row, target, step] = np.asarray(table["error"])
+    return RecordedErrors(numbers.astype(np.int64), steps.astype(np.int64), errors)
+
+
+def _joules(table: Table, runs: int) -> dict[str, float]:
+    """Joules by cause, mean over the runs, of a table with the columns `cause` (words or codes) and `joules`."""
+    if not {"cause", "joules"} <= set(table):
+        return {}
+    causes, joules = np.asarray(table["cause"]), np.asarray(table["joules"], dtype=np.float64)
+    words: Sequence[str] = CAUSES
+    names, code = np.unique(causes, return_inverse=True)
+    sums = np.bincount(code, joules, names.size) / runs
+    named = [words[int(name)] if causes.dtype.kind in "ui" and int(name) < len(words) else str(name) for name in names]
+    return dict(zip(named, sums.tolist(), strict=True))
+
+
+def _of_scenario(resolved: Mapping[str, Any]) -> tuple[str, float]:
+    """(kind of the workload, limit of a track loss) of a resolved scenario."""
+    workload, lost = (resolved.get(key) for key in ("workload", "lost"))
+    kind = workload.get("kind") if isinstance(workload, Mapping) else None
+    limit = lost.get("limit") if isinstance(lost, Mapping) else None
+    known = math.inf if limit == ".inf" else float(limit) if isinstance(limit, int | float) else NAN
+    return (kind if isinstance(kind, str) else "tracking"), known

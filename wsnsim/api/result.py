@@ -1,0 +1,269 @@
+"""The result of one or many Monte Carlo runs, as an object.
+
+result = wsnsim.simulate("pso_mhpf", keep=["estimates"])
+result.estimates, result.energy, result.table("clusters")      pandas DataFrames
+result.plot.track();  result.report("page.html");  result.save("run.h5")
+"""
+
+from __future__ import annotations
+
+import html as markup
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, final
+
+from wsnsim.api.argument_checks import file_given, result_file
+from wsnsim.api.former_fields import former_field
+from wsnsim.api.result_plots import ResultPlots
+from wsnsim.base.errors import ResultError, UsageError, WsnsimError, did_you_mean
+from wsnsim.base.table_columns import TABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from wsnsim.experiment import Report
+    from wsnsim.recording import MemoryResult
+    from wsnsim.scenario.schema import Scenario
+
+HDF5: Final = ".h5"
+
+
+@final
+class Result:
+    """The tables of one or many Monte Carlo runs, with plots, a page and a summary.
+
+    `simulate` and `run` return results. Each access to a table returns a new DataFrame with the columns
+    of `wsnsim.read`: SI units, categories as Categoricals. A result in memory can be pickled.
+    """
+
+    def __init__(self, report: Report, memory: MemoryResult | None = None) -> None:
+        self._report = report
+        self._memory = memory
+
+    @property
+    def scenario(self) -> Scenario:
+        """The checked scenario: `result.scenario.tracker.particles`."""
+        scenario: Scenario = self._report.scenario
+        return scenario
+
+    @property
+    def name(self) -> str:
+        """The name of the scenario."""
+        return self.scenario.name
+
+    @property
+    def seed(self) -> int:
+        """The seed of every random stream."""
+        return self.scenario.seed
+
+    @property
+    def replicates(self) -> tuple[int, ...]:
+        """The numbers of the Monte Carlo runs."""
+        return tuple(int(summary.run["replicate"]) for summary in self._report.summaries)
+
+    @property
+    def out(self) -> Path | None:
+        """The result file; None for a result in memory."""
+        return None if self._memory is not None else self._report.out
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """The names of the tables that were recorded."""
+        if self._memory is not None:
+            return self._memory.tables
+        from wsnsim.recording import table_names
+
+        return tuple(table_names(self._report.out))
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Return a table: one row per run, step, event or node, as `wsnsim.read(file, name)` does.
+
+        Args:
+            name: name of the table, such as 'tracks' or 'clusters'.
+
+        Raises:
+            ResultError: the table was not recorded.
+            UsageError: there is no such table.
+        """
+        from wsnsim.analysis.data_frames import data_frame, read_file
+
+        if name not in TABLES:
+            raise UsageError(f"there is no table '{name}' ({did_you_mean(str(name), TABLES)})")
+        if name not in self.tables:
+            raise ResultError(
+                f"table {name} was not recorded: record it with keep=['{name}'], or record: {{{name}: true}} in the"
+                f" scenario; recorded: {', '.join(self.tables)}"
+            )
+        if self._memory is not None:
+            return data_frame(*self._memory.table(name))
+        return read_file(self._report.out, name)
+
+    @property
+    def runs(self) -> pd.DataFrame:
+        """The table `runs`: one row per Monte Carlo run with its errors (m), energy (J) and counts."""
+        return self.table("runs")
+
+    @property
+    def estimates(self) -> pd.DataFrame:
+        """The table `estimates`: one row per run, target and step with the estimate and its error (m)."""
+        return self.table("estimates")
+
+    @property
+    def events(self) -> pd.DataFrame:
+        """The table `events`: what happened in the network, with the joules of each event.
+
+        Raises:
+            ResultError: the table was not recorded; `keep=["events"]` records it.
+        """
+        return self.table("events")
+
+    @property
+    def energy(self) -> pd.DataFrame:
+        """The table `energy`: joules by run, node and cause."""
+        return self.table("energy")
+
+    @property
+    def plot(self) -> ResultPlots:
+        """The plots: `.track()`, `.states()`, `.error()`, `.consistency()`, `.energy()`, `.particles()`."""
+        return ResultPlots(self._file)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result file, as `wsnsim run` writes it, and return its path.
+
+        Args:
+            path: the file, with the suffix .h5. Its folder must exist.
+
+        Raises:
+            UsageError: it is no path of such a file.
+            ResultError: the result's own file is missing.
+            StorageError: the file cannot be written.
+        """
+        import shutil
+
+        from wsnsim.analysis.figure_style import replacing
+
+        target = result_file("path", path)
+        if self._memory is not None:
+            self._memory.save(target)
+        elif target.resolve() != self._report.out.resolve():
+            self._demand_file()
+            with replacing(target) as unfinished:
+                shutil.copyfile(self._report.out, unfinished)
+        return target
+
+    def report(self, path: str | Path, *, replicate: int | None = None, megabytes: float = 2.0) -> Path:
+        """Write an HTML page with summary, replay and figures, as `wsnsim report` does, and return its path.
+
+        Args:
+            path: the page, with the suffix .html.
+            replicate: the run to replay, by default the first.
+            megabytes: largest size of the page; replay and figures are reduced to fit.
+
+        Raises:
+            UsageError: there is no such run, or it is no path of a page.
+            ResultError: the page cannot be written.
+        """
+        import wsnsim.report as pages
+        from wsnsim.papers.published import published
+
+        page = file_given("path", path, ".html", ".htm")
+        with self._file() as file:
+            return pages.write([file], page, replicate, int(1e6 * megabytes), published, True).path
+
+    def answer(self) -> str:
+        """Return one sentence: whether the target was followed, how well against the bound, and for how many joules."""
+        from wsnsim.analysis.answer import answer
+
+        with self._file() as file:
+            return answer(replace(self._report, out=file))
+
+    def summary(self, *, bounds: bool = False) -> str:
+        """Return the summary as text: whether the target was followed, how well, and for how many joules.
+
+        Args:
+            bounds: whether to compare the error with all three bounds, as `wsnsim run --bound` does.
+        """
+        from wsnsim.api import summaries
+
+        with self._file() as file:
+            return summaries.text(replace(self._report, out=file), bounds).replace(
+                str(file), str(self.out or "in memory")
+            )
+
+    def to_dict(self, *, bounds: bool = False) -> dict[str, Any]:
+        """Return the summary as plain values: SI units, NaN for what is unknown, as `wsnsim run --json` prints it.
+
+        Args:
+            bounds: whether to compute all three bounds of the error.
+        """
+        from wsnsim.api import summaries
+
+        with self._file() as file:
+            found = summaries.as_json(replace(self._report, out=file), bounds)
+        return found | {"file": "" if self.out is None else str(self.out)}
+
+    def __repr__(self) -> str:
+        from wsnsim.api import summaries
+
+        return f"<Result {summaries.one_line(self._report)}, {self.out or 'in memory'}>"
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        from wsnsim.api import summaries
+
+        try:
+            return summaries.html(self._report, self.answer(), str(self.out or "in memory"), self.tables)
+        except WsnsimError as error:  # a notebook shows the object even if its file is gone
+            return f"<div><p>{markup.escape(repr(self))}</p><p>{markup.escape(str(error))}</p></div>"
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return former_field(self._report, name)
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if not name.startswith("_") or name.startswith("__")]
+
+    def __getstate__(self) -> dict[str, Any]:
+        from wsnsim.scenario import resolved
+
+        return {
+            "report": replace(self._report, scenario=resolved(self._report.scenario)),
+            "memory": self._memory,
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        import wsnsim.experiment as experiment
+
+        report = state["report"]
+        self._report = replace(report, scenario=experiment.load(report.scenario))
+        self._memory = state["memory"]
+
+    def _demand_file(self) -> None:
+        """Raise ResultError if the file of the result is missing."""
+        if not self._report.out.is_file():
+            raise ResultError(f"{self._report.out}: the file of this result is missing: it was moved or deleted")
+
+    @contextmanager
+    def _file(self) -> Iterator[Path]:
+        """The result file; for a result in memory, a temporary one, which error messages leave out."""
+        if self._memory is None:
+            yield self._report.out
+            return
+        with tempfile.TemporaryDirectory(prefix="wsnsim-") as folder:
+            path = Path(folder) / f"{self.name}{HDF5}"
+            self._memory.save(path)
+            try:
+                yield path
+            except (ResultError, UsageError) as error:
+                raise _without(path, error) from error
+
+
+def _without(path: Path, error: WsnsimError) -> WsnsimError:
+    """The same error without the name of a temporary file."""
+    return type(error)(str(error).replace(f"{path}: ", ""))

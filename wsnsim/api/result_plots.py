@@ -1,0 +1,175 @@
+"""The plots of a result, as methods: `result.plot.track()`, `result.plot.error(ax=axes)`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, final
+
+from wsnsim.base.errors import UsageError, did_you_mean
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+KINDS = ("track", "states", "error", "consistency", "energy", "particles")
+
+
+@final
+class ResultPlots:
+    """Plots of a result. Each method draws on `ax`, or on the axes of a new figure, and returns the axes.
+
+    `result.plot()` is `result.plot.track()`, and `result.plot("error")` is `result.plot.error()`.
+    """
+
+    def __init__(self, file: Callable[[], AbstractContextManager[Path]]) -> None:
+        self._file = file
+
+    def __call__(self, what: str = "track", ax: Axes | None = None) -> Axes:
+        """Draw the plot of this name.
+
+        Raises:
+            UsageError: there is no such plot.
+        """
+        if what not in KINDS:
+            raise UsageError(f"there is no plot '{what}' ({did_you_mean(what, KINDS)})")
+        drawn: Axes = getattr(self, what)(ax=ax)
+        return drawn
+
+    def __repr__(self) -> str:
+        return f"<plots of a result: {', '.join(f'.{kind}()' for kind in KINDS)}>"
+
+    def track(self, *, replicate: int | None = None, target: int = 0, ax: Axes | None = None) -> Axes:
+        """Draw the plane with ground truth, estimates, nodes and cluster heads; on a line, the position over time.
+
+        Args:
+            replicate: the run to draw; by default the first one.
+            target: the target to draw.
+            ax: matplotlib axes to draw on; by default those of a new figure.
+
+        Raises:
+            ResultError: the tables `truth` and `estimates` were not recorded.
+            UsageError: there is no such run or target.
+        """
+        from wsnsim.analysis import plots
+
+        with self._file() as path, _axes(ax) as axes:
+            return plots.track(axes, path, _run(path, replicate), target)
+
+    def states(
+        self, column: str | None = None, *, replicate: int | None = None, target: int = 0, ax: Axes | None = None
+    ) -> Axes:
+        """Draw one state column over time, true and estimated.
+
+        Args:
+            column: name of the state column, such as 'vx'; by default the first one.
+            replicate: the run to draw; by default the first one.
+            target: the target to draw.
+            ax: matplotlib axes to draw on; by default those of a new figure.
+
+        Raises:
+            ResultError: the tables `truth` and `estimates` were not recorded.
+            UsageError: there is no such column, run or target.
+        """
+        from wsnsim.analysis import plot_data, plots
+
+        with self._file() as path, _axes(ax) as axes:
+            chosen = column or next(iter(plot_data.layout(path).units))
+            return plots.states(axes, path, chosen, _run(path, replicate), target)
+
+    def error(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the position error at each step over all runs: RMSE, median, quartiles and the CRLB.
+
+        Args:
+            ax: matplotlib axes to draw on; by default those of a new figure.
+
+        Raises:
+            ResultError: the table `estimates` was not recorded.
+        """
+        from wsnsim.analysis import plots
+
+        with self._file() as path, _axes(ax) as axes:
+            return plots.error(axes, path, plugins=True)
+
+    def consistency(self, *, ax: Axes | None = None) -> Axes:
+        """Draw NEES and NIS per degree of freedom at each step: 1 is consistent, above is overconfident.
+
+        Args:
+            ax: matplotlib axes to draw on; by default those of a new figure.
+
+        Raises:
+            ResultError: the table `estimates` was not recorded.
+        """
+        from wsnsim.analysis import plots
+
+        with self._file() as path, _axes(ax) as axes:
+            return plots.consistency(axes, path)
+
+    def energy(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the energy (J) that the network has spent by each step, stacked by cause.
+
+        Args:
+            ax: matplotlib axes to draw on; by default those of a new figure.
+
+        Raises:
+            ResultError: the table `energy_steps` was not recorded, or there is no network.
+        """
+        from wsnsim.analysis import plots
+
+        with self._file() as path, _axes(ax) as axes:
+            return plots.energy(axes, path)
+
+    def particles(
+        self,
+        step: int | None = None,
+        *,
+        column: str | None = None,
+        replicate: int | None = None,
+        target: int = 0,
+        ax: Axes | None = None,
+    ) -> Axes:
+        """Draw the particles at a step with the ground truth: a cloud in the plane, or the histogram of one column.
+
+        Args:
+            step: the step; by default the last one that has particles.
+            column: a state column; None for the cloud.
+            replicate: the run to draw; by default the first one.
+            target: the target to draw.
+            ax: matplotlib axes to draw on; by default those of a new figure.
+
+        Raises:
+            ResultError: the table `particles` was not recorded.
+            UsageError: there is no such step, column, run or target.
+        """
+        from wsnsim.analysis import plot_data, plots
+
+        with self._file() as path, _axes(ax) as axes:
+            run = _run(path, replicate)
+            last = plot_data.last_step_with_particles(path, run, target) if step is None else step
+            return plots.particles(axes, path, last, column, run, target)
+
+
+def _run(path: Path, replicate: int | None) -> int:
+    """The run to draw: the one wanted, or the first of the file."""
+    from wsnsim.analysis.replicate_tables import first_replicate
+
+    return first_replicate(path) if replicate is None else replicate
+
+
+@contextmanager
+def _axes(ax: Axes | None) -> Iterator[Axes]:
+    """The axes given, or those of a new figure in the package's style; the figure is closed if drawing fails."""
+    if ax is not None:
+        yield ax
+        return
+    from matplotlib import pyplot, style
+
+    from wsnsim.analysis.figure_style import STYLE
+
+    with style.context(STYLE):
+        figure, axes = pyplot.subplots(figsize=(6.4, 4.6), layout="constrained")
+        try:
+            yield axes
+        except BaseException:
+            pyplot.close(figure)
+            raise

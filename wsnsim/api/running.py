@@ -1,0 +1,174 @@
+"""Scenarios run from Python: `simulate` makes one run in memory, `run` many, in memory or in a file."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, TypeAlias, Unpack
+
+import wsnsim.experiment as experiment
+from wsnsim.api.argument_checks import demand_scenario, named_as_in_python, result_file
+from wsnsim.api.arguments import Changes, overrides_of
+from wsnsim.api.progress import shown
+from wsnsim.api.result import Result
+from wsnsim.base.errors import UsageError
+from wsnsim.base.progress import Progress
+from wsnsim.base.run_numbers import run_number, run_numbers
+from wsnsim.scenario import Overrides
+
+Source: TypeAlias = Any
+"""A scenario: the name of a shipped one, a file, a dict, what `load` returned, or a result file to be run again."""
+FORMER: Final = ("replicate", "recorder", "progress", "plugins")
+"""What stood behind the scenario in a call of `simulate`, in this order."""
+OF_ENGINE: Final = ("command_line", "on_compile", "code")
+"""Former arguments of `run`, which `experiment.run` takes."""
+
+
+def simulate(
+    scenario: Source,
+    *former: Any,
+    seed: int | None = None,
+    overrides: Overrides | None = (),
+    keep: Iterable[str] | None = (),
+    replicate: int = 0,
+    progress: bool | Callable[[float], None] | None = None,
+    plugins: bool = False,
+    **changes: Unpack[Changes],
+) -> Result:
+    """Make one Monte Carlo run in memory. The same arguments give the same result, in any process.
+
+        simulate("pso_mhpf", tracker=PsoMhpf(particles=200), overrides={"link.reach": "60 m"}, keep=["events"])
+
+    Args:
+        scenario: a name, a file, a dict (whose values may be components), or what `load` returned.
+        former: the arguments `replicate` and `recorder` by position, deprecated.
+        seed: the seed, if not that of the scenario.
+        overrides: values to change, {'link.reach': '60 m'} or ['link.reach=60 m']. Numbers are in SI units.
+        keep: tables to record beside those that the scenario records, such as 'events'.
+        replicate: number of the run, from 0.
+        progress: True for a progress bar, False for none, or a function that is called with the simulated time (s).
+            By default there is a bar in notebooks.
+        plugins: whether a result file may name any plug-in, as in `load`.
+        changes: roles and other keys of the scenario: `tracker=Ekf()`, `link={"reach": "60 m"}`, `mac="csma"`,
+            `duration="10 s"`.
+
+    Returns:
+        The result. It is in memory; `result.save(path)` writes it.
+
+    Raises:
+        ScenarioError: the scenario is invalid; every error is named with its key.
+        RunError: the simulation failed.
+        UsageError: there is no such argument or table.
+    """
+    given: dict[str, Any] = {"replicate": replicate, "progress": progress, "plugins": plugins, **changes}
+    if len(former) > len(FORMER):
+        raise UsageError(f"simulate() takes one argument by position, the scenario, not {1 + len(former)}")
+    given |= dict(zip(FORMER, former, strict=False))
+    replicate, progress, plugins = (given.pop(name) for name in ("replicate", "progress", "plugins"))
+    recorder = given.pop("recorder", None)
+    chosen = overrides_of("simulate", given, overrides, seed, keep)
+    replicate = run_number(replicate)
+    loaded = _loaded(scenario, chosen, plugins)
+    if former or recorder is not None:
+        _warn("simulate(scenario, replicate, recorder)", "wsnsim.experiment.simulate_run")
+    if recorder is not None:
+        old: Any = experiment.simulate_run(loaded, replicate, recorder, progress if callable(progress) else None)
+        return old  # type: ignore[no-any-return]
+    on_time = None if isinstance(progress, bool) else progress
+    with shown(progress, loaded.name, "run") as step:
+        report, memory = experiment.run_in_memory(
+            loaded,
+            replicates=[replicate],
+            command_line="wsnsim.simulate",
+            progress=_reporting(step, (lambda now: on_time(now.time)) if on_time else None),
+        )
+    return Result(report, memory)
+
+
+def run(  # noqa: PLR0913
+    scenario: Source,
+    *,
+    replicates: int | Sequence[int] | None = None,
+    out: str | Path | None = None,
+    seed: int | None = None,
+    overrides: Overrides | None = (),
+    keep: Iterable[str] | None = (),
+    progress: bool | Callable[[Progress], None] | None = None,
+    batch: bool = True,
+    plugins: bool = False,
+    **changes: Unpack[Changes],
+) -> Result:
+    """Make many Monte Carlo runs of a scenario, in a result file or in memory.
+
+        run("pso_mhpf", replicates=30, out="results/pso_mhpf.h5")
+
+    Args:
+        scenario: a name, a file, a dict (whose values may be components), or what `load` returned.
+        replicates: number of runs, or the numbers of the runs; by default the number that the scenario says.
+        out: the result file, which gets its name once it is complete; None: the result is in memory.
+        seed: the seed, if not that of the scenario.
+        overrides: values to change, {'link.reach': '60 m'} or ['link.reach=60 m']. Numbers are in SI units.
+        keep: tables to record beside those that the scenario records, such as 'events'.
+        progress: True for a progress bar, False for none, or a function that is called with a `Progress`. By default
+            there is a bar in notebooks.
+        batch: whether standalone runs are made many at once where the tracker offers it. The tables are the same.
+        plugins: whether a result file may name any plug-in, as in `load`.
+        changes: roles and other keys of the scenario: `tracker=Ekf()`, `link={"reach": "60 m"}`, `mac="csma"`,
+            `duration="10 s"`.
+
+    Returns:
+        The result, which reads its tables from the file if there is one.
+
+    Raises:
+        ScenarioError: the scenario is invalid; every error is named with its key.
+        RunError: a simulation failed.
+        StorageError: the file cannot be written.
+        UsageError: there is no such argument or table, or `replicates` is no number of runs.
+    """
+    given: dict[str, Any] = dict(changes)
+    of_engine: dict[str, Any] = {name: given.pop(name) for name in OF_ENGINE if name in given}
+    if of_engine:
+        _warn(f"run(..., {next(iter(of_engine))}=...)", "wsnsim.experiment.run")
+    chosen = overrides_of("run", given, overrides, seed, keep)
+    if replicates is not None:
+        replicates = run_numbers(replicates)
+    target = None if out is None else result_file("out", out)
+    loaded = _loaded(scenario, chosen, plugins)
+    on_progress = None if isinstance(progress, bool) else progress
+    with shown(progress, loaded.name, "runs") as step:
+        of_engine |= {"batch": batch, "progress": _reporting(step, on_progress)}
+        return _made(loaded, replicates, target, of_engine)
+
+
+def _loaded(scenario: Source, chosen: Sequence[Any], plugins: bool) -> Any:
+    """The checked scenario of a caller."""
+    demand_scenario(scenario)
+    with named_as_in_python():
+        return experiment.load(scenario, chosen, plugins)
+
+
+def _made(loaded: Any, replicates: Sequence[int] | None, out: Path | None, options: Mapping[str, Any]) -> Result:
+    options = {"command_line": "wsnsim.run", **options}
+    if out is None:
+        for name in ("on_compile", "code"):
+            options.pop(name, None)
+        return Result(*experiment.run_in_memory(loaded, replicates=replicates, **options))
+    return Result(experiment.run(loaded, replicates=replicates, out=out, **options))
+
+
+def _reporting(
+    step: Callable[[float, float], None] | None, on_progress: Callable[[Progress], None] | None
+) -> Callable[[Progress], None] | None:
+    """What the engine calls: the caller's function, or one that moves the bar; None without either."""
+    if step is None:
+        return on_progress
+
+    def moved(now: Progress) -> None:
+        step(now.replicate + now.time / now.duration, now.replicates)
+
+    return moved
+
+
+def _warn(what: str, instead: str) -> None:
+    warnings.warn(f"{what} is deprecated: use {instead}", DeprecationWarning, stacklevel=3)

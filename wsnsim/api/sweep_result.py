@@ -1,0 +1,112 @@
+"""The result of a sweep: its points, their tables, and what failed or is missing."""
+
+from __future__ import annotations
+
+import html as markup
+import os
+import shutil
+import warnings
+import weakref
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, final
+
+from wsnsim.base.errors import did_you_mean
+from wsnsim.campaign.status import CampaignOutcome
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from wsnsim.api.shown_comparison import ShownComparison
+
+FORMER: Final = ("done", "found", "stopped", "seconds", "left_out")
+"""Fields of the outcome that `sweep` returned."""
+
+
+@final
+class SweepResult:
+    """The runs of a sweep: `.runs` has a row per run, with the swept parameters in front; `.compare()` a row per point.
+
+    Args:
+        out: folder of the campaign.
+        outcome: what this session ran, what failed and what is missing.
+        temporary: a folder that is removed with the result.
+    """
+
+    def __init__(self, out: Path, outcome: CampaignOutcome, temporary: Path | None = None) -> None:
+        self.out = out
+        self.outcome = outcome
+        self._temporary = temporary
+        if temporary is not None:
+            weakref.finalize(self, _remove, temporary, os.getpid())
+
+    @property
+    def complete(self) -> bool:
+        """Whether every run is there and none failed."""
+        return self.outcome.complete
+
+    @property
+    def failed(self) -> Mapping[str, str]:
+        """{run: reason} of the runs that failed."""
+        return self.outcome.failed
+
+    @property
+    def missing(self) -> Mapping[str, list[int]]:
+        """{point: numbers of the runs that are not there}."""
+        return self.outcome.missing
+
+    @property
+    def runs(self) -> pd.DataFrame:
+        """The table `runs` of all points: the swept parameters, then errors (m), energy (J) and counts of each run."""
+        return self.table("runs")
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Return a table of all points, with the swept parameters as its first columns.
+
+        Args:
+            name: name of the table; `runs`, `tracks`, and those that `keep` named.
+
+        Raises:
+            ResultError: the table was not recorded.
+        """
+        from wsnsim.analysis import campaigns
+
+        return campaigns.read(self.out, name)
+
+    def compare(self, metric: str = "rmse", baseline: str | None = None) -> ShownComparison:
+        """Return the points side by side: medians, intervals, energy and paired differences.
+
+        Args:
+            metric: a column of the table `runs`.
+            baseline: the point that differences are from.
+
+        Raises:
+            UsageError: there is no such metric or baseline.
+            ResultError: there are no results.
+        """
+        from wsnsim.analysis.comparison import compare
+        from wsnsim.api.shown_comparison import shown_comparison
+
+        return shown_comparison(compare(self.out, metric, baseline=baseline))
+
+    def __repr__(self) -> str:
+        runs = self.outcome.done + self.outcome.found
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        place = "temporary" if self._temporary else str(self.out)
+        return f"<Sweep: {runs} runs{failed}, {place}>"
+
+    def _repr_html_(self) -> str:
+        return f"<div><p>{markup.escape(repr(self))}</p>{self.compare()._repr_html_()}</div>"
+
+    def __getattr__(self, name: str) -> Any:
+        if name in FORMER:
+            warnings.warn(f"SweepResult.{name} is deprecated: use .outcome.{name}", DeprecationWarning, stacklevel=2)
+            return getattr(self.outcome, name)
+        known = ("compare", "complete", "failed", "missing", "out", "outcome", "runs", "table")
+        raise AttributeError(f"the result of a sweep has no attribute '{name}' ({did_you_mean(name, known)})")
+
+
+def _remove(folder: Path, process: int) -> None:
+    """Remove a temporary folder, unless this is a copy of the process that made it."""
+    if os.getpid() == process:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,194 @@
+"""Sweeps and comparisons from Python: many points of a scenario, and trackers side by side."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, Unpack
+
+from wsnsim.analysis import comparison
+from wsnsim.api.argument_checks import demand_several, demand_sweep, demand_trackers, named_as_in_python
+from wsnsim.api.arguments import Changes, overrides_of
+from wsnsim.api.progress import shown
+from wsnsim.api.shown_comparison import ShownComparison, shown_comparison
+from wsnsim.api.sweep_result import SweepResult
+from wsnsim.base.errors import RunError, UsageError
+from wsnsim.base.run_numbers import run_count
+from wsnsim.campaign.status import CampaignOutcome, CampaignProgress
+from wsnsim.campaign.sweeping import TrackersText, needs_main_guard
+from wsnsim.campaign.sweeping import sweep as run_sweep
+from wsnsim.recording.folder import Folder
+from wsnsim.scenario import Overrides
+from wsnsim.scenario.load import Override
+
+SHOWN: Final = 3
+"""Failed runs that a message names."""
+
+
+def sweep(  # noqa: PLR0913
+    source: Any,
+    vary: Sequence[str] | Mapping[str, Any] = (),
+    *,
+    out: str | Path | None = None,
+    replicates: int | None = None,
+    trackers: TrackersText = None,
+    seed: int | None = None,
+    overrides: Overrides | None = (),
+    keep: Iterable[str] | None = (),
+    workers: int | None = None,
+    scheduler: str | None = None,
+    batch: bool = True,
+    progress: bool | Callable[[CampaignProgress], None] | None = None,
+    accept_code_change: bool = False,
+    **changes: Unpack[Changes],
+) -> SweepResult:
+    """Run a sweep, or resume it.
+
+        sweep("pso_mhpf", {"tracker.particles": [100, 400]}, replicates=20, out="results/particles")
+
+    A script calls it under `if __name__ == "__main__":`, since worker processes may import it, or with `workers=0`.
+
+    Args:
+        source: a scenario (a name, a file, a dict, what `load` returned), several names, or a sweep (a name, a file, or
+            a dict with the same keys).
+        vary: axes, as a mapping of keys to values, {"tracker.particles": [100, 400]}, or as texts,
+            ["tracker.particles=100,400"]. Values may be components.
+        out: folder of the campaign, which makes it resumable; None: a temporary one, which goes with the result.
+        replicates: Monte Carlo runs per point, if not those of the sweep or scenario.
+        trackers: trackers to run at every point: "pf:particles=1000,ekf", a list of names, components and mappings, or
+            such a mapping by the names that tables show.
+        seed: the seed, if not that of the scenario.
+        overrides: values to change at every point, {"duration": "10 s"} or ["duration=10 s"].
+        keep: tables to record beside `runs` and `tracks`.
+        workers: number of processes, all cores by default; 0: the runs are made in this process.
+        scheduler: address of a Dask scheduler, on whose workers to run instead.
+        batch: whether standalone runs are made many at once where the tracker offers it.
+        progress: whether to show a progress bar (by default in notebooks), or a function of a `CampaignProgress`.
+        accept_code_change: whether runs may be added to those that other code made.
+        changes: roles and other keys of the scenario, as in `simulate`.
+
+    Returns:
+        The points, their tables, and what failed or is missing.
+
+    Raises:
+        ScenarioError: the scenario or the sweep is invalid.
+        UsageError: there is no such argument or table, the campaign cannot be started, or a script calls the function
+            without a main guard. Runs that fail later are part of the result.
+    """
+    options: dict[str, Any] = {"replicates": replicates, "workers": workers, "scheduler": scheduler, "batch": batch}
+    options |= {"vary": vary, "trackers": trackers, "accept_code_change": accept_code_change}
+    return _swept(source, out, overrides_of("sweep", changes, overrides, seed, keep), progress, options)
+
+
+def _swept(
+    source: Any,
+    out: str | Path | None,
+    chosen: tuple[Override, ...],
+    progress: bool | Callable[[CampaignProgress], None] | None,
+    options: Mapping[str, Any],
+) -> SweepResult:
+    """Run a sweep whose arguments have been read. `options`: what the campaign takes as it is."""
+    demand_sweep(source, options.get("vary", ()), out)
+    demand_trackers(options["trackers"])
+    if options["replicates"] is not None:
+        run_count(options["replicates"])
+    temporary = Path(tempfile.mkdtemp(prefix="wsnsim-")) if out is None else None
+    folder = temporary / "sweep" if temporary else Path(str(out))
+    on_progress = None if isinstance(progress, bool) else progress
+    with _removed_on_error(temporary), shown(progress, "sweep", "runs") as step, named_as_in_python():
+        report = on_progress if step is None else lambda now: step(now.done, now.total)
+        outcome = run_sweep(source, out=folder, overrides=chosen, progress=report, **options)
+    return SweepResult(folder, outcome, temporary)
+
+
+def compare(  # noqa: PLR0913
+    source: Any,
+    metric: str = "rmse",
+    by: Sequence[str] | None = None,
+    baseline: str | None = None,
+    *,
+    trackers: TrackersText = None,
+    replicates: int | None = None,
+    out: str | Path | None = None,
+    seed: int | None = None,
+    overrides: Overrides | None = (),
+    workers: int | None = None,
+    progress: bool | Callable[[CampaignProgress], None] | None = None,
+    **changes: Unpack[Changes],
+) -> ShownComparison:
+    """Compare trackers on a scenario, or the points of a campaign that has been run.
+
+        compare("pso_mhpf", trackers=["ekf", PsoMhpf(particles=200)], replicates=20)
+        compare("results/particles", metric="energy")
+
+    All trackers meet the same targets, networks and noise, so that their differences are paired.
+
+    Args:
+        source: a scenario (with `trackers`), the folder of a campaign, or what `sweep` returned.
+        metric: a column of the table `runs`, such as 'rmse' (m) or 'energy' (J).
+        by: the keys whose values are compared, within each combination of the other keys.
+        baseline: what differences are from, by its name; by default the first one.
+        trackers: names, components and mappings in a list, such a mapping by the names that tables show, or
+            "pf:particles=1000,ekf".
+        replicates: Monte Carlo runs of each, if not those of the scenario.
+        out: folder of the campaign; None: the runs are not kept.
+        seed: the seed, if not that of the scenario.
+        overrides: values to change, {"duration": "10 s"} or ["duration=10 s"].
+        workers: number of processes, all cores by default; 0, or a script without a main guard: this process.
+        progress: whether to show a progress bar (by default in notebooks), or a function of a `CampaignProgress`.
+        changes: roles and other keys of the scenario, as in `simulate`.
+
+    Returns:
+        The comparison: `.table` is a DataFrame with a row per tracker or point; `print` shows it with conclusions.
+
+    Raises:
+        ScenarioError: the scenario is invalid, or a tracker is none.
+        UsageError: there is no such metric, key, baseline or argument, or fewer than two trackers.
+        ResultError: there are no results, or they cannot be read.
+        RunError: runs of the comparison failed.
+    """
+    if trackers is None:
+        if changes or replicates is not None or overrides or seed is not None or out is not None:
+            raise UsageError("compare() runs a scenario only with trackers, such as trackers=['ekf', 'pf']")
+        folder = source.out if isinstance(source, SweepResult) else source
+        known = folder if isinstance(folder, Folder) else _campaign(folder)
+        return shown_comparison(comparison.compare(known, metric, by, baseline))
+    if workers is None and needs_main_guard():
+        workers = 0
+    chosen = overrides_of("compare", changes, overrides, seed, ())
+    demand_several(trackers)
+    options = {"replicates": replicates, "trackers": trackers, "workers": workers}
+    found = _swept(source, out, chosen, progress, options)
+    _demand_complete(found.outcome)
+    return shown_comparison(comparison.compare(found.out, metric, by, baseline))
+
+
+@contextlib.contextmanager
+def _removed_on_error(folder: Path | None) -> Iterator[None]:
+    try:
+        yield
+    except BaseException:
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _campaign(folder: Any) -> Path:
+    """The folder of a campaign. Raises UsageError for what is none."""
+    if not isinstance(folder, str | Path) or not Path(folder).is_dir():
+        raise UsageError(
+            f"compare(): {folder!s:.80} is not the folder of a campaign; a scenario needs trackers to compare, such as"
+            " trackers=['ekf', 'pf']"
+        )
+    return Path(folder)
+
+
+def _demand_complete(outcome: CampaignOutcome) -> None:
+    """Raise RunError with the first reasons if runs failed."""
+    if outcome.complete:
+        return
+    reasons = list(dict.fromkeys(outcome.failed.values())) or [outcome.stopped or "runs are missing"]
+    raise RunError(f"the comparison is not complete: {'; '.join(reasons[:SHOWN])}")

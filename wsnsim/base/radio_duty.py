@@ -1,0 +1,77 @@
+"""Radios that are mostly off: the law of a radio that is switched on from time to time, and the ports that know it.
+
+A radio is *on* while it sends, receives or listens; a node *sleeps*, or is awake. A duty-cycled MAC switches the radios
+of awake nodes: `network.nodes.Nodes` books what that costs.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+
+class RadioDuty(NamedTuple):
+    """The law of a radio whose node has nothing to send and whose wake-ups hear nothing.
+
+    What it costs is a closed form: no event happens. The time in which the radio is switched on or off belongs neither
+    to `on` nor to its sleep.
+
+    Attributes:
+        interval: Wake interval or slotframe, in s.
+        starts: How often the radio is switched on in an interval.
+        on: Seconds in an interval in which it listens.
+    """
+
+    interval: float
+    starts: float
+    on: float
+
+
+@runtime_checkable
+class DutyCycledMac(Protocol):
+    """Optional port of a MAC component that switches radios off. A MAC without it listens always."""
+
+    @property
+    def duties(self) -> tuple[RadioDuty, ...]:
+        """The laws that radios may follow; the first one is that of a node at the start."""
+
+
+@runtime_checkable
+class SwitchesRadio(Protocol):
+    """Optional port of an energy model: what it costs to switch the radio alone. Without it, nothing.
+
+    The processor time of a wake-up is not charged.
+    """
+
+    def radio_start(self) -> tuple[float, float]:
+        """(s, J) of the radio from its sleep state to listening."""
+
+    def radio_stop(self) -> tuple[float, float]:
+        """(s, J) of the radio from listening to its sleep state."""
+
+
+class Latency(NamedTuple):
+    """Seconds that one hop takes at most without contention and retries: of a unicast, and of a broadcast.
+
+    `granted`: of the unicasts that a head gathers, where the MAC first gives each sender a time of its own; else 0.
+    """
+
+    unicast: float
+    broadcast: float
+    granted: float = 0.0
+
+
+NO_LATENCY = Latency(0.0, 0.0)
+"""The latency of a MAC that does not know its own, such as the ideal one."""
+
+
+@runtime_checkable
+class KnowsLatency(Protocol):
+    """Optional port of a MAC component: how long a hop takes. See `hop_latency`."""
+
+    def latency(self, bits: int) -> Latency:
+        """The latency of a payload of `bits`."""
+
+
+def hop_latency(mac: object, bits: int) -> Latency:
+    """Return the latency of a MAC component for a payload of `bits`; zero if it does not know."""
+    return mac.latency(bits) if isinstance(mac, KnowsLatency) else NO_LATENCY

@@ -1,0 +1,126 @@
+"""The port of time synchronisation: how nodes keep their clocks together, and what a mechanism may use of the network.
+
+See `base.mechanisms` for components and mechanisms in general, and `network.clocks` for the two clocks of a node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
+
+from wsnsim.base.arrays import Ints
+
+
+class TimeSync(Protocol):
+    """How nodes keep their clocks together: the parameters of a mechanism.
+
+    `mechanism` names a built-in one: 'none' or 'ftsp'. A plug-in gives it a name of its own, and starts it: see
+    `StartsSync`.
+    """
+
+    @property
+    def mechanism(self) -> str:
+        """The name of the mechanism."""
+
+
+class FloodingSync(TimeSync, Protocol):
+    """The Flooding Time Synchronization Protocol.
+
+    Attributes:
+        period: Seconds between the messages of a node, on its own clock.
+        bits: Payload of a message.
+        jitter: Standard deviation in s of a time stamp of the MAC layer.
+        entries: Reference points in the regression.
+        entries_to_send: Reference points that a node needs before it sends.
+        entries_to_sync: Reference points that a node needs before it corrects its clock.
+        root_timeout: Periods without a message of the root after which a node declares itself the root.
+        ignore_root: Periods for which a new root ignores messages of other roots.
+        outlier: Error in s from which on a reference point is not used; after four in a row the others are forgotten.
+    """
+
+    period: float
+    bits: int
+    jitter: float
+    entries: int
+    entries_to_send: int
+    entries_to_sync: int
+    root_timeout: int
+    ignore_root: int
+    outlier: float
+
+
+class SyncServices(Protocol):
+    """What time synchronisation may use of the network. The network books and logs what nodes send."""
+
+    @property
+    def now(self) -> float:
+        """The simulated time in s. A node does not know it."""
+
+    @property
+    def size(self) -> int:
+        """The number of nodes."""
+
+    @property
+    def key(self) -> int:
+        """The random key of time synchronisation (see `base.rng`)."""
+
+    def is_up(self, node: int) -> bool:
+        """Whether a node is neither dead nor crashed."""
+
+    def is_dead(self, node: int) -> bool:
+        """Whether the battery of a node is empty."""
+
+    def is_awake(self, node: int) -> bool:
+        """Whether a node is up, and its sleep schedule does not keep it asleep."""
+
+    def next_change(self, node: int) -> float:
+        """The earliest time in s at which the sleep schedule of a node may wake it or let it sleep; infinite: never."""
+
+    def own_clock(self, node: int) -> float:
+        """What the own clock of a node shows now, in s: its oscillator, never corrected."""
+
+    def clock(self, node: int) -> float:
+        """What the clock of a node shows now, in s: its own clock with all corrections."""
+
+    def set_clock(self, node: int, shows: float, rate: float) -> None:
+        """Correct the clock of a node.
+
+        Args:
+            node: The node.
+            shows: What its clock shows now, in s.
+            rate: Seconds on its own clock per second on its clock, from now on.
+        """
+
+    def lasts(self, node: int, seconds: float) -> float:
+        """The seconds that pass while the own clock of a node counts `seconds`."""
+
+    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
+        """Call an action after `seconds` of simulated time."""
+
+    def broadcast(self, node: int, bits: int, done: Callable[[Ints | None], None]) -> None:
+        """Broadcast a message with a payload of `bits`, at the next opportunity that the MAC gives.
+
+        `done` is called when it has been sent, with the nodes (n,) that received it, or None if it was not sent. Time
+        stamps of the MAC layer, of the sender and of the receivers, are what their clocks show at this instant.
+        """
+
+
+class SyncMechanism(Protocol):
+    """What nodes do to keep their clocks together."""
+
+    def begin(self) -> None:
+        """The simulation starts."""
+
+    def forget(self, node: int) -> None:
+        """A node crashed: it has lost its memory. The network has taken its corrections back."""
+
+    def is_synchronised(self, node: int) -> bool:
+        """Whether a node takes its clock for synchronised."""
+
+
+@runtime_checkable
+class StartsSync(Protocol):
+    """A component that brings its own mechanism: what a plug-in offers in addition to `TimeSync`."""
+
+    def start(self, services: SyncServices) -> SyncMechanism:
+        """Return the mechanism. Called once, before the simulation starts."""

@@ -1,0 +1,203 @@
+"""The command that imports mobility traces of other simulators."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from wsnsim.base.errors import UsageError
+from wsnsim.cli.shared import PATH, echo, echo_json, group, json_option, not_the_result, writable
+
+if TYPE_CHECKING:
+    from wsnsim.interop.traces import NodeSummary, TraceFormat
+    from wsnsim.interop.trajectories import PlacedTracks, Placement
+
+FORMATS: Final = ("ns3", "sumo")
+MOST_SHOWN: Final = 40
+"""Nodes that --list shows."""
+
+
+def _finite(_: click.Context, option: click.Parameter, value: float | None) -> float | None:
+    """The value of an option, refused if it is no finite number."""
+    if value is not None and not math.isfinite(value):
+        raise UsageError(f"{option.opts[0]} {value}: give a finite number of seconds, such as 12.5")
+    return value
+
+
+@group.command("import")
+@click.argument("kind", metavar="ns3|sumo", type=click.Choice(FORMATS))
+@click.argument("trace", metavar="FILE", type=PATH)
+@click.option(
+    "--id", "ids", multiple=True, metavar="ID", help="Node or vehicle to take; several become several targets."
+)
+@click.option("--list", "listed", is_flag=True, help="List the nodes of the file, and write nothing.")
+@click.option(
+    "--out", "-o", type=PATH, metavar="FILE",
+    help="FILE.csv: the track; FILE.yaml: the track and a scenario. Default ID.csv.",
+)  # fmt: skip
+@click.option(
+    "--nodes",
+    type=PATH,
+    metavar="CSV",
+    help="For a scenario: positions (m) of the sensors; --origin shifts a copy of them like the tracks.",
+)
+@click.option("--unit", default="m", show_default=True, metavar="UNIT", help="Unit of the file's coordinates.")
+@click.option("--time-unit", default="s", show_default=True, metavar="UNIT", help="Unit of the file's times.")
+@click.option("--from", "start", type=float, callback=_finite, metavar="S", help="First time (s) that is taken.")
+@click.option("--until", "end", type=float, callback=_finite, metavar="S", help="Last time (s) that is taken.")
+@click.option("--time-origin", type=float, callback=_finite, metavar="S", help="Time (s) of the file that becomes 0.")
+@click.option("--origin", metavar="X,Y|centre", help="Place (m) that becomes (0, 0), or the centre of the tracks.")
+@json_option
+def import_(kind: str, trace: Path, ids: tuple[str, ...], listed: bool, as_json: bool, **options: Any) -> None:
+    """Import a mobility trace of ns-3 or SUMO as the trajectory of a target.
+
+    ns3: ns-2 movement traces ($node_(0) setdest ...) and logs of course changes (MobilityHelper::EnableAscii). sumo:
+    floating car data (--fcd-output), XML or CSV. Files may be compressed with gzip, and larger than the memory.
+    """
+    if listed:
+        if ids:
+            raise UsageError("--list shows all nodes: leave out --id")
+        from wsnsim.interop.traces import summarised
+
+        _echo_nodes(summarised(str(trace), _format(kind)), as_json)
+        return
+    _echo_written(_imported(kind, trace, ids, options), as_json)
+
+
+def _imported(kind: str, trace: Path, ids: tuple[str, ...], options: dict[str, Any]) -> dict[str, Any]:
+    """Import, and return what was written."""
+    out: Path | None = options["out"]
+    if out is not None and out.suffix not in (".csv", ".yaml"):
+        raise UsageError(f"--out {out}: give a file that ends in .csv (the track) or .yaml (a scenario with it)")
+    as_scenario = out is not None and out.suffix == ".yaml"
+    if options["nodes"] is not None and not as_scenario:
+        raise UsageError("--nodes goes with a scenario: --out FILE.yaml")
+    how = _placement(options, as_scenario)
+    if out is not None:
+        not_the_result(writable(out, out), trace, "track") if trace.exists() else writable(out, out)
+    from wsnsim.interop import traces, trajectories
+
+    read = traces.read(str(trace), _format(kind), tuple(dict.fromkeys(ids)))
+    tracks = trajectories.placed(read, how)
+    if out is None:
+        first = next(iter(trajectories.files_of(tracks.tracks, Path("_")).values()))
+        out = Path(f"{first.stem.removeprefix('__')}.csv") if len(tracks.tracks) == 1 else Path("track.csv")
+        if out.exists():
+            raise UsageError(f"{out} exists: --out FILE.csv names another file, or this one to replace it")
+    if as_scenario:
+        nodes, copies = _nodes(options["nodes"], out, trace, tracks)
+        files = [*copies, *trajectories.write_scenario(tracks, out, trace.name, nodes)]
+    else:
+        files = trajectories.write_csv(tracks.tracks, out)
+    known = {
+        node: {"points": len(track), "first": float(track[0, 0]), "last": float(track[-1, 0])}
+        for node, track in tracks.tracks.items()
+    }
+    return {"files": [str(file) for file in files], "origin": list(tracks.origin), "tracks": known}
+
+
+def _nodes(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> tuple[Path | None, list[Path]]:
+    """The file of positions as the scenario names it, and the shifted copy that was written for another origin.
+
+    Raises:
+        UsageError: The file does not exist, or the copy would replace it, the trace or a track.
+        RunError: A position cannot be read. The message names file and line.
+        StorageError: The copy cannot be written.
+    """
+    named = _beside(nodes, out)
+    if nodes is None or tracks.origin == (0.0, 0.0):
+        return named, []
+    from wsnsim.interop import trajectories
+
+    copy = out.with_name(f"{out.stem}_nodes.csv")
+    taken = [nodes, trace, *trajectories.files_of(tracks.tracks, out).values()]
+    if copy.resolve() in [path.resolve() for path in taken]:
+        raise UsageError(f"{copy} would be replaced by the shifted positions: give another name to --out")
+    trajectories.write_shifted_nodes(nodes, copy, tracks.origin)
+    return Path(copy.name), [copy]
+
+
+def _beside(nodes: Path | None, out: Path) -> Path | None:
+    """The file of positions as a scenario beside `out` names it. Raises UsageError if it does not exist."""
+    if nodes is None:
+        return None
+    if not nodes.is_file():
+        raise UsageError(f"--nodes {nodes}: file does not exist")
+    if nodes.resolve().parent == out.resolve().parent:
+        return Path(nodes.name)
+    return nodes.resolve()
+
+
+def _format(kind: str) -> TraceFormat:
+    """The module of a format."""
+    from wsnsim.interop import ns3, sumo
+
+    formats: dict[str, TraceFormat] = {"ns3": ns3, "sumo": sumo}
+    return formats[kind]
+
+
+def _placement(options: dict[str, Any], as_scenario: bool) -> Placement:
+    """How times and places are converted, from the options."""
+    from wsnsim.interop.trajectories import CENTRE, Placement
+
+    origin = _origin(options["origin"])
+    if origin is None and as_scenario and options["nodes"] is None:
+        origin = CENTRE
+    return Placement(
+        _factor(options["unit"], "m", "--unit"), _factor(options["time_unit"], "s", "--time-unit"),
+        options["start"], options["end"], options["time_origin"], origin,
+    )  # fmt: skip
+
+
+def _factor(unit: str, base: str, option: str) -> float:
+    """What one of a unit is in `base`."""
+    from wsnsim.scenario.units import UnitError, si
+
+    try:
+        return si(f"1 {unit}", base)
+    except UnitError as error:
+        raise UsageError(f"{option} {unit}: {error}") from None
+
+
+def _origin(text: str | None) -> tuple[float, float] | str | None:
+    """The place that a text names."""
+    if text in (None, "centre"):
+        return text
+    try:
+        x, y = map(float, text.split(","))
+    except ValueError:
+        x = y = float("nan")
+    if not abs(x) + abs(y) < float("inf"):
+        raise UsageError(f"--origin {text}: give two numbers in m, such as 500000,4180000, or centre")
+    return x, y
+
+
+def _echo_nodes(nodes: dict[str, NodeSummary], as_json: bool) -> None:
+    """Print what a file holds of each node."""
+    if as_json:
+        echo_json(
+            {"nodes": {name: {"entries": n.entries, "first": n.first, "last": n.last} for name, n in nodes.items()}}
+        )
+        return
+    width = max(len("id"), *(min(len(name), MOST_SHOWN) for name in nodes))
+    echo(f"{'id':<{width}}  entries      first       last")
+    for name, node in list(nodes.items())[:MOST_SHOWN]:
+        echo(f"{name:<{width}}  {node.entries:>7}  {node.first:>9g}  {node.last:>9g}")
+    if len(nodes) > MOST_SHOWN:
+        echo(f"and {len(nodes) - MOST_SHOWN} more (all with --json)")
+
+
+def _echo_written(answer: dict[str, Any], as_json: bool) -> None:
+    """Print what was written."""
+    if as_json:
+        echo_json(answer)
+        return
+    for node, track in answer["tracks"].items():
+        echo(f"{node}: {track['points']} points, {track['first']:g} to {track['last']:g} s")
+    for file in answer["files"]:
+        echo(f"{file}: written")
+    if answer["files"][-1].endswith(".yaml"):
+        echo(f"run it with: wsnsim run {answer['files'][-1]}")

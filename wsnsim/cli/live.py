@@ -1,0 +1,146 @@
+"""What a command shows in a browser while it computes, and how it ends."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, final
+
+import click
+
+from wsnsim.cli.interrupts import Interrupts
+from wsnsim.cli.shared import echo
+
+if TYPE_CHECKING:
+    from wsnsim.base.ports import Recorder
+    from wsnsim.base.progress import Progress
+    from wsnsim.watch.run_view import RunView
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+class LiveOptions(NamedTuple):
+    """How a live view is served: its port, whether a browser is opened, and whether it ends with what it shows."""
+
+    port: int = 0
+    browser: bool = True
+    ends: bool = False
+
+
+def live_options(command: Command) -> Command:
+    """Add the options of a live view."""
+    options = [
+        click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="Port; default a free one."),
+        click.option("--no-browser", "browser", is_flag=True, flag_value=False, default=True, help="Open no browser."),
+        click.option("--exit", "ends", is_flag=True, help="End with the run or the campaign; default at Ctrl-C."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+class LiveRun(Protocol):
+    """What a run needs of its live view."""
+
+    @property
+    def recorder(self) -> Callable[[Recorder], Recorder] | None:
+        """What makes the recorder through which the run is watched, None if nobody watches."""
+        ...
+
+    def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
+        """A function that passes on the progress, also to the view."""
+        ...
+
+    def show_result(self, result: Path, page: Path | None, quiet: bool, interrupts: Interrupts) -> None:
+        """Show the page of the result until the user has seen enough."""
+        ...
+
+
+class _Unseen:
+    """No live view."""
+
+    recorder = None
+
+    def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
+        return step
+
+    def show_result(self, result: Path, page: Path | None, quiet: bool, interrupts: Interrupts) -> None:
+        pass
+
+
+@final
+class _Seen:
+    """The live view of a run."""
+
+    def __init__(self, view: RunView, options: LiveOptions) -> None:
+        self._view, self._options = view, options
+        self.recorder: Callable[[Recorder], Recorder] | None = view.recorder
+
+    def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
+        def report(progress: Progress) -> None:
+            self._view.report(progress)
+            step(progress)
+
+        return report
+
+    def show_result(self, result: Path, page: Path | None, quiet: bool, interrupts: Interrupts) -> None:
+        if self._options.ends and not self._view.has_tab:
+            return
+        self._view.finish(_page_of(result, page))
+        if self._options.ends:
+            self._view.wait_for_tabs()
+        else:
+            if not quiet:
+                echo("wsnsim: the address now shows the result; Ctrl-C ends the server", err=True)
+            stay(interrupts, threading.Event().wait)
+
+
+@contextlib.contextmanager
+def shown_live(title: str, options: LiveOptions | None) -> Iterator[LiveRun]:
+    """The live view of a run, whose server is closed at the end; one that shows nothing without options."""
+    if options is None:
+        yield _Unseen()
+        return
+    from wsnsim.watch.run_view import RunView
+
+    with RunView(title, options.port) as view:
+        say_where(view.url, options)
+        yield _Seen(view, options)
+
+
+def say_where(url: str, options: LiveOptions) -> None:
+    """Print the address of a view, and open it in a browser if there is a terminal and a screen."""
+    echo(f"wsnsim: watch at {url}", err=True)
+    has_screen = sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+    if options.browser and has_screen and sys.stderr is not None and sys.stderr.isatty():
+        import webbrowser
+
+        threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+
+def stay(interrupts: Interrupts, wait: Callable[[], object]) -> None:
+    """Wait. Ctrl-C is then the usual end; another signal is reported as always."""
+    try:
+        wait()
+    except KeyboardInterrupt:
+        if interrupts.number != signal.SIGINT:
+            raise
+
+
+def _page_of(result: Path, page: Path | None) -> str:
+    """The page of a result that has just been made, from the file if it was written."""
+    if page is not None:
+        return page.read_text(encoding="utf-8")
+    import tempfile
+
+    import wsnsim.report as pages
+    from wsnsim.papers.published import published
+
+    with tempfile.TemporaryDirectory(prefix="wsnsim-") as folder:
+        written = pages.write([result], Path(folder) / "page.html", published=published, plugins=True)
+        return written.path.read_text(encoding="utf-8")

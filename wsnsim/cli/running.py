@@ -1,0 +1,170 @@
+"""The command that runs a scenario, and what `watch` shares with it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import click
+
+from wsnsim.base.errors import UsageError
+from wsnsim.base.garbage import put_off
+from wsnsim.cli.interrupts import Interrupts
+from wsnsim.cli.live import LiveOptions, shown_live
+from wsnsim.cli.progress import RUN, display
+from wsnsim.cli.shared import (
+    PATH,
+    batch_option,
+    command_line,
+    echo,
+    echo_answer,
+    group,
+    json_option,
+    loaded,
+    overrides_option,
+    plugins_option,
+    progress_option,
+    quiet_option,
+    seed_option,
+    writable,
+)
+
+if TYPE_CHECKING:
+    from wsnsim.experiment import Report
+    from wsnsim.scenario.schema import Scenario
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+class RunOptions(NamedTuple):
+    """The options that `run` and `watch` share."""
+
+    overrides: tuple[str, ...]
+    replicates: int | None
+    seed: int | None
+    out: Path | None
+    bounds: bool
+    with_page: bool
+    plugins: bool
+    as_json: bool
+    batch: bool
+    quiet: bool
+    progress: str
+
+
+def run_options(command: Command) -> Command:
+    """Add the options that `run` and `watch` share."""
+    options = [
+        overrides_option,
+        click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Number of Monte Carlo runs."),
+        seed_option,
+        click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
+        click.option(
+            "--bound", "bounds", is_flag=True,
+            help="Show the three Cramer-Rao bounds: of the readings in range, used, arrived.",
+        ),
+        click.option("--report", "with_page", is_flag=True, help="Also write the HTML page, beside the result."),
+        plugins_option,
+        json_option,
+        batch_option,
+        quiet_option,
+        progress_option,
+    ]  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@group.command()
+@click.argument("source", metavar="SCENARIO")
+@click.option("--watch", "live", is_flag=True, help="Show the run in a browser while it computes, as `wsnsim watch`.")
+@run_options
+@click.pass_obj
+def run(interrupts: Interrupts, /, source: str, live: bool, **given: Any) -> None:
+    """Run a scenario and write its result."""
+    run_scenario(source, RunOptions(**given), interrupts, LiveOptions() if live else None)
+
+
+def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live: LiveOptions | None = None) -> None:
+    """Run a scenario, write its result and print its summary; with `live` options, show it in a browser meanwhile."""
+    seeded = options.overrides if options.seed is None else (*options.overrides, f"seed={options.seed}")
+    scenario = loaded(source, seeded, options.plugins)
+    path = writable(options.out, Path("results") / f"{scenario.name}.h5")
+    page = _page_path(path) if options.with_page else None
+    with put_off():
+        import wsnsim.experiment as experiment
+
+    talks = not options.quiet and options.progress not in ("json", "none")
+    if talks:
+        _say_notes(scenario, options.replicates or scenario.replicates, options.batch)
+    with shown_live(scenario.name, live) as view:
+        with contextlib.closing(display("none" if options.quiet else options.progress, RUN)) as shown:
+            report = experiment.run(
+                scenario, replicates=options.replicates, out=path, command_line=command_line(),
+                progress=view.reporting(shown.step), on_compile=_say_compiling if talks else None,
+                batch=options.batch, watched=view.recorder,
+            )  # fmt: skip
+        if talks and report.compiled:
+            echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)
+        echo_answer(_summary(report, scenario, options.bounds, options.as_json))
+        if page:
+            _write_page(path, page, options)
+        view.show_result(path, page, options.quiet, interrupts)
+
+
+def _write_page(result: Path, page: Path, options: RunOptions) -> None:
+    """Write the page of a result that has just been made, whose plug-ins may therefore be imported."""
+    import wsnsim.report as pages
+    from wsnsim.papers.published import published
+
+    written = pages.write([result], page, published=published, plugins=True, bounds=options.bounds)
+    if not options.quiet:
+        echo(f"wsnsim: {written.path}: {written.size / 1e6:.2f} MB; open it in a browser", err=True)
+
+
+def _say_notes(scenario: Scenario, replicates: int, batch: bool) -> None:
+    """Print, before the runs of a scenario, what is hardly meant in it, and how large they are if that is much."""
+    from wsnsim.analysis import run_size, setup_notes
+    from wsnsim.scenario import build
+
+    setup = build(scenario)
+    size = run_size.run_size(setup, replicates, batch)
+    for note in (*setup_notes.before_a_run(setup), run_size.warning(size, run_size.free_memory())):
+        if note:
+            echo(f"wsnsim: note: {note}", err=True)
+
+
+def _say_compiling() -> None:
+    echo("wsnsim: compiling kernels, once ...", err=True)
+
+
+def _summary(report: Report, scenario: Scenario, bounds: bool, as_json: bool) -> str | dict[str, Any]:
+    """The summary of a run, with the values that its paper publishes."""
+    if not report.states:
+        from wsnsim.analysis import beaconing
+
+        return beaconing.as_json(report) if as_json else beaconing.text(report)
+    from wsnsim.analysis import summary, summary_text
+    from wsnsim.papers.published import published
+    from wsnsim.scenario import resolved
+
+    values, paper = published(resolved(scenario))
+    limit = summary.bounds_of_report(report, bounds)
+    return summary.as_json(report, values, limit) if as_json else summary_text.text(report, values, paper, limit)
+
+
+def _page_path(result: Path) -> Path:
+    """The path of the result's page.
+
+    Raises:
+        UsageError: the page cannot be written there. It is checked before anything runs.
+    """
+    page = result.with_suffix(".html")
+    if page == result or (page.exists() and result.exists() and page.samefile(result)):
+        raise UsageError(f"--report: the page would overwrite {result}; give --out {result.with_suffix('.h5')}")
+    try:
+        return writable(page, Path(page.name))
+    except UsageError as error:
+        raise UsageError(f"--report: {str(error).removeprefix('--out ')}") from None

@@ -1,0 +1,91 @@
+"""When nodes that consume energy over time are to be checked, because their batteries may run out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import simpy
+
+from wsnsim.base.radio import Mode
+from wsnsim.network.energy.battery_timers import EVERYBODY, BatteryTimers
+from wsnsim.network.energy.duty_cycles import DutyCycles
+from wsnsim.network.energy.power_table import ASLEEP, AWAKE, MODES, PowerTable
+
+NEAR: Final = 1e-2
+"""If the predicted lifetime (s) is below this, check at the predicted depletion time; otherwise after half of it."""
+SOON: Final = 1e-9
+"""A charge that lasts for less than this time (s) is what rounding leaves: the battery is empty."""
+SHORTEST: Final = 5e-3
+"""Mean time (s) between changes of the fastest schedule: two in its period of 10 ms."""
+
+
+class BatteryWatch:
+    """The battery timers of nodes that consume by a power table. A node is given with its state.
+
+    Attributes:
+        most: Joules that one node can consume at most in the whole run.
+        timers: The battery timers.
+    """
+
+    def __init__(
+        self, env: simpy.Environment, table: PowerTable, duty_cycles: DutyCycles, per_switch: float, horizon: float
+    ) -> None:
+        """Find the limits. `per_switch`: mean joules of a change between awake and asleep; `horizon`: end in s."""
+        self._env = env
+        self._table = table
+        self._duty_cycles = duty_cycles
+        self._horizon = horizon
+        self.most = table.largest() * horizon
+        awake = [level * MODES + AWAKE for level in range(len(table.radio) // MODES)]
+        self._most_by_schedule = max(map(table.total, (*awake, ASLEEP))) + per_switch / SHORTEST
+        self._changes = 4.0 * per_switch  # half of it pays two changes that come at once, however slow
+        if per_switch:
+            self.most += duty_cycles.most_switches(horizon) * per_switch
+
+    def start(self, battery: float, check: Callable[[int], None]) -> None:
+        """Begin to watch batteries of a charge; `check(node)` is called when a node may have run out."""
+        self.timers = BatteryTimers(self._env, check)
+        rest = self._duty_cycles.rest
+        resting = 2.0 * self._most_by_schedule if rest is Mode.SCHEDULED else self._table.total(int(rest))
+        if resting > 0 and battery <= self.most:
+            self.timers.set(battery / resting if battery > self._changes else 0.0, EVERYBODY)
+
+    def watch(self, node: int, state: int, left: float) -> None:
+        """Set a timer for a node with `left` joules, if it may run out before the end."""
+        if left > self.most:
+            return
+        power, now = self._power(node, state), self._env.now
+        if self._table.scheduled[state]:
+            self._watch_schedule(node, power, left)
+            return
+        if power <= 0 or now + left / power > self._horizon:
+            return
+        lasts = left / power
+        due = now + (lasts if lasts < NEAR else lasts / 2)
+        if self.timers.due(node) > now + lasts:
+            self.timers.set(due, node)
+
+    def _watch_schedule(self, node: int, power: float, left: float) -> None:
+        """Check again when its schedule changes, or earlier if the charge may not last until then."""
+        now, most = self._env.now, self._most_by_schedule
+        due = self._duty_cycles.next_change(node)
+        lasts = left / power if power > 0 else math.inf
+        if now + lasts < due:
+            due = now + (lasts if lasts < NEAR else lasts / 2)
+        elif most > 0 and left > self._changes:
+            due = max(due, now + left / most / 2)
+        if due <= self._horizon and self.timers.due(node) > due:
+            self.timers.set(due, node)
+
+    def runs_out(self, node: int, state: int, left: float) -> bool:
+        """Whether `left` joules of a node are only what rounding leaves."""
+        return left <= self._power(node, state) * SOON
+
+    def _power(self, node: int, state: int) -> float:
+        """Power in W of a node now."""
+        if self._table.scheduled[state]:
+            awake = self._duty_cycles.scheduled(node) is Mode.AWAKE
+            state = state - state % MODES + AWAKE if awake else ASLEEP
+        return self._table.total(state)

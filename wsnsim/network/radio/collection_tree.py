@@ -1,0 +1,198 @@
+"""Collection that is paid: routing over a collection tree to sinks, by geographic forwarding to all other nodes.
+
+Nodes know of each other what they heard. A network starts without a tree, and every beacon, datagram, retransmission
+and acknowledgement that makes and uses one is on the air, paid and logged. See `tree_node` for the choice of routes,
+`link_estimator` for the costs of links, `route_beacons` and `trickle` for when beacons are sent, `tree_queue` for how
+datagrams go up the tree, `geographic_forwarding` for datagrams to other nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import simpy
+
+from wsnsim.base.frames import Burst
+from wsnsim.base.radio import TreeRouting
+from wsnsim.network.radio.datagrams import A_SINK, Datagram, Hops
+from wsnsim.network.radio.geographic_forwarding import GeographicForwarding, HeardPlaces
+from wsnsim.network.radio.journeys import Copy, Journey, node_random
+from wsnsim.network.radio.link_estimator import LinkTable
+from wsnsim.network.radio.radio_stack import RadioStack
+from wsnsim.network.radio.route_beacons import RouteBeacons
+from wsnsim.network.radio.tree_node import NOBODY, RouteBeacon, TreeNode
+from wsnsim.network.radio.tree_queue import LONG, QueueRules, TreeQueue
+from wsnsim.network.radio.trickle import TrickleTimer
+
+TREE_HEADER: Final = 64
+"""Bits of the header of a data frame: options 8, THL 8, cost 16, origin 16, number 8, type 8 (TEP 123)."""
+PLACE_HEADER: Final = 80
+"""Bits of the header of a datagram by position: origin 16, number 8, hops 8, destination 16 and its position 32."""
+STRONG: Final = 0.9
+"""Reception probability from which on a frame came in strong, as the radio's link quality indicator tells (ours)."""
+
+
+class _TreeMember:
+    """What one node that is up knows and does."""
+
+    __slots__ = ("places", "queue", "route")
+
+    def __init__(self, route: TreeNode, queue: TreeQueue, places: HeardPlaces) -> None:
+        self.route = route
+        self.queue = queue
+        self.places = places
+
+
+class CollectionTree:
+    """The collection tree protocol of all nodes, and their geographic forwarding: `datagrams.Forwarding`.
+
+    Args:
+        stack: The radio stack.
+        hops: How bursts cross one hop.
+        routing: The parameters.
+        sinks: The roots of the trees.
+        key: The random key of the nodes' timers and pauses.
+
+    Attributes:
+        beacons: The beacons of the nodes.
+    """
+
+    def __init__(self, stack: RadioStack, hops: Hops, routing: TreeRouting, sinks: Sequence[int], key: int) -> None:
+        radio = stack.radio
+        self._env = radio.env
+        self._nodes = radio.nodes
+        self._topology = radio.topology
+        self._clocks = stack.clocks
+        self._hops = hops
+        self._routing = routing
+        self._rules = QueueRules(routing.retries, routing.queue, routing.packet_time, routing.patience)
+        self._sinks = frozenset(sinks)
+        self._key = key
+        self._journeys = 0
+        self._members: dict[int, _TreeMember] = {}
+        self._places: dict[int, HeardPlaces] = {}
+        self._geographic = GeographicForwarding(
+            radio, hops, self._places, routing.candidates, LONG * routing.packet_time
+        )  # fmt: skip
+        self.beacons = RouteBeacons(radio, stack.mac, stack.clocks, self._compose, self._hear)
+
+    def start(self) -> None:
+        """Start the timers of all nodes that are up."""
+        for node in np.flatnonzero(self._nodes.living).tolist():
+            self._begin(node)
+
+    def sink_of(self, source: int) -> int:
+        """The node itself if it is a sink; otherwise its datagram goes up the tree."""
+        return source if source in self._sinks else A_SINK
+
+    def is_one_hop(self, source: int, to: int) -> bool:
+        """No: nodes do not know whom they reach; they try, and acknowledgements tell."""
+        return False
+
+    def forward(self, datagram: Datagram, target: int) -> simpy.Event:
+        """Send a datagram up the tree, or to the node that it names."""
+        self._journeys += 1
+        upwards = datagram.to == A_SINK
+        header = TREE_HEADER if upwards else PLACE_HEADER
+        journey = Journey(self._env, datagram, target, self._journeys, header)
+        copy = Copy(journey, 0, datagram.mask, datagram.parcel.packets, 0, self._env.now)
+        member = self._members.get(datagram.source)
+        if member is None:
+            journey.add_copy()
+            journey.end_copy()
+        elif upwards:
+            member.queue.add(copy)
+        else:
+            self._geographic.send(copy, datagram.source)
+        return journey.ended
+
+    def remove(self, node: int) -> None:
+        """A node is down: it forgets all it knew, and the datagrams that it held are lost."""
+        self.beacons.end(node)
+        self._places.pop(node, None)
+        member = self._members.pop(node, None)
+        if member is not None:
+            member.queue.stop()
+
+    def restore(self, node: int) -> None:
+        """A node is up again: it starts without a route."""
+        if self._nodes.alive[node] and node not in self._members:
+            self._begin(node)
+
+    def forget_links(self) -> None:
+        """Do nothing: nodes notice that links have changed by the frames that are lost."""
+
+    def parent(self, node: int) -> int:
+        """The next hop of a node; the node itself if it is a sink; NOBODY without a route, or if it is down."""
+        return self._members[node].route.parent if node in self._members else NOBODY
+
+    def cost(self, node: int) -> float:
+        """The cost of the route of a node that is up; infinity without one."""
+        return self._members[node].route.cost
+
+    def receive(self, node: int, copy: Copy, cost: float, burst: Burst) -> None:
+        """A node has received a copy, from one whose route costs `cost`: it arrives, or goes on, unless it was here."""
+        member = self._members.get(node)
+        if member is None or member.queue.knows(copy):
+            return
+        if node in self._sinks:
+            member.queue.remember(copy)
+            copy.journey.arrive(node, burst, copy.hops)
+            return
+        if cost <= member.route.cost and member.route.has_route:
+            self.beacons.hasten(node)
+            member.queue.suspect_loop()
+        member.queue.add(copy)
+
+    def note_sent(self, node: int, to: int, burst: Burst) -> None:
+        """Note what a burst says of its link; a node whose frame was not acknowledged chooses its route again."""
+        member = self._members[node]
+        member.route.links.note_sent(to, burst.attempts, burst.acknowledged)
+        if not burst.acknowledged:
+            self._choose(node, member)
+
+    def _begin(self, node: int) -> None:
+        routing, uniform = self._routing, node_random(self._key, node)
+        route = TreeNode(node, node in self._sinks, LinkTable(routing.table, uniform), routing.hysteresis)
+        queue = TreeQueue(self._env, route, self._rules_of(node), self, self._hops, uniform)
+        places = self._places[node] = HeardPlaces(routing.places, uniform)
+        self._members[node] = _TreeMember(route, queue, places)
+        self.beacons.begin(node, TrickleTimer(routing.i_min, routing.i_max, uniform))
+
+    def _rules_of(self, node: int) -> QueueRules:
+        """The rules of a node's queue, whose times its clock counts."""
+        rules, lasts = self._rules, self._clocks.lasts
+        return rules._replace(
+            packet_time=lasts(node, rules.packet_time), patience=lasts(node, rules.patience)
+        )  # fmt: skip
+
+    def _compose(self, node: int, number: int) -> RouteBeacon:
+        """The beacon that a node sends now: it first chooses its route again."""
+        member, assumed = self._members[node], self._nodes.assumed
+        self._choose(node, member)
+        route = member.route
+        return RouteBeacon(node, number, route.parent, route.cost, (assumed.x[node], assumed.y[node]))
+
+    def _hear(self, node: int, beacon: RouteBeacon) -> None:
+        """A node has received a beacon."""
+        member = self._members.get(node)
+        if member is None:
+            return
+        member.places.hear(beacon.sender, beacon.number, beacon.place)
+        member.route.hear(beacon, lambda: self._is_strong(beacon.sender, node))
+        self._choose(node, member)
+        if beacon.pull and member.route.has_route:
+            self.beacons.hasten(node)
+
+    def _choose(self, node: int, member: _TreeMember) -> None:
+        """Let a node choose its route. Neighbours hear of large changes soon; datagrams go on over a first route."""
+        before = member.route.parent
+        if member.route.choose():
+            self.beacons.hasten(node)
+        if before == NOBODY and member.route.has_route:
+            member.queue.resume()
+
+    def _is_strong(self, sender: int, node: int) -> bool:
+        return self._topology.probability(sender, node, self._env.now) >= STRONG

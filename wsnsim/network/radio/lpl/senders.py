@@ -1,0 +1,255 @@
+"""The senders of a MAC with low-power listening: queues, random waits, assessments of the channel, retries.
+
+    senders.send(bursts), senders.offer(...), senders.silence(node)         what the MAC offers the network
+    senders.finish(sender, received), senders.fail(sender)                  how the protocol ends the frame of a sender
+
+A sender waits for a random time with its radio off, listens for the length of an assessment, and asks the protocol to
+send its frame if the channel was free. X-MAC and ContikiMAC differ in what they send then: a `SendingProtocol` each.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, Final, Protocol
+
+import simpy
+
+from wsnsim.base.frames import EVERYONE, Burst, MacFrame, OfferedFrame, Received
+from wsnsim.base.low_power_macs import LowPowerMac
+from wsnsim.base.rng import GOLDEN, MASK, derive, mix
+from wsnsim.network.radio.channel import Channel
+from wsnsim.network.radio.lpl.copies import CopyTrain
+from wsnsim.network.radio.lpl.radios import SENDS, LowPowerRadios
+from wsnsim.network.radio.mac_services import NetworkMacServices
+
+RESOLUTION: Final = 2.0**-53
+"""Distance of two random numbers below 1."""
+
+
+class RepeatingSender:
+    """A node with frames to send.
+
+    Attributes:
+        node: The node.
+        queue: Frames that wait.
+        frame: The frame in progress, or None.
+        attempts: How often the channel was busy for this frame since it was last sent.
+        received: Whether the destination has received the frame, even if its acknowledgement was lost.
+        stopped: Whether the node died or crashed.
+        turn: Number of the action that the sender waits for: earlier ones are void.
+        state, step: Its random number generator, seeded for each step, and the step for which it is.
+        train: What the protocol keeps while it sends the frame; None while the sender waits for the channel.
+    """
+
+    __slots__ = ("attempts", "frame", "node", "queue", "received", "state", "step", "stopped", "train", "turn")
+
+    def __init__(self, node: int) -> None:
+        self.node = node
+        self.queue: deque[MacFrame] = deque()
+        self.frame: MacFrame | None = None
+        self.attempts = 0
+        self.received = False
+        self.stopped = False
+        self.turn = 0
+        self.state = 0
+        self.step = -1
+        self.train: Any = None
+
+    @property
+    def current(self) -> MacFrame:
+        """The frame in progress."""
+        assert self.frame is not None, "a sender that acts has a frame"
+        return self.frame
+
+    @property
+    def has_more(self) -> bool:
+        """Whether the next frame in the queue is for the same destination."""
+        return bool(self.queue) and self.queue[0].to == self.current.to
+
+
+Action = Callable[[RepeatingSender], None]
+
+
+class SendingProtocol(Protocol):
+    """How the frame of a sender reaches its destination."""
+
+    def delay(self, sender: RepeatingSender) -> float:
+        """Seconds that a sender waits before it listens to the channel."""
+        ...
+
+    def transmit(self, sender: RepeatingSender) -> None:
+        """Send the frame: the channel is free, and the radio of the sender is on."""
+        ...
+
+    def find_busy(self, sender: RepeatingSender) -> None:
+        """Let a sender wait that found the channel busy; see `Senders.back_off`."""
+        ...
+
+    def transmit_next(self, sender: RepeatingSender) -> None:
+        """Send a frame to a destination that is known to be awake: it has just received the one before."""
+        ...
+
+
+class Senders:
+    """All nodes that have something to send."""
+
+    def __init__(
+        self, mac: LowPowerMac, services: NetworkMacServices, radios: LowPowerRadios, channel: Channel,
+        protocol: SendingProtocol,
+    ) -> None:  # fmt: skip
+        self._mac = mac
+        self._services = services
+        self._env = services.radio.env
+        self._nodes = services.radio.nodes
+        self._log = services.radio.log
+        self._radios = radios
+        self._channel = channel
+        self._protocol = protocol
+        self._fragmentation = services.fragmentation(mac)
+        self._key = services.key("mac")
+        self._senders: dict[int, RepeatingSender] = {}
+
+    def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
+        """Queue bursts at their senders; the event fires when the last burst has ended."""
+        return self._fragmentation.send_all(bursts, self._env.event(), self._is_up, self._enqueue)
+
+    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
+        """Broadcast one payload, then call `done` with the receivers, or with None if it never got the channel."""
+        self._enqueue(node, OfferedFrame(self._mac.bits(payload_bits), code, done))
+
+    def silence(self, node: int) -> None:
+        """Stop a node that died or crashed: its queue is lost, its transmission is cut, its radio is off."""
+        self._channel.silence(node)
+        self._radios.forget(node)
+        sender = self._senders.pop(node, None)
+        if sender is None:
+            return
+        sender.stopped = True
+        if sender.frame is None:
+            return
+        current, sender.frame = sender.frame, None
+        train, result = sender.train, True if sender.received else None
+        current.finish(train.received() if isinstance(train, CopyTrain) and current.to == EVERYONE else result)
+        for frame in sender.queue:
+            frame.finish(None)
+
+    def get(self, node: int) -> RepeatingSender | None:
+        """The sender of a node that has a frame in progress; None if it has none."""
+        sender = self._senders.get(node)
+        return None if sender is None or sender.frame is None else sender
+
+    def uniform(self, sender: RepeatingSender) -> float:
+        """Return a random number in [0, 1) of a sender."""
+        if sender.step != self._log.step:
+            sender.step = self._log.step
+            sender.state = derive(self._key, sender.node, sender.step)
+        sender.state = (sender.state + GOLDEN) & MASK
+        return float((mix(sender.state) >> 11) * RESOLUTION)
+
+    def after(self, sender: RepeatingSender, seconds: float, action: Action) -> None:
+        """Call an action of a sender later, unless it has another one by then or its node goes down."""
+        sender.turn += 1
+        turn = sender.turn
+
+        def act(_: simpy.Event) -> None:
+            if sender.turn == turn and not sender.stopped:
+                action(sender)
+
+        self._env.timeout(max(seconds, 0.0)).callbacks.append(act)
+
+    def _is_up(self, burst: Burst) -> bool:
+        return bool(self._nodes.alive[burst.source])
+
+    def _enqueue(self, node: int, frame: MacFrame) -> None:
+        if not self._nodes.alive[node]:
+            frame.finish(None)
+            return
+        sender = self._senders.get(node)
+        if sender is None:
+            sender = self._senders[node] = RepeatingSender(node)
+        if sender.frame is not None:
+            sender.queue.append(frame)
+            return
+        self._take(sender, frame)
+        self._radios.begin_sending(node)
+        if not sender.stopped:
+            self._begin(sender)
+
+    def _begin(self, sender: RepeatingSender) -> None:
+        """Wait as the protocol wants, then assess the channel."""
+        self.after(sender, self._protocol.delay(sender), self._listen)
+
+    def _listen(self, sender: RepeatingSender) -> None:
+        """Turn the radio on and assess the channel."""
+        sender.train = None
+        if self._radios.hold(sender.node, SENDS):
+            self.after(sender, self._mac.assessment, self.assess)
+
+    def assess(self, sender: RepeatingSender) -> None:
+        """Send the frame if the channel was free for the length of an assessment; otherwise wait."""
+        (self._protocol.find_busy if self._channel.is_busy(sender.node) else self._protocol.transmit)(sender)
+
+    def back_off(self, sender: RepeatingSender) -> None:
+        """Wait for a random time with the radio off, then assess the channel again; or drop the frame."""
+        self._radios.release(sender.node, SENDS)
+        if sender.stopped:
+            return
+        sender.train = None
+        sender.attempts += 1
+        if sender.attempts <= self._mac.max_backoffs:
+            self.after(sender, self._wait(sender), self._begin)
+            return
+        self._services.counters.access_failures += 1
+        self._services.log_drop(sender.node, sender.current, "no_channel")
+        self.finish(sender, True if sender.received else None)
+
+    def _wait(self, sender: RepeatingSender) -> float:
+        """A random wait, by the clock of the sender, in s."""
+        return self._services.lasts(sender.node, self._mac.congestion * self.uniform(sender))
+
+    def fail(self, sender: RepeatingSender) -> None:
+        """Note that no acknowledgement came: try again after a random wait, or give up."""
+        frame = sender.current
+        if frame.retries >= self._mac.max_retries:
+            self.finish(sender, sender.received)
+            return
+        frame.retries += 1
+        self._services.counters.retries += 1
+        sender.attempts = 0
+        sender.train = None
+        self._radios.release(sender.node, SENDS)
+        if not sender.stopped:
+            self.after(sender, self._wait(sender), self._begin)
+
+    def finish(self, sender: RepeatingSender, received: Received | None, awake: bool = False) -> None:
+        """Report the result of a frame, and begin with the next one.
+
+        Args:
+            sender: The sender.
+            received: The result.
+            awake: Whether the destination is awake and expects the next frame, if that is for it.
+        """
+        sender.current.acknowledged = awake
+        frame, following = sender.current, sender.queue.popleft() if sender.queue else None
+        at_once = awake and following is not None and following.to == frame.to
+        self._take(sender, following)
+        frame.finish(received)
+        if sender.stopped:
+            return
+        if at_once:
+            self._protocol.transmit_next(sender)
+            return
+        self._radios.release(sender.node, SENDS)
+        if sender.stopped:
+            return
+        if following is not None:
+            self._begin(sender)
+        elif sender.frame is None:
+            self._radios.end_sending(sender.node)
+
+    def _take(self, sender: RepeatingSender, frame: MacFrame | None) -> None:
+        """Make a frame that of the sender, or none."""
+        sender.frame, sender.train = frame, None
+        sender.received, sender.attempts = False, 0
+        sender.turn += 1

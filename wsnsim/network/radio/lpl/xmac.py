@@ -1,0 +1,245 @@
+"""X-MAC: strobes that name their destination, early acknowledgements, and data for who is awake.
+
+Of a unicast, strobes are sent until the destination answers one of them. Its early acknowledgement, the data frame and
+the acknowledgement follow one another, a turnaround apart. Of a broadcast, all strobes are sent, and then the frame.
+`overhearing` is what nodes do that hear what is not for them.
+
+Source: Buettner, Yee, Anderson, Han (2006), "X-MAC: a short preamble MAC protocol for duty-cycled wireless sensor
+networks", SenSys 2006. See `models.low_power_listening.XMac` for what is ours.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
+from wsnsim.base.low_power_macs import StrobingMac
+from wsnsim.network.radio.lpl.countdowns import Countdowns
+from wsnsim.network.radio.lpl.overhearing import Overhearing
+from wsnsim.network.radio.lpl.radios import RECEIVES, ROUNDING, LowPowerRadios
+from wsnsim.network.radio.lpl.senders import RepeatingSender, Senders
+from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.transmission import Transmission
+
+
+class _Train:
+    """The strobes of a frame under way. `left`: strobes that may still be sent."""
+
+    __slots__ = ("left",)
+
+    def __init__(self, left: int) -> None:
+        self.left = left
+
+
+class XMacMechanism:
+    """X-MAC of all nodes on one channel."""
+
+    def __init__(self, mac: StrobingMac, services: NetworkMacServices) -> None:
+        self._mac = mac
+        self._env = services.radio.env
+        self._nodes = services.radio.nodes
+        self._radios = radios = LowPowerRadios(services, mac.interval, mac.near or mac.interval)
+        self._off_until = np.full(self._nodes.size, -np.inf)
+        """(N,) until when radios are off although their listening window has not ended"""
+        self._heard_until = np.full(self._nodes.size, -np.inf)
+        """(N,) until when radios have been charged for frames that they heard in listening windows"""
+        radios.on_hold, radios.on_release = self._leave_window, self._end_window
+        self._rest = mac.ack_wait - mac.turnaround - mac.airtime(mac.ack_bits)
+        """What is left of the wait for an acknowledgement after one that could not be read, in s"""
+        channel = services.open_channel(mac, mac.assessment, self)
+        self.channel = channel
+        self._senders = senders = Senders(mac, services, radios, channel, self)
+        self._countdowns = Countdowns(mac, services, radios)
+        self._overhearing = Overhearing(mac, services, radios, channel, senders)
+        code = services.radio.log.code
+        code("no_channel")
+        self._strobe_code, self._early_ack, self._ack = code("strobe"), code("early_ack"), code("ack")
+        self.send, self.offer, self.hurry = senders.send, senders.offer, radios.hurry
+
+    def silence(self, node: int) -> None:
+        """Stop a node that died or crashed: its frames are lost, and it forgets what it expected."""
+        self._countdowns.forget(node)
+        self._senders.silence(node)
+
+    def hears(self, ids: Ints, since: float) -> Bools:
+        """(n,) which radios have been on without a break since a time: held on, or in a listening window."""
+        offsets, _ = self._radios.offsets(ids, since)
+        window = self._mac.window + ROUNDING
+        awake = (offsets + (self._env.now - since) <= window) & (self._off_until[ids] <= since)
+        return np.asarray(awake | (self._radios.on_since(ids) <= since + ROUNDING))
+
+    def delay(self, sender: RepeatingSender) -> float:
+        """Return a random wait before the first attempt."""
+        return self._mac.first_backoff * self._senders.uniform(sender)
+
+    def transmit(self, sender: RepeatingSender) -> None:
+        """Begin with the strobes of a frame; or send it, if its destination has just received another one."""
+        if self._overhearing.is_awake_for(sender):
+            self.transmit_next(sender)
+            return
+        sender.train = _Train(self._mac.strobes)
+        self._strobe(sender)
+
+    def transmit_next(self, sender: RepeatingSender) -> None:
+        """Send the data frame: its destination is awake."""
+        if sender.current.to == EVERYONE:
+            self.transmit(sender)
+            return
+        sender.current.owner = sender
+        self.channel.transmit(sender.node, sender.current, self._data_sent)
+
+    def find_busy(self, sender: RepeatingSender) -> None:
+        """A sender that found the channel busy listens for whom the strobes are."""
+        self._overhearing.wait(sender)
+
+    def _strobe(self, sender: RepeatingSender) -> None:
+        """Send the next strobe; after the last one, end the train."""
+        train, frame = sender.train, sender.current
+        if train.left == 0:
+            if frame.to == EVERYONE:
+                self._send_broadcast(sender)
+            else:
+                self._senders.fail(sender)
+            return
+        train.left -= 1
+        self._nodes.begin_sending(sender.node)  # its schedule may end during a long train
+        strobe = MacFrame(frame.to, self._mac.strobe_bits, 0, frame.target, self._strobe_code, SEND, frame.sequence)
+        strobe.owner = sender
+        self.channel.transmit(sender.node, strobe, self._strobe_sent)
+
+    def _strobe_sent(self, sent: Transmission, received: Received) -> None:
+        """A strobe has ended: who heard it answers, expects the frame, or sleeps on."""
+        sender: RepeatingSender = sent.frame.owner
+        to = sent.frame.to
+        if to == EVERYONE:
+            self._expect(sender, sent, received)
+        else:
+            self._close_windows(sent, received)
+            self._overhearing.note_frame(sent)
+        if sender.stopped:
+            return
+        if to != EVERYONE and received and self._answer(sent, sender):
+            return
+        self._senders.after(sender, self._mac.ack_wait, self._strobe)
+
+    def _answer(self, sent: Transmission, sender: RepeatingSender) -> bool:
+        """Whether the destination sends an early acknowledgement; it then stays on for the data."""
+        node, mac = sent.frame.to, self._mac
+        busy = self._senders.get(node)
+        if self.channel.is_sending(node) or (busy is not None and isinstance(busy.train, _Train)):
+            return False
+        answer = 2.0 * mac.turnaround + mac.airtime(mac.ack_bits) + mac.airtime(mac.bits(mac.payload_bits))
+        now = self._env.now
+        self._radios.hold_until(node, RECEIVES, now + answer + mac.turnaround, since=now)
+        if not self._nodes.alive[node]:
+            return False
+        ack = MacFrame(sender.node, mac.ack_bits, 0, sent.frame.target, self._early_ack, SEND, sent.frame.sequence)
+        ack.owner = sender
+        self.channel.transmit(node, ack, self._early_ack_sent)
+        return True
+
+    def _early_ack_sent(self, sent: Transmission, received: Received) -> None:
+        """The sender knows that its destination is awake, and sends the data; or it goes on with strobes."""
+        self._close_windows(sent, received)
+        sender: RepeatingSender = sent.frame.owner
+        self._overhearing.note_answer(sent)
+        if sender.stopped:
+            return
+        if received:
+            self.transmit_next(sender)
+        else:
+            self._senders.after(sender, self._rest, self._strobe)
+
+    def _data_sent(self, sent: Transmission, received: Received) -> None:
+        """A data frame has ended: its destination acknowledges it, and stays on for further frames."""
+        self._close_windows(sent, received)
+        sender: RepeatingSender = sent.frame.owner
+        node, mac = sent.frame.to, self._mac
+        sender.train = None
+        self._overhearing.note_frame(sent)
+        sender.received = sender.received or bool(received)
+        if received and self._nodes.alive[node] and not self.channel.is_sending(node):
+            self._radios.hold_until(node, RECEIVES, self._env.now + mac.linger)
+            if self._nodes.alive[node]:
+                ack = MacFrame(sent.source, mac.ack_bits, 0, sent.frame.target, self._ack, SEND, sent.frame.sequence)
+                ack.owner = sender
+                self.channel.transmit(node, ack, self._ack_sent)
+                return
+        if not sender.stopped:
+            self._senders.after(sender, mac.ack_wait, self._senders.fail)
+
+    def _ack_sent(self, sent: Transmission, received: Received) -> None:
+        self._close_windows(sent, received)
+        sender: RepeatingSender = sent.frame.owner
+        if not sender.stopped:
+            if received:
+                self._senders.after(sender, self._mac.spacing(sender.current.bits), self._acknowledged)
+            else:
+                self._senders.after(sender, self._rest, self._senders.fail)
+        self._overhearing.note_acknowledgement(sent)
+
+    def _acknowledged(self, sender: RepeatingSender) -> None:
+        self._senders.finish(sender, True, awake=True)
+
+    def _expect(self, sender: RepeatingSender, sent: Transmission, received: Ints) -> None:
+        """Nodes that heard a strobe of a broadcast know when it follows, and turn the radio off until then."""
+        self._close_windows(sent, received)
+        if received.size and not sender.stopped:
+            mac = self._mac
+            self._countdowns.hear(sent.source, received, sender.train.left * mac.period + mac.gap - mac.turnaround)
+
+    def _send_broadcast(self, sender: RepeatingSender) -> None:
+        sender.current.owner = sender
+        self.channel.transmit(sender.node, sender.current, self._broadcast_sent)
+
+    def _broadcast_sent(self, sent: Transmission, received: Received) -> None:
+        """A broadcast has ended: the radios that were on for it turn off."""
+        self._close_windows(sent, received)
+        sender: RepeatingSender = sent.frame.owner
+        self._countdowns.end(sent)
+        if not sender.stopped:
+            self._senders.finish(sender, received)
+
+    def _close_windows(self, sent: Transmission, received: Received) -> None:
+        """Listening windows in which a frame was heard: it takes the place of listening, and ends the window.
+
+        A node that hears the frame of somebody else turns the radio off; the radio of its destination is held on. A
+        node at which another frame overlaps it listens on, unless it has received the frame: it cannot tell for whom
+        that is.
+        """
+        listeners = sent.listeners
+        if listeners is None or not listeners.size:
+            return
+        now = self._env.now
+        window = listeners[self._radios.on_since(listeners) == np.inf]
+        back = now - np.maximum(sent.start, self._heard_until[window])
+        self._heard_until[window] = now
+        read = np.ones(window.size, dtype=np.bool_)
+        for other in sent.overlapping or ():
+            read &= ~np.isin(window, other.neighbours.ids)
+        read |= np.isin(window, received) if sent.frame.to == EVERYONE else (window == sent.frame.to) & bool(received)
+        left = np.where(read, self._left(window), 0.0)
+        self._off_until[window[read]] = now + left[read] + ROUNDING
+        back += left
+        for node, seconds in zip(window.tolist(), back.tolist(), strict=True):
+            self._nodes.spend_listening(node, -seconds)
+
+    def _left(self, ids: Ints) -> Floats:
+        """(n,) seconds that are left of the listening windows of nodes; 0 outside them."""
+        offsets, _ = self._radios.offsets(ids, self._env.now)
+        return np.maximum(self._mac.window - offsets, 0.0)
+
+    def _leave_window(self, node: int) -> float:
+        """Return since when a radio has been on that is held on from now on; what is left of its window is not due."""
+        ids, now = np.array([node]), self._env.now
+        left = float(self._left(ids)[0])
+        if not left or self._off_until[node] > now:
+            return np.inf
+        self._nodes.spend_listening(node, -left)
+        return now + left - self._mac.window
+
+    def _end_window(self, node: int) -> None:
+        """A radio that is turned off within a listening window stays off until the next one."""
+        left = float(self._left(np.array([node]))[0])
+        self._off_until[node] = self._env.now + left + ROUNDING

@@ -1,0 +1,1 @@
+"""TSCH: slots, channel hopping, cells that heads give their members, and synchronisation."""

@@ -1,0 +1,1 @@
+begin().catch((error) => fail(`The replay cannot be shown: ${error.message}`));

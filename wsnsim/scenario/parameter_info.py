@@ -1,0 +1,166 @@
+"""The parameters of a component: type, unit, bounds, default and meaning, from the annotations of its class.
+
+parameters_of(Disk) -> ParameterInfo("reach", "number", "m", "0.001 to 1e7", "75", "R_c: communication range"), ...
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
+
+from wsnsim.base.part import Quantity
+from wsnsim.scenario.fields import names_of, nested_of, roles_of
+
+DIMENSIONLESS: Final = "dimensionless"
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """One parameter of a kind.
+
+    Attributes:
+        name: its key in a scenario; with a dot if it belongs to a component within.
+        type: what it takes: 'number', 'whole number', 'text', 'true or false', 'list of 4 numbers', ...
+        unit: its SI unit, 'dimensionless', or '' if it is no number.
+        allowed: its bounds or its values: '> 0', '0 to 1', 'own | all'; '' if there are none.
+        default: the default as a scenario writes it; None if the parameter must be given.
+        meaning: what it is.
+    """
+
+    name: str
+    type: str
+    unit: str
+    allowed: str
+    default: str | None
+    meaning: str
+
+    @property
+    def takes(self) -> str:
+        """What a scenario may write: 'number in m, > 0', 'own | all', 'true | false'."""
+        if self.type == "true or false":
+            return "true | false"
+        if self.type == "text" and self.allowed:
+            return self.allowed
+        unit = f" ({self.unit})" if self.unit == DIMENSIONLESS else f" in {self.unit}" if self.unit else ""
+        return f"{self.type}{unit}" + (f", {self.allowed}" if self.allowed else "")
+
+
+def has_no_default(field: dataclasses.Field[Any]) -> bool:
+    """Return whether a scenario must give the field."""
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
+def assumptions() -> list[ParameterInfo]:
+    """Return the parameters that every tracker has: what its filter assumes about the models of the ground truth."""
+    return [
+        ParameterInfo("assumes.gains", "text", "", "known | unknown | estimated", "known",
+            "whether the filter knows each sensor's gain, ignores it or estimates it beside the state"),
+        ParameterInfo("assumes.inflate", "true or false", "", "", "false",
+            "widen the reading's variance for unknown gains and shadowing"),
+        ParameterInfo("assumes.noise_scale", "number", DIMENSIONLESS, "1e-9 to 1e9", "1",
+            "factor on the filter's process covariance"),
+    ]  # fmt: skip
+
+
+def parameters_of(part: Any, prefix: str = "") -> Iterator[ParameterInfo]:
+    """Yield the parameters of a component's class, those of the components within it with a prefix."""
+    hints = get_type_hints(part, include_extras=True)
+    nested, inner = nested_of(part), roles_of(part)
+    fields = {field.name: field for field in dataclasses.fields(part)}
+    for name in names_of(part):
+        held, notes = _annotation(hints[name])
+        meaning = next((note for note in notes if isinstance(note, str)), "")
+        default = _default(fields[name])
+        if name in inner:
+            kind = f"{'list of components' if inner[name].several else 'component'} of the role {inner[name].role}"
+            yield ParameterInfo(prefix + name, kind, "", "", default, meaning)
+        elif name in nested and vars(nested[name]).get("sheet", "any"):
+            yield ParameterInfo(prefix + name, "datasheet", "", "", default, meaning)
+        elif name in nested:
+            yield from parameters_of(nested[name], f"{prefix}{name}.")
+        else:
+            quantity = next((note for note in notes if isinstance(note, Quantity)), Quantity())
+            kind = type_in_words(held)
+            unit = _unit(part, quantity, held) if "number" in kind else ""
+            yield ParameterInfo(prefix + name, kind, unit, _allowed(held, quantity), default, meaning)
+
+
+def _unit(part: Any, quantity: Quantity, kind: Any) -> str:
+    """Return the unit of a number; those of the state's columns for a list with a number for each of them."""
+    units = getattr(part, "units", ())
+    if quantity.label == "SI" and get_origin(kind) is tuple and len(get_args(kind)) == len(units):
+        return ", ".join(unit or "1" for unit in units)
+    return quantity.unit or quantity.label or DIMENSIONLESS
+
+
+def _annotation(hint: Any) -> tuple[Any, tuple[Any, ...]]:
+    held, notes = (get_args(hint)[0], get_args(hint)[1:]) if hasattr(hint, "__metadata__") else (hint, ())
+    options = [option for option in get_args(held) if option is not type(None)]
+    is_optional = len(options) == 1 and len(get_args(held)) == 2 and get_origin(held) is not tuple
+    return (options[0] if is_optional else held), notes
+
+
+def type_in_words(kind: Any) -> str:
+    """Return the type of a field as documentation names it: 'whole number', 'list of 2 numbers'."""
+    origin, arguments = get_origin(kind), get_args(kind)
+    names = {float: "number", int: "whole number", bool: "true or false", str: "text"}
+    if kind in names:
+        return names[kind]
+    if origin is Literal:
+        return "text" if isinstance(arguments[0], str) else "whole number"
+    if origin is tuple:
+        count = "" if ... in arguments else f"{len(arguments)} "
+        inner = dict.fromkeys(type_in_words(argument) for argument in arguments if argument is not ...)
+        items = " or ".join(_plural(word) for word in inner)
+        return f"list of {count}{items}" if count != "1 " else f"list of 1 {next(iter(inner))}"
+    if arguments:
+        return " or ".join(type_in_words(argument) for argument in arguments if argument is not type(None))
+    return getattr(kind, "__name__", str(kind))
+
+
+def _plural(word: str) -> str:
+    if word.startswith("list"):
+        return word.replace("list", "lists", 1)
+    return f"{word}s" if word in ("number", "whole number", "text") else word
+
+
+def _allowed(kind: Any, quantity: Quantity) -> str:
+    if get_origin(kind) is Literal:
+        return " | ".join(str(value) for value in get_args(kind))
+    bounds = {name: getattr(quantity, name) for name in ("gt", "ge", "lt", "le")}
+    given = {name: bound for name, bound in bounds.items() if bound is not None and math.isfinite(bound)}
+    if set(given) == {"ge", "le"}:
+        return f"{short_number(given['ge'])} to {short_number(given['le'])}"
+    signs = {"gt": "> ", "ge": "≥ ", "lt": "< ", "le": "≤ "}
+    return ", ".join(f"{signs[name]}{short_number(bound)}" for name, bound in given.items())
+
+
+def short_number(value: float, digits: int = 6) -> str:
+    """Return a number without needless characters: 1e7 for 10000000.0."""
+    return re.sub(r"e\+?(-?)0*(?=\d)", r"e\1", f"{value:.{digits}g}")
+
+
+def _default(field: dataclasses.Field[Any]) -> str | None:
+    if field.default is not dataclasses.MISSING:
+        return as_written(field.default)
+    factory = field.default_factory
+    return None if factory is dataclasses.MISSING else as_written(factory())
+
+
+def as_written(value: Any) -> str:
+    """Return a value as a scenario writes it; 'null' for None."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return short_number(value, 12) if math.isfinite(value) else f"{'-' * (value < 0)}.inf"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(as_written(item) for item in value)}]"
+    if isinstance(value, str):
+        return value or "''"
+    return str(value)

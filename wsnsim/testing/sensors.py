@@ -1,0 +1,198 @@
+"""The contract check of sensor models."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.optional_ports import Detects
+from wsnsim.base.ports import SensorModel
+from wsnsim.base.vector_readings import components_of, near, periods_of, rows
+from wsnsim.testing.demand import demand
+
+SAMPLES = 2000
+WIDTH = 1e-5
+"""m: half the width of a finite difference."""
+NEAR = (0.1, 0.6)
+"""The distances of targets from the first sensor, as shares of the sensing range."""
+SIGMAS = 6.0
+"""Standard errors by which a mean of samples may be wrong: no seed fails by chance."""
+LONGEST = 60.0
+"""m: the sensing range that is taken for a sensor without one."""
+
+
+class _SensorField(NamedTuple):
+    """Sensors, their constants and targets in range of all of them."""
+
+    points: Floats
+    positions: Floats
+    traits: Floats
+
+
+def check_sensor(sensor: SensorModel, columns: int = 2, seed: int = 1) -> None:
+    """Check a sensor model against the rules of its port (`wsnsim.base.ports.SensorModel`).
+
+    Args:
+        sensor: An instance of the model.
+        columns: Columns of the target's position: 2 in the plane, 1 on a line.
+        seed: Seed of positions, constants and noise.
+
+    Raises:
+        AssertionError: The model breaks a rule, which the message names. traits: a row of constants per node, the
+            same for the same seed. measure: readings are finite, and change with the noise. detects: bool of (points,
+            sensors), if the model has that method. linearisation: `linearise` holds the readings without noise, their
+            gradients and positive variances. likelihood: the likelihood of several readings is the product of theirs,
+            no readings give 1, points that are not finite -inf, and whole periods of angles change nothing. truth: on
+            average no other point is more likely than the true one. assumed: the model of a filter has the same
+            methods.
+    """
+    rng = np.random.default_rng(seed)
+    reach = min(sensor.reach, LONGEST)
+    with demand("traits"):
+        field = _field(sensor, columns, reach, rng)
+    with demand("measure"):
+        _check_measure(sensor, field, rng)
+    with demand("detects"):
+        _check_detects(sensor, field)
+    with demand("linearisation"):
+        _check_linearisation(sensor, field)
+    with demand("likelihood"):
+        _check_likelihood(sensor, field, rng)
+    with demand("truth"):
+        _check_truth(sensor, field, reach, rng)
+    with demand("assumed"):
+        assumed = sensor.assumed("known", False)
+        for name in ("log_likelihood", "linearise"):
+            assert callable(getattr(assumed, name, None)), f"the assumed model lacks {name}"
+
+
+def _field(sensor: SensorModel, columns: int, reach: float, rng: np.random.Generator) -> _SensorField:
+    assert reach > 0.0, f"reach is {sensor.reach}, must be greater than 0"
+    positions = rng.uniform(-0.1, 0.1, (4, 2)) * reach
+    first, again = (sensor.draw_traits(len(positions), np.random.default_rng(1)) for _ in range(2))
+    wanted = (len(positions), len(sensor.trait_names))
+    assert first.shape == wanted, f"draw_traits gives the shape {first.shape}, expected {wanted}: (nodes, traits)"
+    assert np.array_equal(first, again), "the same generator gives two different sets of constants"
+    away, turn = rng.uniform(*NEAR, 5) * reach, rng.uniform(-np.pi, np.pi, 5)
+    points = np.stack([away * np.cos(turn), away * np.sin(turn)])[:columns]
+    return _SensorField(points + 0.25 * reach, positions, first)
+
+
+def _measured(sensor: SensorModel, field: _SensorField, noise: Floats) -> Floats:
+    """Return the readings (S, ...) of the first target by all sensors."""
+    points = np.repeat(field.points[:, :1].T, len(field.positions), axis=0)
+    return sensor.measure(points, field.positions, field.traits, noise)
+
+
+def _noise(sensor: SensorModel, count: int, rng: np.random.Generator) -> Floats:
+    components = len(components_of(sensor))
+    return rng.standard_normal((count, components) if components > 1 else count)
+
+
+def _check_measure(sensor: SensorModel, field: _SensorField, rng: np.random.Generator) -> None:
+    noise = _noise(sensor, len(field.positions), rng)
+    readings = _measured(sensor, field, noise)
+    assert readings.shape == noise.shape, f"measure gives the shape {readings.shape}, expected {noise.shape}"
+    assert np.isfinite(readings).all(), "measure gives readings that are not finite"
+    assert not np.array_equal(readings, _measured(sensor, field, -noise)), "readings do not change with the noise"
+
+
+def _check_linearisation(sensor: SensorModel, field: _SensorField) -> None:
+    expected, gradients, variances = sensor.linearise(field.points, field.positions, field.traits)
+    axes, count = field.points.shape
+    sensors = len(field.positions) * len(components_of(sensor))
+    for name, array, wanted in (
+        ("expected readings", expected, (sensors, count)),
+        ("gradients", gradients, (sensors, axes, count)),
+        ("variances", variances, (sensors, count)),
+    ):
+        assert array.shape == wanted, f"linearise: {name} have the shape {array.shape}, expected {wanted}"
+        assert np.isfinite(array).all(), f"linearise: {name} are not finite"
+    assert (variances > 0.0).all(), "linearise: variances must be greater than 0"
+    quiet = rows(sensor, _measured(sensor, field, np.zeros_like(_noise(sensor, len(field.positions), _any()))))
+    error = np.abs(near(sensor, quiet, expected[:, 0]) - expected[:, 0])
+    assert (error <= 1e-6 * np.maximum(1.0, np.abs(expected[:, 0]))).all(), (
+        f"linearise expects {expected[:, 0]}, and measure without noise gives {quiet}"
+    )
+    for axis in range(axes):
+        shift = np.zeros((axes, 1))
+        shift[axis] = WIDTH
+        above, below = (sensor.linearise(field.points + s, field.positions, field.traits)[0] for s in (shift, -shift))
+        slopes = (near(sensor, above, below) - below) / (2.0 * WIDTH)
+        error = np.abs(slopes - gradients[:, axis])
+        assert (error <= 1e-3 * np.maximum(1e-3, np.abs(slopes).max())).all(), (
+            f"linearise: gradients along axis {axis} are not the derivatives of the expected readings: {error.max():g}"
+        )
+
+
+def _any() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def _check_likelihood(sensor: SensorModel, field: _SensorField, rng: np.random.Generator) -> None:
+    readings = _measured(sensor, field, _noise(sensor, len(field.positions), rng))
+    whole = sensor.log_likelihood(field.points, readings, field.positions, field.traits)
+    assert whole.shape == (field.points.shape[1],), f"log_likelihood has the shape {whole.shape}, expected (N,)"
+    each = [
+        sensor.log_likelihood(field.points, readings[i : i + 1], field.positions[i : i + 1], field.traits[i : i + 1])
+        for i in range(len(readings))
+    ]
+    scale = 1e-9 * np.abs(each).sum(axis=0) + 1e-9
+    assert (np.abs(np.sum(each, axis=0) - whole) <= scale).all(), (
+        "the likelihood of several readings is not the product of theirs"
+    )
+    owners = np.arange(field.points.shape[1]) % len(readings)
+    own = sensor.log_likelihood(field.points, readings, field.positions, field.traits, owners)
+    wanted = np.array(each)[owners, np.arange(owners.size)]
+    assert np.allclose(own, wanted, rtol=1e-9, atol=1e-9), "with owners, reading owners[j] alone counts for particle j"
+    none = sensor.log_likelihood(field.points, readings[:0], field.positions[:0], field.traits[:0])
+    assert np.array_equal(none, np.zeros(field.points.shape[1])), "no readings: a log-likelihood of 0 is expected"
+    shifts = np.array([period if period else 0.0 for period in periods_of(sensor)])
+    if shifts.any():
+        shifted = sensor.log_likelihood(field.points, readings + _as(readings, shifts), field.positions, field.traits)
+        assert np.allclose(shifted, whole, rtol=1e-6, atol=1e-6), (
+            "a reading and the same reading and a whole period must have the same likelihood"
+        )
+    broken = np.full_like(field.points, np.nan)
+    with np.errstate(all="ignore"):
+        lost = sensor.log_likelihood(broken, readings, field.positions, field.traits)
+    assert np.array_equal(lost, np.full(lost.shape, -np.inf)), "points that are not finite: -inf is expected"
+
+
+def _as(readings: Floats, periods: Floats) -> Floats:
+    """The periods of the components of readings (S,) or (S, C)."""
+    return periods if readings.ndim > 1 else np.full(len(readings), periods[0])
+
+
+def _check_detects(sensor: SensorModel, field: _SensorField) -> None:
+    if not isinstance(sensor, Detects):
+        return
+    found = np.asarray(sensor.detects(field.points.T, field.positions))
+    wanted = (field.points.shape[1], len(field.positions))
+    assert found.shape == wanted and found.dtype == np.bool_, (
+        f"detects gives {found.dtype} of the shape {found.shape}, expected bool of {wanted}: (points, sensors)"
+    )
+
+
+def _check_truth(sensor: SensorModel, field: _SensorField, reach: float, rng: np.random.Generator) -> None:
+    """Demand E log p(z | true point) >= E log p(z | other point): Gibbs' inequality, on samples."""
+    node = slice(0, 1)
+    true = field.points[:, :1]
+    points = np.repeat(true.T, SAMPLES, axis=0)
+    positions, traits = (np.repeat(array[node], SAMPLES, axis=0) for array in (field.positions, field.traits))
+    readings = sensor.measure(points, positions, traits, _noise(sensor, SAMPLES, rng))
+    owners = np.arange(SAMPLES)
+
+    def logs(at: Floats) -> Floats:
+        return sensor.log_likelihood(np.repeat(at, SAMPLES, axis=1), readings, positions, traits, owners)
+
+    right = logs(true)
+    for share in (-0.02, 0.02, 0.1):
+        more = right - logs(true + share * reach)
+        error = SIGMAS * more.std() / np.sqrt(SAMPLES)
+        assert more.mean() >= -error - 1e-9, (
+            f"readings of a target at {true[:, 0]} are more likely {share * reach:g} m beside it: "
+            "measure and log_likelihood disagree"
+        )

@@ -1,0 +1,136 @@
+"""The live view of a campaign that another process runs: its progress, and its curves as they form.
+
+    with CampaignView(folder) as view: view.follow()
+
+The folder is only read. What the page asks for is answered from what was read last.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any, Final, final
+
+from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.recording.folder import Folder
+from wsnsim.report.page_template import script_of, static_text
+from wsnsim.report.sweep_svg import SweepSvgs, sweep_svgs
+from wsnsim.watch.campaign_state import CampaignState, campaign_state
+from wsnsim.watch.run_view import page
+from wsnsim.watch.server import HttpAnswer, WatchServer
+
+PAUSE: Final = 1.0
+"""Seconds between two looks at the folder."""
+SHARE: Final = 0.2
+"""The share of the time that reading and plotting may take (our choice)."""
+OPEN: Final = 5.0
+"""Seconds that tabs get to fetch the last state before the server is closed."""
+SVG_POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
+
+
+@final
+class CampaignView:
+    """A server that shows a campaign's folder.
+
+    Args:
+        folder: the campaign's folder.
+        metric: the column of `runs` that is plotted.
+        column: the swept key on the axis; by default the numeric key with the most values.
+        port: port of the loopback interface; 0 chooses a free one.
+
+    Raises:
+        ResultError: the folder holds no campaign.
+        UsageError: there is no such metric or key, or the port cannot be used.
+    """
+
+    def __init__(self, folder: Folder, metric: str = "rmse", column: str | None = None, port: int = 0) -> None:
+        self._folder, self._metric, self._column = folder, metric, column
+        self._state = campaign_state(folder)
+        self._curves, self._version, self._why = SweepSvgs({}, {}), 0, "There are no results yet."
+        self._drawn_at = -1
+        self._began, self._first = time.monotonic(), self._state.done
+        self._looked = threading.Event()
+        self._draw()
+        self._page = page("campaign.html", self._state.name, script_of([static_text("campaign.js", "wsnsim.watch")]))
+        self._server = WatchServer(self._answer, port)
+
+    @property
+    def url(self) -> str:
+        """The address of the view."""
+        return self._server.url
+
+    def state(self) -> str:
+        """The state of the campaign in one line."""
+        return self._state.text()
+
+    def __enter__(self) -> CampaignView:
+        self._server.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._server.__exit__(*error)
+
+    def follow(self, until_complete: bool = False) -> None:
+        """Look at the folder again and again, for ever or until the campaign is complete."""
+        while not (until_complete and self._state.complete):
+            began = time.monotonic()
+            self.look()
+            time.sleep(max(PAUSE, (time.monotonic() - began) * (1 / SHARE - 1)))
+        if self._looked.is_set():  # a tab is open: it gets the last state
+            self._looked.clear()
+            self._looked.wait(OPEN)
+
+    def look(self) -> None:
+        """Read the folder, and plot the curves if there are more runs."""
+        try:
+            self._state = campaign_state(self._folder)
+            self._draw()
+        except ResultError as error:  # the folder was moved, or a file is just being replaced
+            self._why = str(error)
+
+    def _draw(self) -> None:
+        done = self._state.done
+        if done == self._drawn_at or not done:
+            return
+        try:
+            self._curves, self._why = sweep_svgs(self._folder, self._metric, self._column), ""
+        except UsageError as error:
+            if self._column or self._metric != "rmse":
+                raise
+            self._why = str(error)
+        self._drawn_at, self._version = done, self._version + 1
+
+    def _answer(self, name: str, given: Mapping[str, str]) -> HttpAnswer | None:
+        if name == "":
+            return self._page
+        if name == "state":
+            self._looked.set()
+            return HttpAnswer.json(self._told())
+        found = self._curves.drawn.get(name.removesuffix(".svg")) if name.endswith(".svg") else None
+        return HttpAnswer(found[1].encode(), "image/svg+xml", SVG_POLICY) if found else None
+
+    def _told(self) -> dict[str, Any]:
+        """The state as the page takes it."""
+        state, curves = self._state, self._curves
+        return {
+            "done": state.done, "failed": state.failed, "total": state.total, "running": state.running,
+            "complete": state.complete, "left": self._left(state), "seconds": _median(state),
+            "points": [[p.settings, p.done, p.failed, p.wanted, p.seconds] for p in state.points],
+            "failures": list(state.failures.items()), "version": self._version, "why": self._why,
+            "curves": [[name, title] for name, (title, _) in curves.drawn.items()],
+            "left_out": list(curves.left_out.items()),
+        }  # fmt: skip
+
+    def _left(self, state: CampaignState) -> float | None:
+        """Estimated seconds until the end, from the runs that were finished since the view began."""
+        new = state.done - self._first
+        if new <= 0 or state.complete:
+            return None
+        return (time.monotonic() - self._began) / new * (state.total - state.done - state.failed)
+
+
+def _median(state: CampaignState) -> float | None:
+    known = sorted(p.seconds for p in state.points if p.seconds is not None and math.isfinite(p.seconds))
+    return known[len(known) // 2] if known else None

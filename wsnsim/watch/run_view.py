@@ -1,0 +1,223 @@
+"""The live view of a run: its page, and what the page asks for while the run computes.
+
+    with RunView(title, runs, port) as view:
+        report = experiment.run(scenario, out=path, progress=view.report, watched=view.recorder)
+        view.finish(page)
+
+The thread of the simulation only puts pieces into a queue. A thread of the view encodes them, and the server's threads
+send what is encoded, so that no tab, however slow, holds up the run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import html
+import itertools
+import math
+import queue
+import re
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any, Final, final
+
+from wsnsim.base.following import RunStart
+from wsnsim.base.ports import Recorder
+from wsnsim.base.progress import Progress
+from wsnsim.report.page_template import filled, script_of, source_of, static_text
+from wsnsim.watch.live_frames import LiveFrames
+from wsnsim.watch.live_recorder import INTERVAL, LiveRecorder, RunPiece
+from wsnsim.watch.server import POLICY, HttpAnswer, WatchServer
+
+SCRIPTS: Final = ("replay_data.js", "tooltips.js", "drawing.js", "legend.js", "player.js")
+MOST_SENT: Final = 2_000_000
+"""Characters of frames in one answer; the rest comes with the next one."""
+FAREWELL: Final = 5.0
+"""Seconds that tabs get to fetch the result's page before the server is closed."""
+OPEN: Final = 3.0
+"""Seconds since its last request for which a tab is taken to be open."""
+META_POLICY: Final = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
+Queued = RunStart | RunPiece | threading.Event | None
+
+
+@final
+class RunView:
+    """A server that shows one call of `experiment.run`.
+
+    Args:
+        title: name of the scenario.
+        port: port of the loopback interface; 0 chooses a free one.
+        interval: seconds between two looks at the run.
+    """
+
+    def __init__(self, title: str, port: int = 0, interval: float = INTERVAL) -> None:
+        self._title, self._interval = title, interval
+        self._queue: queue.SimpleQueue[Queued] = queue.SimpleQueue()
+        self._lock = threading.Lock()
+        self._frames: LiveFrames | None = None
+        self._texts: list[str] = []
+        self._run = 0
+        self._note = ""
+        self._progress: Progress | None = None
+        self._final: HttpAnswer | None = None
+        self._asked, self._given = -math.inf, threading.Event()
+        self._page = _live_page(title)
+        self._server = WatchServer(self._answer, port)
+        self._encoder = threading.Thread(target=self._encode, name="watch frames", daemon=True)
+
+    @property
+    def url(self) -> str:
+        """The address of the view."""
+        return self._server.url
+
+    def __enter__(self) -> RunView:
+        self._server.__enter__()
+        self._encoder.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._queue.put(None)
+        self._server.__exit__(*error)
+
+    def recorder(self, file: Recorder) -> Recorder:
+        """The recorder through which the run is watched."""
+        return LiveRecorder(file, self._queue.put, self._queue.put, self._interval)
+
+    def report(self, progress: Progress) -> None:
+        """Take the progress of the run."""
+        self._progress = progress
+
+    def settle(self) -> None:
+        """Wait until all that has happened so far is encoded."""
+        settled = threading.Event()
+        self._queue.put(settled)
+        settled.wait()
+
+    def finish(self, page: str) -> None:
+        """Show the page of the result instead."""
+        found = META_POLICY.search(page)
+        policy = f"{html.unescape(found[1])}; frame-ancestors 'none'" if found else POLICY
+        self._final = HttpAnswer(page.encode(), policy=policy)
+
+    @property
+    def has_tab(self) -> bool:
+        """Whether a tab has asked for news lately."""
+        return time.monotonic() - self._asked < OPEN
+
+    def wait_for_tabs(self, most: float = FAREWELL) -> None:
+        """Wait until an open tab has fetched the page of the result, but not for long."""
+        if self.has_tab:
+            self._given.wait(most)
+
+    def _encode(self) -> None:
+        """Encode what is in the queue; pieces that have come since the last time are encoded together."""
+        while True:
+            items: list[Queued] = [self._queue.get()]
+            with contextlib.suppress(queue.Empty):
+                while True:
+                    items.append(self._queue.get_nowait())
+            for kind, group in itertools.groupby(items, type):
+                if kind is RunStart:
+                    self._begin(list(group)[-1])
+                elif kind is RunPiece:
+                    self._add(list(group))
+                elif kind is threading.Event:
+                    self._settled(list(group))
+                else:
+                    return
+
+    @staticmethod
+    def _settled(events: list[Any]) -> None:
+        for event in events:
+            event.set()
+
+    def _begin(self, start: Any) -> None:
+        frames = LiveFrames(start)
+        with self._lock:
+            self._frames, self._texts, self._note = frames, [], ""
+            self._run += 1
+
+    def _add(self, pieces: list[Any]) -> None:
+        if self._frames is None or self._note:
+            return
+        try:
+            text = self._frames.add(pieces)
+        except Exception as error:  # what a view cannot show is no reason to disturb the run
+            self._note = f"The run goes on, but cannot be shown any further: {type(error).__name__}: {error}"
+            return
+        with self._lock:
+            self._texts.append(text)
+
+    def _answer(self, name: str, given: Mapping[str, str]) -> HttpAnswer | None:
+        if name == "":
+            if self._final is not None:
+                self._given.set()
+            return self._final or self._page
+        if name == "state":
+            self._asked = time.monotonic()
+            return HttpAnswer.json(self._state(_number(given.get("run")), _number(given.get("from"))))
+        return None
+
+    def _state(self, run: int, first: int) -> dict[str, Any]:
+        """What a tab does not know yet that has the first texts of a run."""
+        state: dict[str, Any] = {"ended": self._final is not None, "note": self._note, **self._progress_now()}
+        with self._lock:
+            frames, texts = self._frames, self._texts
+            if frames is None:
+                return state | {"run": 0, "texts": []}
+            begin = first if run == self._run and 0 <= first <= len(texts) + 1 else 0
+            everything = [frames.head, *texts]
+            state |= {
+                "run": self._run, "replicate": frames.replicate, "from": begin, "error": _finite(frames.error),
+                "rmse": _finite(frames.rmse), "joules": dict(frames.joules), "known": len(everything),
+            }  # fmt: skip
+        return state | {"texts": _as_many_as_fit(everything[begin:])}
+
+    def _progress_now(self) -> dict[str, Any]:
+        progress = self._progress
+        if progress is None:
+            return {"progress": None}
+        simulated = progress.replicate * progress.duration + progress.time
+        return {
+            "progress": {
+                "number": progress.replicate + 1, "runs": progress.replicates, "time": progress.time,
+                "duration": progress.duration, "wall": progress.wall, "speed": simulated / max(progress.wall, 1e-9),
+                "share": min(1.0, simulated / max(progress.replicates * progress.duration, 1e-9)),
+            }
+        }  # fmt: skip
+
+
+def _number(text: str | None) -> int:
+    return int(text) if text and text.isascii() and text.isdecimal() and len(text) < 10 else -1
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _as_many_as_fit(texts: list[str]) -> list[str]:
+    """The first of the texts that together have at most `MOST_SENT` characters, and at least one."""
+    size = 0
+    for count, text in enumerate(texts):
+        size += len(text)
+        if size > MOST_SENT and count:
+            return texts[:count]
+    return texts
+
+
+def _live_page(title: str) -> HttpAnswer:
+    """The page of a run that computes."""
+    sources = [*map(static_text, SCRIPTS), *(static_text(n, "wsnsim.watch") for n in ("live_data.js", "live.js"))]
+    return page("run.html", title, script_of(sources))
+
+
+def page(template: str, title: str, script: str) -> HttpAnswer:
+    """A page of this package, which may ask its own server only."""
+    name = html.escape(title)
+    style = static_text("style.css") + static_text("live.css", "wsnsim.watch")
+    slots = {"title": name, "heading": f"<bdi>{name}</bdi>", "style": style, "script": script}
+    policy = (
+        f"default-src 'none'; script-src {source_of(script)}; style-src 'unsafe-inline'; connect-src 'self'; "
+        "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    return HttpAnswer(filled(static_text(template, "wsnsim.watch"), slots).encode(), policy=policy)
