@@ -1,7 +1,7 @@
-"""The README's tables of results anew: `make readme`, from campaigns in results/reproduce and results/readme.
+"""Tables of results in docs/papers and the results of the README: `make readme`, from campaigns in results/
 
 python -m tests.readme                          runs what is missing: two hours on two cores if nothing is there
-python -m tests.readme commercial_radio         these blocks only: papers, li2012, frontier, run_times, or a table
+python -m tests.readme commercial_radio         these blocks only: one of BLOCKS
 """
 
 from __future__ import annotations
@@ -10,32 +10,30 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import wsnsim
+from tests.readme_results import PAPERS, results
 from tests.readme_tables import TABLES
 from wsnsim.papers.paper import PAGES
 
 HOME = Path(__file__).parents[1]
+README, DOCS = HOME / "README.md", HOME / "docs"
 BLOCK = r"(<!-- {name}: made by make readme -->\n).*?(<!-- end of {name} -->)"
-BLOCKS = {
-    "papers": ("jiang2013", "liu2012", "wei2022", "ruan2020", "--full"),
-    "li2012": ("li2012", "--full"),
-    "frontier": ("frontier", "--full", "--only", "frontier"),
-}
 REGISTERED = "- registered "
-"""How lines with answers to hypotheses begin: docs/frontier.md has these."""
+"""How lines with answers to hypotheses begin: docs/frontier.md and docs/duty_cycles.md have these."""
 CAMPAIGNS = HOME / "results/reproduce/full"
-TIMES = "run_times"
-PICTURES = ("jiang2013_figure_9.png", "frontier_frontier.png")
+FIGURES = HOME / "results/figures"
+PICTURES = ("jiang2013_figure_9.png",)
+Made = Callable[[str], str]
 
 
-def told(*words: str) -> str:
-    """What `wsnsim reproduce` answers as Markdown."""
-    command = [sys.executable, "-m", "wsnsim", "reproduce", "--markdown", *words]
-    said = subprocess.run(command, cwd=HOME, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
-    return "\n".join(line for line in said.splitlines() if not line.startswith(REGISTERED))
+def reproduced(name: str) -> str:
+    """The main rows of a paper: what `wsnsim reproduce` answers as Markdown; it also draws the paper's figures."""
+    command = [sys.executable, "-m", "wsnsim", "reproduce", "--markdown", name, "--full", "--figures", str(FIGURES)]
+    answer = subprocess.run(command, cwd=HOME, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+    return "\n".join(line for line in answer.splitlines() if not line.startswith(REGISTERED))
 
 
 def table(name: str) -> str:
@@ -47,7 +45,7 @@ def table(name: str) -> str:
     return made(wsnsim.read(folder, "tracks"), wsnsim.read(folder, "runs"))
 
 
-def run_times() -> str:
+def run_times(_: str = "") -> str:
     """A row per paper: the command that reproduces it, its runs, and the processor time that they took."""
     rows = ["| command | experiments | Monte Carlo runs | processor time of the runs |", "| --- | --- | --- | --- |"]
     for page in PAGES:
@@ -59,24 +57,34 @@ def run_times() -> str:
     return "\n".join(rows)
 
 
+BLOCKS: dict[str, tuple[Path, Made]] = {
+    **{name: (DOCS / f"papers/{name}.md", reproduced) for name in PAPERS},
+    "commercial_radio": (DOCS / "papers/commercial_radio.md", table),
+    "sleeping": (DOCS / "papers/li2012.md", table),
+    "sleeping_rarely": (DOCS / "papers/li2012.md", table),
+    "run_times": (DOCS / "papers/index.md", run_times),
+    "results": (README, lambda _: results()),
+}
+"""Name -> the file in which a block stands, and the function of the name that makes it. `results` reads the others."""
+
+
 def spliced(text: str, name: str, block: str) -> str:
-    """The README with a block replaced. Raises ValueError if it has no such block."""
+    """A page with a block replaced. Raises ValueError if it has no such block."""
     pattern = re.compile(BLOCK.format(name=name), re.DOTALL)
     found, count = pattern.subn(lambda mark: f"{mark[1]}{block}\n{mark[2]}", text)
     if count != 1:
-        raise ValueError(f"README.md has {count} blocks called {name}")
+        raise ValueError(f"the page has {count} blocks called {name}")
     return found
 
 
 def main(names: Sequence[str]) -> None:
-    """Write blocks of README.md and the pictures that it shows; all if none is named."""
-    readme, figures = HOME / "README.md", HOME / "results/figures"
-    drawn = ("--figures", str(figures))
-    for name in names or (*BLOCKS, *TABLES, TIMES):
-        block = run_times() if name == TIMES else table(name) if name in TABLES else told(*BLOCKS[name], *drawn)
-        readme.write_text(spliced(readme.read_text(encoding="utf-8"), name, block), encoding="utf-8")
+    """Write blocks and the pictures beside them; all if none is named."""
+    for name in names or BLOCKS:
+        page, made = BLOCKS[name]
+        block = made(name)
+        page.write_text(spliced(page.read_text(encoding="utf-8"), name, block), encoding="utf-8")
     for picture in () if names else PICTURES:
-        shutil.copyfile(figures / picture, HOME / "docs" / picture)
+        shutil.copyfile(FIGURES / picture, DOCS / picture)
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ CHECKS = {
     "punctual": ("Punctual", {}, testing.check_tracker),
     "overheating": ("Overheating", {"at": 0.1}, testing.check_fault),
     "convergecast": ("Convergecast", {}, testing.check_workload),
+    "reference": ("Reference", {}, testing.check_sync),
     "neighbourhood": ("Neighbourhood", {}, testing.check_wakeup),
     "nearby": ("Nearby", {}, lambda policy: demand_port(type(policy), "clusters")),
     "aloha": ("PureAloha", {}, testing.check_mac),
@@ -53,5 +54,5 @@ def test_an_example_runs_from_its_scenario(module, tmp_path):
     (text,) = (text for text, name in SCENARIOS.items() if name == module.__name__)
     path = tmp_path / "mine.yaml"
     path.write_text(text, encoding="utf-8")
-    result = wsnsim.simulate(wsnsim.load(path, ["duration=4 s"]))
+    result = wsnsim.experiment.simulate_run(wsnsim.load(path, ["duration=4 s"]))
     assert result.run["frames_sent"] > 0

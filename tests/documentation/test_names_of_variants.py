@@ -1,24 +1,22 @@
-"""Variants have one name: the README's tables of networks use the names of the papers' files."""
+"""Variants have one name: the tables of networks in docs/papers use the names of the papers' files."""
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 
+from tests.documentation.pages_of_docs import block
 from tests.readme_tables import SLEEPERS
 from wsnsim.papers.paper import PAPERS, paper
 from wsnsim.scenario import shipped
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 NAME = re.compile(r"^`([^`]+)`")
 
 
-def tables(section: str) -> list[list[list[str]]]:
-    """The tables of a section: rows of cells, the heading first."""
-    (text,) = re.findall(rf"^### {section}\n(.*?)^##", README, re.DOTALL | re.MULTILINE)
-    blocks = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)
+def tables(page: str, *names: str) -> list[list[list[str]]]:
+    """Tables that `make readme` wrote: rows of cells, the heading first."""
+    blocks = [block(f"docs/papers/{page}.md", name) for name in names]
     rows = [[line.strip().strip("|").split("|") for line in block.splitlines()] for block in blocks]
     return [[[cell.strip() for cell in row] for row in table if not set("".join(row)) <= set("- ")] for table in rows]
 
@@ -34,7 +32,7 @@ def trackers(name: str) -> set[str]:
 
 
 def test_the_networks_that_sleep_name_trackers_as_reproduce_does() -> None:
-    found = [named(table) for table in tables("A network that sleeps, and is woken")]
+    found = [named(table) for table in tables("li2012", "sleeping", "sleeping_rarely")]
     assert len(found) == 2
     for names in found:
         assert set(names) <= trackers("li2012"), set(names) - trackers("li2012")
@@ -53,7 +51,7 @@ def test_the_tables_of_networks_that_sleep_give_the_literal_outcome_first() -> N
 
 
 def test_the_commercial_radio_names_scenarios_and_readings_that_are_shipped() -> None:
-    (table,) = tables("The same on a commercial radio")
+    (table,) = tables("commercial_radio", "commercial_radio")
     assert len(named(table)) == len(table) - 1
     assert set(named(table)) <= set(shipped())
 

@@ -1,0 +1,42 @@
+"""A small file of a user passes mypy in strict mode against the package, and a misspelt argument does not."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import wsnsim
+
+ROOT = Path(wsnsim.__file__).parents[1]
+USE = """
+import wsnsim
+from wsnsim.models import DiskLink, RangeSensor
+from wsnsim.plugins import GaussianBelief, HeadFilter, normals
+from wsnsim.trackers import Ekf, PsoMhpf
+
+result: wsnsim.Result = wsnsim.simulate("pso_mhpf", tracker=PsoMhpf(particles=200), link=DiskLink(reach=60.0), seed=3)
+name: str = result.name
+result.plot.track().set_title(name)
+points = wsnsim.sweep("pso_mhpf", {"tracker.particles": [100, 400]}, replicates=2, keep=["estimates"])
+complete: bool = points.complete
+found = wsnsim.compare("jiang_field", trackers=[Ekf(), "ukf"], sensor=RangeSensor(sd=2.0))
+conclusion: str = str(found)
+"""
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("more", "error"), [("", ""), ("wsnsim.simulate('x', traker=1)\n", "traker")])
+def test_mypy_accepts_good_use_and_finds_a_misspelt_argument(tmp_path: Path, more: str, error: str) -> None:
+    pytest.importorskip("mypy")
+    (tmp_path / "use.py").write_text(USE + more)
+    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), "use.py"]
+    here = {**os.environ, "MYPYPATH": str(ROOT)}
+    settings = tmp_path / "mypy.ini"
+    settings.write_text("[mypy]\nfollow_imports = silent\nignore_missing_imports = True\n")
+    done = subprocess.run(command, cwd=tmp_path, env=here, capture_output=True, text=True, check=False)
+    assert (done.returncode == 0) == (error == ""), done.stdout
+    assert error in done.stdout
