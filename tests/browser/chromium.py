@@ -44,7 +44,7 @@ class Browser:
         )
         os.close(orders)
         os.close(answers)
-        self.number, self.rest, self.session, self.said = 0, b"", None, []
+        self.number, self.rest, self.target, self.session, self.said = 0, b"", None, None, []
 
     def close(self) -> None:
         self.process.kill()
@@ -54,7 +54,7 @@ class Browser:
         shutil.rmtree(self.profile, ignore_errors=True)
 
     def order(self, method, **parameters):
-        """Send a command and wait for its result; events in between are kept in `said`."""
+        """Send a command and wait for its result; events of the open page in between are kept in `said`."""
         self.number += 1
         message = {"id": self.number, "method": method, "params": parameters}
         if self.session and not method.startswith("Target."):
@@ -65,7 +65,8 @@ class Browser:
             if answer.get("id") == self.number:
                 assert "error" not in answer, answer
                 return answer["result"]
-            self.said.append(answer)
+            if answer.get("sessionId") == self.session:
+                self.said.append(answer)
 
     def _next(self):
         until = time.monotonic() + 60
@@ -77,10 +78,13 @@ class Browser:
         return json.loads(message)
 
     def open(self, address, width=1200, height=900, reduced=False, ready=REPLAY_IS_READY):
-        """Open a new page and wait until it is ready."""
-        target = self.order("Target.createTarget", url="about:blank")["targetId"]
-        self.session = self.order("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        """Close the page that is open, open a new one and wait until it is ready."""
+        before = self.target
+        self.target = self.order("Target.createTarget", url="about:blank")["targetId"]
+        self.session = self.order("Target.attachToTarget", targetId=self.target, flatten=True)["sessionId"]
         self.said = []
+        if before:
+            self.order("Target.closeTarget", targetId=before)
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.order(f"{domain}.enable")
         self.order(
