@@ -7,18 +7,35 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+NOT_LOOKED_UP: Final = "not looked up"
+"""The mark of a DOI that was not compared with the record at doi.org."""
+
 
 class Citation(NamedTuple):
-    """A publication: how the code cites it, its title, where it appeared, and its DOI ('' if it has none)."""
+    """A publication that the code cites.
+
+    Attributes:
+        key: how the code cites it.
+        title: its title.
+        venue: where it appeared.
+        doi: its DOI; '' if none could be verified.
+        looked_up: whether the DOI was compared with the record at doi.org.
+    """
 
     key: str
     title: str
     venue: str
     doi: str = ""
+    looked_up: bool = True
+
+    @property
+    def mark(self) -> str:
+        """The words that follow a DOI which was not looked up; '' for all others."""
+        return "" if self.looked_up else f" ({NOT_LOOKED_UP})"
 
     def text(self) -> str:
         """Return the citation in one line."""
-        return f"{self.key}: {self.title}. {self.venue}." + (f" doi:{self.doi}" if self.doi else "")
+        return f"{self.key}: {self.title}. {self.venue}." + (f" doi:{self.doi}{self.mark}" if self.doi else "")
 
 
 CITATIONS: Final = (
@@ -81,7 +98,7 @@ CITATIONS: Final = (
     Citation("Karp, Kung (2000)", "GPSR: greedy perimeter stateless routing for wireless networks", "MobiCom",
         "10.1145/345910.345953"),
     Citation("Kumar, Lai, Balogh (2004)", "On k-coverage in a mostly sleeping sensor network", "MobiCom",
-        "10.1145/1023720.1023735"),
+        "10.1145/1023720.1023735", looked_up=False),
     Citation("Le Boudec, Vojnovic (2005)", "Perfect simulation and stationarity of a class of mobility models",
         "INFOCOM"),
     Citation("Liang, Haas (2003)",
@@ -91,7 +108,7 @@ CITATIONS: Final = (
     Citation("Maróti, Kusy, Simon, Lédeczi (2004)", "The flooding time synchronization protocol", "SenSys",
         "10.1145/1031495.1031501"),
     Citation("Navidi, Camp (2004)", "Stationary distributions for the random waypoint mobility model",
-        "IEEE Trans. Mobile Computing 3(1)", "10.1109/TMC.2004.1261820"),
+        "IEEE Trans. Mobile Computing 3(1)", "10.1109/TMC.2004.1261820", looked_up=False),
     Citation("RFC 6206", "The Trickle algorithm", "IETF, 2011", "10.17487/RFC6206"),
     Citation("RFC 8180", "Minimal IPv6 over the TSCH mode of IEEE 802.15.4e (6TiSCH) configuration", "IETF, 2017",
         "10.17487/RFC8180"),
@@ -101,7 +118,7 @@ CITATIONS: Final = (
     Citation("Zhao, Shin, Reich (2002)", "Information-driven dynamic sensor collaboration",
         "IEEE Signal Processing Magazine 19(2)", "10.1109/79.985685"),
     Citation("Zuniga, Krishnamachari (2004)", "Analyzing the transitional region in low power wireless links", "SECON",
-        "10.1109/SAHCN.2004.1381954"),
+        "10.1109/SAHCN.2004.1381954", looked_up=False),
 )  # fmt: skip
 OTHER_FORMS: Final = {
     "Heinzelman, Chandrakasan, Balakrishnan (2002)": "Heinzelman (2002)",

@@ -97,5 +97,5 @@ def _takes(text: str) -> str:
 
 
 def _citation(one: Citation) -> str:
-    doi = f" [doi:{escaped(one.doi)}](https://doi.org/{one.doi})" if one.doi else ""
+    doi = f" [doi:{escaped(one.doi)}](https://doi.org/{one.doi}){one.mark}" if one.doi else ""
     return f"{escaped(one.key)}: *{escaped(one.title)}*. {escaped(one.venue)}.{doi}"
