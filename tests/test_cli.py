@@ -68,6 +68,12 @@ def test_help_imports_nothing_but_the_standard_library_click_and_wsnsim() -> Non
     assert {name for name in found if not name.startswith("_")} == {"click", "wsnsim"}
 
 
+def test_help_shows_the_first_sentence_of_every_command_in_full(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    lines = capsys.readouterr().out.partition("Commands:")[2].strip().splitlines()
+    assert len(lines) > 15 and [line for line in lines if not line.endswith(".") or line.endswith("...")] == []
+
+
 def test_threads_of_numerical_libraries_are_held_to_one_unless_the_user_says(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     monkeypatch.setenv("MKL_NUM_THREADS", "3")

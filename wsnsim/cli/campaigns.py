@@ -51,15 +51,19 @@ def _session_options(command: Command) -> Command:
         click.option("--out", "-o", type=PATH, metavar="DIR", help="Folder of the campaign; default results/NAME."),
         jobs_option,
         click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of a Dask scheduler: tcp://host:8786."),
-        click.option("--scheduler-file", type=PATH, metavar="FILE", help="Read its address from the scheduler's file."),
+        click.option(
+            "--scheduler-file", type=PATH, metavar="FILE", help="Read the scheduler's address from this file."
+        ),
         click.option("--shard", metavar="I/N", help="Run shard I of N; `wsnsim collect` merges the shards."),
         click.option("--dry-run", is_flag=True, help="Only estimate the number of runs, the time and the size."),
         click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare."),
-        click.option("--by", multiple=True, metavar="KEY", help="Compare the values of this key, the others fixed."),
-        click.option("--baseline", metavar="VALUE", help="Value from which differences are taken; default the first."),
+        click.option("--by", multiple=True, metavar="KEY", help="Key whose values are compared; others are fixed."),
+        click.option("--baseline", metavar="VALUE", help="Value that others are compared with; default the first."),
         click.option("--csv", type=PATH, metavar="FILE", help="Also write the table to this file."),
         click.option(
-            "--bound/--no-bound", default=None, help="Show the CRLB beside the errors; default only in compare."
+            "--bound/--no-bound",
+            default=None,
+            help="Show the Cramer-Rao bound beside the errors; default only in compare.",
         ),
         accept_code_option,
         plugins_option,
@@ -75,14 +79,16 @@ def _session_options(command: Command) -> Command:
 
 @group.command()
 @click.argument("source", metavar="SWEEP|SCENARIO|DIR")
-@click.option("--vary", multiple=True, metavar="KEY=VALUES", help="An axis: tracker.particles=100,200,400.")
+@click.option(
+    "--vary", multiple=True, metavar="KEY=VALUES", help="A key and its values, an axis: tracker.particles=100,200."
+)
 @_session_options
 @click.pass_obj
 def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given: Any) -> int:
-    """Run a scenario at many points, with several Monte Carlo runs per point.
+    """Run a scenario at many points of its parameters.
 
-    SWEEP is a file with a scenario, axes and the number of runs (`wsnsim list sweeps`). A SCENARIO needs axes from
-    --vary. DIR is the folder of a campaign, which is resumed.
+    Each point has several Monte Carlo runs. SWEEP is a file with a scenario, axes and the number of runs (`wsnsim list
+    sweeps`). A SCENARIO needs axes from --vary. DIR is the folder of a campaign, which is resumed.
     """
     options, overrides, changes = _options(given)
     if is_campaign(source):
@@ -104,13 +110,19 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
 @click.option(
     "--trackers", metavar="A,B,...", help="Run the scenario with each of these trackers: 'pf:particles=1000,ekf'."
 )
-@click.option("--vary", multiple=True, metavar="KEY=VALUES", help="Compare at each of these values.")
+@click.option(
+    "--vary", multiple=True, metavar="KEY=VALUES", help="Also vary a key of the scenario: deploy.nodes=100,200."
+)
 @_session_options
 @click.pass_obj
 def compare(
     interrupts: Interrupts, /, sources: tuple[str, ...], trackers: str | None, vary: tuple[str, ...], **given: Any
 ) -> int:
-    """Compare trackers or scenarios, run by run, on the same ground truth and the same measurements."""
+    """Compare trackers or scenarios on the same targets and noise.
+
+    In each Monte Carlo run all of them get the same ground truth, network and measurements. DIR is the folder of a
+    campaign that exists.
+    """
     options, overrides, changes = _options({**given, "bound": given["bound"] is not False})
     if len(sources) == 1 and is_campaign(sources[0]):
         if trackers or vary or overrides or any(changes.values()):

@@ -38,7 +38,10 @@ from wsnsim.cli.shared import (
 )
 @quiet_option
 def check(sources: tuple[str, ...], overrides: tuple[str, ...], plugins: bool, timeout: float, quiet: bool) -> int:
-    """Check scenarios without running them, and report every error; notes on what is hardly meant."""
+    """Check scenarios without running them, and report every error.
+
+    Notes name values that are allowed but probably not intended.
+    """
     from wsnsim.cli import checking
 
     code = 0
@@ -56,7 +59,11 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...], plugins: bool, t
 @click.argument("role", required=False)
 @json_option
 def list_(role: str | None, as_json: bool) -> None:
-    """List the kinds of every role or of one (trackers, motions, ...), or the shipped scenarios, sweeps or parts."""
+    """List kinds of components, scenarios, sweeps or datasheets.
+
+    ROLE is the role of the kinds (trackers, motions, ...), or `scenarios`, `sweeps` or `parts` (the datasheets of
+    radios and processors that come with wsnsim). Without it, the kinds of all roles are listed.
+    """
     from wsnsim.cli import listing
 
     echo_answer(listing.listed(role, as_json))
@@ -64,7 +71,7 @@ def list_(role: str | None, as_json: bool) -> None:
 
 @group.command()
 def schema() -> None:
-    """Print the JSON Schema of scenarios, including installed plug-ins."""
+    """Print the JSON Schema of scenarios, with installed plug-ins."""
     from wsnsim.scenario.json_schema import json_schema
 
     echo_json_text(json.dumps(json_schema(), indent=2, ensure_ascii=False))
@@ -75,7 +82,10 @@ def schema() -> None:
 @plugins_option
 @json_option
 def verify(result: Path, plugins: bool, as_json: bool) -> int:
-    """Run a result's scenario again and compare every table, the fingerprints and the source text."""
+    """Run the scenario of a result again and compare all tables.
+
+    The fingerprints and the source text of the scenario are compared, too.
+    """
     import wsnsim.verification as verification
 
     answer = verification.verify(result, plugins)
@@ -86,19 +96,24 @@ def verify(result: Path, plugins: bool, as_json: bool) -> int:
 @group.command()
 @result_argument
 @click.option("--step", type=click.IntRange(min=0), required=True, metavar="K", help="Step to describe.")
-@click.option("--replicate", type=click.IntRange(min=0), default=0, show_default=True, metavar="R", help="Run.")
-@click.option("--target", type=click.IntRange(min=0), metavar="T", help="Target; default all.")
+@click.option(
+    "--replicate", type=click.IntRange(min=0), default=0, show_default=True, metavar="R", help="Run to describe."
+)
+@click.option("--target", type=click.IntRange(min=0), metavar="T", help="Target to describe; default all.")
 @click.option(
     "--limit",
     type=click.IntRange(min=0),
     default=4,
     show_default=True,
     metavar="N",
-    help="Similar messages shown one by one; more are summed up.",
+    help="Number of similar messages that are shown one by one; more are summed up.",
 )
 @json_option
 def trace(result: Path, step: int, replicate: int, target: int | None, limit: int, as_json: bool) -> None:
-    """Describe one step of a run: who sensed, who sent what to whom, what was lost, and the energy spent."""
+    """Describe one step of a run: measurements, frames and energy.
+
+    The text says who sensed the target, who sent what to whom, what was lost, and what energy was spent.
+    """
     from wsnsim.analysis import trace as tracing
 
     with reading(result):
@@ -112,7 +127,10 @@ def trace(result: Path, step: int, replicate: int, target: int | None, limit: in
 @click.argument("b", metavar="B", type=PATH)
 @json_option
 def diff(a: Path, b: Path, as_json: bool) -> int:
-    """Find the first difference of two results; exit code 1 if they differ, 2 if one cannot be read."""
+    """Find the first difference between two results.
+
+    The exit code is 1 if they differ, and 2 if one of them cannot be read.
+    """
     from wsnsim.analysis import difference, difference_text
 
     try:

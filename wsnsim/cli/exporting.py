@@ -12,8 +12,10 @@ from wsnsim.cli.shared import PATH, echo, group, not_the_result, reading, writab
 
 @group.command()
 @click.argument("result", metavar="FILE|DIR", type=PATH)
-@click.option("--csv", "csv_folder", type=PATH, metavar="DIR", help="Write CSV files into this folder, one a table.")
-@click.option("--parquet", "parquet_folder", type=PATH, metavar="DIR", help="Write Parquet files into this folder.")
+@click.option("--csv", "csv_folder", type=PATH, metavar="DIR", help="Write a CSV file per table into this folder.")
+@click.option(
+    "--parquet", "parquet_folder", type=PATH, metavar="DIR", help="Write a Parquet file per table into this folder."
+)
 @click.option("--mat", "matlab_file", type=PATH, metavar="FILE.mat", help="Write one MATLAB file, a struct per table.")
 @click.option("--table", "tables", multiple=True, metavar="NAME", help="Export only this table; default all.")
 def export(
@@ -23,7 +25,10 @@ def export(
     matlab_file: Path | None,
     tables: tuple[str, ...],
 ) -> None:
-    """Export the tables of a result or of a campaign as CSV, Parquet or MATLAB files."""
+    """Export tables as CSV, Parquet or MATLAB files.
+
+    FILE is a result, DIR the folder of a campaign.
+    """
     if csv_folder is None and parquet_folder is None and matlab_file is None:
         raise UsageError("say what to write: --csv DIR, --parquet DIR or --mat FILE.mat")
     if matlab_file is not None:

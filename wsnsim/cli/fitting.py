@@ -21,31 +21,41 @@ LAWS: Final = ("rssi", "range", "log_normal")
 @group.command()
 @click.argument("data", metavar="DATA...", nargs=-1, required=True, type=PATH)
 @click.option("--nodes", type=PATH, metavar="FILE", help="CSV with id, x, y and perhaps z of the nodes, in m.")
-@click.option("--law", metavar="|".join(LAWS), default=LAWS[0], show_default=True, help="What is fitted.")
-@click.option("--test", type=PATH, multiple=True, metavar="FILE", help="Readings on which the fitted law is judged.")
+@click.option("--law", metavar="|".join(LAWS), default=LAWS[0], show_default=True, help="Law to fit.")
+@click.option(
+    "--test", type=PATH, multiple=True, metavar="FILE", help="Recorded readings on which the fitted law is tested."
+)
 @click.option(
     "--track", type=PATH, multiple=True, metavar="FILE",
-    help="Trajectory with time, x, y and perhaps z: one for all files, or one for each, tests last.",
+    help="Trajectory with time, x, y and perhaps z: one for all files, or one per file, test files last.",
 )  # fmt: skip
-@click.option("--column", multiple=True, metavar="OURS=THEIRS", help="Another name of a column: reading=level.")
-@click.option("--gains/--no-gains", default=True, show_default=True, help="Whether each node has a gain.")
-@click.option("--heights/--no-heights", default=None, help="Distances in space or in the plane; default: as known.")
+@click.option("--column", multiple=True, metavar="OURS=THEIRS", help="What the files call a column: reading=level.")
+@click.option("--gains/--no-gains", default=True, show_default=True, help="Fit a gain for each node.")
+@click.option(
+    "--heights/--no-heights",
+    default=None,
+    help="Distances in space or in the plane; default: in space if heights are known.",
+)
 @click.option(
     "--noise", type=click.Choice(FAMILIES), default="auto", show_default=True, help="Family of the white noise."
 )
-@click.option("--block", type=float, metavar="S", help="Length of the blocks of time that intervals come from.")
+@click.option(
+    "--block", type=float, metavar="S", help="Length (s) of the time blocks from which intervals are computed."
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, metavar="S", help="Seed of the bootstrap; default 0.")
-@click.option("--in-sample", is_flag=True, help="Judge the law on readings that it was fitted to, and say so.")
-@click.option("--skip-bad-rows", is_flag=True, help="Leave out and name rows that cannot be used.")
-@click.option("--out", "-o", type=PATH, metavar="YAML", help="Write the block that a scenario can extend.")
+@click.option("--in-sample", is_flag=True, help="Allow a test on readings that were fitted; the output says so.")
+@click.option("--skip-bad-rows", is_flag=True, help="Leave out rows that cannot be used, and name them.")
+@click.option(
+    "--out", "-o", type=PATH, metavar="YAML", help="Write a file with the fitted block, which a scenario can extend."
+)
 @click.option(
     "--readings", type=PATH, metavar="FILE",
-    help="With --out: a sensor whose readings are those of this file, and of which filters believe the law.",
+    help="With --out: write a sensor that plays the readings of this file; filters assume the law.",
 )  # fmt: skip
 @click.option("--plot", "figure", type=PATH, metavar="PLOT", help="Write the residual plots: .png, .svg or .pdf.")
-@click.option("--power", type=float, metavar="DBM", help="For links: their transmit power; default 0 dBm.")
+@click.option("--power", type=float, metavar="DBM", help="For links: transmit power; default 0 dBm.")
 @click.option(
-    "--frame", type=click.IntRange(1, 127), metavar="BYTES", help="For links: length of packets; default 100."
+    "--frame", type=click.IntRange(1, 127), metavar="BYTES", help="For links: length of the packets; default 100."
 )
 @json_option
 def fit(
@@ -61,10 +71,11 @@ def fit(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Fit a law to recorded readings or links, and write its block of a scenario.
+    """Fit a sensor or link model (a law) to recorded data.
 
-    DATA are CSV files with time, node, reading, and the x, y and perhaps z of the target; each is a track. With the law
-    log_normal, DATA are recorded links (K7). Both may be compressed (.gz).
+    DATA are CSV files, one per track, with the columns time, node, reading, and x, y and perhaps z of the target. With
+    the law log_normal, DATA are recorded links (K7). Both may be compressed (.gz). --out writes the fitted law as a
+    block that a scenario can extend.
     """
     import wsnsim.fitting as fitting
 

@@ -30,10 +30,8 @@ def _finite(_: click.Context, option: click.Parameter, value: float | None) -> f
 @group.command("import")
 @click.argument("kind", metavar="ns3|sumo", type=click.Choice(FORMATS))
 @click.argument("trace", metavar="FILE", type=PATH)
-@click.option(
-    "--id", "ids", multiple=True, metavar="ID", help="Node or vehicle to take; several become several targets."
-)
-@click.option("--list", "listed", is_flag=True, help="List the nodes of the file, and write nothing.")
+@click.option("--id", "ids", multiple=True, metavar="ID", help="Node or vehicle to import; each --id becomes a target.")
+@click.option("--list", "listed", is_flag=True, help="Only list the nodes or vehicles of the file.")
 @click.option(
     "--out", "-o", type=PATH, metavar="FILE",
     help="FILE.csv: the track; FILE.yaml: the track and a scenario. Default ID.csv.",
@@ -42,20 +40,23 @@ def _finite(_: click.Context, option: click.Parameter, value: float | None) -> f
     "--nodes",
     type=PATH,
     metavar="CSV",
-    help="For a scenario: positions (m) of the sensors; --origin shifts a copy of them like the tracks.",
+    help="For a scenario: positions (m) of the sensor nodes; --origin shifts a copy of them, as it shifts the tracks.",
 )
 @click.option("--unit", default="m", show_default=True, metavar="UNIT", help="Unit of the file's coordinates.")
 @click.option("--time-unit", default="s", show_default=True, metavar="UNIT", help="Unit of the file's times.")
-@click.option("--from", "start", type=float, callback=_finite, metavar="S", help="First time (s) that is taken.")
-@click.option("--until", "end", type=float, callback=_finite, metavar="S", help="Last time (s) that is taken.")
+@click.option("--from", "start", type=float, callback=_finite, metavar="S", help="Time (s) at which the track begins.")
+@click.option("--until", "end", type=float, callback=_finite, metavar="S", help="Time (s) at which the track ends.")
 @click.option("--time-origin", type=float, callback=_finite, metavar="S", help="Time (s) of the file that becomes 0.")
-@click.option("--origin", metavar="X,Y|centre", help="Place (m) that becomes (0, 0), or the centre of the tracks.")
+@click.option(
+    "--origin", metavar="X,Y|centre", help="Position (m) that becomes (0, 0): X,Y, or the centre of the tracks."
+)
 @json_option
 def import_(kind: str, trace: Path, ids: tuple[str, ...], listed: bool, as_json: bool, **options: Any) -> None:
-    """Import a mobility trace of ns-3 or SUMO as the trajectory of a target.
+    """Import a mobility trace of ns-3 or SUMO as a trajectory.
 
-    ns3: ns-2 movement traces ($node_(0) setdest ...) and logs of course changes (MobilityHelper::EnableAscii). sumo:
-    floating car data (--fcd-output), XML or CSV. Files may be compressed with gzip, and larger than the memory.
+    `ns3` reads movement traces of ns-2 ($node_(0) setdest ...) and logs of course changes
+    (MobilityHelper::EnableAscii). `sumo` reads floating car data (--fcd-output), XML or CSV. A file may be compressed
+    with gzip, and may be larger than the memory.
     """
     if listed:
         if ids:

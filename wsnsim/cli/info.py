@@ -16,11 +16,12 @@ from wsnsim.cli.shared import echo, echo_answer, group, is_campaign, json_option
 @plugins_option
 @json_option
 def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
-    """Describe a kind: idea, method, parameters with units and defaults, sources, and a scenario that uses it.
+    """Describe a kind: method, parameters, sources and an example.
 
     KIND is a name of `wsnsim list` (coordinated_turn, motion.coordinated_turn) or a plug-in (mylab.trackers:Mine).
-    FILE or NAME is a result, a campaign's folder, a datasheet (`wsnsim list parts`), or a scenario, whose radio is
-    described; NAME may also be a table or a column of results (estimates, rmse) or a parameter (reach).
+    Other things can be described, too. FILE is a result, the folder of a campaign, or a scenario, whose radio is
+    described. NAME is a datasheet (`wsnsim list parts`), a table or a column of results (estimates, rmse), or a
+    parameter (reach).
     """
     if not 1 <= len(words) <= 2:
         raise UsageError(f"expected KIND, ROLE KIND, FILE or NAME (such as: wsnsim info ekf), got {len(words)} words")

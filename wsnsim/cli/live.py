@@ -35,9 +35,19 @@ class LiveOptions(NamedTuple):
 def live_options(command: Command) -> Command:
     """Add the options of a live view."""
     options = [
-        click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="Port; default a free one."),
-        click.option("--no-browser", "browser", is_flag=True, flag_value=False, default=True, help="Open no browser."),
-        click.option("--exit", "ends", is_flag=True, help="End with the run or the campaign; default at Ctrl-C."),
+        click.option(
+            "--port",
+            type=click.IntRange(0, 65535),
+            default=0,
+            metavar="N",
+            help="Port of the server; default a free one.",
+        ),
+        click.option(
+            "--no-browser", "browser", is_flag=True, flag_value=False, default=True, help="Only print the address."
+        ),
+        click.option(
+            "--exit", "ends", is_flag=True, help="End with the run or the campaign; without it, end at Ctrl-C."
+        ),
     ]
     for option in reversed(options):
         command = option(command)

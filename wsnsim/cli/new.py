@@ -18,10 +18,13 @@ ROLES: Final = ("tracker", "sensor", "motion", "mac")
 
 @group.command()
 @click.argument("name")
-@click.option("--bench", is_flag=True, help="A standalone filter, without a network.")
-@click.option("--for", "role", type=click.Choice(ROLES), help="A plug-in: NAME.py, and NAME.yaml that uses it.")
+@click.option("--bench", is_flag=True, help="Write a scenario of a standalone filter, without a network.")
+@click.option("--for", "role", type=click.Choice(ROLES), help="Also write a plug-in of this role, NAME.py.")
 def new(name: str, bench: bool, role: str | None) -> None:
-    """Write NAME.yaml, a commented scenario as a starting point; with --for, also NAME.py, a plug-in of that role."""
+    """Write a commented scenario, and a plug-in with --for.
+
+    Both are starting points. The scenario is NAME.yaml; the plug-in is NAME.py, and the scenario uses it.
+    """
     from wsnsim.scenario.schema import unsafe_name
     from wsnsim.scenario.template import template
 

@@ -39,7 +39,7 @@ def plot(
     out: Path | None,
     plugins: bool,
 ) -> None:
-    """Plot a result, or a campaign over one of its keys, into one file."""
+    """Plot a result, or a campaign over one of its swept keys."""
     import wsnsim.recording as recording
     from wsnsim.analysis import figures
     from wsnsim.analysis.figure_style import suffix_of

@@ -11,7 +11,9 @@ from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option,
 
 @group.command()
 @click.argument("results", metavar="FILE...", nargs=-1, required=True, type=PATH)
-@click.option("--out", "-o", type=PATH, metavar="PAGE.html", help="Default FILE.html; report.html for several files.")
+@click.option(
+    "--out", "-o", type=PATH, metavar="PAGE.html", help="Page; default FILE.html, or report.html for several files."
+)
 @click.option("--replicate", type=click.IntRange(min=0), metavar="R", help="Run to replay; default the first.")
 @click.option(
     "--megabytes",
@@ -21,7 +23,12 @@ from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option,
     metavar="MB",
     help="Largest size of the page; replay and figures are reduced to fit.",
 )
-@click.option("--bound", "bounds", is_flag=True, help="Show the three Cramer-Rao bounds.")
+@click.option(
+    "--bound",
+    "bounds",
+    is_flag=True,
+    help="Show the Cramer-Rao bounds for the measurements in range, used and arrived.",
+)
 @plugins_option
 def report(
     results: tuple[Path, ...],
@@ -31,7 +38,10 @@ def report(
     bounds: bool,
     plugins: bool,
 ) -> None:
-    """Write one HTML page of results, with a replay. The page loads nothing from the Internet."""
+    """Write one HTML page of results, with a replay.
+
+    The page needs no other file and loads nothing from the Internet.
+    """
     import wsnsim.recording as recording
     import wsnsim.report as pages
     from wsnsim.papers.published import published

@@ -40,7 +40,11 @@ MAX_REASONS: Final = 3
 @group.command()
 @click.argument("papers", metavar="[PAPER]...", nargs=-1)
 @click.option(
-    "--quick/--full", "quick", default=True, show_default=True, help="Few runs, or enough for verdicts: 200 for a mean."
+    "--quick/--full",
+    "quick",
+    default=True,
+    show_default=True,
+    help="Few runs, or enough for verdicts (200 for a mean).",
 )
 @click.option("--out", "-o", type=PATH, default=Path("results/reproduce"), show_default=True, metavar="DIR",
               help="Folder of the campaigns.")  # fmt: skip
@@ -58,13 +62,15 @@ MAX_REASONS: Final = 3
 def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
               data: Path | None, only: str | None, jobs: int | None, batch: bool, accept_code_change: bool,
               as_json: bool, markdown: bool, quiet: bool, progress: str) -> int:  # fmt: skip
-    """Reproduce the tables and figures of the papers, with a verdict on each published value.
+    """Repeat the experiments of papers and judge published values.
 
-    Each row shows the published value, the measured one and the bound. PAPER is jiang2013, liu2012, wei2022, ruan2020
-    or li2012; all of them by default. Verdicts on means and RMSEs need 200 runs (--full). `frontier` is our own
-    comparison: error against energy of every tracker on one field. `reality` compares recorded readings with simulated
-    ones, on the tracks that come with wsnsim or on those of --data. `duty_cycles` compares what trackers cost on radios
-    that are off most of the time. Finished runs are not repeated.
+    Each row shows the published value, the measured one, the bound and a verdict. PAPER is jiang2013, liu2012, wei2022,
+    ruan2020 or li2012; all of them by default. Verdicts on means and RMSEs need 200 runs (--full). Finished runs are
+    not repeated.
+
+    Three studies of our own have no paper. `frontier` compares error and energy of every tracker on one field.
+    `reality` compares recorded readings with simulated ones, on the tracks that come with wsnsim or on those of --data.
+    `duty_cycles` compares what trackers cost on radios that are off most of the time.
     """
     from wsnsim.papers import reproduce as reproducing
 

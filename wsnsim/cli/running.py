@@ -63,7 +63,7 @@ def run_options(command: Command) -> Command:
         click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
         click.option(
             "--bound", "bounds", is_flag=True,
-            help="Show the three Cramer-Rao bounds: of the readings in range, used, arrived.",
+            help="Show the Cramer-Rao bounds for the measurements in range, used and arrived.",
         ),
         click.option("--report", "with_page", is_flag=True, help="Also write the HTML page, beside the result."),
         plugins_option,

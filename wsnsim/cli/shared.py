@@ -55,7 +55,7 @@ def group() -> None:
 
 
 overrides_option = click.option(
-    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: link.reach='80 m'."
+    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value of the scenario: link.reach='80 m'."
 )
 seed_option = click.option(
     "--seed", type=click.IntRange(min=0), metavar="S", help="Seed from which all random streams are derived."
@@ -65,10 +65,10 @@ jobs_option = click.option(
 )
 batch_option = click.option(
     "--no-batch", "batch", is_flag=True, flag_value=False, default=True,
-    help="Compose each standalone run of requests, instead of many at once.",
+    help="Compute standalone runs one by one, instead of many at once.",
 )  # fmt: skip
 accept_code_option = click.option(
-    "--accept-code-change", is_flag=True, help="Add to runs that other code made; the campaign notes which runs."
+    "--accept-code-change", is_flag=True, help="Add to runs of other code; the campaign records which code made a run."
 )
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON object (SI units; NaN and infinity are null)."

@@ -28,10 +28,10 @@ def watch(
     context: click.Context, /, source: str, port: int, browser: bool, ends: bool, metric: str | None,
     column: str | None, **given: Any,
 ) -> int | None:  # fmt: skip
-    """Run a scenario and show it in a browser while it computes, or follow a campaign.
+    """Show a run or a campaign in a browser while it computes.
 
-    The page is served to this machine only. After the run it shows the result, until Ctrl-C. DIR is the folder of a
-    campaign that another process runs, or has run; of a SWEEP it is results/NAME, or --out.
+    The page is served to this machine only. After the run it shows the result, until Ctrl-C. A campaign is one that
+    another process runs, or has run: DIR is its folder. The folder of a SWEEP is results/NAME, or that of --out.
     """
     live, interrupts = LiveOptions(port, browser, ends), context.obj
     folder = _folder(source, given["out"])
