@@ -3,7 +3,8 @@
 import pytest
 
 from tests.models.test_access import SLOW, company, issues
-from wsnsim.models.low_power_listening import ContikiMac, XMac
+from wsnsim.models.contikimac import ContikiMac
+from wsnsim.models.xmac import XMac
 
 SYMBOL = 16e-6
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from wsnsim.models.bearing import Bearing, RangeBearing
     from wsnsim.models.clusters import Central, MovingHead, StrongestSignal
     from wsnsim.models.collection import CollectionTreeProtocol, PeriodicCollection, SeveralSinks
+    from wsnsim.models.contikimac import ContikiMac
     from wsnsim.models.deploy import Anchors, Grid, JitteredGrid, Uniform
     from wsnsim.models.energy import FirstOrder, FirstOrder2002, States
     from wsnsim.models.faults import Bias, Blackout, ClockStep, Crash, Drain, LinkLoss, Restart, Stuck
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
     from wsnsim.models.linear_sensing import Coordinate
     from wsnsim.models.links import Disk, GreedyGeographic, LogNormal, MinimumEnergy, MinimumHop
-    from wsnsim.models.low_power_listening import ContikiMac, XMac
     from wsnsim.models.mobility import CoordinatedTurn, GaussMarkov
     from wsnsim.models.motion import BoundedVelocity
     from wsnsim.models.node_file import FromFile
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from wsnsim.models.wakeup import DirectedFlood, ExperienceZones, NoWakeUp, Region
     from wsnsim.models.waypoints import RandomWaypoint, Waypoints
     from wsnsim.models.workload import Periodic, Tracking
+    from wsnsim.models.xmac import XMac
 
     AnchorsDeployment = Anchors
     AppointedClusters = Appointed
@@ -108,7 +109,7 @@ CLASSES: Final = {
     "AroundTruth": "acquire", "Bearing": "bearing", "Bias": "faults", "Blackout": "faults",
     "BoundedVelocity": "motion", "Central": "clusters", "ClockStep": "faults",
     "CollectionTreeProtocol": "collection", "ConstantAcceleration": "linear", "ConstantVelocity": "linear",
-    "ContikiMac": "low_power_listening", "Coordinate": "linear_sensing", "CoordinatedTurn": "mobility",
+    "ContikiMac": "contikimac", "Coordinate": "linear_sensing", "CoordinatedTurn": "mobility",
     "Crash": "faults", "Csma": "access", "DirectedFlood": "wakeup", "Disk": "links", "Drain": "faults",
     "DriftingClock": "hardware", "DutyCycle": "sleep", "EventWake": "sleep", "ExperienceZones": "wakeup",
     "FirstOrder": "energy", "FirstOrder2002": "energy", "Frames": "hardware", "FromFile": "node_file",
@@ -123,7 +124,7 @@ CLASSES: Final = {
     "RecordedTrack": "recorded_track", "Region": "wakeup", "Restart": "faults", "Rssi": "rssi",
     "SeveralSinks": "collection", "Squared": "ungm", "States": "energy", "StrongestSignal": "clusters",
     "Stuck": "faults", "Tdma": "access", "Tracking": "workload", "Tsch": "tsch", "Ungm": "ungm",
-    "Uniform": "deploy", "Waypoints": "waypoints", "XMac": "low_power_listening",
+    "Uniform": "deploy", "Waypoints": "waypoints", "XMac": "xmac",
 }  # fmt: skip
 """The module of each class."""
 ALIASES: Final = {

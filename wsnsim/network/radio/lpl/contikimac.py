@@ -4,7 +4,7 @@ A sender that knows when its destination wakes (`phase_locks`) begins shortly be
 whole interval. How nodes wake up is in `channel_checks`.
 
 Source: Dunkels (2011), "The ContikiMAC radio duty cycling protocol", SICS T2011:13. See
-`models.low_power_listening.ContikiMac` for what is ours.
+`models.contikimac.ContikiMac` for what is ours.
 """
 
 from __future__ import annotations

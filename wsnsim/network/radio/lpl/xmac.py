@@ -5,7 +5,7 @@ the acknowledgement follow one another, a turnaround apart. Of a broadcast, all 
 `overhearing` is what nodes do that hear what is not for them.
 
 Source: Buettner, Yee, Anderson, Han (2006), "X-MAC: a short preamble MAC protocol for duty-cycled wireless sensor
-networks", SenSys 2006. See `models.low_power_listening.XMac` for what is ours.
+networks", SenSys 2006. See `models.xmac.XMac` for what is ours.
 """
 
 from __future__ import annotations
