@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from wsnsim.analysis import event_groups
+from wsnsim.analysis import event_groups, logged_events
 from wsnsim.analysis.phrases import energy_in_words, listed, row_in_words
 from wsnsim.analysis.trace import as_json, text, trace
 from wsnsim.base.errors import ResultError, UsageError
@@ -380,8 +380,8 @@ def test_only_the_rows_of_the_step_and_replicate_are_told_however_they_are_read(
     strange = [event("elect", 1, step=1), event("elect", 2), event("elect", 3, step=3), event("elect", 4, replicate=1)]
     path = made([*strange, event("elect", 5)])
     for block in (1, 2, 3, 100):
-        monkeypatch.setattr(event_groups, "BLOCK", block)
-        assert [row.node for row in event_groups.rows_at(path, 0, 2)] == [2, 5]
+        monkeypatch.setattr(logged_events, "BLOCK", block)
+        assert [row.node for row in logged_events.rows_at(path, 0, 2)] == [2, 5]
 
 
 def test_the_json_holds_the_messages_frame_by_frame(made):
@@ -447,7 +447,7 @@ def test_numbers_are_said_with_three_digits_and_a_fitting_prefix():
 
 def test_a_target_that_leaves_the_field_is_the_subject_of_its_event():
     rows = [
-        event_groups.LoggedEvent(1.0, 2, 0, -1, kind, "", 0, 0, -1, 0, 0, 0.0, "")
+        logged_events.LoggedEvent(1.0, 2, 0, -1, kind, "", 0, 0, -1, 0, 0, 0.0, "")
         for kind in ("leave", "return", "lost")
     ]
     assert [row_in_words(row) for row in rows] == [

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 import wsnsim.recording as recording
-from wsnsim.analysis.event_groups import BLOCK, layout_or_empty, ranges, rows_in
+from wsnsim.analysis.logged_events import BLOCK, layout_or_empty, ranges, rows_in
 from wsnsim.analysis.phrases import row_in_words
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.base.leaves import differing_leaves

@@ -1,51 +1,23 @@
 """The event log of one step, grouped into node actions and messages (with their hops and bursts).
 
-rows_at(path, replicate, step) -> [LoggedEvent]        rows_in(path, slice) -> [LoggedEvent]
-ranges(path, table) -> {replicate: slice}
-in_other_steps(path, replicate, step, rows) -> {sequence: OtherSteps}  the messages that have events in other steps
 group_events(rows, other_steps) -> [NodeAction | LoggedMessage]        in the order in which they began
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
-import numpy as np
-
+from wsnsim.analysis.logged_events import ACK, LoggedEvent, OtherSteps
 from wsnsim.analysis.messages import EVERYONE, LoggedBurst, LoggedMessage
-from wsnsim.analysis.plot_data import StateLayout, layout
-from wsnsim.recording import attributes, meanings, read_table, row_count
 
-BLOCK: Final = 1 << 22
-"""Rows that are read at once in the search for the rows of a step."""
 SENDS: Final = ("send", "relay")
 OUTCOMES: Final = ("receive", "drop", "collide")
 CALLS: Final = ("call", "called")
 WAKE_UP_MESSAGES: Final = ("track", "announce", "invitation")
 """Their names in the event log."""
 EXPIRED: Final = "expired"
-ACK: Final = "ack"
-
-
-class LoggedEvent(NamedTuple):
-    """One row of the event log; the fields are its columns. A category is a word, '' for none."""
-
-    time: float
-    step: int
-    target: int
-    node: int
-    kind: str
-    what: str
-    frame: int
-    sequence: int
-    peer: int
-    packets: int
-    bits: int
-    joules: float
-    cause: str
 
 
 @dataclass(slots=True)
@@ -88,64 +60,6 @@ class NodeAction:
         self.joules += row.joules
 
 
-def layout_or_empty(path: str | Path) -> StateLayout:
-    """The state columns of a file; empty if it has no targets."""
-    return layout(path) if attributes(path)["states"] else StateLayout({}, ())
-
-
-def ranges(path: str | Path, table: str = "events") -> dict[int, slice]:
-    """{replicate: the range of its rows} in a table."""
-    found: dict[int, slice] = {}
-    for start, columns in _blocks(path, ["replicate"], table):
-        numbers = columns["replicate"]
-        for number in np.unique(numbers).tolist():
-            at = np.flatnonzero(numbers == number)
-            first = found[number].start if number in found else start + int(at[0])
-            found[number] = slice(first, start + int(at[-1]) + 1)
-    return found
-
-
-def rows_at(path: str | Path, replicate: int, step: int) -> list[LoggedEvent]:
-    """The events of one step. Two columns are searched block by block, then only the step's rows are read."""
-    first, last = None, 0
-    for start, columns in _blocks(path, ["replicate", "step"]):
-        at = np.flatnonzero((columns["replicate"] == replicate) & (columns["step"] == step))
-        if at.size:
-            first, last = (start + int(at[0]) if first is None else first), start + int(at[-1]) + 1
-    if first is None:
-        return []
-    return [row for number, row in _read(path, slice(first, last)) if number == replicate and row.step == step]
-
-
-class OtherSteps(NamedTuple):
-    """Whether a message has events in earlier and in later steps, and what it carried according to them."""
-
-    before: bool = False
-    after: bool = False
-    what: str = ""
-
-
-def in_other_steps(path: str | Path, replicate: int, step: int, rows: Sequence[LoggedEvent]) -> dict[int, OtherSteps]:
-    """{sequence number: OtherSteps} of those messages of these rows that have events in other steps."""
-    wanted = np.array(sorted({row.sequence for row in rows if row.sequence}), dtype=np.int64)
-    words = meanings(path, "events", "what")
-    known: dict[int, OtherSteps] = {}
-    for _, columns in _blocks(path, ["replicate", "step", "sequence", "frame", "what"]) if wanted.size else ():
-        at = (columns["replicate"] == replicate) & (columns["step"] != step) & np.isin(columns["sequence"], wanted)
-        for i in np.flatnonzero(at).tolist():
-            sequence, later = int(columns["sequence"][i]), bool(columns["step"][i] > step)
-            old = known.get(sequence, OtherSteps())
-            word = _word(words, int(columns["what"][i])) if columns["frame"][i] else ""
-            what = old.what or (word if word != ACK else "")
-            known[sequence] = OtherSteps(old.before or not later, old.after or later, what)
-    return known
-
-
-def rows_in(path: str | Path, rows: slice) -> list[LoggedEvent]:
-    """The events of a range of rows."""
-    return [row for _, row in _read(path, rows)]
-
-
 def group_events(
     rows: Iterable[LoggedEvent], other_steps: Mapping[int, OtherSteps] | None = None
 ) -> list[NodeAction | LoggedMessage]:
@@ -155,7 +69,7 @@ def group_events(
 
     Args:
         rows: the events of a step.
-        other_steps: what `in_other_steps` returns.
+        other_steps: what `logged_events.in_other_steps` returns.
     """
     found: list[NodeAction | LoggedMessage] = []
     messages: dict[tuple[bool, int], LoggedMessage] = {}
@@ -284,28 +198,3 @@ def _add_outcome(message: LoggedMessage, row: LoggedEvent) -> None:
         burst.received[row.node] = row.packets
     else:
         (burst.collided if row.kind == "collide" else burst.dropped).append(row.node)
-
-
-def _blocks(
-    path: str | Path, columns: Sequence[str], table: str = "events"
-) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
-    """(first row, columns) of each block in turn."""
-    count = row_count(path, table)
-    for start in range(0, count, BLOCK):
-        yield start, read_table(path, table, columns, slice(start, start + BLOCK))
-
-
-def _read(path: str | Path, rows: slice) -> Iterator[tuple[int, LoggedEvent]]:
-    """(replicate, event) of each row of a range."""
-    columns = read_table(path, "events", ["replicate", *LoggedEvent._fields], rows)
-    lists = [columns["replicate"].tolist()]
-    for name in LoggedEvent._fields:
-        words = meanings(path, "events", name)
-        values = columns[name].tolist()
-        lists.append([_word(words, code) for code in values] if words else values)
-    return ((replicate, LoggedEvent(*values)) for replicate, *values in zip(*lists, strict=True))
-
-
-def _word(words: Sequence[str], code: int) -> str:
-    word = words[code] if code < len(words) else f"unknown_{code}"
-    return "" if word == "none" else word

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 if TYPE_CHECKING:
-    from wsnsim.analysis.event_groups import LoggedEvent
+    from wsnsim.analysis.logged_events import LoggedEvent
 
 MOST_NODES: Final = 24
 """Maximum number of nodes that a sentence lists (our choice)."""
