@@ -117,7 +117,7 @@ class FaultMechanism(Protocol):
 
 @runtime_checkable
 class StartsFault(Protocol):
-    """A fault component that brings its own mechanism: what a plug-in offers in addition to `radio.FaultEvent`."""
+    """A fault component that brings its own mechanism: what a plug-in offers in addition to `faults.FaultEvent`."""
 
     def start(self, services: FaultServices) -> FaultMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
@@ -253,7 +253,7 @@ class WorkloadMechanism(Protocol):
 
 @runtime_checkable
 class StartsWorkload(Protocol):
-    """A workload component that brings its own mechanism: what a plug-in offers in addition to `radio.Workload`."""
+    """A workload component that brings its own mechanism: what a plug-in offers in addition to `workloads.Workload`."""
 
     def start(self, services: WorkloadServices) -> WorkloadMechanism:
         """Return the mechanism. Called once, before the simulation starts."""

@@ -1,6 +1,7 @@
-"""The ports of energy models, links, clocks, processors, sinks, workloads, faults and routing.
+"""The ports of energy models, links, clocks and processors.
 
-The ports of MACs are in `base.medium_access`, and can be imported from here too.
+The ports of MACs (`base.medium_access`), routing (`base.routing`), workloads and sinks (`base.workloads`) and faults
+(`base.faults`) can be imported from here too.
 
 Each port is implemented by frozen `@part` classes. Quantities are in SI units, received powers in dBm. `keys` are
 counter keys (see `base.rng`): equal keys give equal random numbers.
@@ -13,12 +14,20 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats, Keys
 from wsnsim.base.deprecation import renamed
+from wsnsim.base.faults import FaultEvent as FaultEvent
 from wsnsim.base.medium_access import ContendingMac as ContendingMac
 from wsnsim.base.medium_access import FramedMac as FramedMac
 from wsnsim.base.medium_access import IdealAccess as IdealAccess
 from wsnsim.base.medium_access import Mac as Mac
 from wsnsim.base.medium_access import Packing as Packing
 from wsnsim.base.medium_access import SlottedMac as SlottedMac
+from wsnsim.base.routing import Routing as Routing
+from wsnsim.base.routing import TreeRouting as TreeRouting
+from wsnsim.base.workloads import BeaconWorkload as BeaconWorkload
+from wsnsim.base.workloads import CollectionWorkload as CollectionWorkload
+from wsnsim.base.workloads import HasSeveralSinks as HasSeveralSinks
+from wsnsim.base.workloads import Sink as Sink
+from wsnsim.base.workloads import Workload as Workload
 
 
 class Mode(IntEnum):
@@ -159,156 +168,6 @@ class StartsWithOffsets(Protocol):
 
     def offsets(self, keys: Keys) -> Floats:
         """(n,) seconds by which the clock of each node is ahead at time 0, given one counter key per node."""
-
-
-class Sink(Protocol):
-    """The node that collects the estimates."""
-
-    @property
-    def point(self) -> tuple[float, float] | None:
-        """(x, y) in m; the sink is the node nearest to it. None: no sink. For several, see `HasSeveralSinks`."""
-
-    @property
-    def bits(self) -> int:
-        """Bits of a report."""
-
-    @property
-    def every(self) -> float | None:
-        """Seconds between reports; None: every estimate is reported."""
-
-
-@runtime_checkable
-class HasSeveralSinks(Protocol):
-    """Optional port of a sink or of a workload without targets: the points of several sinks."""
-
-    @property
-    def points(self) -> tuple[tuple[float, float], ...]:
-        """(x, y) in m; each sink is the node nearest to one of them. A sink's `point` is the first."""
-
-
-class Workload(Protocol):
-    """What the network does. `mechanism`: 'tracking', or 'beacons', a network without targets.
-
-    A workload that brings its own mechanism (`mechanisms.StartsWorkload`) is one without targets.
-    """
-
-    @property
-    def mechanism(self) -> str: ...
-
-
-class BeaconWorkload(Workload, Protocol):
-    """Every node broadcasts a payload of `bits` once per `period` (s) of its own clock."""
-
-    @property
-    def period(self) -> float: ...
-
-    @property
-    def bits(self) -> int: ...
-
-
-class CollectionWorkload(Workload, Protocol):
-    """Every node sends a report of `bits` to a sink once per `period` (s) of its own clock, after `start_at` s."""
-
-    @property
-    def period(self) -> float: ...
-
-    @property
-    def bits(self) -> int: ...
-
-    @property
-    def start_at(self) -> float: ...
-
-
-class FaultEvent(Protocol):
-    """An injected fault: its `mechanism`, its beginning (`at`, s), its `duration` (s; None: until the end of the run).
-
-    The nodes it hits are given by exactly one of `nodes` (ids), `fraction` (of all, sampled), `region` (x, y, radius in
-    m) and `head` (the cluster head of that target when the fault begins). A plug-in also offers `start`: see
-    `mechanisms.StartsFault`.
-    """
-
-    @property
-    def mechanism(self) -> str:
-        """Name of the mechanism, used in the log."""
-
-    @property
-    def at(self) -> float:
-        """Beginning in s."""
-
-    @property
-    def duration(self) -> float | None:
-        """Duration in s; None: until the end of the run."""
-
-    @property
-    def nodes(self) -> tuple[int, ...] | None:
-        """The nodes it hits."""
-
-    @property
-    def fraction(self) -> float | None:
-        """The share of all nodes that it hits."""
-
-    @property
-    def region(self) -> tuple[float, float, float] | None:
-        """The circle (x, y, radius) in m whose nodes it hits."""
-
-    @property
-    def head(self) -> int | None:
-        """The target whose cluster head it hits."""
-
-
-class Routing(Protocol):
-    """The path of a datagram that leaves its cluster."""
-
-    @property
-    def weight(self) -> str:
-        """What it minimises: 'energy' or 'hop'; or 'greedy': each hop goes nearest to the destination.
-
-        Nodes know the paths for nothing. With 'etx' they pay for what they know: see `TreeRouting`.
-        """
-
-
-class TreeRouting(Routing, Protocol):
-    """Routing over a collection tree, whose `weight` is 'etx': the expected number of transmissions."""
-
-    @property
-    def i_min(self) -> float:
-        """The shortest interval of the Trickle timer of beacons in s."""
-
-    @property
-    def i_max(self) -> float:
-        """The longest interval in s."""
-
-    @property
-    def retries(self) -> int:
-        """How often a datagram is sent again over one hop, retransmissions of the MAC included."""
-
-    @property
-    def hysteresis(self) -> float:
-        """By how many transmissions a route must be cheaper than that over the parent."""
-
-    @property
-    def table(self) -> int:
-        """The number of neighbours whose routes a node keeps."""
-
-    @property
-    def queue(self) -> int:
-        """The number of datagrams that a node holds."""
-
-    @property
-    def packet_time(self) -> float:
-        """Seconds of one packet: pauses between frames are multiples of it."""
-
-    @property
-    def patience(self) -> float:
-        """Seconds for which a datagram waits for a route."""
-
-    @property
-    def places(self) -> int:
-        """The number of neighbours whose positions a node keeps."""
-
-    @property
-    def candidates(self) -> int:
-        """The number of bursts that a node sends of a datagram to another node than a sink."""
 
 
 def __getattr__(name: str) -> Any:

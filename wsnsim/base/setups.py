@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from wsnsim.base.clustering import ClusterPolicy, head_protocol
+from wsnsim.base.faults import FaultEvent
 from wsnsim.base.hop_times import HeadWaits, head_waits
 from wsnsim.base.medium_access import Mac, Packing
 from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
@@ -30,11 +31,13 @@ from wsnsim.base.ports import (
     SensorModel,
     Tracker,
 )
-from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, HasSeveralSinks, LinkModel, Routing, Sink, Workload
+from wsnsim.base.radio import Clock, Cpu, EnergyModel, LinkModel
 from wsnsim.base.radio_duty import Latency, hop_latency
 from wsnsim.base.requests import PACKET_BITS
+from wsnsim.base.routing import Routing
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
 from wsnsim.base.synchronisation import TimeSync
+from wsnsim.base.workloads import HasSeveralSinks, Sink, Workload
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,8 +16,8 @@ from wsnsim.base.following import RunNow, TrackNow, follower_of
 from wsnsim.base.mac_mechanisms import FollowsRestarts
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.ports import Recorder
-from wsnsim.base.radio import TreeRouting
 from wsnsim.base.rng import Streams
+from wsnsim.base.routing import TreeRouting
 from wsnsim.base.setups import RadioSetup
 from wsnsim.network.energy.energy_steps import EnergySteps
 from wsnsim.network.event_log import EventLog

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Ints
+from wsnsim.base.faults import FaultEvent
 from wsnsim.base.mechanisms import (
     NOBODY,
     FaultMechanism,
@@ -17,7 +18,6 @@ from wsnsim.base.mechanisms import (
     complete,
     unknown_mechanism,
 )
-from wsnsim.base.radio import FaultEvent
 
 CHANGE_READINGS: Final = frozenset({"clock_step", "stuck", "bias"})
 """Built-in mechanisms that change what sensors read."""

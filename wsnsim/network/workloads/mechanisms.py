@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices, complete, unknown_mechanism
-from wsnsim.base.radio import Workload
+from wsnsim.base.workloads import Workload
 from wsnsim.network.workloads.beacons import Beacons
 from wsnsim.network.workloads.collection_reports import CollectionReports
 

@@ -1,0 +1,66 @@
+"""The ports of workloads and of sinks: what a network does, and where its reports go.
+
+Each port is implemented by frozen `@part` classes. Quantities are in SI units.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+
+class Workload(Protocol):
+    """What the network does. `mechanism`: 'tracking', or 'beacons', a network without targets.
+
+    A workload that brings its own mechanism (`mechanisms.StartsWorkload`) is one without targets.
+    """
+
+    @property
+    def mechanism(self) -> str: ...
+
+
+class BeaconWorkload(Workload, Protocol):
+    """Every node broadcasts a payload of `bits` once per `period` (s) of its own clock."""
+
+    @property
+    def period(self) -> float: ...
+
+    @property
+    def bits(self) -> int: ...
+
+
+class CollectionWorkload(Workload, Protocol):
+    """Every node sends a report of `bits` to a sink once per `period` (s) of its own clock, after `start_at` s."""
+
+    @property
+    def period(self) -> float: ...
+
+    @property
+    def bits(self) -> int: ...
+
+    @property
+    def start_at(self) -> float: ...
+
+
+class Sink(Protocol):
+    """The node that collects the estimates."""
+
+    @property
+    def point(self) -> tuple[float, float] | None:
+        """(x, y) in m; the sink is the node nearest to it. None: no sink. For several, see `HasSeveralSinks`."""
+
+    @property
+    def bits(self) -> int:
+        """Bits of a report."""
+
+    @property
+    def every(self) -> float | None:
+        """Seconds between reports; None: every estimate is reported."""
+
+
+@runtime_checkable
+class HasSeveralSinks(Protocol):
+    """Optional port of a sink or of a workload without targets: the points of several sinks."""
+
+    @property
+    def points(self) -> tuple[tuple[float, float], ...]:
+        """(x, y) in m; each sink is the node nearest to one of them. A sink's `point` is the first."""
