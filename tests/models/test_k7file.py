@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from wsnsim.base.errors import RunError
-from wsnsim.models.k7file import LinkRecording, read_links
+from wsnsim.models.k7file import read_links
+from wsnsim.models.link_recording import LinkRecording
 
 GRENOBLE = Path(__file__).parents[2] / "scenarios" / "recorded" / "links" / "grenoble_first_half.k7.gz"
 HEADER = '{"tx_length": 100, "interframe_duration": 100, "channels": [11, 26], "node_count": 3}'

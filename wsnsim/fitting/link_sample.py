@@ -14,7 +14,8 @@ from wsnsim.base.errors import RunError
 from wsnsim.fitting.data_files import digest_of, read_nodes
 from wsnsim.fitting.link_curve import CLEAR
 from wsnsim.fitting.located_readings import DataFile
-from wsnsim.models.k7file import LinkRecording, read_links
+from wsnsim.models.k7file import read_links
+from wsnsim.models.link_recording import LinkRecording
 
 LinkKeys: TypeAlias = frozenset[tuple[float, str, str, int, float]]
 

@@ -1,0 +1,127 @@
+"""The recorded links between nodes: what was heard, in which rounds, and which rounds are complete.
+
+link_recording(path, rows, bursts, names, bad, cut) -> LinkRecording
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.models.csvfile import BadRow
+from wsnsim.models.link_bursts import Bursts, LinkRow
+
+
+@dataclass(frozen=True, slots=True)
+class LinkRecording:
+    """What was recorded of the links between N nodes: n rows in the order of their times.
+
+    Attributes:
+        path: The file.
+        nodes: Names of the N nodes, numbers in ascending order before texts.
+        origin: Time of the first row, in s since 1970.
+        times: (n,) s since the first row.
+        sources: (n,) senders, as indices into `nodes`.
+        receivers: (n,) receivers, as indices into `nodes`.
+        channels: (n,) channels.
+        rounds: (n,) numbers of the rounds of the channel, from 0.
+        powers: (n,) mean received power in dBm; NaN where nothing arrived.
+        ratios: (n,) packet delivery ratio.
+        packets: (n,) packets that were sent.
+        starts: {channel: (R,) s at which each of its rounds begins}.
+        sent: {channel: (R, N) whether the node's burst was heard by any other in the round}.
+        complete: {channel: (R,) whether the whole round was recorded}. The first and the last round of a channel are
+            incomplete if a sender of the round beside them is missing. So is the round of the file's first burst if the
+            file may begin within that burst: its first row is later than `start_date` in the first line by more than a
+            burst lasts. The same holds for the last burst and `stop_date`. Without these dates, both bursts are taken
+            for whole. If one of these two rounds is the only one of its channel, every node that sent on any channel
+            must have sent in it.
+        bad: Rows that were skipped.
+    """
+
+    path: str
+    nodes: tuple[str, ...]
+    origin: float
+    times: Floats
+    sources: Ints
+    receivers: Ints
+    channels: Ints
+    rounds: Ints
+    powers: Floats
+    ratios: Floats
+    packets: Ints
+    starts: Mapping[int, Floats]
+    sent: Mapping[int, Bools]
+    complete: Mapping[int, Bools]
+    bad: tuple[BadRow, ...]
+
+
+def link_recording(
+    path: str,
+    rows: Sequence[LinkRow],
+    bursts: Bursts,
+    names: tuple[str, ...],
+    bad: tuple[BadRow, ...],
+    cut: tuple[bool, bool],
+) -> LinkRecording:
+    """The recording that rows form.
+
+    Args:
+        path: The file.
+        rows: The rows that can be used, in the order of their times.
+        bursts: The bursts of these rows.
+        names: The names of all nodes.
+        bad: Rows that were skipped.
+        cut: Whether the first and the last burst of the file may be cut.
+    """
+    index = {name: i for i, name in enumerate(names)}
+    channels, numbers = np.array(bursts.channels), bursts.rounds()
+    starts, senders = np.array(bursts.starts), np.array([index[name] for name in bursts.sources])
+    begin, sent = {}, {}
+    for channel in np.unique(channels).tolist():
+        on = channels == channel
+        begin[channel] = (
+            np.array([starts[on & (numbers == i)].min() for i in range(numbers[on].max() + 1)]) - rows[0].time
+        )
+        sent[channel] = np.zeros((begin[channel].size, len(names)), dtype=np.bool_)
+        sent[channel][numbers[on], senders[on]] = True
+    return LinkRecording(
+        path=path,
+        nodes=names,
+        origin=rows[0].time,
+        times=np.array([row.time for row in rows]) - rows[0].time,
+        sources=np.array([index[row.source] for row in rows], dtype=np.int64),
+        receivers=np.array([index[row.receiver] for row in rows], dtype=np.int64),
+        channels=np.array([row.channel for row in rows], dtype=np.int64),
+        rounds=numbers[np.array(bursts.of_rows)],
+        powers=np.array([row.power for row in rows]),
+        ratios=np.array([row.ratio for row in rows]),
+        packets=np.array([row.packets for row in rows], dtype=np.int64),
+        starts=begin,
+        sent=sent,
+        complete=_complete(sent, [(bursts.channels[i], int(numbers[i]), cut[i]) for i in (0, -1)]),
+        bad=bad,
+    )
+
+
+def _complete(sent: Mapping[int, Bools], edges: Sequence[tuple[int, int, bool]]) -> dict[int, Bools]:
+    """{channel: (R,) which rounds were recorded as a whole}.
+
+    Args:
+        sent: {channel: (R, N) who sent}.
+        edges: Channel and round of the first and the last burst of the file, and whether that burst may be cut.
+    """
+    complete = {channel: np.ones(len(each), dtype=np.bool_) for channel, each in sent.items()}
+    for channel, each in sent.items():
+        if len(each) > 1:
+            complete[channel][0] = (each[0] | ~each[1]).all()
+            complete[channel][-1] = (each[-1] | ~each[-2]).all()
+    anywhere = np.any([each.any(axis=0) for each in sent.values()], axis=0)
+    for channel, number, cut in edges:
+        alone = len(sent[channel]) == 1
+        if cut or (alone and not sent[channel][number][anywhere].all()):
+            complete[channel][number] = False
+    return complete
