@@ -5,7 +5,8 @@ bound_of_run(path, readings, kind, gains) -> Bound            of the readings of
 bounds_of_run(path, readings, ...) -> [Bound, ...]            of several kinds of readings, together
 """
 
-from wsnsim.bounds.crlb import Bound, bound, bound_of_run, bounds_of_run
+from wsnsim.bounds.crlb import bound, bound_of_run, bounds_of_run
+from wsnsim.bounds.least_errors import Bound
 from wsnsim.bounds.query import GAINS, KINDS, PLACES, READINGS, BoundQuery
 
 __all__ = ["GAINS", "KINDS", "PLACES", "READINGS", "Bound", "BoundQuery", "bound", "bound_of_run", "bounds_of_run"]

@@ -1,0 +1,88 @@
+"""What a Cramér-Rao lower bound says: the least position error at each step, over time, and of each run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wsnsim.base import metrics
+from wsnsim.base.arrays import Floats
+from wsnsim.bounds.query import BoundQuery
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The least root mean square position error, in the position's unit, at the steps 1, 2, ...
+
+    Attributes:
+        query: the kind of bound, and the runs that it is of.
+        place: the state columns of the position.
+        covariances: (R, targets, steps, D, D); R is the number of runs per trajectory, else 1.
+        reason: why there is no bound; R is 0 then.
+        cautions: why the bound is not strict, a sentence each.
+        of_readings: what the bound takes of the readings that may be otherwise, a sentence each.
+    """
+
+    query: BoundQuery
+    place: tuple[int, ...]
+    covariances: Floats = field(repr=False)
+    reason: str = ""
+    cautions: tuple[str, ...] = ()
+    of_readings: tuple[str, ...] = ()
+
+    @property
+    def each(self) -> Floats:
+        """The least position error of each recursion, (R, targets, steps)."""
+        variances = np.diagonal(self.covariances, axis1=-2, axis2=-1)
+        result: Floats = np.sqrt(variances[..., list(self.place)].sum(axis=-1))
+        return result
+
+    @property
+    def rmse(self) -> Floats:
+        """The root mean square over recursions and targets at each step, (steps,); empty if there is no bound."""
+        if self.reason:
+            return np.empty(0)
+        result: Floats = np.sqrt((self.each**2).mean(axis=(0, 1)))
+        return result
+
+    @property
+    def columns(self) -> Floats:
+        """The bound of each state column at each step, (steps, D); empty if there is no bound."""
+        if self.reason:
+            return np.empty((0, self.covariances.shape[-1]))
+        result: Floats = np.sqrt(np.diagonal(self.covariances, axis1=-2, axis2=-1).mean(axis=(0, 1)))
+        return result
+
+    @property
+    def time_mean(self) -> float:
+        """The mean of `rmse` over the steps, to compare with a time-averaged RMSE; NaN if there is no bound."""
+        return float(self.rmse.mean()) if self.rmse.size else float("nan")
+
+    def time_mean_at(self, errors: Floats) -> float:
+        """The same over the estimates that exist, to compare with a tracker that skips steps or ended early.
+
+        Args:
+            errors: (replicates, targets, steps) position errors, NaN where there is no estimate.
+        """
+        if self.reason:
+            return float("nan")
+        issued = self._where_issued(errors)
+        return metrics.time_mean_rmse(issued.reshape(-1, errors.shape[-1]))
+
+    def of_replicates_at(self, errors: Floats) -> Floats:
+        """`of_replicates` over the estimates that exist, (R,), to compare with the RMSE of each run; as `time_mean_at`.
+
+        A run without an estimate is NaN.
+        """
+        return np.array([metrics.rmse(one) for one in self._where_issued(errors)])
+
+    def _where_issued(self, errors: Floats) -> Floats:
+        """(replicates, targets, steps) the least errors where there is an estimate, NaN elsewhere."""
+        return np.where(np.isfinite(errors), np.broadcast_to(self.each, errors.shape), np.nan)
+
+    @property
+    def of_replicates(self) -> Floats:
+        """The root mean square over steps and targets of each recursion, (R,)."""
+        result: Floats = np.sqrt((self.each**2).mean(axis=(1, 2)))
+        return result
