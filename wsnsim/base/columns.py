@@ -1,4 +1,4 @@
-"""A column of a table, and the words of the columns that hold categories."""
+"""A column of a table, the words of the columns that hold categories, and the columns that several tables have."""
 
 from __future__ import annotations
 
@@ -39,3 +39,22 @@ class Column:
     meanings: tuple[str, ...] = ()
     smooth: bool = False
     of_position: bool = False
+
+
+def column(
+    name: str, dtype: str, units: str, description: str, meanings: tuple[str, ...] = (), smooth: bool = False
+) -> Column:
+    """A column whose unit does not depend on the motion model."""
+    return Column(name, dtype, units, description, meanings, smooth)
+
+
+def position_column(name: str, description: str) -> Column:
+    """A column of floats in the unit of the position, usually metres."""
+    return Column(name, "f8", "m", description, of_position=True)
+
+
+REPLICATE: Final = column("replicate", "u4", "", "number of the Monte Carlo run")
+TARGET: Final = column("target", "u2", "", "number of the target")
+STEP: Final = column("step", "u4", "", "number of the step; step 0 is the start")
+TIME: Final = column("time", "f8", "s", "simulated time", smooth=True)
+NODE: Final = column("node", "i4", "", "number of the node")
