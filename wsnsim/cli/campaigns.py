@@ -9,21 +9,14 @@ from typing import Any, Final, TypeVar
 import click
 
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.cli.campaign_session import (
-    INCOMPLETE,
-    METRIC,
-    ComparisonOptions,
-    SessionOptions,
-    echo_lines,
-    print_comparison,
-    resume,
-    run_plan,
-)
+from wsnsim.cli.campaign_comparison import INCOMPLETE, METRIC, ComparisonOptions, print_comparison
+from wsnsim.cli.campaign_session import SessionOptions, resume, run_plan
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import (
     PATH,
     accept_code_option,
     batch_option,
+    echo_lines,
     group,
     is_campaign,
     jobs_option,

@@ -160,6 +160,12 @@ def echo(text: str, err: bool = False) -> None:
         click.echo(printable(text))
 
 
+def echo_lines(lines: Sequence[str]) -> None:
+    """Print lines on stderr."""
+    for line in lines:
+        echo(line, err=True)
+
+
 def echo_answer(answer: str | dict[str, Any]) -> None:
     """Print an answer on stdout: a text, or a mapping as JSON."""
     if isinstance(answer, dict):
