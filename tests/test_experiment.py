@@ -18,6 +18,7 @@ from wsnsim import experiment, recording, scenario, verification
 from wsnsim.analysis import summary_text
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import CAUSES, EVENT_CAUSE, KIND, Memory
+from wsnsim.stored_scenario import rerun_source
 
 TRACKERS = ("pso_mhpf", "ipf", "ppf", "central_pf")
 SHORT = ("duration=4 s",)
@@ -143,7 +144,7 @@ def test_made_on_another_kind_of_processor_values_are_compared_to_a_tolerance_an
 
 
 def test_a_plain_dict_is_a_scenario(files):
-    plain = experiment.rerun_source(files / "pso_mhpf.h5")
+    plain = rerun_source(files / "pso_mhpf.h5")
     again = wsnsim.experiment.simulate_run(plain)
     assert again.run["fingerprint"] == recording.read_table(files / "pso_mhpf.h5", "runs")["fingerprint"][0]
     smallest = {

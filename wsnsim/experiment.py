@@ -1,10 +1,13 @@
-"""THE MAIN PATH: scenario → setup → initial conditions → world (or offline run) → rows → file.
+"""THE MAIN PATH: scenario → setup → truth → world (or offline run) → rows → file.
 
     simulate_run(scenario, replicate=0, recorder=None) -> Summary      one run; pure except for what the recorder gets
     run(scenario, replicates=30, out=path) -> Report                   many runs in one HDF5 file
     run_in_memory(scenario, replicates=[0]) -> (Report, MemoryResult)  the same without a file
 
 `scenario` is what `load` takes: a file, the name of a shipped scenario, a plain dict, or a result.
+
+From top to bottom: `load` returns the checked scenario, and `scenarios.build` its setup. `_one_run` samples the truth,
+lets the world run, and writes the rows. `run` puts the rows of many runs into one file.
 """
 
 from __future__ import annotations
@@ -12,15 +15,12 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 import wsnsim.scenario as scenarios
 from wsnsim.base.deprecation import renamed
-from wsnsim.base.errors import Issue, ResultError, ScenarioError, plugin_faults_of_run
+from wsnsim.base.errors import plugin_faults_of_run
 from wsnsim.base.following import RunStart, follower_of
 from wsnsim.base.garbage import only_own_garbage
 from wsnsim.base.initial_conditions import (
@@ -32,54 +32,32 @@ from wsnsim.base.initial_conditions import (
 from wsnsim.base.plugin_code import plugin_classes
 from wsnsim.base.ports import Recorder
 from wsnsim.base.progress import OnTime, Progress, throttled
-from wsnsim.base.radio_duty import DutyCycledMac
 from wsnsim.base.recorded_files import provenance_of
-from wsnsim.base.results import RunResult, Summary, summarise
+from wsnsim.base.results import Report, RunResult, Summary, summarise
 from wsnsim.base.rng import Streams
 from wsnsim.base.run_numbers import run_numbers
-from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup, TrackingSetup
+from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
+from wsnsim.base.table_layout import TableLayout, table_layout
 from wsnsim.base.tables import Memory
-from wsnsim.base.vector_readings import components_of
 from wsnsim.models.compilation import announced, compilation_seconds, time_without_compilation
-from wsnsim.models.coverage import coverage
+from wsnsim.models.coverage import coverage_of_living
 from wsnsim.network.network import Sensors
-from wsnsim.network.nodes import Nodes
 from wsnsim.network.result_rows import network_result, write_tables
 from wsnsim.network.workloads.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World
 from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.offline.offline_run import OfflineRun
-from wsnsim.recording import MemoryResult, ResultFile, provenance, read_json
-from wsnsim.scenario import Overrides, Plugins, listed
+from wsnsim.recording import MemoryResult, ResultFile, provenance
+from wsnsim.scenario import Overrides, Plugins
 from wsnsim.scenario.files import is_result
+from wsnsim.stored_scenario import scenario_of_result
 
 __all__ = [
-    "Progress", "Report", "Summary", "load", "replicate_of", "rerun_source", "run", "run_in_memory",
-    "scenario_of_result", "simulate_run",
+    "Progress", "Report", "Summary", "load", "replicate_of", "run", "run_in_memory", "simulate_run",
 ]  # fmt: skip
 
 Source = Any
 """What `load` takes, or the Scenario that it gives."""
-
-
-@dataclass(frozen=True)
-class Report:
-    """The result of `run`: the scenario, one summary per run, the file, and the wall-clock time in s.
-
-    `out` is `Path()` for runs in memory.
-
-    `compiled` is the processor time (s) in which kernels were compiled; it is no part of the runs.
-
-    `states` are the motion model's columns as (name, unit), `position` says which of them are the position.
-    """
-
-    scenario: Any
-    summaries: tuple[Summary, ...]
-    out: Path
-    wall: float
-    states: tuple[tuple[str, str], ...]
-    position: tuple[int, ...]
-    compiled: float = 0.0
 
 
 def load(source: Source, overrides: Overrides = (), plugins: bool = False) -> Any:
@@ -137,6 +115,7 @@ def replicate_of(setup: Setup, replicate: int, recorder: Recorder, progress: OnT
 
 
 def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime | None) -> Summary:
+    """Truth, world, rows. The clock starts when positions and trajectories are known."""
     started = time_without_compilation()
     if isinstance(setup, BeaconSetup):
         with only_own_garbage():
@@ -171,19 +150,8 @@ def _in_network(
     targets = Targets(conditions.truths, conditions.priors, paths)
     outcome = World(setup, replicate, sensors, targets, Streams(setup.seed, replicate), recorder).run(progress)
     write_tables(outcome, replicate, setup, recorder)
-    return network_result(outcome, setup, _final_coverage(outcome.nodes, setup))
-
-
-def _final_coverage(nodes: Nodes, setup: NetworkSetup) -> float:
-    """The fraction of the field within sensing range of a living node."""
-    all_live = bool(nodes.living.all())
-    if all_live and getattr(setup.deploy, "cover", False):
-        return 1.0  # the deployment has checked it
-    field, reach = setup.deploy.field, setup.sensor.reach
-    if all_live and field.centre == (0.0, 0.0):
-        return coverage(nodes.positions, reach, field.width, field.height)
-    living = nodes.positions[nodes.living]
-    return coverage(living - np.array(field.centre), reach, field.width, field.height)
+    covered = coverage_of_living(setup.deploy, setup.sensor.reach, outcome.nodes.positions, outcome.nodes.living)
+    return network_result(outcome, setup, covered)
 
 
 def run(  # noqa: PLR0913
@@ -220,7 +188,7 @@ def run(  # noqa: PLR0913
         UsageError: `replicates` is neither a number of runs nor a list of different run numbers.
     """
     task = _task(scenario, replicates, plugins, batch)._replace(watched=watched)
-    result = ResultFile(Path(out), task.states, task.setup.record, **task.layout)
+    result = ResultFile(Path(out), task.layout.states, task.setup.record, **task.layout.keywords)
     return _performed(task, result, Path(out), {"command_line": command_line, "code": code}, progress, on_compile)
 
 
@@ -252,7 +220,7 @@ def run_in_memory(
         UsageError: `replicates` is neither a number of runs nor a list of different run numbers.
     """
     task = _task(scenario, replicates, plugins, batch)
-    result = MemoryResult(task.states, task.setup.record, **task.layout)
+    result = MemoryResult(task.layout.states, task.setup.record, **task.layout.keywords)
     return _performed(task, result, Path(), {"command_line": command_line}, progress, None), result
 
 
@@ -265,9 +233,7 @@ class _RunTask(NamedTuple):
     scenario: Any
     setup: Setup
     replicates: Sequence[int]
-    states: tuple[tuple[str, str], ...]
-    position: tuple[int, ...]
-    layout: Mapping[str, Any]
+    layout: TableLayout
     batch: bool
     began: float
     compiled: float
@@ -279,16 +245,8 @@ def _task(scenario: Source, replicates: int | Sequence[int] | None, plugins: boo
     loaded = load(scenario, plugins=plugins)
     setup = scenarios.build(loaded)
     chosen = run_numbers(loaded.replicates if replicates is None else replicates)
-    motions = setup.motions if isinstance(setup, TrackingSetup) else ()
-    states = tuple(zip(motions[0].columns, motions[0].units, strict=True)) if motions else ()
-    position = motions[0].position if motions else ()
-    layout = {
-        "position": position or None,
-        "components": len(components_of(setup.sensor)) if isinstance(setup, TrackingSetup) else 1,
-        "duty_cycled": isinstance(setup, RadioSetup) and isinstance(setup.mac, DutyCycledMac),
-    }
     batched = batch and len(chosen) > 1 and offers_batch(setup)
-    return _RunTask(loaded, setup, chosen, states, position, layout, batched, began, compiled)
+    return _RunTask(loaded, setup, chosen, table_layout(setup), batched, began, compiled)
 
 
 def _performed(
@@ -314,7 +272,7 @@ def _performed(
         if batches and batches.used:
             file.set_text("provenance_json", json.dumps({**made_by, "engine": "batch"}))
     wall, compiled = time.monotonic() - task.began, compilation_seconds() - task.compiled
-    return Report(loaded, tuple(summaries), out, wall, task.states, task.position, compiled)
+    return Report(loaded, tuple(summaries), out, wall, task.layout.states, task.layout.position, compiled)
 
 
 def _made(
@@ -336,44 +294,6 @@ def _made(
         if block and on_time:
             on_time(duration)
     return summaries
-
-
-def scenario_of_result(path: Path, plugins: Plugins, overrides: Overrides = ()) -> Any:
-    """The checked Scenario that a result file stores.
-
-    Args:
-        path: The file.
-        plugins: Which plug-ins the scenario may name.
-        overrides: Values that replace those of the file.
-
-    Raises:
-        ResultError: The file cannot be read.
-        ScenarioError: With every issue found; those of the stored scenario name the file.
-    """
-    resolved, written = rerun_source(path), listed(overrides)
-    own = ("--set", *(each[0] for each in written if not isinstance(each, str)))
-    try:
-        return scenarios.load(resolved, written, plugins)
-    except ScenarioError as error:
-        places = [issue.place if issue.place.startswith(own) else _joined(path, issue) for issue in error.issues]
-        issues = [replace(issue, place=place) for issue, place in zip(error.issues, places, strict=True)]
-        raise ScenarioError(issues) from error
-
-
-def _joined(path: Path, issue: Issue) -> str:
-    return ": ".join(filter(None, (str(path), issue.place)))
-
-
-def rerun_source(path: Path) -> dict[str, Any]:
-    """The resolved scenario of a result file, ready for `run`.
-
-    Raises:
-        ResultError: The file cannot be read, or its scenario extends a file, as none does that a run has stored.
-    """
-    resolved = read_json(path, "scenario/resolved_json")
-    if "extends" in resolved:
-        raise ResultError(f"{path}: its stored scenario extends another file, which no run stores")
-    return resolved
 
 
 def __getattr__(name: str) -> Any:

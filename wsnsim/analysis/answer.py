@@ -26,8 +26,8 @@ from wsnsim.analysis.answer_network import (
 from wsnsim.analysis.quantities import time_averaged_rmse
 from wsnsim.base import metrics
 from wsnsim.base.errors import WsnsimError
+from wsnsim.base.results import Report
 from wsnsim.bounds import Bound, bound, bounds_of_run
-from wsnsim.experiment import Report
 
 Source = Report | str | Path | Mapping[str, Table]
 NAN: Final = float("nan")

@@ -16,7 +16,7 @@ from wsnsim.analysis.answer import sentence
 from wsnsim.analysis.answer_facts import facts_of_report
 from wsnsim.analysis.phrases import aligned, counted, wrapped
 from wsnsim.analysis.quantities import QUANTITIES
-from wsnsim.experiment import Report
+from wsnsim.base.results import Report
 from wsnsim.recording import read_table
 
 SCHEMA_VERSION = 1

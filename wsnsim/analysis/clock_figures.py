@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from wsnsim.experiment import Report
+from wsnsim.base.results import Report
 from wsnsim.recording import read_table
 
 COLUMNS: Final = ("error", "error_max", "spread", "spread_max", "synchronised")

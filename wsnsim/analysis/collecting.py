@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from wsnsim.analysis.phrases import REASONS
+from wsnsim.base.results import Report
 from wsnsim.base.tables import KIND
-from wsnsim.experiment import Report
 from wsnsim.recording import meanings, read_table
 
 NAN = float("nan")

@@ -21,8 +21,8 @@ from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions, sample_positions
 from wsnsim.base.node_names import node_names
 from wsnsim.base.recorded_files import COUNTS, ROWS, provenance_of
+from wsnsim.base.results import Report
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
-from wsnsim.experiment import Report
 
 NO_ESTIMATE: Final = "no step has an estimate"
 NO_NETWORK: Final = "no network is simulated"

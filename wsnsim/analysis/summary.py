@@ -20,8 +20,8 @@ from wsnsim.analysis.answer_facts import facts_of_report
 from wsnsim.analysis.quantities import QUANTITIES, ResultArrays, interval, median_time
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
+from wsnsim.base.results import Report
 from wsnsim.bounds import READINGS, bounds_of_run
-from wsnsim.experiment import Report
 
 SCHEMA_VERSION = 1
 NAN = float("nan")

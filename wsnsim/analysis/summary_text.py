@@ -13,8 +13,8 @@ from wsnsim.analysis import clock_figures
 from wsnsim.analysis.phrases import counted, wrapped
 from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, CONSISTENCY_NOTE, ONLY_IF_NOT_ZERO, QUANTITIES
 from wsnsim.analysis.summary import NOT_COMPUTED, OF_THREE, RunBounds, as_json, without_network
+from wsnsim.base.results import Report
 from wsnsim.base.tables import ONE_IS_BEST
-from wsnsim.experiment import Report
 
 SummaryRow = tuple[str, str, str]
 """The name of a quantity, its measured value, and its published value."""

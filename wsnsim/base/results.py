@@ -1,4 +1,4 @@
-"""The result of one run, and its rows of the tables `runs`, `tracks`, `truth`, `estimates` and `covariances`.
+"""The result of one run and of several, and the rows of `runs`, `tracks`, `truth`, `estimates` and `covariances`.
 
 summarise(setup, replicate, result, truths, recorder) -> Summary        writes the rows of these tables
 """
@@ -9,6 +9,7 @@ import dataclasses
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -113,6 +114,26 @@ class Summary:
     column_rmse: Floats
     joules: Mapping[str, float]
     clusters: int
+
+
+@dataclass(frozen=True)
+class Report:
+    """The result of several runs: the scenario, one summary per run, the file, and the wall-clock time in s.
+
+    `out` is `Path()` for runs in memory.
+
+    `compiled` is the processor time (s) in which kernels were compiled; it is no part of the runs.
+
+    `states` are the motion model's columns as (name, unit), `position` says which of them are the position.
+    """
+
+    scenario: Any
+    summaries: tuple[Summary, ...]
+    out: Path
+    wall: float
+    states: tuple[tuple[str, str], ...]
+    position: tuple[int, ...]
+    compiled: float = 0.0
 
 
 def summarise(

@@ -51,9 +51,9 @@ from wsnsim.bounds.query import (
     unknown_constants,
 )
 from wsnsim.bounds.recorded_readings import RecordedReadings
-from wsnsim.experiment import rerun_source
 from wsnsim.recording import read_table, table_names
 from wsnsim.scenario import Plugins, build, load
+from wsnsim.stored_scenario import rerun_source
 
 KNOWN_GAINS: Final = "the posterior CRLB takes gains as known, and filters do not know them: it may be loose"
 NO_TARGET: Final = "the scenario has no target"

@@ -32,7 +32,7 @@ from wsnsim.cli.shared import (
 )
 
 if TYPE_CHECKING:
-    from wsnsim.experiment import Report
+    from wsnsim.base.results import Report
     from wsnsim.scenario.schema import Scenario
 
 Command = TypeVar("Command", bound=Callable[..., Any])

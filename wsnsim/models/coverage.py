@@ -14,6 +14,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.cell_grid import CellGrid, ranges
+from wsnsim.base.deployment import Deployment
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -110,6 +111,23 @@ def coverage(positions: Floats, reach: float, width: float, height: float, side:
         changes += np.bincount(row * (side + 1) + begin, minlength=changes.size)
         changes -= np.bincount(row * (side + 1) + end, minlength=changes.size)
     return float((changes.reshape(side, side + 1).cumsum(axis=1)[:, :-1] > 0).mean())
+
+
+def coverage_of_living(deploy: Deployment, reach: float, positions: Floats, living: Bools) -> float:
+    """The fraction of a deployment's field within sensing range (`reach`, m) of a living node.
+
+    Args:
+        deploy: The deployment. If its `cover` is true, it has checked that all nodes together cover the field.
+        reach: The sensing range in m.
+        positions: (N, 2) positions of the nodes in m, not relative to the field's centre.
+        living: (N,) which nodes live.
+    """
+    all_live, field = bool(living.all()), deploy.field
+    if all_live and getattr(deploy, "cover", False):
+        return 1.0
+    if all_live and field.centre == (0.0, 0.0):
+        return coverage(positions, reach, field.width, field.height)
+    return coverage(positions[living] - np.array(field.centre), reach, field.width, field.height)
 
 
 def _nearest_pairs(tree: cKDTree, circles: Ints, reach: float) -> tuple[Ints, Ints]:

@@ -16,6 +16,7 @@ from wsnsim.base.errors import ResultError
 from wsnsim.recording import attributes, provenance, read_json, read_table, read_text, tables
 from wsnsim.recording.layout import PARTIAL
 from wsnsim.scenario import Plugins
+from wsnsim.stored_scenario import rerun_source, scenario_of_result
 from wsnsim.verification import stored_source
 from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, Repetition, compare
 
@@ -72,7 +73,7 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
     """
     path = Path(path)
     stored, allowed = read_json(path, "provenance_json"), Plugins.ANY if plugins else Plugins.INSTALLED
-    scenario = experiment.scenario_of_result(path, allowed)
+    scenario = scenario_of_result(path, allowed)
     partial, older = attributes(path)["status"] == PARTIAL, OVERRIDES not in stored
     here = provenance("", scenario.seed)
     replicates, faults = _replicates(path, scenario.replicates, partial)
@@ -150,7 +151,7 @@ def _source(path: Path, stored: Mapping[str, Any], allowed: Plugins, older: bool
     """What the source text says otherwise than the stored scenario, and what of it could not be compared."""
     if older:
         return [], ["the source text, since the file does not say with which overrides it was read"]
-    source, resolved = read_text(path, "scenario/source_yaml"), experiment.rerun_source(path)
+    source, resolved = read_text(path, "scenario/source_yaml"), rerun_source(path)
     return stored_source.compare(source, stored[OVERRIDES], resolved, allowed)
 
 
