@@ -104,3 +104,19 @@ def test_a_sensor_model_that_breaks_a_rule_is_found(
 ) -> None:
     with pytest.raises(AssertionError, match=f"demand '{rule}'"):
         check_sensor(cheat(model, name, altered))
+
+
+@pytest.mark.parametrize("unit", [1.0, 180.0 / np.pi], ids=["rad", "degrees"])
+def test_a_bearing_that_says_no_period_is_found(unit: float) -> None:
+    class WithoutPeriod(Bearing):
+        periods = (0.0,)
+
+        def measure(self, *arguments: Any) -> Any:
+            return unit * super().measure(*arguments)
+
+        def linearise(self, *arguments: Any) -> Any:
+            expected, gradients, variances = super().linearise(*arguments)
+            return unit * expected, unit * gradients, unit**2 * variances
+
+    with pytest.raises(AssertionError, match=r"demand 'angles': the component 'bearing' .* jump by .* `periods`"):
+        check_sensor(WithoutPeriod())

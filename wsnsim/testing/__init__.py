@@ -30,10 +30,12 @@ from wsnsim.base.requests import (
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import Lose, silent
+from wsnsim.testing.angles import demand_angles
 from wsnsim.testing.demand import demand
 from wsnsim.testing.faults import check_fault
 from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac
+from wsnsim.testing.missed_steps import demand_missed_steps
 from wsnsim.testing.motions import check_motion
 from wsnsim.testing.privacy import examine, same
 from wsnsim.testing.sensors import check_sensor
@@ -88,6 +90,9 @@ def check_tracker(
             any step.
             whole runs: where it offers them (`base.standalone.WholeRuns`), they equal the runs that its requests make,
             and a run does not depend on the others of its block.
+            missed steps: where the head missed steps (`scene.steps` is above 1), a tracker that predicts does so over
+            all of them. angles: where readings have a period, or the tracker says `angles = True`, whole turns in
+            readings and turned axes of the nodes move no estimate.
     """
     target: Any = BoundedVelocity() if motion is None else motion
     nodes: Any = AcousticEnergy() if sensor is None else sensor
@@ -116,6 +121,10 @@ def check_tracker(
     _demand_early_handover(tracker, models)
     with demand("whole runs"):
         demand_whole_runs(tracker, *models)
+    with demand("missed steps"):
+        demand_missed_steps(tracker, *models)
+    with demand("angles"):
+        demand_angles(tracker, *models)
 
 
 def _demand_sound(tracker: Tracker[Any], table: Table) -> None:

@@ -19,6 +19,12 @@ NEAR = (0.1, 0.6)
 """The distances of targets from the first sensor, as shares of the sensing range."""
 SIGMAS = 6.0
 """Standard errors by which a mean of samples may be wrong: no seed fails by chance."""
+TURNS = (2.0 * np.pi, 360.0)
+"""A whole turn in rad and in degrees."""
+AROUND = 720
+"""Points on a circle around a sensor."""
+SMALL = 0.02
+"""Share of a turn by which an expected reading may change from one of these points to the next."""
 LONGEST = 60.0
 """m: the sensing range that is taken for a sensor without one."""
 
@@ -43,10 +49,10 @@ def check_sensor(sensor: SensorModel, columns: int = 2, seed: int = 1) -> None:
         AssertionError: The model breaks a rule, which the message names. traits: a row of constants per node, the
             same for the same seed. measure: readings are finite, and change with the noise. detects: bool of (points,
             sensors), if the model has that method. linearisation: `linearise` holds the readings without noise, their
-            gradients and positive variances. likelihood: the likelihood of several readings is the product of theirs,
-            no readings give 1, points that are not finite -inf, and whole periods of angles change nothing. truth: on
-            average no other point is more likely than the true one. assumed: the model of a filter has the same
-            methods.
+            gradients and positive variances. angles: an expected reading that jumps by a whole turn has a period.
+            likelihood: the likelihood of several readings is the product of theirs, no readings give 1, points that
+            are not finite -inf, and whole periods of angles change nothing. truth: on average no other point is more
+            likely than the true one. assumed: the model of a filter has the same methods.
     """
     rng = np.random.default_rng(seed)
     reach = min(sensor.reach, LONGEST)
@@ -58,6 +64,8 @@ def check_sensor(sensor: SensorModel, columns: int = 2, seed: int = 1) -> None:
         _check_detects(sensor, field)
     with demand("linearisation"):
         _check_linearisation(sensor, field)
+    with demand("angles"):
+        _check_angles(sensor, field, reach)
     with demand("likelihood"):
         _check_likelihood(sensor, field, rng)
     with demand("truth"):
@@ -125,6 +133,26 @@ def _check_linearisation(sensor: SensorModel, field: _SensorField) -> None:
         assert (error <= 1e-3 * np.maximum(1e-3, np.abs(slopes).max())).all(), (
             f"linearise: gradients along axis {axis} are not the derivatives of the expected readings: {error.max():g}"
         )
+
+
+def _check_angles(sensor: SensorModel, field: _SensorField, reach: float) -> None:
+    """Demand a period of a component that jumps by a whole turn on a circle around the first sensor, in the plane."""
+    if len(field.points) < 2:
+        return
+    turn = np.linspace(-np.pi, np.pi, AROUND, endpoint=False) + 0.1
+    points = field.positions[0][:, None] + NEAR[0] * reach * np.stack([np.cos(turn), np.sin(turn)])
+    names = components_of(sensor)
+    periods = periods_of(sensor) if any(periods_of(sensor)) else (0.0,) * len(names)
+    expected, _, _ = sensor.linearise(points, field.positions[:1], field.traits[:1])
+    for name, period, readings in zip(names, periods, expected, strict=True):
+        jumps = np.abs(np.diff(readings, append=readings[0]))
+        largest, usual = float(jumps.max()), float(np.median(jumps))
+        for whole in () if period else TURNS:
+            assert usual > SMALL * whole or abs(largest - whole) > SMALL * whole, (
+                f"the component '{name}' is expected to jump by {largest:.4g} from one point to the next on a circle "
+                f"around the sensor, as an angle does at half a turn, and its period is 0, so that filters take the "
+                f"long way round. Say so in `periods` (2π for an angle in rad), and wrap differences in log_likelihood"
+            )
 
 
 def _any() -> np.random.Generator:

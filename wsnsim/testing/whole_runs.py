@@ -30,7 +30,7 @@ def demand_whole_runs(tracker: Tracker[Any], motion: MotionModel, sensor: Sensor
     Raises:
         AssertionError: A column differs from that of composed runs, or a run alone from the same run in a block.
     """
-    setup = _setup(tracker, motion, sensor, seed)
+    setup = standalone_setup(tracker, motion, sensor, seed)
     if not offers_batch(setup):
         return
     block, composed = Memory(TABLES), Memory(TABLES)
@@ -54,7 +54,7 @@ class _AnchorsInSpace(Anchors):
         return np.linspace(0.0, 3.0, len(self.places))
 
 
-def _setup(tracker: Tracker[Any], motion: MotionModel, sensor: SensorModel, seed: int) -> TrackingSetup:
+def standalone_setup(tracker: Tracker[Any], motion: MotionModel, sensor: SensorModel, seed: int) -> TrackingSetup:
     """Eight sensors around the start of a target."""
     rng = np.random.default_rng(seed)
     start = motion.truth(1, DT, rng)[0]
