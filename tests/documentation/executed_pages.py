@@ -7,7 +7,8 @@ On a page, in order and in one temporary folder:
   must occur in the real output, in order; `...` stands for anything. `wsnsim` and `python` run, others are skipped;
 - any other `python` block is executed; the blocks of a page share their names.
 
-A block opened by ```` ```{code-block} ```` or in another language is not executed.
+A block opened by ```` ```{code-block} ```` or in another language is not executed here; blocks in `r`, `octave` and
+`matlab` are executed by `test_r_and_octave_pages`, where these programs are installed.
 """
 
 from __future__ import annotations
