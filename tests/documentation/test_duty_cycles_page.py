@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 
@@ -22,6 +23,12 @@ def test_the_page_is_made_from_its_rows():
 def test_every_figure_of_the_page_is_there():
     shown = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", TEXT)
     assert shown and all((page.PAGE.parent / name).stat().st_size > 20_000 for name in shown)
+
+
+def test_definitions_and_hypotheses_stand_word_for_word_as_they_were_when_the_replication_was_registered():
+    registered = TEXT[TEXT.index("**Definitions.**") : TEXT.index("**Departures from the registration**")]
+    digest = hashlib.sha256(" ".join(registered.split()).encode()).hexdigest()
+    assert digest == "bf71f7044945b2bc9488decb6b6849c33b6da2fbe3bb821cd57e6755b4901e35"
 
 
 def test_its_hypotheses_have_the_registered_thresholds():

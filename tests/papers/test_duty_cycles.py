@@ -24,7 +24,7 @@ from wsnsim.papers.paper import paper
 
 PAPER = paper("duty_cycles")
 REGISTERED = PAPER.published["registered"]
-LI, JIANG, FOUND, WAITING = PAPER.experiments
+LI, JIANG, FOUND, WAITING, LI_AGAIN, FOUND_AGAIN, JIANG_AGAIN = PAPER.experiments
 SPREAD = 1.0 + 0.01 * np.linspace(-1.0, 1.0, 10)
 """How ten runs vary around a level."""
 
@@ -50,7 +50,9 @@ def test_what_was_registered_before_the_first_run_is_unchanged():
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("experiment", [LI, JIANG, FOUND], ids=["li", "jiang", "found"])
+@pytest.mark.parametrize(
+    "experiment", [LI, JIANG, FOUND, LI_AGAIN, JIANG_AGAIN, FOUND_AGAIN], ids=lambda each: each.name
+)
 def test_all_points_of_a_field_are_of_one_world_and_say_what_is_run(experiment):
     plan = reproduce.plan("duty_cycles", experiment)
     assert len({point.world for point in plan.points}) == 1
@@ -73,6 +75,22 @@ def test_the_reference_on_lis_field_is_the_shipped_scenario_and_gives_its_result
     sets = [["duration=10 s", *(f"{key}={value}" for key, value in one.items())] for one in waits]
     one, other = (simulate_run(scenario.load("ris", each)).run["fingerprint"] for each in sets)
     assert one == other
+
+
+@pytest.mark.parametrize(("first", "again"), [(LI, LI_AGAIN), (JIANG, JIANG_AGAIN), (FOUND, FOUND_AGAIN)],
+                         ids=lambda each: each.name)  # fmt: skip
+def test_the_replication_has_the_points_of_the_first_study_on_another_seed(first, again):
+    before, after = scenarios_of(first.name), scenarios_of(again.name)
+    seed = {"li": 20261123, "found": 20261123, "jiang": 20261124}[first.name]
+    assert {name: {**one, "seed": seed} for name, one in before.items()} == {name: after[name] for name in before}
+    assert {one["seed"] for one in after.values()} == {seed} and seed not in {one["seed"] for one in before.values()}
+    assert again.full == first.full and hypotheses.OF_EXPERIMENT[again.name] is hypotheses.OF_EXPERIMENT[first.name]
+
+
+def test_the_replication_explores_more_points_on_jiangs_field():
+    more = scenarios_of("jiang_again").keys() - scenarios_of("jiang").keys()
+    macs = {"contikimac 250", "tsch 11", "tsch 31, shared 4", "tsch 11, shared 4"}
+    assert {points.mac_of(name) for name in more} == macs and len(more) == 16
 
 
 def test_jiangs_field_in_slow_motion_has_the_papers_positions_at_its_steps():
@@ -169,6 +187,14 @@ def test_a_mac_is_told_from_its_twin_with_another_word():
     assert points.intervals(data, "gmtt", "xmac") == {0.0625: names[1], 0.5: names[2]}
     assert points.intervals(data, "gmtt", "tsch") == {0.11: names[4]}
     assert points.kinds(data) == ["xmac", "tsch"] and points.trackers(data) == ["gmtt"]
+
+
+def test_slotframes_with_more_shared_cells_are_a_kind_of_their_own():
+    names = ["ekf, csma", "ekf, tsch 31", "ekf, tsch 31, shared 4", "ekf, tsch 11, shared 4"]
+    data = Runs({name: {} for name in names})
+    assert points.intervals(data, "ekf", "tsch") == {0.31: names[1]}
+    assert points.intervals(data, "ekf", "tsch, shared 4") == {0.11: names[3], 0.31: names[2]}
+    assert points.kinds(data) == ["tsch", "tsch, shared 4"]
 
 
 def test_lifetimes_and_reports_are_those_of_the_runs():

@@ -18,7 +18,7 @@ from wsnsim.papers.duty_cycles.points import REFERENCE, intervals, kinds, run, t
 from wsnsim.papers.measures import Data
 from wsnsim.papers.plotting import Drawings, legend_below, plain_numbers
 
-NAMES: Final = {"xmac": "X-MAC", "contikimac": "ContikiMAC", "tsch": "TSCH"}
+NAMES: Final = {"xmac": "X-MAC", "contikimac": "ContikiMAC", "tsch": "TSCH", "tsch, shared 4": "TSCH, 4 shared cells"}
 ROWS: Final = {
     ENERGY: "energy [J]",
     ERROR: "error [m]",
@@ -99,7 +99,7 @@ def by_interval(figure: Figure, data: Data) -> None:
             if column == 0:
                 axes.set_ylabel(words)
         grid[0, column].set_title(NAMES.get(kind, "CSMA"))
-        grid[-1, column].set_xlabel("slotframe" if kind == "tsch" else "wake interval")
+        grid[-1, column].set_xlabel("slotframe" if kind.startswith("tsch") else "wake interval")
         ticks = sorted(
             {one for tracker in trackers(data) for one in intervals(data, tracker, kind)} if kind in NAMES else ()
         )

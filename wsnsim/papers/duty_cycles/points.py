@@ -20,8 +20,8 @@ from wsnsim.papers.measures import Data, sample
 
 REFERENCE: Final = "csma"
 """The MAC that listens always."""
-UNITS: Final = {"xmac": 1e-3, "contikimac": 1e-3, "tsch": 10e-3}
-"""Seconds of the number in the name of a MAC: milliseconds of an interval, slots of a slotframe."""
+UNITS: Final = {"xmac": 1e-3, "contikimac": 1e-3, "tsch": 10e-3, "tsch, shared 4": 10e-3}
+"""Kinds of duty-cycled MACs, and the seconds of the number in their names: ms of an interval, slots of a slotframe."""
 
 
 def tracker_of(variant: str) -> str:
@@ -79,12 +79,20 @@ def intervals(data: Data, tracker: str, kind: str) -> dict[float, str]:
     """{wake interval or slotframe in s: variant} of a tracker on a kind of MAC, ascending."""
     found = {}
     for variant in run(data):
-        name, _, number = mac_of(variant).partition(" ")
-        if tracker_of(variant) == tracker and name == kind and "," not in number:
+        name, number = _kind_and_number(mac_of(variant))
+        if tracker_of(variant) == tracker and name == kind:
             found[float(number) * UNITS[kind]] = variant
     return dict(sorted(found.items()))
 
 
 def kinds(data: Data) -> list[str]:
     """The kinds of duty-cycled MACs that have been run."""
-    return [kind for kind in UNITS if any(mac.startswith(f"{kind} ") for mac in macs(data))]
+    found = {_kind_and_number(mac)[0] for mac in macs(data)}
+    return [kind for kind in UNITS if kind in found]
+
+
+def _kind_and_number(mac: str) -> tuple[str, str]:
+    """'tsch 31, shared 4' -> ('tsch, shared 4', '31'); the number of 'csma' is empty."""
+    name, comma, other = mac.partition(", ")
+    kind, _, number = name.partition(" ")
+    return f"{kind}{comma}{other}", number
