@@ -1,4 +1,4 @@
-"""The nodes of a network as arrays: positions, which are up, which listen, and what they spend.
+"""The nodes of a network as arrays: how they change their modes, what they spend, and what is left.
 
 What is *spent* is in the energy ledger; what is left is derived from it, and reading it changes nothing. Background
 consumption is settled when a node next spends: see `energy.background_consumption`.
@@ -11,32 +11,25 @@ from typing import Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, scalars
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.radio import Mode
 from wsnsim.base.tables import CAUSE
 from wsnsim.network.energy.battery_timers import EVERYBODY
 from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger, affordable
-from wsnsim.network.places import Places
+from wsnsim.network.node_states import NodeStates
 
 RECEIVE, SWITCH = CAUSE["rx"], CAUSE["switch"]
 BELOW_BATTERY: Final = 1.0 - 4e-16
 """Share of a battery that no sum of charges rounds up to the whole battery."""
 
 
-class Nodes:
-    """The nodes of a network.
+class Nodes(NodeStates):
+    """The nodes of a network. Where they stand and which of them listen is inherited.
 
     Attributes:
-        positions: (N, 2) in m where the nodes stand; `x` and `y` give single coordinates, `grid` finds neighbours.
-        assumed: The positions that filters, cluster heads, messages and greedy routing use; by default `positions`.
-        traits: (N, T) constants of the sensors.
-        battery, reach: Initial charge of a node in J, and communication range in m.
-        living: (N,) which nodes are up, that is neither dead nor crashed; `alive[i]` is the same for single nodes.
-        all_listen: Whether all nodes are up and listen.
-        jammed, loss: (N,) radios that faults jam, and the probability that faults lose a frame from or to a node.
-        disturbed: Whether any node is jammed or loses frames.
+        battery: Initial charge of a node in J.
         on_death: Called with a node whose battery is empty (since `died_at`); until set, `died_early` collects them.
     """
 
@@ -44,54 +37,16 @@ class Nodes:
         self, positions: Floats, traits: Floats, battery: float, reach: float,
         duty_cycles: DutyCycles | None = None, consumption: Consumption | None = None,
     ) -> None:  # fmt: skip
-        self.assumed = places = Places(positions)
-        self.positions, self.x, self.y, self.grid = positions, places.x, places.y, places.grid
-        self.traits = traits
-        self.size = size = len(positions)
-        self.battery, self.reach = battery, reach
-        self.living = np.ones(size, dtype=np.bool_)
-        self.alive = scalars(self.living)
-        self.jammed, self.loss = np.zeros(size, dtype=np.bool_), np.zeros(size)
-        self.disturbed = False
+        super().__init__(positions, traits, reach, DutyCycles() if duty_cycles is None else duty_cycles)
+        self.battery = battery
         self.died_at: dict[int, float] = {}
-        self.ledger = EnergyLedger(size)
+        self.ledger = EnergyLedger(self.size)
         self.died_early: list[int] = []
         self.on_death: Callable[[int], None] = self.died_early.append
-        self.duty_cycles = DutyCycles() if duty_cycles is None else duty_cycles
-        self.follows_schedules = self.duty_cycles.rest is Mode.SCHEDULED
-        self.all_listen = not self.follows_schedules
-        self._always_awake: set[int] = set()
-        self._up_since, self._last_restart = np.zeros(size), 0.0
         self._spent = self.ledger.spent_by
         self.consumption = Consumption() if consumption is None else consumption
         self._reserve, self._tight = self.consumption.most, 2.0 * self.consumption.most
         self.consumption.start(battery, self._check)
-
-    def distance(self, a: int, b: int) -> float:
-        """Distance in m between two nodes."""
-        dx, dy = self.x[a] - self.x[b], self.y[a] - self.y[b]
-        return float((dx * dx + dy * dy) ** 0.5)
-
-    def hears(self, ids: Ints, since: float) -> Bools:
-        """(n,) which nodes are up and have been listening since a time that is not in the future."""
-        hears = self.duty_cycles.hears(ids, since, self.living)
-        return hears if since >= self._last_restart else hears & (self._up_since[ids] <= since)
-
-    def all_heard(self, since: float) -> bool:
-        """Whether all nodes are up and have been listening since a time that is not in the future."""
-        return self.all_listen and since >= self._last_restart
-
-    def is_awake(self, node: int) -> bool:
-        """Whether a node is up and listens now."""
-        return self.alive[node] and (not self.follows_schedules or self.duty_cycles.is_awake(node))
-
-    def is_scheduled_awake(self, node: int) -> bool:
-        """Whether a node has a schedule that says that it is awake now."""
-        return self.follows_schedules and self.duty_cycles.scheduled(node) is Mode.AWAKE
-
-    def rest_of(self, node: int) -> Mode:
-        """The mode of a node that has nothing to do."""
-        return Mode.AWAKE if node in self._always_awake else self.duty_cycles.rest
 
     def note_clock(self, node: int) -> None:
         """The clock of a node has been stepped or corrected: its schedule changes at other times than expected."""
@@ -194,16 +149,13 @@ class Nodes:
     def restart(self, node: int, now: float) -> None:
         """A node that crashed comes back, with nothing to do. What is on the air has begun without it."""
         if node not in self.died_at and not self.alive[node]:
-            self._up_since[node] = self._last_restart = now
-            self.living[node] = True
-            self.all_listen = not self.follows_schedules and bool(self.living.all())
+            self._mark_up(node, now)
             self._settle(node)
             self._enter(node, self.rest_of(node))
             self._watch(node)
 
     def _go_down(self, node: int) -> None:
-        self.living[node] = False
-        self.all_listen = False
+        self._mark_down(node)
         self._enter(node, Mode.DOWN)
 
     def spend(self, node: int, cause: int, joules: float) -> float:

@@ -16,21 +16,18 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.frames import EVERYONE, Received
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.base.tables import KIND
 from wsnsim.kernels.reception import COLLIDED, FOREIGN, HEARD_OTHER, HIT, LOST, RECEIVED, outcomes, overlap
-from wsnsim.network.event_log import EACH, event
 from wsnsim.network.radio.capture import CapturingReceivers
 from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.radios_on import RadiosOn
+from wsnsim.network.radio.reception_charges import DROP, NONE, OVERHEARD, RX, WHOLE, ReceptionCharges
 from wsnsim.network.radio.transmission import Transmission
 from wsnsim.network.radio.use_counter import LossSamples
 
-RECEIVE, DROP, COLLIDE, OVERHEAR = (KIND[name] for name in ("receive", "drop", "collide", "overhear"))
-NONE, RX, OVERHEARD = (EVENT_CAUSE[name] for name in ("none", "rx", "overhear"))
-LEDGER: Final = {RX: CAUSE["rx"], OVERHEARD: CAUSE["overhear"]}
+RECEIVE, COLLIDE, OVERHEAR = (KIND[name] for name in ("receive", "collide", "overhear"))
 KINDS: Final = {RECEIVED: (RECEIVE, RX), COLLIDED: (COLLIDE, RX), FOREIGN: (OVERHEAR, OVERHEARD)}
 """Kind and cause of the events that follow from an outcome."""
-WHOLE: Final = 1.0
 NO_MARKS: Final = np.zeros(0, dtype=np.int64)
 NO_TIMES: Final = np.zeros(0)
 ALL: Final = np.zeros(0, dtype=np.bool_)
@@ -47,9 +44,9 @@ class Reception:
     def __init__(
         self, radio: RadioServices, losses: LossSamples, on: RadiosOn, receivers: CapturingReceivers | None = None
     ) -> None:
-        self._env = radio.env
         self._nodes = radio.nodes
         self._log = radio.log
+        self._charges = ReceptionCharges(radio)
         self._topology = radio.topology
         self._on = on
         self._receivers = receivers
@@ -88,10 +85,10 @@ class Reception:
         for outcome, begin, end, paid_until in self._groups[:count].tolist():
             group = order[int(begin) : int(end)]
             if outcome == LOST:
-                self._log_each(sent, DROP, group, 0, 0.0, NONE)
+                self._charges.log_each(sent, DROP, group, 0, 0.0, NONE)
                 continue
             share = WHOLE if sent.overlapping is None else (sent.end - paid_until) / (sent.end - sent.start)
-            self._book_group(sent, group, share, *KINDS[outcome])
+            self._charges.book_group(sent, group, share, *KINDS[outcome])
             paying = int(end)
             received += group.size if outcome == RECEIVED else 0
             collided += group.size if outcome == COLLIDED else 0
@@ -138,7 +135,7 @@ class Reception:
         """The result of an undisturbed broadcast: all neighbours receive it."""
         ids = sent.neighbours.ids
         if ids.size:
-            self._book_group(sent, ids, WHOLE, RECEIVE, RX)
+            self._charges.book_group(sent, ids, WHOLE, RECEIVE, RX)
         self._count(sent, ids.size, ids.size, 0)
         self._on.note(sent, ids)
         return ids
@@ -153,12 +150,12 @@ class Reception:
         for node, until in collided.items():
             groups.setdefault((sent.end - until) / airtime, []).append(node)
         for share, group in groups.items():
-            self._book_group(sent, np.array(group), share, COLLIDE, RX)
+            self._charges.book_group(sent, np.array(group), share, COLLIDE, RX)
         received = neighbours.ids
         if collided:
             received = np.array([node for node in neighbours.id_list if node not in collided], dtype=np.int64)
         if received.size:
-            self._book_group(sent, received, WHOLE, RECEIVE, RX)
+            self._charges.book_group(sent, received, WHOLE, RECEIVE, RX)
         self._on.note(sent, neighbours.ids)
         return received
 
@@ -199,11 +196,11 @@ class Reception:
             collided = hears & ~arrived & (hit | overlapped) & reliable
         meant = reliable if everyone else ids == frame.to
         got = arrived if everyone else arrived & meant
-        self._charge(sent, got, share, RECEIVE, RX)
+        self._charges.charge(sent, got, share, RECEIVE, RX)
         if not quiet:
-            self._charge(sent, collided & meant, share, COLLIDE, RX)
+            self._charges.charge(sent, collided & meant, share, COLLIDE, RX)
         if not everyone:
-            self._charge(sent, (arrived | collided) & ~meant, share, OVERHEAR, OVERHEARD)
+            self._charges.charge(sent, (arrived | collided) & ~meant, share, OVERHEAR, OVERHEARD)
         living = nodes.living[ids]
         self._on.note(sent, ids[(arrived | collided) & living])
         if everyone and listening is not None:
@@ -212,7 +209,7 @@ class Reception:
         if everyone:
             lost &= living
         if lost.any():
-            self._log_each(sent, DROP, ids[lost], 0, 0.0, NONE)
+            self._charges.log_each(sent, DROP, ids[lost], 0, 0.0, NONE)
         got &= living
         meant = meant & living
         self._count(sent, int(meant.sum()), int((got & meant).sum()), int((collided & meant).sum()))
@@ -266,45 +263,3 @@ class Reception:
             probabilities = probabilities * (1.0 - nodes.loss[sent.source]) * (1.0 - nodes.loss[neighbours.ids])
         samples = uniforms(derive_all(derive(self._key, *self._numbers(sent.source)), neighbours.ids), 0)
         return np.asarray(samples >= 1.0 - probabilities)
-
-    def _charge(self, sent: Transmission, chosen: Bools, shares: Floats | None, kind: int, cause: int) -> None:
-        """Charge and log the chosen neighbours, each for the share of the frame that it listened to; None: whole."""
-        ids = sent.neighbours.ids[chosen]
-        if not ids.size:
-            return
-        if shares is None:
-            self._charge_group(sent, ids, WHOLE, kind, cause)
-            return
-        chosen_shares = shares[chosen]
-        for share in np.unique(chosen_shares).tolist():
-            self._charge_group(sent, ids[chosen_shares == share], share, kind, cause)
-
-    def _charge_group(self, sent: Transmission, ids: Ints, share: float, kind: int, cause: int) -> None:
-        """Charge and log different nodes (n,) for the same share of a frame."""
-        nodes = self._nodes
-        bits, joules, airtime = int(sent.frame.bits * share), sent.costs[2] * share, sent.costs[3] * share
-        if bits == 0 or nodes.can_all_receive(ids, joules):
-            self._book_group(sent, ids, share, kind, cause)
-            return
-        for node in ids.tolist():
-            paid = nodes.spend_receive(node, joules, bits, LEDGER[cause], airtime)
-            alive = nodes.alive[node]
-            spent = joules * paid / bits
-            self._log_each(sent, kind if alive else DROP, np.array([node]), paid, spent, cause if paid else NONE)
-
-    def _book_group(self, sent: Transmission, ids: Ints, share: float, kind: int, cause: int) -> None:
-        """Charge and log different nodes (n,) for the same share of a frame, of which none of them can die."""
-        bits, joules = int(sent.frame.bits * share), sent.costs[2] * share
-        if bits == 0:
-            self._log_each(sent, kind, ids, 0, 0.0, NONE)
-            return
-        self._nodes.receive_all(ids, joules, LEDGER[cause], sent.costs[3] * share)
-        self._log_each(sent, kind, ids, bits, joules, cause)
-
-    def _log_each(self, sent: Transmission, kind: int, ids: Ints, bits: int, joules: float, cause: int) -> None:
-        frame = sent.frame
-        self._log.add_all(
-            event(self._env.now, self._log.step, frame.target, EACH, kind, frame.code, sent.number, frame.sequence,
-                  sent.source, frame.packets, bits, joules, cause),
-            ids,
-        )  # fmt: skip

@@ -1,0 +1,77 @@
+"""Where the nodes of a network stand, which of them are up, and which listen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints, scalars
+from wsnsim.base.radio import Mode
+from wsnsim.network.energy.duty_cycles import DutyCycles
+from wsnsim.network.places import Places
+
+
+class NodeStates:
+    """The places and states of nodes. What they cost is in `nodes.Nodes`, which changes them.
+
+    Attributes:
+        positions: (N, 2) in m where the nodes stand; `x` and `y` give single coordinates, `grid` finds neighbours.
+        assumed: The positions that filters, cluster heads, messages and greedy routing use; by default `positions`.
+        traits: (N, T) constants of the sensors.
+        reach: Communication range in m.
+        living: (N,) which nodes are up, that is neither dead nor crashed; `alive[i]` is the same for single nodes.
+        all_listen: Whether all nodes are up and listen.
+        jammed, loss: (N,) radios that faults jam, and the probability that faults lose a frame from or to a node.
+        disturbed: Whether any node is jammed or loses frames.
+        duty_cycles: The modes of nodes that do not rest, and the sleep schedules of those that do.
+    """
+
+    def __init__(self, positions: Floats, traits: Floats, reach: float, duty_cycles: DutyCycles) -> None:
+        self.assumed = places = Places(positions)
+        self.positions, self.x, self.y, self.grid = positions, places.x, places.y, places.grid
+        self.traits = traits
+        self.size = size = len(positions)
+        self.reach = reach
+        self.living = np.ones(size, dtype=np.bool_)
+        self.alive = scalars(self.living)
+        self.jammed, self.loss = np.zeros(size, dtype=np.bool_), np.zeros(size)
+        self.disturbed = False
+        self.duty_cycles = duty_cycles
+        self.follows_schedules = duty_cycles.rest is Mode.SCHEDULED
+        self.all_listen = not self.follows_schedules
+        self._always_awake: set[int] = set()
+        self._up_since, self._last_restart = np.zeros(size), 0.0
+
+    def distance(self, a: int, b: int) -> float:
+        """Distance in m between two nodes."""
+        dx, dy = self.x[a] - self.x[b], self.y[a] - self.y[b]
+        return float((dx * dx + dy * dy) ** 0.5)
+
+    def hears(self, ids: Ints, since: float) -> Bools:
+        """(n,) which nodes are up and have been listening since a time that is not in the future."""
+        hears = self.duty_cycles.hears(ids, since, self.living)
+        return hears if since >= self._last_restart else hears & (self._up_since[ids] <= since)
+
+    def all_heard(self, since: float) -> bool:
+        """Whether all nodes are up and have been listening since a time that is not in the future."""
+        return self.all_listen and since >= self._last_restart
+
+    def is_awake(self, node: int) -> bool:
+        """Whether a node is up and listens now."""
+        return self.alive[node] and (not self.follows_schedules or self.duty_cycles.is_awake(node))
+
+    def is_scheduled_awake(self, node: int) -> bool:
+        """Whether a node has a schedule that says that it is awake now."""
+        return self.follows_schedules and self.duty_cycles.scheduled(node) is Mode.AWAKE
+
+    def rest_of(self, node: int) -> Mode:
+        """The mode of a node that has nothing to do."""
+        return Mode.AWAKE if node in self._always_awake else self.duty_cycles.rest
+
+    def _mark_up(self, node: int, now: float) -> None:
+        self._up_since[node] = self._last_restart = now
+        self.living[node] = True
+        self.all_listen = not self.follows_schedules and bool(self.living.all())
+
+    def _mark_down(self, node: int) -> None:
+        self.living[node] = False
+        self.all_listen = False
