@@ -1,6 +1,6 @@
 """ContikiMAC once more, plainly: senders around one receiver, written from the report and from `ContikiMac`'s text.
 
-It shares no code with the package: see `plain_air`. Every channel check is an event here.
+It shares no code with the package: see `plain_air` and `plain_senders`. Every channel check is an event here.
 """
 
 from __future__ import annotations
@@ -9,39 +9,25 @@ import random
 from math import ceil, floor
 from typing import Any
 
-from tests.network.plain_air import Air, Radio
+from tests.network.plain_air import Air
+from tests.network.plain_senders import ACK, DATA, FIRST, LONGEST, SPACING, TURN, Sender, contend
 
-TURN, ACK, T_R, T_C, T_I = 192e-6, 88 / 250e3, 192e-6, 500e-6, 400e-6
-DATA, LONGEST, SPACING, LINGER, FIRST, GUARD = 29 * 8 / 250e3, 133 * 8 / 250e3, 640e-6, 31.25e-3, 10e-3, 2e-3
+T_R, T_C, T_I, LINGER, GUARD = 192e-6, 500e-6, 400e-6, 31.25e-3, 2e-3
 PERIOD, ASSESSMENT = DATA + T_I, T_C + 2 * T_R
-RETRIES, TRIES, AWAKE = 3, 8, 3
+AWAKE = 3
 
 
-class Node(Radio):
+class Node(Sender):
     """A node with ContikiMAC."""
 
+    ASSESSMENT = ASSESSMENT
+
     def __init__(self, air: Air, interval: float, draw: random.Random, locks: bool, phase: float, first: float) -> None:
-        super().__init__(air)
-        self.first = first
-        self.interval, self.draw, self.locks = interval, draw, locks
-        self.needs: set[str] = set()
-        self.until = 0.0
-        self.queue: list[Any] = []
-        self.working, self.state, self.turn = False, "idle", 0
-        self.delivered = self.failed = 0
+        super().__init__(air, interval, draw, phase, first)
+        self.locks = locks
         self.known: float | None = None
         self.ends = float("inf")
         self.follows = False
-        air.at(phase, self.wake)
-
-    def need(self, reason: str) -> None:
-        self.needs.add(reason)
-        self.turn_on()
-
-    def drop(self, reason: str) -> None:
-        self.needs.discard(reason)
-        if not self.needs:
-            self.turn_off()
 
     # The wake-up: two assessments; who hears something stays on.
     def wake(self) -> None:
@@ -105,20 +91,6 @@ class Node(Radio):
             self.later(SPACING, lambda: self.finish(True))
 
     # The sender.
-    def later(self, seconds: float, action: Any) -> None:
-        self.turn += 1
-        turn = self.turn
-        self.air.at(self.air.now + seconds, lambda: action() if turn == self.turn else None)
-
-    def offer(self, to: Any) -> None:
-        self.queue.append(to)
-        if not self.working:
-            self.begin()
-
-    def begin(self) -> None:
-        self.working, self.tries, self.retries = True, 0, 0
-        self.pause()
-
     def pause(self) -> None:
         """Wait for a random time, or until shortly before the receiver wakes."""
         self.state, self.ends, wait = "pause", float("inf"), self.draw.random()
@@ -131,11 +103,6 @@ class Node(Radio):
         self.ends = expected + PERIOD + GUARD
         self.later(expected - early - self.air.now, self.listen)
 
-    def listen(self) -> None:
-        self.state = "listen"
-        self.need("send")
-        self.later(ASSESSMENT, self.assess)
-
     def assess(self) -> None:
         if self.air.was_busy(self, self.air.now - ASSESSMENT):
             self.busy()
@@ -143,15 +110,6 @@ class Node(Radio):
             self.follows = False
             self.state, self.left = "train", floor(self.interval / PERIOD) + 2
             self.copy()
-
-    def busy(self) -> None:
-        self.drop("send")
-        self.tries += 1
-        self.state = "pause"
-        if self.tries < TRIES:
-            self.later(self.draw.random() * self.interval, self.pause)
-        else:
-            self.finish(False)
 
     def copy(self) -> None:
         if self.left == 0 or self.air.now + TURN > self.ends:
@@ -170,32 +128,15 @@ class Node(Radio):
         else:
             self.later(T_I - TURN, self.copy)
 
-    def retry(self) -> None:
-        self.drop("send")
-        self.state = "pause"
-        if self.retries == RETRIES:
-            self.finish(False)
-            return
-        self.retries += 1
-        self.tries = 0
-        self.later(self.draw.random() * self.interval, self.pause)
-
     def finish(self, arrived: bool) -> None:
-        to = self.queue.pop(0)
-        self.delivered += arrived
-        self.failed += not arrived
-        self.turn += 1
         if not self.locks:
             self.known = None
-        if arrived and self.queue and self.queue[0] is to:
-            self.state, self.tries, self.retries, self.left, self.ends = "train", 0, 0, AWAKE, float("inf")
-            self.follows = True
-            self.copy()
-            return
-        self.drop("send")
-        self.working, self.state = False, "idle"
-        if self.queue:
-            self.begin()
+        super().finish(arrived)
+
+    def follow(self) -> None:
+        self.state, self.left, self.ends = "train", AWAKE, float("inf")
+        self.follows = True
+        self.copy()
 
 
 def contention(
@@ -207,24 +148,10 @@ def contention(
     phases: list[float] | None = None,
     first: float = FIRST,
 ) -> list[Node]:
-    """Let senders offer frames to node 0; return all nodes at the end.
+    """Let senders with ContikiMAC offer frames to node 0: see `contend`.
 
-    Args:
-        frames: For each sender the times at which it offers a frame, in s.
-        interval: The wake interval.
-        seconds: The end.
-        seed: Of the random numbers.
-        locks: Whether senders learn when the receiver wakes.
-        phases: When each node first wakes; None: at random times.
-        first: The longest random wait before a sender first listens.
+    `locks`: whether they learn when the receiver wakes. `first`: the longest wait before they listen.
     """
-    air, draw = Air(), random.Random(seed)
-    phases = phases or [draw.random() * interval for _ in range(len(frames) + 1)]
-    nodes = [Node(air, interval, draw, locks, phase, first) for phase in phases]
-    for node, times in zip(nodes[1:], frames, strict=True):
-        for time in times:
-            air.at(time, lambda node=node: node.offer(nodes[0]))
-    air.run(seconds)
-    for node in nodes:
-        node.turn_off()
-    return nodes
+    return contend(
+        lambda air, draw, phase: Node(air, interval, draw, locks, phase, first), frames, interval, seconds, seed, phases
+    )
