@@ -6,12 +6,11 @@ the mechanism may use. The built-in components have no `start`: `network` binds 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.errors import RunError
 from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRound
 
 HeardMessage = Callable[[int, WakeUpMessage], None]
@@ -257,23 +256,3 @@ class StartsWorkload(Protocol):
 
     def start(self, services: WorkloadServices) -> WorkloadMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
-
-
-def complete(role: str, mechanism: object, *members: str) -> None:
-    """Refuse a mechanism of a plug-in that lacks members of its port.
-
-    Raises:
-        RunError: The role, the class and what it lacks.
-    """
-    lacking = [name for name in members if not callable(getattr(mechanism, name, None))]
-    if lacking:
-        raise RunError(
-            f"{role}: {type(mechanism).__name__}, which start(services) returned, lacks {', '.join(lacking)}"
-        )
-
-
-def unknown_mechanism(role: str, name: str, known: Iterable[str]) -> RunError:
-    """Return the error of a component whose mechanism is neither built in nor started by the component itself."""
-    return RunError(
-        f"{role}: unknown mechanism '{name}', and the component has no start(services); known: {', '.join(known)}"
-    )

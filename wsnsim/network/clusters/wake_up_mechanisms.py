@@ -1,6 +1,6 @@
 """The built-in wake-up mechanisms: what nodes do with a wake-up message, by the rule of the scenario's `wakeup`.
 
-mechanism = make_mechanism(component, services)      mechanism.begin(round)
+mechanism = make_wake_up(component, services)      mechanism.begin(round)
 """
 
 from __future__ import annotations
@@ -9,8 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
-from wsnsim.base.mechanisms import StartsWakeUp, WakeUpMechanism, WakeUpServices, complete, unknown_mechanism
+from wsnsim.base.mechanisms import StartsWakeUp, WakeUpMechanism, WakeUpServices
 from wsnsim.base.sleeping import Decision, WakeUp, WakeUpMessage, WakeUpRound
+from wsnsim.network.mechanisms import make_mechanism
 
 MESSAGE_NAMES: Final = {"flood": "track", "region": "announce", "invite": "invitation"}
 """The name of each mechanism's message in the event log."""
@@ -121,16 +122,10 @@ MECHANISMS: Final[Mapping[str, Callable[[WakeUp, WakeUpServices], WakeUpMechanis
 """The built-in mechanisms by name."""
 
 
-def make_mechanism(component: WakeUp, services: WakeUpServices) -> WakeUpMechanism:
+def make_wake_up(component: WakeUp, services: WakeUpServices) -> WakeUpMechanism:
     """The mechanism of a component: its own, or the built-in one that it names.
 
     Raises:
         RunError: there is neither.
     """
-    if isinstance(component, StartsWakeUp):
-        mechanism = component.start(services)
-        complete("wakeup", mechanism, "begin")
-        return mechanism
-    if component.mechanism not in MECHANISMS:
-        raise unknown_mechanism("wakeup", component.mechanism, ["none", *MECHANISMS])
-    return MECHANISMS[component.mechanism](component, services)
+    return make_mechanism("wakeup", component, services, StartsWakeUp, ("begin",), MECHANISMS, "none")

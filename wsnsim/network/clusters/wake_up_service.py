@@ -26,7 +26,7 @@ from wsnsim.network.clocks import Clocks
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_intervals import WakeIntervals
-from wsnsim.network.clusters.wake_up_mechanisms import MESSAGE_NAMES, make_mechanism
+from wsnsim.network.clusters.wake_up_mechanisms import MESSAGE_NAMES, make_wake_up
 from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.node import FRAME, NodeProcesses
 from wsnsim.network.radio.transport import Transport
@@ -68,7 +68,7 @@ class WakeUpService:
         stronger = 0.0 if self._radio.power is None else self._radio.power - getattr(setup.link, "power", 0.0)
         self._least_power = self._radio.sensitivity - self._radio.path_gain - stronger
         self._calls = 0
-        self._mechanism = make_mechanism(setup.wakeup, self)
+        self._mechanism = make_wake_up(setup.wakeup, self)
 
     def start(self, track: Track, node: int, message: WakeUpMessage, foreseen: bool) -> None:
         """Begin a round; returns at once."""

@@ -15,9 +15,8 @@ from wsnsim.base.mechanisms import (
     FaultServices,
     SensorDefect,
     StartsFault,
-    complete,
-    unknown_mechanism,
 )
+from wsnsim.network.mechanisms import make_mechanism
 
 CHANGE_READINGS: Final = frozenset({"clock_step", "stuck", "bias"})
 """Built-in mechanisms that change what sensors read."""
@@ -141,10 +140,4 @@ def make_fault(fault: FaultEvent, services: FaultServices) -> FaultMechanism:
     Raises:
         RunError: There is neither.
     """
-    if isinstance(fault, StartsFault):
-        mechanism = fault.start(services)
-        complete("faults", mechanism, "begin", "end")
-        return mechanism
-    if fault.mechanism not in MECHANISMS:
-        raise unknown_mechanism("faults", fault.mechanism, MECHANISMS)
-    return MECHANISMS[fault.mechanism](fault, services)
+    return make_mechanism("faults", fault, services, StartsFault, ("begin", "end"), MECHANISMS)

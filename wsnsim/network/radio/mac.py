@@ -13,9 +13,9 @@ import simpy
 
 from wsnsim.base.frames import EVERYONE, Burst, Received, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
-from wsnsim.base.mechanisms import complete, unknown_mechanism
 from wsnsim.base.medium_access import IdealAccess, Mac
 from wsnsim.base.requests import Parcel
+from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.ideal_medium import IdealMedium
 from wsnsim.network.radio.lpl.contikimac import ContikiMacMechanism
@@ -105,10 +105,4 @@ def make_mac(mac: Mac, services: NetworkMacServices) -> MacMechanism:
     Raises:
         RunError: There is neither.
     """
-    if isinstance(mac, StartsMac):
-        mechanism = mac.start(services)
-        complete("mac", mechanism, "send", "offer", "silence")
-        return mechanism
-    if mac.mechanism not in MECHANISMS:
-        raise unknown_mechanism("mac", mac.mechanism, MECHANISMS)
-    return MECHANISMS[mac.mechanism](mac, services)
+    return make_mechanism("mac", mac, services, StartsMac, ("send", "offer", "silence"), MECHANISMS)

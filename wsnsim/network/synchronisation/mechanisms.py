@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from wsnsim.base.mechanisms import complete, unknown_mechanism
 from wsnsim.base.synchronisation import StartsSync, SyncMechanism, SyncServices, TimeSync
+from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.synchronisation.ftsp import FtspMechanism
 
 
@@ -39,10 +39,4 @@ def make_sync(component: TimeSync, services: SyncServices) -> SyncMechanism:
     Raises:
         RunError: there is neither.
     """
-    if isinstance(component, StartsSync):
-        mechanism = component.start(services)
-        complete("sync", mechanism, "begin", "forget", "is_synchronised")
-        return mechanism
-    if component.mechanism not in MECHANISMS:
-        raise unknown_mechanism("sync", component.mechanism, MECHANISMS)
-    return MECHANISMS[component.mechanism](component, services)
+    return make_mechanism("sync", component, services, StartsSync, ("begin", "forget", "is_synchronised"), MECHANISMS)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices, complete, unknown_mechanism
+from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices
 from wsnsim.base.workloads import Workload
+from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.workloads.beacons import Beacons
 from wsnsim.network.workloads.collection_reports import CollectionReports
 
@@ -23,10 +24,4 @@ def make_workload(component: Workload, services: WorkloadServices) -> WorkloadMe
     Raises:
         RunError: there is neither.
     """
-    if isinstance(component, StartsWorkload):
-        mechanism = component.start(services)
-        complete("workload", mechanism, "begin")
-        return mechanism
-    if component.mechanism not in MECHANISMS:
-        raise unknown_mechanism("workload", component.mechanism, ["tracking", *MECHANISMS])
-    return MECHANISMS[component.mechanism](component, services)
+    return make_mechanism("workload", component, services, StartsWorkload, ("begin",), MECHANISMS, "tracking")

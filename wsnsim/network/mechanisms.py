@@ -1,0 +1,56 @@
+"""The mechanism of a component: its own, which a plug-in starts, or the built-in one that it names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from wsnsim.base.errors import RunError
+
+Services = TypeVar("Services")
+Mechanism = TypeVar("Mechanism")
+
+
+def make_mechanism(
+    role: str,
+    component: Any,
+    services: Services,
+    port: type,
+    members: Sequence[str],
+    built_in: Mapping[str, Callable[[Any, Services], Mechanism]],
+    *others: str,
+) -> Mechanism:
+    """Return the mechanism of a component.
+
+    Args:
+        role: The role of the component, for messages.
+        component: The component.
+        services: All of the network that the mechanism may use.
+        port: The protocol of a component that starts its own mechanism.
+        members: What such a mechanism must have.
+        built_in: What makes the built-in mechanisms, by name.
+        others: Names of mechanisms that are not made here, for messages.
+
+    Raises:
+        RunError: There is neither, or the component's own mechanism lacks members of its port.
+    """
+    if isinstance(component, port):
+        own: Mechanism = _started(role, component, services, members)
+        return own
+    if component.mechanism not in built_in:
+        known = ", ".join([*others, *built_in])
+        raise RunError(
+            f"{role}: unknown mechanism '{component.mechanism}', and the component has no start(services); "
+            f"known: {known}"
+        )
+    return built_in[component.mechanism](component, services)
+
+
+def _started(role: str, component: Any, services: Any, members: Sequence[str]) -> Any:
+    mechanism = component.start(services)
+    lacking = [name for name in members if not callable(getattr(mechanism, name, None))]
+    if lacking:
+        raise RunError(
+            f"{role}: {type(mechanism).__name__}, which start(services) returned, lacks {', '.join(lacking)}"
+        )
+    return mechanism
