@@ -3,35 +3,29 @@
 No event happens until a node spends energy or is asked for it: then it is *settled*, which means that its consumption
 since the last time is computed and booked. The consumption is a function of the state of the node (its mode, and what
 its radio does in it: see `power_table`), less the seconds in which its radio or its processor was busy. The totals of
-the network need no look at the nodes: their power is a sum that changes when a node changes its state. A node that may
-run out before the end has a battery timer.
+the network need no look at the nodes: see `network_totals`. A node that may run out before the end has a battery timer.
 
 The consumption of a node that follows a sleep schedule is a closed form of the schedule, and so is that of a radio that
-follows a duty. The network's totals leave schedules out, as if no node ever left its own: `scheduled_totals` computes
-them for many times at once.
+follows a duty.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Final
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.radio import Mode
-from wsnsim.base.tables import CAUSES
 from wsnsim.kernels.charging import mark_busy
 from wsnsim.network.energy.battery_watch import BatteryWatch
 from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import Charges
-from wsnsim.network.energy.power_table import ASLEEP, AWAKE, HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable
+from wsnsim.network.energy.network_totals import NetworkTotals
+from wsnsim.network.energy.power_table import ASLEEP, HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable
 from wsnsim.network.energy.radio_levels import RadioLevels
-
-OVER_TIME: Final = (IDLE, SLEEP, SENSE, SWITCH)
-"""Causes on which background consumption is booked."""
 
 
 class BackgroundConsumption(Consumption):
@@ -58,7 +52,6 @@ class BackgroundConsumption(Consumption):
         self._table = table
         self._model = model = table.model
         self._duty_cycles = duty_cycles
-        self._size = size
         rest = duty_cycles.rest
         self._radio, self._radio_cause, self._share = table.radio, table.radio_cause, table.share
         self._processor, self._processor_cause = table.processor, table.processor_cause
@@ -70,13 +63,8 @@ class BackgroundConsumption(Consumption):
         self._state, self._since = scalars(self._states), scalars(self._settled_at)
         self._radio_busy_of, self._computed_of = scalars(self._radio_busy), scalars(self._computed)
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
-        self._grand_totals = np.zeros(ON + 1)
-        self._grand = scalars(self._grand_totals)
-        self._power: dict[int, float] = dict.fromkeys((*OVER_TIME, ON), 0.0)
-        self._booked: dict[int, float] = {SENSE: 0.0, SWITCH: 0.0}
-        if rest is not Mode.SCHEDULED:
-            for cause, power in table.powers(int(rest)):
-                self._power[cause] += size * power
+        self._network = NetworkTotals(table, duty_cycles, size, self._per_switch)
+        self._grand_totals, self._grand = self._network.array, self._network.joules
         self._watch = BatteryWatch(env, table, duty_cycles, self._per_switch, horizon)
         self.most = self._watch.most
         self._start_duties(size)
@@ -144,9 +132,7 @@ class BackgroundConsumption(Consumption):
         self._since[node] = self._env.now
         self._radio_busy_of[node] = max(self._radio_busy_of[node] - self._share[state] * passed, 0.0)
         self._computed_of[node] = max(self._computed_of[node] - passed, 0.0)
-        for cause, joules in charges:
-            if cause in self._booked:
-                self._booked[cause] += joules
+        self._network.note_booked(charges)
         return charges
 
     def mark_radio_busy(self, node: int, seconds: float) -> None:
@@ -203,15 +189,8 @@ class BackgroundConsumption(Consumption):
 
     def _enter(self, node: int, after: int) -> None:
         """A settled node is in another state from now on."""
-        busy, computed, table = self._radio_busy_of[node], self._computed_of[node], self._table
-        for state, sign in ((self._state[node], -1.0), (after, 1.0)):
-            self._grand[self._radio_cause[state]] -= sign * self._radio[state] * busy
-            self._grand[ON] += sign * self._off_of[state] * busy
-            self._grand[self._processor_cause[state]] -= sign * self._processor[state] * computed
-            if not self._scheduled[state]:
-                for cause, power in table.powers(state):
-                    self._power[cause] += sign * power
-                    self._grand[cause] -= sign * power * self._env.now
+        busy, computed = self._radio_busy_of[node], self._computed_of[node]
+        self._network.change_state(self._state[node], after, busy, computed, self._env.now)
         self._state[node] = after
         self._since[node] = self._env.now
         if self._duty_cycled:
@@ -274,42 +253,23 @@ class BackgroundConsumption(Consumption):
 
     def correct(self, cause: int, joules: float) -> None:
         """Add to the network's total of a cause: a node that died could not pay what it consumed, or lost a rest."""
-        if cause not in self._booked:
-            self._grand[cause] += joules
+        self._network.correct(cause, joules)
 
     def totals(self, settled: list[float]) -> list[float]:
         """The network's totals by cause until now, given the settled ones, without `scheduled_totals`."""
-        result = list(settled)
-        for cause in OVER_TIME:
-            booked = settled[cause] - self._booked[cause] if cause in self._booked else 0.0
-            result[cause] = booked + self._grand[cause] + self._power[cause] * self._env.now
-        awake, switches, passed = self._duty_cycles.skipped()
-        for cause, joules in self._table.by_schedule(awake, passed, self._per_switch * switches):
-            result[cause] -= joules
-        for level, awake in enumerate(self._levels.awake(self._duty_cycles, self._settled_at, self._env.now)):
-            for sign, each in ((1.0, level), (-1.0, 0)):
-                for cause, joules in self._table.by_schedule(awake, awake, 0.0, level=each):
-                    result[cause] += sign * joules
-        return result
+        return self._network.until(self._env.now, settled, self._awake_at())
 
     def radio_on(self) -> float | None:
         """Share of the time of all nodes until now in which radios were on: sent, received or listened."""
-        now, on = self._env.now, self._table.on
-        if not self._duty_cycled:
-            return None
-        scheduled = float(self._duty_cycles.profile(np.array([now]))[0][0]) - self._duty_cycles.skipped()[0]
-        seconds = self._grand[ON] + self._power[ON] * now + on[AWAKE] * scheduled
-        for level, awake in enumerate(self._levels.awake(self._duty_cycles, self._settled_at, self._env.now)):
-            seconds += (on[level * MODES + AWAKE] - on[AWAKE]) * awake
-        return float(seconds / (self._size * now)) if now else 0.0
+        return self._network.radio_on(self._env.now, self._awake_at()) if self._duty_cycled else None
+
+    def _awake_at(self) -> list[float]:
+        """Seconds for which nodes with schedules were awake, by the level of their radios."""
+        return self._levels.awake(self._duty_cycles, self._settled_at, self._env.now)
 
     def scheduled_totals(self, times: Floats) -> Floats:
         """(T, causes) what all nodes would have consumed by each time, had they only followed their schedules."""
-        totals = np.zeros((times.size, len(CAUSES)))
-        awake, switches, passed = self._duty_cycles.profile(times)
-        for cause, joules in self._table.by_schedule(awake, passed, self._per_switch * switches):
-            totals[:, cause] += joules
-        return totals
+        return self._network.scheduled(times)
 
     def watch(self, node: int, left: float) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""
