@@ -8,16 +8,16 @@ acknowledged, and sent again if no acknowledgement comes.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
 from typing import Any
 
 import simpy
 
-from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, OfferedFrame, Received
+from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
 from wsnsim.base.medium_access import ContendingMac
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.network.radio.contention_periods import ContentionPeriods
 from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.sender_queues import SenderQueues
 from wsnsim.network.radio.transmission import Transmission
 
 
@@ -65,7 +65,7 @@ class _Sender:
         self.stopped = False
 
 
-class CsmaMechanism:
+class CsmaMechanism(SenderQueues[_Sender]):
     """CSMA/CA of all nodes on one channel.
 
     Args:
@@ -78,45 +78,22 @@ class CsmaMechanism:
     def __init__(
         self, mac: ContendingMac, services: NetworkMacServices, periods: ContentionPeriods | None = None
     ) -> None:
+        super().__init__(mac, services)
         self._services = services
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
         self._log = services.radio.log
         self._counters = services.counters
         self._mac = mac
         self._acks = mac.acks or periods is not None
         self._periods = periods
         self._key = services.key("mac")
-        self._senders: dict[int, _Sender] = {}
         self._log.code("no_channel")  # Registered first, so that the codes in result files stay the same.
         self._ack = self._log.code("ack")
         self.channel = services.open_channel(mac, mac.cca)
-        self.fragmentation = services.fragmentation(mac)
-
-    def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
-        """Queue bursts at their senders; the event fires when the last burst has ended."""
-        return self.fragmentation.send_all(bursts, self._env.event(), self._is_up, self._enqueue)
-
-    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
-        """Broadcast one payload, then call `done` with the receivers, or with None if it never got the channel."""
-        self._enqueue(node, OfferedFrame(self._mac.bits(payload_bits), code, done))
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: its queue is lost, and its transmission is cut."""
         self.channel.silence(node)
-        sender = self._senders.pop(node, None)
-        if sender is None:
-            return
-        sender.stopped = True
-        if sender.frame is None:
-            return
-        current, sender.frame = sender.frame, None
-        current.finish(True if sender.received else None)
-        for frame in sender.queue:
-            frame.finish(None)
-
-    def _is_up(self, burst: Burst) -> bool:
-        return bool(self._nodes.alive[burst.source])
+        self._stop(node)
 
     def _enqueue(self, node: int, frame: MacFrame) -> None:
         sender = self._senders.get(node)

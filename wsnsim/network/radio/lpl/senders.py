@@ -10,18 +10,19 @@ send its frame if the channel was free. X-MAC and ContikiMAC differ in what they
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Final, Protocol
 
 import simpy
 
-from wsnsim.base.frames import EVERYONE, Burst, MacFrame, OfferedFrame, Received
+from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.base.low_power_macs import LowPowerMac
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.lpl.copies import CopyTrain
 from wsnsim.network.radio.lpl.radios import SENDS, LowPowerRadios
 from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.sender_queues import SenderQueues
 
 RESOLUTION: Final = 2.0**-53
 """Distance of two random numbers below 1."""
@@ -91,48 +92,34 @@ class SendingProtocol(Protocol):
         ...
 
 
-class Senders:
+class Senders(SenderQueues[RepeatingSender]):
     """All nodes that have something to send."""
 
     def __init__(
         self, mac: LowPowerMac, services: NetworkMacServices, radios: LowPowerRadios, channel: Channel,
         protocol: SendingProtocol,
     ) -> None:  # fmt: skip
+        super().__init__(mac, services)
         self._mac = mac
         self._services = services
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
         self._log = services.radio.log
         self._radios = radios
         self._channel = channel
         self._protocol = protocol
-        self._fragmentation = services.fragmentation(mac)
         self._key = services.key("mac")
-        self._senders: dict[int, RepeatingSender] = {}
-
-    def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
-        """Queue bursts at their senders; the event fires when the last burst has ended."""
-        return self._fragmentation.send_all(bursts, self._env.event(), self._is_up, self._enqueue)
-
-    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
-        """Broadcast one payload, then call `done` with the receivers, or with None if it never got the channel."""
-        self._enqueue(node, OfferedFrame(self._mac.bits(payload_bits), code, done))
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: its queue is lost, its transmission is cut, its radio is off."""
         self._channel.silence(node)
         self._radios.forget(node)
-        sender = self._senders.pop(node, None)
-        if sender is None:
-            return
-        sender.stopped = True
-        if sender.frame is None:
-            return
-        current, sender.frame = sender.frame, None
-        train, result = sender.train, True if sender.received else None
-        current.finish(train.received() if isinstance(train, CopyTrain) and current.to == EVERYONE else result)
-        for frame in sender.queue:
-            frame.finish(None)
+        self._stop(node)
+
+    def _result_of_cut(self, sender: RepeatingSender) -> Received | None:
+        """The result of a frame that is cut: a broadcast has arrived where one of its copies has."""
+        train = sender.train
+        if isinstance(train, CopyTrain) and sender.current.to == EVERYONE:
+            return train.received()
+        return True if sender.received else None
 
     def get(self, node: int) -> RepeatingSender | None:
         """The sender of a node that has a frame in progress; None if it has none."""
@@ -157,9 +144,6 @@ class Senders:
                 action(sender)
 
         self._env.timeout(max(seconds, 0.0)).callbacks.append(act)
-
-    def _is_up(self, burst: Burst) -> bool:
-        return bool(self._nodes.alive[burst.source])
 
     def _enqueue(self, node: int, frame: MacFrame) -> None:
         if not self._nodes.alive[node]:
