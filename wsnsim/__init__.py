@@ -18,6 +18,7 @@ from wsnsim.base.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from wsnsim.analysis.frames import read
+    from wsnsim.api.plotting import plot
     from wsnsim.api.result import Result
     from wsnsim.api.running import run, simulate
     from wsnsim.api.sweep_result import SweepResult
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
         Scatter,
         Send,
     )
+    from wsnsim.bounds import bound
     from wsnsim.experiment import load
     from wsnsim.fitting import fit
     from wsnsim.scenario.build import build
@@ -61,6 +63,8 @@ _HOMES = {
     "Result": "wsnsim.api.result",
     "load": "wsnsim.experiment",
     "read": "wsnsim.analysis.frames",
+    "plot": "wsnsim.api.plotting",
+    "bound": "wsnsim.bounds",
     "sweep": "wsnsim.api.sweeping",
     "compare": "wsnsim.api.sweeping",
     "fit": "wsnsim.fitting",
@@ -107,13 +111,13 @@ __all__ = [
     "Broadcast", "Compute", "Delivery", "Estimate", "Flow", "Gather", "GatherReadings", "Gathered",
     "GatheredReadings", "Issue", "Local", "Member", "Memory", "MotionModel", "Parcel", "Quantity", "Result",
     "ResultError", "RunError", "Scatter", "ScenarioError", "Scene", "Send", "SensorModel", "StorageError",
-    "SweepResult", "Tracker", "UsageError", "WsnsimError", "build", "check_fault", "check_mac", "check_motion",
+    "SweepResult", "Tracker", "UsageError", "WsnsimError", "bound", "build", "check_fault", "check_mac", "check_motion",
     "check_sensor", "check_sync", "check_tracker", "check_wakeup", "check_workload", "compare", "fit", "load",
-    "part", "read", "run", "simulate", "sweep",
+    "part", "plot", "read", "run", "simulate", "sweep",
 ]  # fmt: skip
 
 
-MODULES = frozenset({"experiment", "models", "plugins", "scenario", "testing", "trackers"})
+MODULES = frozenset({"bounds", "experiment", "models", "plugins", "scenario", "testing", "trackers"})
 """Modules that are imported when they are named: `wsnsim.testing.check_tracker`."""
 
 

@@ -13,6 +13,7 @@ lets the world run, and writes the rows. `run` puts the rows of many runs into o
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -73,7 +74,10 @@ def load(source: Source, overrides: Overrides = (), plugins: bool = False) -> An
     Raises:
         ScenarioError: with every issue found, each at its place in the text.
         ResultError: the result cannot be read.
+        UsageError: the source is none of these, or the overrides are neither a mapping nor a list.
     """
+    if isinstance(source, os.PathLike):
+        source = Path(source)
     if isinstance(source, str | Path) and is_result(source):
         allowed = Plugins.ANY if plugins else Plugins.INSTALLED
         return scenario_of_result(Path(source), allowed, overrides)

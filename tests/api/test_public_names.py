@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from matplotlib import pyplot
 
 import wsnsim
 from wsnsim import plugins
@@ -28,6 +29,23 @@ def test_errors_checks_and_the_recorder_are_at_the_root():
     wsnsim.experiment.simulate_run(wsnsim.load("rkf", {"duration": 2}), 0, memory)
     assert len(memory.table("estimates")["error"]) == 2
     assert wsnsim.build(wsnsim.load("rkf")).tracker == wsnsim.trackers.Rkf()
+
+
+def test_plot_and_bound_are_at_the_root(tmp_path):
+    from wsnsim.bounds import bound
+
+    assert wsnsim.bound is wsnsim.bounds.bound is bound
+    result = wsnsim.run("rkf", replicates=1, out=tmp_path / "a.h5", duration=2)
+    for given in (result, tmp_path / "a.h5", str(tmp_path / "a.h5")):
+        assert wsnsim.plot(given, "error").get_title(loc="left").startswith("position error")
+        assert wsnsim.plot(given, "states", column="vx").get_ylabel() == result.plot.states("vx").get_ylabel()
+    _, axes = pyplot.subplots()
+    assert wsnsim.plot(result, ax=axes) is axes
+    pyplot.close("all")
+    with pytest.raises(wsnsim.UsageError, match=r"no option 'colum' \(did you mean 'column'\?\)"):
+        wsnsim.plot(result, "states", colum="vx")
+    with pytest.raises(wsnsim.UsageError, match=r"no plot 'eror' \(did you mean 'error'\?\)"):
+        wsnsim.plot(result, "eror")
 
 
 def test_importing_the_package_and_its_lists_of_names_imports_nothing_heavy():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import wsnsim
@@ -39,10 +40,72 @@ def test_numbers_of_numpy_are_numbers_of_runs():
     assert wsnsim.run("rkf", replicates=np.array([3, 1]), **SHORT).replicates == (3, 1)
 
 
-@pytest.mark.parametrize("scenario", [None, 5, [1], object()])
-def test_what_is_no_scenario_is_refused(scenario):
-    with pytest.raises(UsageError, match=r"scenario: expected the name of a scenario, a file, a dict, .* got "):
-        wsnsim.simulate(scenario)
+FUNCTIONS = {
+    "load": wsnsim.load,
+    "simulate": wsnsim.simulate,
+    "run": wsnsim.run,
+    "sweep": lambda source: wsnsim.sweep(source, {"seed": [1]}, workers=0),
+    "compare": lambda source: wsnsim.compare(source, trackers=["ekf", "pf"], workers=0),
+    "bound": wsnsim.bound,
+}
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+@pytest.mark.parametrize("scenario", [None, 5, 2.5, True, b"rkf", [1], {1}, object(), dict, pd.DataFrame({"a": [1]})])
+def test_what_is_no_scenario_is_refused(function, scenario):
+    with pytest.raises(UsageError, match=r"^scenario: expected the name of a scenario, a file, a dict, .* got .+$"):
+        FUNCTIONS[function](scenario)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_a_result_is_no_scenario_but_has_one(function, plain):
+    with pytest.raises(UsageError, match=r"got <Result rkf: .* \(its attribute `scenario` is one\)$"):
+        FUNCTIONS[function](plain)
+    assert wsnsim.load(plain.scenario) is plain.scenario
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_a_folder_is_no_scenario(function, tmp_path):
+    with pytest.raises(ScenarioError, match="is a folder, expected a scenario file"):
+        FUNCTIONS[function](tmp_path)
+
+
+@pytest.mark.parametrize("overrides", [5, b"seed=1", [3], [("a", "b", 3)]])
+def test_overrides_of_a_scenario_to_load_are_a_mapping_or_a_list(overrides):
+    with pytest.raises(UsageError, match=r"^overrides: expected a mapping such as .* got "):
+        wsnsim.load("rkf", overrides)
+
+
+@pytest.mark.parametrize("scenario", [None, 5, "rkf", {}, object()])
+def test_only_what_was_loaded_is_built(scenario):
+    with pytest.raises(UsageError, match=r"^scenario: expected what wsnsim.load returned, got "):
+        wsnsim.build(scenario)
+
+
+@pytest.mark.parametrize("path", [None, 5, b"a.h5", ["a.h5"], {}, pd.DataFrame({"a": [1]})])
+def test_only_a_path_is_read_compared_or_plotted(path):
+    with pytest.raises(UsageError, match=r"^path: expected the path of a result file, .*, got [^\n]+$"):
+        wsnsim.read(path, "runs")
+    with pytest.raises(UsageError, match=r"^compare\(\): [^\n]+ is not the folder of a campaign"):
+        wsnsim.compare(path)
+    with pytest.raises(
+        UsageError, match=r"^result: expected what wsnsim.simulate or wsnsim.run returned, .* got [^\n]+$"
+    ):
+        wsnsim.plot(path)
+
+
+def test_a_result_has_tables_of_its_own(plain):
+    with pytest.raises(UsageError, match=r"; its tables are result.table\('runs'\)$"):
+        wsnsim.read(plain, "runs")
+
+
+def test_a_name_that_is_too_long_for_the_system_is_an_error_of_ours():
+    name = "x" * 5000
+    with pytest.raises(UsageError, match="is not the folder of a campaign"):
+        wsnsim.compare(name)
+    for call in (lambda: wsnsim.read(name, "runs"), lambda: wsnsim.plot(name), lambda: wsnsim.load(name)):
+        with pytest.raises(wsnsim.WsnsimError):
+            call()
 
 
 @pytest.mark.parametrize(

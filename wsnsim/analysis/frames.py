@@ -5,6 +5,7 @@ read(path_or_pattern, table, columns=None) -> DataFrame
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +14,8 @@ import pandas as pd
 
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.data_frames import read_file, stacked
-from wsnsim.base.errors import ResultError
+from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.base.shown_value import shown_value
 
 
 def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -29,11 +31,16 @@ def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> 
 
     Raises:
         ResultError: there is no such file, table or column (the nearest name is given), or a file cannot be read.
+        UsageError: it is no path.
     """
+    if not isinstance(path, str | os.PathLike):
+        allowed = "the path of a result file, the folder of a campaign, or a pattern such as 'results/*.h5'"
+        held = f"; its tables are result.table({table!r})" if hasattr(path, "table") else ""
+        raise UsageError(f"path: expected {allowed}, got {shown_value(path)}{held}")
     path = Path(path)
-    if path.is_dir():
+    if os.path.isdir(path):  # noqa: PTH112 - a name that is too long is none
         return campaigns.read(path, table, columns)
-    if path.exists() or not set("*?[") & set(str(path)):
+    if os.path.exists(path) or not set("*?[") & set(str(path)):  # noqa: PTH110
         return read_file(path, table, columns)
     files = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
     if not files:

@@ -13,29 +13,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.base.errors import Issue, ScenarioError, StorageError, UsageError
+from wsnsim.base.shown_value import shown_value
 from wsnsim.scenario.load import Override, Overrides, listed
+from wsnsim.scenario.source_checks import demand_scenario
 
 OPTIONS: Final = {"--set": "overrides", "--trackers": "trackers", "--replicates": "replicates", "--vary": "vary"}
 """Options of the command line, and the arguments of Python with the same meaning."""
-OVERRIDES: Final = "a mapping such as {'link.reach': '60 m'}, or a list such as ['link.reach=60 m']"
 TRACKERS: Final = "a list such as ['ekf', 'pf'], a mapping by names, or a text such as 'pf:particles=1000,ekf'"
-
-
-def shown_value(value: Any) -> str:
-    """Return a value as a message shows it."""
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
-
-
-def demand_scenario(value: Any) -> None:
-    """Refuse what is no scenario."""
-    from wsnsim.scenario.schema import Scenario
-
-    if not isinstance(value, str | Path | Mapping | Scenario):
-        raise UsageError(
-            "scenario: expected the name of a scenario, a file, a dict, or what wsnsim.load returned, got "
-            + shown_value(value)
-        )
 
 
 def demand_sweep(source: Any, vary: Any, out: Any) -> None:
@@ -72,14 +56,7 @@ def overrides_given(overrides: Overrides | None) -> tuple[Override, ...]:
     """Return the overrides as a tuple; None means none."""
     if overrides is None:
         return ()
-    if not isinstance(overrides, Iterable) or isinstance(overrides, bytes):
-        raise UsageError(f"overrides: expected {OVERRIDES}, got {shown_value(overrides)}")
-    found = listed(overrides)
-    for each in found:
-        pair = isinstance(each, tuple) and len(each) == 2
-        if not isinstance(each, str) and not pair:
-            raise UsageError(f"overrides: expected {OVERRIDES}, got {shown_value(each)} in it")
-    return found
+    return listed(overrides)
 
 
 def tables_given(keep: Any) -> tuple[str, ...]:

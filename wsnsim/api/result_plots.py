@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Any, final
 
 from wsnsim.base.errors import UsageError, did_you_mean
 
@@ -25,15 +26,19 @@ class ResultPlots:
     def __init__(self, file: Callable[[], AbstractContextManager[Path]]) -> None:
         self._file = file
 
-    def __call__(self, what: str = "track", ax: Axes | None = None) -> Axes:
-        """Draw the plot of this name.
+    def __call__(self, what: str = "track", ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the plot of this name. `options` are arguments of its method.
 
         Raises:
-            UsageError: there is no such plot.
+            UsageError: there is no such plot, or its method has no such argument.
         """
         if what not in KINDS:
-            raise UsageError(f"there is no plot '{what}' ({did_you_mean(what, KINDS)})")
-        drawn: Axes = getattr(self, what)(ax=ax)
+            raise UsageError(f"there is no plot '{what!s:.80}' ({did_you_mean(str(what), KINDS)})")
+        method = getattr(self, what)
+        known = signature(method).parameters
+        for option in options.keys() - known.keys():
+            raise UsageError(f"the plot '{what}' has no option '{option}' ({did_you_mean(option, known)})")
+        drawn: Axes = method(ax=ax, **options)
         return drawn
 
     def __repr__(self) -> str:

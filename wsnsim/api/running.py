@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias, Unpack
 
 import wsnsim.experiment as experiment
-from wsnsim.api.argument_checks import demand_scenario, named_as_in_python, result_file
+from wsnsim.api.argument_checks import named_as_in_python, result_file
 from wsnsim.api.arguments import Changes, overrides_of
 from wsnsim.api.progress import shown
 from wsnsim.api.result import Result
@@ -16,6 +16,7 @@ from wsnsim.base.errors import UsageError
 from wsnsim.base.progress import Progress
 from wsnsim.base.run_numbers import run_number, run_numbers
 from wsnsim.scenario import Overrides
+from wsnsim.scenario.source_checks import demand_scenario
 
 Source: TypeAlias = Any
 """A scenario: the name of a shipped one, a file, a dict, what `load` returned, or a result file to be run again."""

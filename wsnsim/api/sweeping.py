@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,6 +18,7 @@ from wsnsim.api.shown_comparison import ShownComparison, shown_comparison
 from wsnsim.api.sweep_result import SweepResult
 from wsnsim.base.errors import RunError, UsageError
 from wsnsim.base.run_numbers import run_count
+from wsnsim.base.shown_value import shown_value
 from wsnsim.campaign.status import CampaignOutcome, CampaignProgress
 from wsnsim.campaign.sweeping import TrackersText, needs_main_guard
 from wsnsim.campaign.sweeping import sweep as run_sweep
@@ -178,10 +180,10 @@ def _removed_on_error(folder: Path | None) -> Iterator[None]:
 
 def _campaign(folder: Any) -> Path:
     """The folder of a campaign. Raises UsageError for what is none."""
-    if not isinstance(folder, str | Path) or not Path(folder).is_dir():
+    if not isinstance(folder, str | Path) or not os.path.isdir(folder):  # noqa: PTH112 - long names
         raise UsageError(
-            f"compare(): {folder!s:.80} is not the folder of a campaign; a scenario needs trackers to compare, such as"
-            " trackers=['ekf', 'pf']"
+            f"compare(): {shown_value(folder)} is not the folder of a campaign; a scenario needs trackers to compare,"
+            " such as trackers=['ekf', 'pf']"
         )
     return Path(folder)
 

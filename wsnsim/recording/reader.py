@@ -154,8 +154,8 @@ def attributes(path: str | Path) -> dict[str, Any]:
 def opened(path: str | Path, unfinished: bool = False) -> Iterator[Content]:
     """Open a result for reading, checked to be one. Damage that is found later also raises ResultError."""
     path = Path(path)
-    if not path.is_file():
-        irregular = "is a folder, not a result" if path.is_dir() else why_not_regular(path)
+    if not os.path.isfile(path):  # noqa: PTH113 - a name that is too long is none
+        irregular = "is a folder, not a result" if os.path.isdir(path) else why_not_regular(path)  # noqa: PTH112
         raise ResultError(f"{path}: {irregular or 'no such file' + _nearest(path)}")
     try:
         file = h5f.open(os.fsencode(path), h5f.ACC_RDONLY, _access())

@@ -20,6 +20,7 @@ from wsnsim.scenario.abilities import missing_abilities
 from wsnsim.scenario.combinations import impossible_combinations
 from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.registry import ROLES, Role, find
+from wsnsim.scenario.source_checks import demand_loaded
 
 if TYPE_CHECKING:
     from wsnsim.base.setups import BeaconSetup, Setup, TrackingSetup
@@ -36,9 +37,11 @@ def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
 
     Raises:
         ScenarioError: with every issue that a component finds in itself or in the setup.
+        UsageError: it is not what `load` returned.
     """
     from wsnsim.scenario.located_values import in_order
 
+    demand_loaded(scenario)
     components, issues = _built(scenario)
     if issues:
         raise ScenarioError(in_order(issues))

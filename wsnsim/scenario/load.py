@@ -12,10 +12,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
-from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
+from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean
+from wsnsim.base.shown_value import shown_value
 from wsnsim.scenario.build import plain_json, resolved
 from wsnsim.scenario.files import content_of, find_or_none, shipped
 from wsnsim.scenario.plugin_access import Plugins
+from wsnsim.scenario.source_checks import demand_scenario
 
 if TYPE_CHECKING:
     from wsnsim.scenario.located_values import LocatedValue
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
 
 MOST_EXTENDED: Final = 16
 """Files that may extend each other in a row. Our choice."""
+
+OVERRIDES: Final = "a mapping such as {'link.reach': '60 m'}, or a list such as ['link.reach=60 m']"
+"""What overrides may be, for messages."""
 
 Keys: TypeAlias = tuple[str | int, ...]
 Assignment: TypeAlias = "tuple[Keys, LocatedValue]"
@@ -45,9 +50,11 @@ def load(
 
     Raises:
         ScenarioError: with every issue found, each at its place in the text.
+        UsageError: the source is no scenario, or the overrides have another form.
     """
     from wsnsim.scenario.schema import Scenario
 
+    demand_scenario(source)
     if isinstance(source, Scenario):
         return source if not overrides else load(resolved(source), overrides)
     text = read_scenario(source, plugins)
@@ -64,10 +71,23 @@ def load(
 
 
 def listed(overrides: Overrides) -> tuple[Override, ...]:
-    """Return overrides as a tuple, whichever form they have."""
+    """Return overrides as a tuple, whichever form they have.
+
+    Raises:
+        UsageError: they have another form.
+    """
     if isinstance(overrides, Mapping):
         return tuple(overrides.items())
-    return (overrides,) if isinstance(overrides, str) else tuple(overrides)
+    if isinstance(overrides, str):
+        return (overrides,)
+    if not isinstance(overrides, Iterable) or isinstance(overrides, bytes):
+        raise UsageError(f"overrides: expected {OVERRIDES}, got {shown_value(overrides)}")
+    found = tuple(overrides)
+    for each in found:
+        pair = isinstance(each, tuple) and len(each) == 2
+        if not isinstance(each, str) and not pair:
+            raise UsageError(f"overrides: expected {OVERRIDES}, got {shown_value(each)} in it")
+    return found
 
 
 class ScenarioText(NamedTuple):
