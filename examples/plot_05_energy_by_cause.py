@@ -2,8 +2,8 @@
 Energy by cause
 ===============
 
-What do the joules buy? On the papers' ideal channel nodes pay for what they send, receive and compute. On a radio that
-can be bought, nearly everything is idle listening, and a radio that sleeps (X-MAC) spends a fraction.
+What is energy spent on? On the ideal channel of the papers, nodes pay for what they send, receive and compute. On a
+commercial radio nearly all energy is idle listening, and a radio that sleeps (X-MAC) spends a fraction of it.
 """
 
 import matplotlib.pyplot as plt
