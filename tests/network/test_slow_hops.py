@@ -24,6 +24,7 @@ from wsnsim.models.tsch import Tsch
 from wsnsim.network.clusters.election import Election
 from wsnsim.network.clusters.election_timing import waiting_share
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
+from wsnsim.scenario import build, load
 from wsnsim.trackers.information_driven import InformationDriven
 
 
@@ -161,6 +162,18 @@ def test_a_deadline_that_is_left_out_leaves_time_for_a_hop():
     scenes = [SimpleNamespace(dt=1.0, hop_seconds=hop) for hop in (0.0, 0.125, 0.7, 3.0)]
     assert [tracker._seconds(cast(Any, scene)) for scene in scenes] == [0.6, 0.6, 0.7, 0.9]
     assert InformationDriven(deadline=0.1)._seconds(cast(Any, scenes[2])) == 0.1, "what is given stays"
+
+
+@pytest.mark.parametrize("members", [5, 14, 18, 30])
+def test_a_deadline_that_is_left_out_leaves_time_for_a_round_with_a_slot_for_each_member(members):
+    setup = build(load("information_driven_real", ["mac.idle_slots=kept"]))
+    schedule, slot = setup.hop.broadcast, 2 * 0.25e-3 + 29 * 8 / 250e3
+    round_ = setup.gathering(members)
+    assert round_ == pytest.approx(schedule + members * slot)
+    scene = SimpleNamespace(dt=0.04, hop_seconds=round_)
+    assert InformationDriven()._seconds(cast(Any, scene)) == pytest.approx(min(max(0.024, round_), 0.036))
+    skipped = build(load("information_driven_real"))
+    assert skipped.gathering(members) == skipped.hop.unicast
 
 
 KEEPING = {

@@ -5,6 +5,7 @@ import pytest
 
 from tests.network.radio_network import RadioNetwork
 from wsnsim import load
+from wsnsim.base.errors import ScenarioError
 from wsnsim.base.frames import full_burst
 from wsnsim.base.radio import Mode
 from wsnsim.base.requests import PACKET_BITS, Parcel
@@ -13,6 +14,7 @@ from wsnsim.experiment import simulate_run
 from wsnsim.models.access import Csma, Tdma
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk
+from wsnsim.scenario import build
 
 STAR = [(0, 0), *((30 * np.cos(a), 30 * np.sin(a)) for a in np.linspace(0, 6, 8))]
 
@@ -273,3 +275,153 @@ def test_a_member_of_two_clusters_with_slots_at_the_same_time_sends_in_one_and_l
     (row,) = network.rows("drop")
     assert (row["node"], row["peer"], row["frame"], row["packets"]) == (2, 1, 0, 1)
     assert network.memory.words.all()[row["what"]] == "slot_taken" and network.counters.frames_lost == 1
+
+
+def kept(positions=STAR, members=range(1, 9), **components):
+    """A network whose head 0 has announced a schedule of these members; idle slots are kept."""
+    options = components.pop("options", {})
+    network = RadioNetwork(positions, mac=Tdma(idle_slots="kept", **options), **components)
+    network.mac.expect(0, list(members))
+    gather(network, sources=())
+    network.env.run(until=network.env.now + 0.1)
+    return network
+
+
+SLOT = Tdma().slot_needed(29 * 8)
+
+
+def arrivals(network, since):
+    return {row["node"]: row["time"] - since for row in network.rows("send") if row["time"] >= since}
+
+
+@pytest.mark.parametrize("sources", [(5,), (2, 8), (8, 2, 3), range(1, 9), ()])
+def test_a_member_sends_in_its_own_slot_whoever_else_sends_and_a_round_takes_as_long_as_its_schedule(sources):
+    network = kept()
+    began = network.env.now
+    bursts = gather(network, sources)
+    assert network.env.now - began == pytest.approx(8 * SLOT, rel=1e-9)
+    assert all(burst.packets == 1 for burst in bursts)
+    guard, turnaround = Tdma().guard, Tdma().turnaround
+    first = max(guard - turnaround, 0.0)
+    sent = arrivals(network, began)
+    assert sent.keys() == set(sources)
+    for node, delay in sent.items():
+        begins = (node - 1) * SLOT + first
+        assert begins <= delay + 1e-12 <= begins + SLOT - guard, "the k-th slot begins k slot lengths after the first"
+        assert delay == pytest.approx(sent[min(sources)] + (node - min(sources)) * SLOT, abs=1e-9)
+
+
+def test_kept_slots_take_eight_times_as_long_for_one_frame_as_skipped_ones():
+    took = []
+    for idle in ("kept", "skipped"):
+        network = RadioNetwork(STAR, mac=Tdma(idle_slots=idle, contention=0.0))
+        gather(network)
+        began = network.env.now
+        gather(network, sources=[3])
+        took.append(network.env.now - began)
+    assert took == pytest.approx([8 * SLOT, SLOT], rel=1e-9)
+
+
+def test_a_schedule_of_kept_slots_is_announced_before_the_first_gathering_though_nobody_sends():
+    network = kept()
+    (schedule,) = network.rows("send")
+    assert schedule["peer"] == -1 and schedule["bits"] == 17 * 8 + 8 * Tdma().schedule_bits
+    assert network.mac._orders[0] == tuple(range(1, 9))
+
+
+def test_a_new_schedule_replaces_the_one_before():
+    network = kept()
+    network.mac.expect(0, [2, 4])
+    gather(network, sources=[4])
+    assert network.mac._orders[0] == (2, 4) and network.mac._schedules[0].keys() == {2, 4}
+    gather(network, sources=[7])
+    assert network.mac._orders[0] == (2, 4, 7), "without news of the members, who sends joins the last ones"
+    network.env.run(until=network.env.now + 0.1)
+    began = network.env.now
+    gather(network, sources=[7])
+    assert network.env.now - began == pytest.approx(3 * SLOT, rel=1e-9)
+
+
+@pytest.mark.parametrize("packets", [1, 2, 5])
+def test_further_frames_of_a_member_go_into_further_rounds_of_the_same_length(packets):
+    network = kept()
+    began = network.env.now
+    bursts = gather(network, sources=(1, 6), packets=packets)
+    assert network.env.now - began == pytest.approx(packets * 8 * SLOT, rel=1e-9)
+    assert [burst.packets for burst in bursts] == [packets] * 2
+
+
+def test_a_frame_without_acknowledgement_is_sent_again_in_the_next_round():
+    acknowledged = {"acks": True, "max_retries": 2}
+    network = kept(options=acknowledged)
+    network.nodes.jammed[0] = network.nodes.disturbed = True
+    began = network.env.now
+    (burst,) = gather(network, sources=(3,))
+    slot = Tdma(acks=True).slot_needed(29 * 8)
+    assert network.env.now - began == pytest.approx(3 * 8 * slot, rel=1e-9), "the first round and two more"
+    assert burst.packets == 0 and network.counters.retries == 2
+
+
+def test_frames_of_the_head_stand_in_the_slot_of_the_member_to_whom_they_are():
+    network = kept()
+    began = network.env.now
+    bursts = [full_burst(0, node, Parcel("order", 1, PACKET_BITS, "order"), 0) for node in (7, 2)]
+    network.env.run(until=network.mac.send(bursts, 0))
+    sent = {row["peer"]: row["time"] - began for row in network.rows("send") if row["time"] >= began}
+    assert sent[7] - sent[2] == pytest.approx(5 * SLOT, rel=1e-9) and [b.packets for b in bursts] == [1, 1]
+    assert network.env.now - began == pytest.approx(8 * SLOT, rel=1e-9)
+
+
+def test_the_head_listens_in_idle_slots_and_members_have_the_radio_off_in_all_slots_but_their_own():
+    network = kept(energy=FirstOrder(idle=0.06, sleep=0.001, battery=100.0))
+    began, before = network.env.now, network.nodes.totals_now()
+    gather(network, sources=[4])
+    took, spent = network.env.now - began, np.array(network.nodes.totals_now()) - np.array(before)
+    assert took == pytest.approx(8 * SLOT)
+    off = 8 * 8 * SLOT - SLOT
+    assert spent[CAUSE["sleep"]] == pytest.approx(0.001 * off, rel=1e-6)
+    on_air = 2 * 29 * 8 / 250e3
+    assert spent[CAUSE["idle"]] == pytest.approx(0.06 * (9 * took - off - on_air), rel=1e-6), "8 slots of it the head's"
+    network.nodes.close()
+    assert network.ledger_adds_up()
+
+
+def test_a_member_that_dies_keeps_its_slot_since_nobody_knows():
+    for at in (0.0, 1.5 * SLOT):
+        network = kept()
+        began = network.env.now
+        network.at(began + at + 1e-6, lambda network=network: network.nodes.crash(5))
+        network.at(began + at + 1e-6, lambda network=network: network.mac.silence(5))
+        bursts = gather(network, sources=(1, 5, 8))
+        assert [burst.packets for burst in bursts] == [1, 0, 1]
+        assert network.env.now - began == pytest.approx(8 * SLOT, rel=1e-9)
+
+
+def test_a_member_that_did_not_hear_the_schedule_has_an_idle_slot():
+    network = RadioNetwork(STAR, mac=Tdma(idle_slots="kept"))
+    network.nodes.jammed[3] = network.nodes.disturbed = True
+    network.mac.expect(0, range(1, 9))
+    gather(network, sources=())
+    assert network.mac._orders[0] == tuple(range(1, 9)) and 3 not in network.mac._schedules[0]
+
+
+def test_scenarios_whose_rounds_cannot_fit_are_refused():
+    for changes, says in (
+        (["mac.slot=35 ms"], "a round of one slot of 0.035 s and mac.contention = 0.00704 s are longer than a step"),
+        (["clusters={kind: moving_head}"], "would wait for a whole round"),
+    ):
+        with pytest.raises(ScenarioError, match=says):
+            build(load("ekf_real", ["mac.idle_slots=kept", *changes]))
+
+
+def test_a_head_waits_for_a_round_of_kept_slots_though_no_member_senses():
+    ends = {}
+    for idle in ("skipped", "kept"):
+        memory = Memory({"events": True, "estimates": True})
+        changes = ["duration=2 s", f"mac.idle_slots={idle}", "detection={kind: imperfect, missed: 0.9}"]
+        simulate_run(load("information_driven_real", changes), recorder=memory)
+        found = memory.table("estimates")
+        alone = found["readings"] <= 1
+        assert alone.any()
+        ends[idle] = (found["issued"] - 0.04 * found["step"])[alone]
+    assert np.nanmedian(ends["skipped"]) < 0.01 < 0.012 < np.nanmedian(ends["kept"])

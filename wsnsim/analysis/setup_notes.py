@@ -165,6 +165,21 @@ def steps_shorter_than_a_hop(setup: Setup) -> Iterator[str]:
     )
 
 
+def rounds_longer_than_a_step(setup: Setup) -> Iterator[str]:
+    """Kept slots for the nodes around a target that do not fit into a step."""
+    if not isinstance(setup, NetworkSetup) or getattr(setup.mac, "idle_slots", "skipped") != "kept":
+        return
+    field, nodes = setup.deploy.field, getattr(setup.deploy, "nodes", 0)
+    members = min(round(nodes * math.pi * setup.sensor.reach**2 / (field.width * field.height)), nodes)
+    takes, rest = setup.gathering(members), float(getattr(setup.mac, "contention", 0.0))
+    if takes + rest > setup.dt:
+        yield (
+            f"mac.idle_slots: about {members} nodes are within sensing range of a target; a round with a slot for each "
+            f"takes {1000 * takes:.3g} ms, and {1000 * rest:.3g} ms are between rounds, more than a step of "
+            f"{1000 * setup.dt:g} ms: readings arrive later from step to step; give a longer step, or skipped"
+        )
+
+
 def messages_after_their_step(setup: Setup) -> Iterator[str]:
     """Wake-up messages that arrive after the step for which they wake nodes, two hops from a head that waits long."""
     if not isinstance(setup, NetworkSetup) or not is_duty_cycled(setup.mac) or setup.wakeup.mechanism == "none":
@@ -212,6 +227,7 @@ NOTES: Final[tuple[Callable[[Setup], Iterator[str]], ...]] = (
     longer_than_the_run,
     sleep_that_costs_more,
     steps_shorter_than_a_hop,
+    rounds_longer_than_a_step,
     messages_after_their_step,
     radios_that_save_nothing,
     beacons_that_fill_the_channel,

@@ -197,6 +197,15 @@ class ExpectsMembers(Protocol):
 
 
 @runtime_checkable
+class KeepsIdleSlots(Protocol):
+    """Optional port of a MAC mechanism with rounds of slots, which may take time whether or not anybody sends."""
+
+    @property
+    def keeps_idle_slots(self) -> bool:
+        """Whether `send` without bursts is a round, too, if it has the head that gathers."""
+
+
+@runtime_checkable
 class HurriesNodes(Protocol):
     """Optional port of a MAC mechanism whose nodes have a short wake interval beside the long one."""
 

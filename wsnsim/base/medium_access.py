@@ -92,12 +92,14 @@ class SlottedMac(ContendingMac, Protocol):
         slot: Length of a slot in s; None: as long as needed.
         schedule_bits: Bits of one entry in the schedule that the head broadcasts.
         contention: Shortest time between two rounds of a head, in s.
+        idle_slots: 'skipped' or 'kept': whether a round leaves out the slots of members that have nothing to send.
     """
 
     guard: float
     slot: float | None
     schedule_bits: int
     contention: float
+    idle_slots: str
 
     def slot_needed(self, bits: int) -> float:
         """Seconds of a slot for a frame of this length: turnaround, acknowledgement and guards included."""

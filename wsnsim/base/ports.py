@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field as field_of
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -57,6 +57,20 @@ from wsnsim.base.requests import Flow
 B = TypeVar("B")
 
 
+class KnownNodes(NamedTuple):
+    """Nodes as a head knows them.
+
+    Attributes:
+        ids: (n) their ids.
+        positions: (n, 2) where they are assumed to be, in m.
+        traits: (n, T) the constants of each.
+    """
+
+    ids: tuple[int, ...]
+    positions: Floats
+    traits: Floats
+
+
 @dataclass(frozen=True, slots=True)
 class Scene:
     """What a cluster head knows at the beginning of a step, before any request.
@@ -85,7 +99,9 @@ class Scene:
         packet_joules: what one packet of `PACKET_BITS` costs, sent and received: distances (n,) in m -> (n,) J. Zero
             without a network.
         hop_seconds: how long a packet of a member takes to the head at most, in s, without contention and
-            retries; 0 without a network, and where sending takes no time. A deadline before it gets few answers.
+            retries; where each member has a slot, used or not, until the last of them has had its own; 0 without a
+            network, and where sending takes no time. A deadline before it gets few answers.
+        appointed: the nodes with whose readings a head reckons that appoints its members; see `known`.
     """
 
     time: float
@@ -109,6 +125,18 @@ class Scene:
     roster_traits: Floats = field_of(default_factory=lambda: np.zeros((0, 0)))
     packet_joules: Callable[[Floats], Floats] = free_packets
     hop_seconds: float = 0.0
+    appointed: KnownNodes | None = None
+
+    @property
+    def known(self) -> KnownNodes:
+        """The nodes with whose readings the head reckons, itself included.
+
+        They are those of the roster. A head that appoints its members does not know who of them is down: these are
+        among them. Members that it did not expect are there as soon as they heard that they are (an idealisation).
+        """
+        if self.appointed is not None:
+            return self.appointed
+        return KnownNodes(self.roster, self.roster_positions, self.roster_traits)
 
     @property
     def active(self) -> int:

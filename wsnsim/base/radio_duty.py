@@ -75,3 +75,11 @@ class KnowsLatency(Protocol):
 def hop_latency(mac: object, bits: int) -> Latency:
     """Return the latency of a MAC component for a payload of `bits`; zero if it does not know."""
     return mac.latency(bits) if isinstance(mac, KnowsLatency) else NO_LATENCY
+
+
+@runtime_checkable
+class GivesTurns(Protocol):
+    """Optional port of a MAC component that gives each member of a cluster a turn of its own, used or not."""
+
+    def turns(self, members: int) -> float:
+        """Seconds until each of this number of members has had its turn; 0: only those that send take time."""

@@ -32,7 +32,7 @@ from wsnsim.base.ports import (
     Tracker,
 )
 from wsnsim.base.radio import Clock, Cpu, EnergyModel, LinkModel
-from wsnsim.base.radio_duty import Latency, hop_latency
+from wsnsim.base.radio_duty import GivesTurns, Latency, hop_latency
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.routing import Routing
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
@@ -112,6 +112,15 @@ class RadioSetup(Setup):
     def hop(self) -> Latency:
         """How long a packet takes over one hop at most, without contention and retries."""
         return hop_latency(self.mac, PACKET_BITS)
+
+    @cached_property
+    def _turns(self) -> Callable[[int], float]:
+        """What the MAC says of the turns of members."""
+        return self.mac.turns if isinstance(self.mac, GivesTurns) else _no_turns
+
+    def gathering(self, members: int) -> float:
+        """Seconds that a packet of one of this number of members takes to their head at most; see `Scene`."""
+        return max(self.hop.unicast, self._turns(members))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,3 +209,8 @@ class BeaconSetup(RadioSetup):
     def sink_points(self) -> tuple[tuple[float, float], ...]:
         """(x, y) in m of each sink, which is the node nearest to it; empty: the workload sends nothing to sinks."""
         return self.workload.points if isinstance(self.workload, HasSeveralSinks) else ()
+
+
+def _no_turns(members: int) -> float:
+    """0: members send when they have something to send."""
+    return 0.0

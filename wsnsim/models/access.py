@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import ceil
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final, Literal
 
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
@@ -178,6 +178,14 @@ class Tdma(Csma):
     room for 28 of them. A member whose clock has drifted or jumped by more than a guard since it received the schedule
     misses its slot.
 
+    With `idle_slots: skipped`, only frames take time: nodes are taken to know who has nothing to send, and those with
+    later slots move up. With `kept` a round has one slot for each member of the schedule, in the order of node numbers
+    that the head announced: of an appointed cluster all members whom the head appointed, of another one those that have
+    had something to send. It is over when the last slot is, whether anybody has sent or not, and the head listens all
+    the time. A member sends one frame in a round; further frames, and those that were not acknowledged, go into further
+    rounds of the same length. A schedule replaces the one before. `information_driven`, its deadline left out, waits
+    for a round (`Scene.hop_seconds`).
+
     Source: LEACH, Heinzelman, Chandrakasan, Balakrishnan (2002), section III: set-up by CSMA, then TDMA in the cluster.
     Contention period: IEEE 802.15.4-2006, 5.5.1; aMinCAPLength 7.4.1; macMaxBE and macMaxFrameRetries 7.4.2.
     """
@@ -201,6 +209,18 @@ class Tdma(Csma):
         Quantity("s", ge=0.0, le=10.0),
         "shortest time between two rounds of slots, in which other frames contend",
     ] = 7.04e-3
+    idle_slots: Annotated[
+        Literal["skipped", "kept"],
+        "slots of members with nothing to send: left out as if all knew it, or as long as others",
+    ] = "skipped"
+
+    def turns(self, members: int) -> float:
+        """Seconds of a schedule and a round with a slot for each of this number of members; 0: slots are skipped."""
+        if self.idle_slots == "skipped":
+            return 0.0
+        packet = self.bits(PACKET_BITS)
+        slot = self.slot_needed(packet) if self.slot is None else self.slot
+        return self.latency(PACKET_BITS).broadcast + members * slot
 
     def slot_needed(self, bits: float) -> float:
         """Seconds of a slot for a frame of this length on the air: guards, airtime, acknowledgement if any."""
@@ -219,6 +239,23 @@ class Tdma(Csma):
                 ("mac", "slot"),
                 f"{self.slot:g} s is too short for a packet of {PACKET_BITS} bits with {guards}: at least "
                 f"{needed:g} s are needed; left out, slots are as long as needed",
+            )
+        if self.idle_slots == "kept":
+            yield from self._round_too_long(setup, needed if self.slot is None else self.slot)
+
+    def _round_too_long(self, setup: Setup, slot: float) -> Iterator[Issue]:
+        """Yield an issue if kept slots leave a step no time, or if heads gather one packet after the other."""
+        if slot + self.contention >= setup.dt:
+            yield Issue(
+                ("mac", "idle_slots"),
+                f"a round of one slot of {slot:g} s and mac.contention = {self.contention:g} s are longer than a "
+                f"step of {setup.dt:g} s: give a longer step, a shorter slot or contention, or idle_slots: skipped",
+            )
+        if isinstance(setup, NetworkSetup) and setup.head_protocol == "moving":
+            yield Issue(
+                ("mac", "idle_slots"),
+                "heads that move gather each packet by itself, and each would wait for a whole round: give "
+                "idle_slots: skipped, or other clusters",
             )
 
 

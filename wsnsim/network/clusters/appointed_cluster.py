@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Final
 
+import numpy as np
+
+from wsnsim.base.ports import KnownNodes
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.network_view import NetworkView
 
@@ -16,8 +19,9 @@ class AppointedCluster(Cluster):
     """A cluster that grows while it exists.
 
     Its members are the nodes that heard that they are appointed. The head does not know who heard it: it goes by its
-    map, on which all nodes near its prediction are appointed, and by who has answered since. The roster of its scenes
-    has these nodes and those members of which it does not know yet, so that their readings find their places.
+    map, on which all nodes near its prediction are appointed, and by who has answered since. `Scene.known` has
+    these, and those members of which it does not know yet, so that their readings find their places; the roster of its
+    scenes leaves out those that are down.
     """
 
     def __init__(self, network: NetworkView, target: int, head: int, appointed: Sequence[int] = ()) -> None:
@@ -25,6 +29,7 @@ class AppointedCluster(Cluster):
         self._appointed = set(appointed)
         self._answered: set[int] = set()
         self._calls: dict[int, int] = {}
+        self._on_map = KnownNodes((), self._positions, self._traits)
 
     @property
     def listed(self) -> tuple[int, ...]:
@@ -40,6 +45,19 @@ class AppointedCluster(Cluster):
         It does not know which of them heard it, nor which of them are down.
         """
         return (self.head, *sorted((self._appointed | self._answered) - {self.head}))
+
+    @property
+    def expected(self) -> int:
+        """Number of nodes that the head takes for members, itself included."""
+        return len(self._appointed | self._answered | {self.head})
+
+    def _appointed_members(self) -> KnownNodes:
+        """The nodes in `known`, whether they are up or not, and those members that the head did not expect."""
+        known = (*self.members, *sorted((self._appointed | self._answered) - self.members.keys()))
+        if self._on_map.ids != known:
+            nodes, index = self._network.nodes, np.array(known, dtype=np.int64)
+            self._on_map = KnownNodes(known, nodes.assumed.positions[index], nodes.traits[index])
+        return self._on_map
 
     def appoint(self, nodes: Iterable[int]) -> None:
         """Add nodes that the head's map says are appointed."""

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from wsnsim.base.ports import Scene
+from wsnsim.base.ports import KnownNodes, Scene
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import HEAD_KEY, derive, derive_all, derive_each
 from wsnsim.base.vector_readings import Reading
@@ -69,6 +69,15 @@ class Cluster:
         """N_cluster: the number of members, those that crashed included."""
         return len(self.members) + self._crashed
 
+    @property
+    def expected(self) -> int:
+        """Number of nodes that the head takes for members, itself included."""
+        return len(self.members)
+
+    def _appointed_members(self) -> KnownNodes | None:
+        """The nodes with whose readings the head reckons, if these are not the roster."""
+        return None
+
     def forget(self, node: int) -> None:
         """Remove a member that crashed, with its memory. If it restarts, it belongs only once it joins again."""
         if self.members.pop(node, None) is None:
@@ -120,7 +129,8 @@ class Cluster:
             roster_positions=self._roster_positions,
             roster_traits=self._roster_traits,
             packet_joules=setup.packet_joules,
-            hop_seconds=setup.hop.unicast,
+            hop_seconds=setup.gathering(self.expected - 1),
+            appointed=self._appointed_members(),
         )
 
     def _update_roster(self, roster: tuple[int, ...]) -> None:

@@ -77,7 +77,7 @@ class Collection:
             Which packets of each arrived within `deadline` s, None where nothing did, and how they came.
         """
         began, head = self._env.now, self._head
-        if self._window is None:
+        if self._window is None and not self._transport.keeps_idle_slots:
             masks = yield from self._at_once(nodes, [head] * len(nodes), parcels)
             if masks is not None:
                 return masks, Journeys(head, self._env.now - began)
@@ -129,7 +129,7 @@ class Collection:
             yield from self._collect_in_window(datagrams, *self._window, deadline)
         elif deadline is None:
             yield from self.carry(datagrams, self._head)
-        elif any(datagram.source != datagram.to for datagram in datagrams):
+        elif self._takes_time(datagrams, self._head):
             ended = self._transport.carry(datagrams, self._target, self._head, self._one_hop)
             yield ended | Deadline(self._env, deadline)
             self.overdue = not ended.triggered
@@ -162,13 +162,18 @@ class Collection:
 
     def carry(self, datagrams: list[Datagram], hub: int | None = None) -> Generator[simpy.Event, Any, None]:
         """Send datagrams and wait until all have ended. `hub`: the head, if all are between it and its members."""
-        if any(datagram.source != datagram.to for datagram in datagrams):
+        if self._takes_time(datagrams, hub):
             one_hop = hub is not None and self._one_hop
             yield self._transport.carry(datagrams, self._target, hub, one_hop)
             self.bits += sum(datagram.bits for datagram in datagrams)
         else:
             for datagram in datagrams:
                 datagram.arrived = True
+
+    def _takes_time(self, datagrams: list[Datagram], hub: int | None) -> bool:
+        """Whether a node sends to another one, or the head must wait for a round of slots to know that none does."""
+        away = any(datagram.source != datagram.to for datagram in datagrams)
+        return away or (hub is not None and self._transport.keeps_idle_slots)
 
 
 def _chosen(

@@ -3,8 +3,9 @@
 When the members of a head change, it broadcasts a schedule; members that it appointed have slots from the first one on.
 A member that receives it knows the slots, and turns the radio off in those of others. A round has one slot per frame,
 in the order of the schedule, with a guard at both ends of each slot. A member whose clock has drifted by more than the
-guard since the schedule misses its slot. Elections, announcements, joins, relayed datagrams and handovers belong to no
-schedule and use CSMA/CA, with acknowledgements and retransmissions. They keep out of the slots: see
+guard since the schedule misses its slot. With `idle_slots: kept`, a round has one slot per member instead, used or
+not, and takes its time even if nobody sends. Elections, announcements, joins, relayed datagrams and handovers belong to
+no schedule and use CSMA/CA, with acknowledgements and retransmissions. They keep out of the slots: see
 `contention_periods`.
 
 Source: Heinzelman, Chandrakasan, Balakrishnan (2002), sections III-B and III-C; acknowledgements, guards and contention
@@ -16,6 +17,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Generator, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -24,7 +26,7 @@ import simpy
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received, full_burst
 from wsnsim.base.medium_access import SlottedMac
-from wsnsim.base.requests import Parcel
+from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.network.radio.contention_periods import ContentionPeriods
 from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.mac_services import NetworkMacServices
@@ -64,11 +66,14 @@ class TdmaMechanism:
         self._counters = services.counters
         self._clocks = services.clocks
         self._mac = mac
+        self.keeps_idle_slots = mac.idle_slots == "kept"
         self._periods = ContentionPeriods(self._env)
         self._csma = CsmaMechanism(mac, services, self._periods)
         self._channel = self._csma.channel
         self._schedules: dict[int, dict[int, float]] = {}
         """{head: {member that knows the schedule: how far its clock was ahead of the head's, in s}}"""
+        self._orders: dict[int, tuple[int, ...]] = {}
+        """{head: the members in the order of the slots of its last schedule}; of kept slots only"""
         self._expected: dict[int, set[int]] = {}
         """{head: nodes for which the next schedule has slots, beside those that have something to send}"""
         self._rounds: dict[int, simpy.Event] = {}
@@ -77,7 +82,8 @@ class TdmaMechanism:
 
     def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
         """Send bursts of a cluster in slots; without a head, or to everyone, by CSMA/CA."""
-        if head is None or not bursts or any(burst.to == EVERYONE for burst in bursts):
+        empty = not bursts and not self.keeps_idle_slots
+        if head is None or empty or any(burst.to == EVERYONE for burst in bursts):
             return self._csma.send(bursts)
         event = self._env.process(self._round(head, bursts, self._rounds.get(head)))
         self._rounds[head] = event
@@ -99,16 +105,29 @@ class TdmaMechanism:
         if previous is not None and not previous.processed:
             yield previous
         members = {node for burst in bursts for node in (burst.source, burst.to)} - {head}
-        if not members <= self._schedules.get(head, {}).keys():
-            yield from self._announce(head, members | self._expected.pop(head, set()))
+        appointed = self.keeps_idle_slots and head in self._expected
+        if appointed or not members <= self._schedules.get(head, {}).keys():
+            yield from self._announce(head, self._listed(head, members))
         if left := self._periods.left(head, self._mac.contention):
             yield self._env.timeout(left)
         if exchanges := self._periods.close(head):
             yield self._env.timeout(exchanges)
-        slots = deque(self._slots(head, bursts))
-        scheduled = np.array(sorted(members & self._schedules.get(head, {}).keys()), dtype=np.int64)
-        yield from self._all_slots(slots, scheduled)
+        slots, knowing = self._slots(head, bursts), self._schedules.get(head, {}).keys()
+        if self.keeps_idle_slots:
+            yield from self._full_rounds(head, slots)
+        else:
+            yield from self._all_slots(deque(slots), np.array(sorted(members & knowing), dtype=np.int64))
         self._periods.reopen(head)
+
+    def _listed(self, head: int, members: set[int]) -> set[int]:
+        """Who has a slot in the next schedule.
+
+        Where idle slots are kept, a schedule replaces the last one: it has all members that the head expects, or
+        those of the last one and who is new.
+        """
+        expected = self._expected.pop(head, None)
+        earlier = self._orders.get(head, ()) if expected is None else ()
+        return members.union(expected or (), earlier)
 
     def _all_slots(self, slots: deque[_Slot], scheduled: Ints) -> Round:
         """One slot per frame; a frame without acknowledgement gets another slot at the end."""
@@ -116,20 +135,72 @@ class TdmaMechanism:
         while slots:
             slot = slots.popleft()
             yield from self._slot(slot, scheduled, length)
-            frame = slot.frame
-            unacknowledged = self._mac.acks and not slot.acknowledged and frame.sends
-            if unacknowledged and frame.retries < self._mac.max_retries and self._nodes.alive[slot.source]:
-                frame.retries += 1
-                self._counters.retries += 1
+            if self._goes_again(slot):
                 slots.append(slot)
-            else:
-                frame.finish(slot.received)
+
+    def _full_rounds(self, head: int, slots: Sequence[_Slot]) -> Round:
+        """One slot for each member in the order of the schedule, used or not.
+
+        Frames of the head stand in the slot of their destination. A member has one frame in a round: its next ones, and
+        those without an acknowledgement, go into further rounds of the same length.
+        """
+        order = self._orders.get(head, ())
+        length = self._slot_length([slot.frame for slot in slots])
+        waiting: dict[int, deque[_Slot]] = {}
+        for slot in slots:
+            waiting.setdefault(slot.frame.to if slot.source == head else slot.source, deque()).append(slot)
+        assert waiting.keys() <= set(order), "who has a slot is in the schedule"
+        listens = any(slot.source == head for slot in slots)
+        while True:
+            for used, members in groupby(order, waiting.__contains__):
+                if not used:
+                    yield from self._idle_slots(head, tuple(members), length, listens)
+                    continue
+                for node in members:
+                    queue = waiting[node]
+                    if self._nodes.alive[queue[0].source]:
+                        yield from self._slot(queue[0], self._who_know(head), length)
+                    else:
+                        yield from self._idle_slots(head, (node,), length, listens)
+                    if not self._goes_again(queue[0]):
+                        queue.popleft()
+            waiting = {node: queue for node, queue in waiting.items() if queue}
+            if not waiting:
+                return
+
+    def _idle_slots(self, head: int, members: Sequence[int], length: float, listens: bool) -> Round:
+        """Slots of members that have nothing to send: the head listens, the others have the radio off.
+
+        `listens`: whether the head sends in this round, so that those members listen, too.
+        """
+        knowing = self._who_know(head)
+        self._nodes.sleep_radios(knowing[~np.isin(knowing, members)] if listens else knowing, length * len(members))
+        yield self._env.timeout(length * len(members))
+
+    def _who_know(self, head: int) -> Ints:
+        """(n,) the members that know the schedule and are awake, ascending."""
+        known = sorted(self._schedules.get(head, ()))
+        return np.array([node for node in known if self._nodes.is_awake(node)], dtype=np.int64)
+
+    def _goes_again(self, slot: _Slot) -> bool:
+        """Whether a frame needs another slot, for want of an acknowledgement; otherwise it is finished."""
+        frame = slot.frame
+        unacknowledged = self._mac.acks and not slot.acknowledged and frame.sends
+        if unacknowledged and frame.retries < self._mac.max_retries and self._nodes.alive[slot.source]:
+            frame.retries += 1
+            self._counters.retries += 1
+            return True
+        frame.finish(slot.received)
+        return False
 
     def _announce(self, head: int, members: set[int]) -> Round:
         """Broadcast the schedule; the members that receive it set their clocks by it."""
         bits = self._mac.schedule_bits * max(len(members), 1)
         burst = full_burst(head, EVERYONE, Parcel(None, 1, bits, "schedule"), -1)
         yield self._csma.send([burst])
+        if self.keeps_idle_slots:
+            self._orders[head] = tuple(sorted(members))
+            self._schedules.pop(head, None)
         schedule = self._schedules.setdefault(head, {})
         for node in members & burst.received.keys():
             if burst.received[node].all():
@@ -175,7 +246,8 @@ class TdmaMechanism:
         """Seconds of a slot: as the scenario says, or as long as the longest frame needs."""
         if self._mac.slot is not None:
             return self._mac.slot
-        return max((self._mac.slot_needed(frame.bits) for frame in frames), default=0.0)
+        packet = self._mac.slot_needed(self._mac.bits(PACKET_BITS)) if self.keeps_idle_slots else 0.0
+        return max((self._mac.slot_needed(frame.bits) for frame in frames), default=packet)
 
     def _slot(self, slot: _Slot, scheduled: Ints, length: float) -> Round:
         """One slot, or several for a frame that is longer; the other members have the radio off."""

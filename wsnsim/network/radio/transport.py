@@ -12,7 +12,7 @@ from typing import Protocol, cast
 import simpy
 
 from wsnsim.base.frames import EVERYONE, Burst, full_burst
-from wsnsim.base.mac_mechanisms import ExpectsMembers, MacMechanism
+from wsnsim.base.mac_mechanisms import ExpectsMembers, KeepsIdleSlots, MacMechanism
 from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.requests import Parcel
 from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops
@@ -39,6 +39,7 @@ class Transport:
 
     Attributes:
         hops: How bursts cross one hop.
+        keeps_idle_slots: Whether a gathering takes the time of a round even if no member has something to send.
     """
 
     def __init__(self, radio: RadioServices, mac: MacMechanism, hops: Hops, forwarding: Forwarding) -> None:
@@ -48,6 +49,7 @@ class Transport:
         self.hops = hops
         at_once = defined_together(type(mac), "send_unicasts", "send")
         self._send_unicasts = cast(SendsUnicasts, mac).send_unicasts if at_once else _send_no_unicasts
+        self.keeps_idle_slots = isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots
         self._expect = mac.expect if isinstance(mac, ExpectsMembers) else _expect_nobody
         self._pairs: set[tuple[int, int]] = set()
 
