@@ -82,6 +82,9 @@ def test_members_that_crash_leave_the_roster_and_come_back_only_when_they_are_ap
     tracker = Centroid()
     three(tracker=tracker, steps=8, faults=(Crash(at=0.1, nodes=(1,), duration=0.1),))
     rosters = [set(scene.roster) for scene in tracker.scenes]
+    assert [set(scene.known.ids) for scene in tracker.scenes] == [{0, 1, 2}] * 8, (
+        "the head does not know that it is down"
+    )
     assert rosters[:2] == [{0, 1, 2}] * 2 and rosters[2] == {0, 2}
     assert all(1 not in answer for answer in tracker.answers[2:]), "it does not know any more that it is a member"
 
@@ -180,7 +183,10 @@ def test_a_head_does_not_know_which_of_its_members_are_down():
 
     tracker = Centroid()
     three(tracker=tracker, clusters=Watched(), steps=6, faults=(Crash(at=0.1, nodes=(1,)),))
-    assert tracker.scenes[-1].roster == (0, 2), "the roster has the living ones"
+    scene = tracker.scenes[-1]
+    assert scene.roster == (0, 2), "the roster has the living ones"
+    assert scene.known.ids == (0, 2, 1) and scene.known.positions.tolist() == [list(TRIANGLE[i]) for i in (0, 2, 1)]
+    assert len(scene.known.traits) == 3
     assert seen == [[0, 1, 2]] * 6
 
 

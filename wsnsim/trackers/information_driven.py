@@ -100,8 +100,8 @@ class InformationDriven(HeadFilter):
     answer as if they had none, it is replaced.
 
     On a radio that takes time the head goes on when the share `deadline` of a step is over; left out, that is 0.6, or
-    more if a hop of the MAC takes longer. A handover carries each
-    Gaussian with its weight. The gains of sensors are not estimated.
+    more, 0.9 at most, if a hop of the MAC or a round of slots takes longer. A handover carries each Gaussian with its
+    weight. The gains of sensors are not estimated.
 
     Sources: the selection follows Zhao, Shin, Reich (2002), "Information-driven dynamic sensor collaboration", IEEE
     Signal Processing Magazine 19(2), doi:10.1109/79.985685, and Joshi, Boyd (2009), "Sensor selection via convex
@@ -199,7 +199,7 @@ class InformationDriven(HeadFilter):
         place = list(scene.motion.position)
         spread, point = cov[place][:, place], mean[place]
         those = candidates(point, scene)
-        yield Compute(CANDIDATE_CYCLES * len(scene.roster))
+        yield Compute(CANDIDATE_CYCLES * len(scene.known.ids))
         if not those.rows.size or not self._settled(spread, point, those, scene):
             return plan, expected
         ahead = PREDICTION_CYCLES * len(mixture) * (self.every - 1)
@@ -215,7 +215,7 @@ class InformationDriven(HeadFilter):
         return plan, expected
 
     def _settled(self, spread: Floats, point: Floats, those: Candidates, scene: Scene) -> bool:
-        places = scene.roster_positions[those.rows][:, : point.size]
+        places = scene.known.positions[those.rows][:, : point.size]
         return bool(np.diag(spread).max() < SETTLED**2 * ((places - point) ** 2).sum(axis=1).mean())
 
 

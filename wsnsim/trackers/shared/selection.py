@@ -81,7 +81,7 @@ class Candidates(NamedTuple):
     """The members, the head apart, as the head judges them from its map and its prediction.
 
     Attributes:
-        rows: (n,) their places in the scene's roster.
+        rows: (n,) their places among the nodes that the scene calls known.
         information: (n, P, P) the Fisher information in a reading of each.
         joules: (n,) the energy of its packet.
         own: (P, P) the information of the head's own reading.
@@ -94,10 +94,10 @@ class Candidates(NamedTuple):
 
 
 def candidates(point: Floats, scene: Scene) -> Candidates:
-    """Those of the roster who would have a reading of a target at `point` (P,) with information about its position."""
-    positions = scene.roster_positions
-    head = np.array([node == scene.head for node in scene.roster], dtype=np.bool_)
-    information = _informations_at(point, positions, scene.roster_traits, scene)
+    """The nodes taken for members that would have a reading of a target at `point` (P,) with information about it."""
+    ids, positions, traits = scene.known
+    head = np.array([node == scene.head for node in ids], dtype=np.bool_)
+    information = _informations_at(point, positions, traits, scene)
     traces = np.trace(information, axis1=1, axis2=2)
     useful = detected(scene.sensor, point[None], positions)[0] & np.isfinite(traces) & (traces > 0.0)
     rows = np.flatnonzero(useful & ~head)
@@ -171,9 +171,8 @@ def fits(
     share, excess = limits
     weights = weights_of(spread)
     weighted = weighed(those.information, weights)
-    asked = asks(
-        plan, expected, scene.roster_positions[those.rows], scene.roster_traits[those.rows], those.joules, scene
-    )
+    _, positions, traits = scene.known
+    asked = asks(plan, expected, positions[those.rows], traits[those.rows], those.joules, scene)
     own = float(weighed(those.own[None], weights)[0])
     if weighted[asked].sum() + own < share * (weighted.sum() + own):
         return False
