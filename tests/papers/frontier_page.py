@@ -30,7 +30,7 @@ HOME = Path(__file__).parents[2]
 PAGE, ROWS = HOME / "docs/frontier.md", HOME / "docs/frontier.json"
 CAMPAIGNS = HOME / "results/reproduce/full/frontier"
 AT_THE_BOUND = ("at_the_bound", "at_the_bound_again")
-ON_A_RADIO = ("on_a_radio", "on_a_radio_again")
+ON_A_RADIO = ("on_a_radio", "on_a_radio_again", "on_a_radio_contending")
 LEAST = 5
 """Runs below which an experiment is not shown."""
 MANY_DIGITS = 1e4
@@ -123,7 +123,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         "answers": _answers(found),
         "bound": _beside(bound),
         "consistency": _nees(bound),
-        "on_a_radio": _beside(_seeds(found, ON_A_RADIO)),
+        "on_a_radio": _on_a_radio(_seeds(found, ON_A_RADIO)),
         **{name: _of(found, name, of) for name, of in TABLES.items()},
         "factors": _factors(),
         **{f"settings_{radio}": _settings(radio) for radio in SWEEPS},
@@ -138,6 +138,21 @@ def _seeds(found: Mapping[str, Any], parts: Sequence[str]) -> dict[str, dict[str
 def _beside(rows: Mapping[str, Mapping[str, Any]]) -> str:
     cells = [[_last(name), str(row["runs"]), *_cells(row)] for name, row in rows.items()]
     return _table(["seed", "runs", *BESIDE], cells) if cells else NOT_YET
+
+
+def _on_a_radio(rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """The same for every way in which members get the channel, the shipped one first."""
+    cells = [[_access(name), _last(name), str(row["runs"]), *_cells(row)] for name, row in rows.items()]
+    return _table(["members send", "seed", "runs", *BESIDE], sorted(cells, key=lambda row: SENDING.index(row[0])))
+
+
+SENDING = ("in slots, idle ones skipped", "in slots, idle ones kept", "without slots (CSMA/CA)")
+
+
+def _access(variant: str) -> str:
+    if variant.startswith("CSMA"):
+        return SENDING[2]
+    return SENDING[1] if "idle slots kept" in variant else SENDING[0]
 
 
 def _nees(rows: Mapping[str, Mapping[str, Any]]) -> str:

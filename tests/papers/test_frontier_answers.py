@@ -166,6 +166,15 @@ def test_the_answers_on_a_radio_follow_from_the_rows(monkeypatch):
     assert found == ["no", "yes", "no", "no"]
 
 
+def test_the_answers_on_a_radio_say_of_which_slots_they_are(monkeypatch):
+    data = bound_data(monkeypatch)
+    data.variants = ("slots: information_driven, seed 1", "slots: information_driven, idle slots kept, seed 1")
+    data.by_name = dict.fromkeys(data.variants, data.by_name["ideal: information_driven, seed 1"])
+    named = [answer.words.partition(":")[0] for answer in hypotheses.on_a_radio(data)]
+    assert named == [*["6 (seed 1)"] * 2, *["7 (seed 1)"] * 2,
+                     *["6 (seed 1, idle slots kept)"] * 2, *["7 (seed 1, idle slots kept)"] * 2]  # fmt: skip
+
+
 def test_the_answers_of_a_sleeping_network_compare_shares_of_lost_runs():
     tables = {
         "2 % awake: information_driven": {"runs": runs(losses=[1] + [0] * 9, tracked=0.9)},

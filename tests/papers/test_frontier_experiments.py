@@ -115,6 +115,22 @@ def test_the_names_of_shipped_scenarios_stand_for_them():
         assert mine == theirs
 
 
+def test_the_variants_on_a_radio_differ_in_how_members_get_the_channel_alone():
+    found = {one.name: one.variants for one in paper("frontier").experiments if one.name.startswith("on_a_radio")}
+    assert {name: len(variants) for name, variants in found.items()} == {
+        "on_a_radio": 2, "on_a_radio_again": 4, "on_a_radio_contending": 1
+    }  # fmt: skip
+    resolved = []
+    for name, one in (item for variants in found.values() for item in variants.items()):
+        mine = scenario.resolved(scenario.load(one.scenario, one.sets))
+        mac = mine.pop("mac")
+        kept = None if name.startswith("CSMA") else "kept" if "idle slots kept" in name else "skipped"
+        assert (mac["kind"], mac.get("idle_slots")) == ("tdma" if kept else "csma", kept)
+        assert mine.pop("seed") == int(name[-8:])
+        resolved.append({key: value for key, value in mine.items() if key != "name"})
+    assert resolved == [resolved[0]] * 7
+
+
 def test_nothing_is_published_and_each_variant_whose_twin_is_run_is_compared_with_it():
     assert all(not claim.other and claim.published is None for claim in EXPERIMENT.claims)
     for measure in ("median:rmse_over_twin", "median:energy_over_twin"):

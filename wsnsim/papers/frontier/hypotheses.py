@@ -38,6 +38,12 @@ def last_word(variant: str) -> str:
     return variant.rpartition(", ")[2]
 
 
+def seed_and_words(variant: str) -> str:
+    """'slots: ekf, idle slots kept, seed 1' -> 'seed 1, idle slots kept'."""
+    *others, seed = variant.partition(": ")[2].split(", ")[1:]
+    return ", ".join([seed, *others])
+
+
 def at_the_bound(data: Data) -> list[Answer]:
     """1 to 5: error over the bound, joules, losses and consistency on the ideal radio, for each seed."""
     return [answer for variant in data.variants for answer in _at_the_bound(data, variant)]
@@ -63,7 +69,7 @@ def _no_run_lost(number: str, data: Data, variant: str, greatest: float | None) 
     """No run loses the target at any time, nor has an RMSE above a threshold (m)."""
     runs = data.of(variant, "runs")
     lost, most = campaigns.ever_lost(runs), float(runs["rmse"].max())
-    words = f"{number} ({last_word(variant)}): no run of {len(runs)} loses the target"
+    words = f"{number} ({seed_and_words(variant)}): no run of {len(runs)} loses the target"
     if greatest is not None:
         words += f" or has an RMSE above {greatest:g} m (lost {int(lost.sum())}, greatest RMSE {most:.2f} m)"
     share = statistics.share(lost)
@@ -87,10 +93,10 @@ def _near_walls(data: Data, variant: str) -> Answer:
 
 
 def on_a_radio(data: Data) -> list[Answer]:
-    """6 and 7: error over the bound, estimates in time and losses on the CC2420 with slots, for each seed."""
+    """6 and 7: error over the bound, estimates in time and losses on the CC2420, for each kind of slots and seed."""
     found = []
     for variant in data.variants:
-        wanted, seed, all_steps = _registered(data), last_word(variant), squares(data, variant)
+        wanted, seed, all_steps = _registered(data), seed_and_words(variant), squares(data, variant)
         for words, ratio, most in (
             ("pooled error after 1 s", pooled(all_steps.after(SETTLED)), wanted["radio_settled"]),
             ("pooled error of the whole run", pooled(all_steps), wanted["radio_whole"]),
