@@ -51,7 +51,41 @@ def test_its_hypotheses_have_the_registered_thresholds():
 
 def test_every_hypothesis_is_answered_once_both_fields_have_been_run():
     numbers = set(re.findall(r"^(\d+)\. ", TEXT, re.MULTILINE))
-    answered = {
-        each["words"].partition(":")[0] for name in page.FIELDS if name in ROWS for each in ROWS[name]["answers"]
-    }
+    answered = {str(page.number(words)) for words, *_ in page.compared(ROWS)}
     assert answered <= numbers and (answered == numbers or not {*page.FIELDS} <= {*ROWS})
+
+
+def test_the_replication_answers_the_hypotheses_of_the_first_study_on_the_seeds_that_the_page_names():
+    pairs = page.compared(ROWS)
+    run = {name for name in page.FIELDS if name + page.AGAIN in ROWS}
+    fields = {each["words"]: name for name in page.FIELDS for each in ROWS[name]["answers"]}
+    again = {page.ASIDE.sub("", words): name for words, name in fields.items()}
+    assert all((found is not None) == (again[words] in run) for words, _, found in pairs)
+    assert re.search(r"20261123 on Li's field, 20261124 on Jiang's", TEXT)
+    least = {name: min(row["runs"] for row in ROWS[name]["rows"].values()) for name in page.LEAST_RUNS if name in ROWS}
+    assert all(count >= page.LEAST_RUNS[name] for name, count in least.items())
+
+
+def study(answers, name="li"):
+    """Rows of an experiment with these {words: answer}."""
+    said = [{"words": words, "found": [(1.0, 0.9, 1.1)], "answer": answer} for words, answer in answers.items()]
+    return {name: {"answers": said}}
+
+
+def test_answers_that_changed_are_counted_and_named():
+    first = {"10: a > 1": "yes", "2: b > 1": "yes", "3: c > 1": "no"}
+    again = {"10: a > 1": "no", "2: b > 1": "undecided", "3: c > 1 (no interval is usable)": "no"}
+    text = page._changed(study(first) | study(again, "li_again"))
+    assert text.splitlines() == [
+        "Of 3 answers the replication repeats 1; 2 are others, 1 of them the opposite.", "",
+        "- 2: b > 1: yes in the first study, **undecided** in the replication",
+        "- 10: a > 1: yes in the first study, **no** in the replication",
+    ]  # fmt: skip
+
+
+def test_answers_without_a_replication_are_counted():
+    found = study({"2: b > 1": "yes"}) | study({"15: a > 1": "yes"}, "jiang") | study({"2: b > 1": "yes"}, "li_again")
+    assert page._changed(found) == (
+        "Of 1 answers the replication repeats 1. 1 answers have no replication: their points are missing."
+    )
+    assert page._answers(found).splitlines()[-1] == "| 15: a > 1 | 1 [0.9, 1.1] | **yes** | - | not run |"

@@ -4,12 +4,14 @@ wsnsim reproduce duty_cycles --full --figures docs     run everything
 python -m tests.papers.duty_cycles_page --new          take the rows of what was run, then write
 python -m tests.papers.duty_cycles_page                write from docs/duty_cycles.json
 
-An experiment that has not been run keeps what the page had of it.
+An experiment that has not been run keeps what the page had of it. If the points of an experiment have different numbers
+of runs, the page shows the runs that all of them have.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -17,9 +19,10 @@ from typing import Any
 
 from tests.bench.page import spliced
 from wsnsim.analysis import statistics
+from wsnsim.base.arrays import Bools
 from wsnsim.papers.duty_cycles import hypotheses
 from wsnsim.papers.duty_cycles.measures import best_lines
-from wsnsim.papers.duty_cycles.points import run, value
+from wsnsim.papers.duty_cycles.points import common_runs, run, value
 from wsnsim.papers.measures import Data
 from wsnsim.papers.paper import DUTY_CYCLES, paper
 from wsnsim.recording.folder import Folder
@@ -29,6 +32,13 @@ PAGE, ROWS = HOME / "docs/duty_cycles.md", HOME / "docs/duty_cycles.json"
 CAMPAIGNS = HOME / "results/reproduce/full/duty_cycles"
 NOT_YET = "*The runs have not been made yet.*"
 FIELDS = ("li", "found", "jiang")
+AGAIN = "_again"
+"""How the names of the experiments of the replication end."""
+EXPERIMENTS = (*FIELDS, *(name + AGAIN for name in FIELDS))
+LEAST_RUNS = {"li_again": 10, "found_again": 10, "jiang_again": 6}
+"""Runs that all points of an experiment need before its hypotheses are answered, as registered."""
+ASIDE = re.compile(r" \((not run|no interval is usable)\)$")
+"""What the words of an answer say beside its hypothesis."""
 GOT = {
     "error, m": "median:error", "RMSE of a run, m": "median:rmse", "in time": "mean:tracked",
     "with three": "mean:tracked_three", "latency at the head, s": "tracks_median:delay",
@@ -50,17 +60,17 @@ CAUSES = {
 
 
 def campaign(name: str) -> Data | None:
-    """The results of an experiment; None if a variant has no run."""
+    """The results of an experiment; None if its points do not have the runs that it needs in common."""
     if not [*(CAMPAIGNS / name).glob("*/*.h5")]:
         return None
     data = Data(Folder(CAMPAIGNS / name), paper(DUTY_CYCLES))
-    return data if run(data) == data.variants else None
+    return data if run(data) == data.variants and len(common_runs(data)) >= LEAST_RUNS.get(name, 1) else None
 
 
 def content(before: Mapping[str, Any]) -> dict[str, Any]:
     """Everything that the page shows, as plain values, by experiment."""
     found = dict(before)
-    for name in FIELDS:
+    for name in EXPERIMENTS:
         if (data := campaign(name)) is not None:
             found[name] = of_field(data, hypotheses.OF_EXPERIMENT[name](data))
     if (data := campaign("waiting")) is not None:
@@ -72,7 +82,7 @@ def of_field(data: Data, answers: Iterable[Any]) -> dict[str, Any]:
     """The rows of a field's points, its best intervals and its answers."""
     rows = {
         name: {
-            "runs": len(data.of(name, "runs")), "lost": statistics.share(data.lost(name)),
+            "runs": len(common_runs(data)), "lost": statistics.share(data.lost(name)[_common(data, name, "runs")]),
             **{words: value(data, name, measure) for words, measure in {**GOT, **PAID}.items()},
             "causes": _causes(data, name),
         }
@@ -83,32 +93,73 @@ def of_field(data: Data, answers: Iterable[Any]) -> dict[str, Any]:
 
 def _causes(data: Data, variant: str) -> dict[str, float]:
     """Mean joules of a run by the page's causes."""
-    table = data.of(variant, "energy")
-    joules = table.groupby("cause")["joules"].sum() / data.of(variant, "runs")["replicate"].nunique()
+    table = data.of(variant, "energy")[_common(data, variant, "energy")]
+    joules = table.groupby("cause")["joules"].sum() / len(common_runs(data))
     unknown = {*joules.index} - {cause for causes in CAUSES.values() for cause in causes}
     assert not unknown, f"no column of the page has the causes {unknown}"
     return {words: float(sum(joules.get(cause, 0.0) for cause in causes)) for words, causes in CAUSES.items()}
 
 
+def _common(data: Data, variant: str, table: str) -> Bools:
+    """Which rows of a variant's table are of the runs that all variants have."""
+    kept: Bools = data.of(variant, table)["replicate"].isin(common_runs(data)).to_numpy()
+    return kept
+
+
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
-    made = {"answers": _answers(found), "waiting": _waiting(found)}
-    for name in FIELDS:
+    made = {"answers": _answers(found), "changed": _changed(found), "waiting": _waiting(found)}
+    for name in EXPERIMENTS:
         rows = found[name]["rows"] if name in found else None
-        made |= {f"{name}_got": _got(rows) if rows else NOT_YET, f"{name}_paid": _paid(rows) if rows else NOT_YET}
-        if name != "found":
+        if name != "li_again":  # 58 rows that are like those of the first study
+            made |= {f"{name}_got": _got(rows) if rows else NOT_YET, f"{name}_paid": _paid(rows) if rows else NOT_YET}
+        if not name.startswith("found"):
             made[f"{name}_best"] = "\n".join(f"- {line}" for line in found[name]["best"]) if rows else NOT_YET
     return made
 
 
+def compared(found: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any], Mapping[str, Any] | None]]:
+    """(hypothesis, answer of the first study, that of the replication or None), by the numbers of the hypotheses."""
+    first, again = (
+        {ASIDE.sub("", each["words"]): each for name in FIELDS if name + ending in found
+         for each in found[name + ending]["answers"]}
+        for ending in ("", AGAIN)
+    )  # fmt: skip
+    assert set(again) <= set(first), "the replication answers the hypotheses of the first study"
+    return [(words, first[words], again.get(words)) for words in sorted(first, key=number)]
+
+
+def number(words: str) -> int:
+    """The number of the hypothesis that an answer begins with."""
+    return int(words.partition(":")[0])
+
+
 def _answers(found: Mapping[str, Any]) -> str:
-    answers = [each for name in FIELDS if name in found for each in found[name]["answers"]]
-    answers.sort(key=lambda each: int(each["words"].partition(":")[0]))
-    if not answers:
+    head = ["hypothesis", "first study: found [95 %]", "answer", "replication: found [95 %]", "answer"]
+    return _table(head, [[words, *_said(first), *_said(again)] for words, first, again in compared(found)])
+
+
+def _said(answer: Mapping[str, Any] | None) -> tuple[str, str]:
+    """What was found, and the answer; of a replication that has not been run, dashes."""
+    if answer is None:
+        return "-", "not run"
+    return " and ".join(map(_interval, answer["found"])), f"**{answer['answer']}**"
+
+
+def _changed(found: Mapping[str, Any]) -> str:
+    """How many answers the replication repeats, and a line for each that is another."""
+    both = [(words, first["answer"], again["answer"]) for words, first, again in compared(found) if again]
+    if not both:
         return NOT_YET
-    return _table(["hypothesis", "found [95 %]", "answer"], [
-        [each["words"], " and ".join(map(_interval, each["found"])), f"**{each['answer']}**"] for each in answers
-    ])  # fmt: skip
+    other = [each for each in both if each[1] != each[2]]
+    without = len(compared(found)) - len(both)
+    open_ = f" {without} answers have no replication: their points are missing." if without else ""
+    lines = [f"- {words}: {one} in the first study, **{two}** in the replication" for words, one, two in other]
+    same = f"Of {len(both)} answers the replication repeats {len(both) - len(other)}"
+    if not lines:
+        return f"{same}.{open_}"
+    opposed = sum({one, two} == {"yes", "no"} for _, one, two in other)
+    return "\n".join([f"{same}; {len(other)} are others, {opposed} of them the opposite.{open_}", "", *lines])
 
 
 def _got(rows: Mapping[str, Mapping[str, Any]]) -> str:

@@ -149,13 +149,20 @@ def test_the_best_interval_spends_least_of_those_in_time_with_an_error_near_the_
     assert found.energies[0] == pytest.approx(20.0)
     (line,) = best_lines(data)
     assert line.startswith("gmtt on xmac: best interval 0.25 s [0.25, 0.25], 20.00 [19.9")
+    assert line.endswith(" J, best of 4 points")
 
 
 def test_no_interval_is_best_where_none_is_usable():
     data = Runs(curve("gmtt", {125: 30.0, 250: 20.0}, at125={"tracked": 0.5}, at250={"median_error": 2.0}))
     found = best(data, "gmtt", "xmac")
     assert np.isnan(found.interval.value) and found.usable == () and np.isnan(found.energies).all()
-    assert best_lines(data) == ["gmtt on xmac: best interval none, none is usable"]
+    assert best_lines(data) == ["gmtt on xmac: best interval none, none of 2 points is usable"]
+
+
+def test_a_kind_of_mac_with_one_point_leaves_no_choice():
+    assert best_lines(Runs(curve("gmtt", {125: 30.0})))[0].endswith(" J, the only point: no choice")
+    lost = Runs(curve("gmtt", {125: 30.0}, at125={"tracked": 0.5}))
+    assert best_lines(lost) == ["gmtt on xmac: best interval none, the only point is not usable"]
 
 
 def test_the_range_of_a_best_interval_has_those_that_resamples_choose():

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.papers.duty_cycles import hypotheses
-from wsnsim.papers.duty_cycles.best import best, over_known
+from wsnsim.papers.duty_cycles.best import Best, best, over_known
 from wsnsim.papers.duty_cycles.points import REFERENCE, intervals, kinds, run, trackers
 from wsnsim.papers.measures import Data, OwnMeasure
 
@@ -70,17 +70,26 @@ def conclusions(data: Data) -> list[str]:
 
 
 def best_lines(data: Data) -> list[str]:
-    """A line for each tracker and kind of MAC: the best interval, and the energy there."""
-    found = []
-    for kind in kinds(data):
-        for tracker in trackers(data):
-            if intervals(data, tracker, kind) and f"{tracker}, {REFERENCE}" in run(data):
-                one = best(data, tracker, kind)
-                seconds, joules = one.interval, over_known(one.energies)
-                said = f"{seconds.value:g} s [{seconds.low:g}, {seconds.high:g}], {joules} J"
-                said += f" ({one.without:.0%} of the resamples have none)" if one.without else ""
-                found.append(f"{tracker} on {kind}: best interval " + (said if one.usable else "none, none is usable"))
-    return found
+    """A line for each tracker and kind of MAC: the best interval, the energy there, and of how many it is."""
+    return [
+        _best_line(best(data, tracker, kind), kind, len(intervals(data, tracker, kind)))
+        for kind in kinds(data)
+        for tracker in trackers(data)
+        if intervals(data, tracker, kind) and f"{tracker}, {REFERENCE}" in run(data)
+    ]
+
+
+def _best_line(one: Best, kind: str, count: int) -> str:
+    """'gmtt on xmac: best interval 0.25 s [0.25, 0.5], 13.70 [13.11, 14.17] J, best of 5 points'."""
+    words = f"{one.tracker} on {kind}: best interval"
+    if not one.usable:
+        return f"{words} none, " + (
+            f"none of {count} points is usable" if count > 1 else "the only point is not usable"
+        )
+    seconds, joules = one.interval, over_known(one.energies)
+    without = f" ({one.without:.0%} of the resamples have none)" if one.without else ""
+    among = f"best of {count} points" if count > 1 else "the only point: no choice"
+    return f"{words} {seconds.value:g} s [{seconds.low:g}, {seconds.high:g}], {joules} J{without}, {among}"
 
 
 SUMMARIES: Final = {"answers": conclusions}
