@@ -28,10 +28,16 @@ exclude_patterns = ["_ext", "gallery/**/*.ipynb", "**/sg_execution_times.rst", "
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4  # a link to FILE.md#heading works as on GitHub
 
-autodoc_typehints = "description"
+default_role = "code"
+autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
+autodoc_type_aliases = {name: f"~wsnsim.plugins.{name}" for name in ("Bools", "Floats", "Ints", "Keys")} | {
+    "Flow": "~wsnsim.Flow", "NodeId": "int", "Reading": "Reading", "Point": "Point"
+}  # fmt: skip
+python_maximum_signature_line_length = 120
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
+napoleon_use_ivar = True
 
 copybutton_prompt_text = "$ "
 copybutton_only_copy_prompt_lines = True
@@ -47,7 +53,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
 }
 
-html_domain_indices = False  # the reference of Python is one page; an index of modules would lead nowhere else
+html_domain_indices = False  # the reference is ordered by what names are for, not by modules
 html_theme = "pydata_sphinx_theme"
 html_title = f"wsnsim {release}"
 html_static_path = ["_static"]

@@ -13,58 +13,81 @@ from typing import TYPE_CHECKING, Any, Final
 from wsnsim.base.errors import did_you_mean
 
 if TYPE_CHECKING:
-    from wsnsim.base.arrays import (
-        Bools,
-        Floats,
-        Ints,
-        Keys,
-    )
-    from wsnsim.base.errors import (
-        Issue,
-    )
-    from wsnsim.base.frames import (
-        Burst,
-        MacFrame,
-        OfferedFrame,
-    )
-    from wsnsim.base.gathered import (
-        Gathered,
-    )
+    from wsnsim.base.arrays import Bools, Floats, Ints, Keys
+    from wsnsim.base.clustering import AppointingPolicy, ClusterPolicy, MovingPolicy, SeesGeometry
+    from wsnsim.base.deployment import Deployment, Field
+    from wsnsim.base.errors import Issue
+    from wsnsim.base.estimate import Estimate, Innovation
+    from wsnsim.base.faults import FaultEvent
+    from wsnsim.base.frames import Burst, MacFrame, OfferedFrame
+    from wsnsim.base.gathered import Gathered
     from wsnsim.base.mac_mechanisms import (
+        ExpectsMembers,
+        FollowsRestarts,
+        Fragmenter,
+        HurriesNodes,
+        Listening,
+        MacMechanism,
         MacServices,
         OnAir,
+        SharedChannel,
         Signal,
+        StartsMac,
     )
-    from wsnsim.base.medium_access import (
-        Mac,
-        Packing,
+    from wsnsim.base.mechanisms import (
+        FaultMechanism,
+        FaultServices,
+        SensorDefect,
+        StartsFault,
+        StartsWakeUp,
+        StartsWorkload,
+        WakeUpMechanism,
+        WakeUpServices,
+        WorkloadMechanism,
+        WorkloadServices,
     )
-    from wsnsim.base.part import (
-        OfRole,
-        Quantity,
-        part,
+    from wsnsim.base.medium_access import FramedMac, Mac, Packing
+    from wsnsim.base.optional_ports import (
+        Announces,
+        ConstantGaussian,
+        Continuous,
+        Detects,
+        Drifts,
+        ForecastsSuccession,
+        Foresees,
+        HasHeights,
+        Informs,
+        IsShadowed,
+        LimitsReadings,
+        LinearGaussian,
+        MeasuresEnergy,
+        MovesInSpace,
+        NamesNodes,
+        Portable,
+        Ranks,
+        RecordedFile,
+        Recording,
+        Replays,
+        ReportsState,
+        Snapshots,
+        VectorReadings,
     )
-    from wsnsim.base.ports import (
-        ClusterPolicy,
-        Deployment,
-        Estimate,
-        Innovation,
-        MotionModel,
-        Recorder,
-        Scene,
-        SensorModel,
-        Tracker,
-    )
+    from wsnsim.base.outlook import Appointment, NearNodes, Outlook
+    from wsnsim.base.part import OfRole, Quantity, part
+    from wsnsim.base.ports import Acquire, Detection, MotionModel, PriorModel, Scene, SensorModel, Tracker
     from wsnsim.base.radio import (
         Clock,
+        ContinuousPower,
         Cpu,
         EnergyModel,
-        FaultEvent,
         LinkModel,
-        Routing,
-        Sink,
-        Workload,
+        Mode,
+        ModePower,
+        StartsWithOffsets,
     )
+    from wsnsim.base.radio_duty import DutyCycledMac, KnowsLatency, Latency, RadioDuty, SwitchesRadio
+    from wsnsim.base.recorded_links import BurstyLosses, HeardLinks, RecordsLinks
+    from wsnsim.base.recorders import Recorder, Words
     from wsnsim.base.requests import (
         PACKET_BITS,
         Broadcast,
@@ -80,95 +103,84 @@ if TYPE_CHECKING:
         Scatter,
         Send,
     )
-    from wsnsim.base.rng import (
-        Streams,
-        derive,
-        derive_all,
-        normals,
-        uniforms,
-    )
-    from wsnsim.base.setups import (
-        BeaconSetup,
-        NetworkSetup,
-        TrackingSetup,
-    )
+    from wsnsim.base.rng import Streams, derive, derive_all, normals, uniforms
+    from wsnsim.base.routing import Routing
+    from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup, TrackingSetup
     from wsnsim.base.sleeping import (
+        Decision,
         SleepSchedule,
         WakeUp,
+        WakeUpMessage,
+        WakeUpPlan,
+        WakeUpRadio,
+        WakeUpRound,
     )
-    from wsnsim.base.synchronisation import (
-        TimeSync,
-    )
-    from wsnsim.base.vector_readings import (
-        near,
-        rows,
-    )
-    from wsnsim.models.access import (
-        Framed,
-    )
-    from wsnsim.models.appointed import (
-        Appointed,
-    )
-    from wsnsim.models.faults import (
-        Aimed,
-    )
-    from wsnsim.models.wakeup import (
-        Region,
-    )
-    from wsnsim.trackers.shared.dealing import (
-        send_moments,
-    )
+    from wsnsim.base.standalone import BlockEstimates, StandaloneBlock, StandaloneRun, WholeRuns
+    from wsnsim.base.synchronisation import StartsSync, SyncMechanism, SyncServices, TimeSync
+    from wsnsim.base.vector_readings import near, rows
+    from wsnsim.base.workloads import HasSeveralSinks, Sink, Workload
+    from wsnsim.models.access import Framed
+    from wsnsim.models.appointed import Appointed
+    from wsnsim.models.csvfile import demand_digest
+    from wsnsim.models.faults import Aimed
+    from wsnsim.models.wakeup import Region
+    from wsnsim.trackers.shared.dealing import Arrival, Pool, send_moments
     from wsnsim.trackers.shared.heads import (
         CloudBelief,
         GaussianBelief,
         HeadCloud,
         HeadFilter,
+        Prediction,
         only_predicted,
     )
-    from wsnsim.trackers.shared.kalman import (
-        KalmanBelief,
-        kalman_estimate,
-    )
-    from wsnsim.trackers.shared.moments import (
-        forecast,
-        fused_by_variance,
-        predicted,
-        symmetric,
-    )
-    from wsnsim.trackers.shared.parcels import (
-        moment_packets,
-        parcel,
-        state_packets,
-    )
-    from wsnsim.trackers.shared.readings import (
-        Evidence,
-        gather_readings,
-        reading_parcel,
-    )
+    from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate
+    from wsnsim.trackers.shared.moments import forecast, fused_by_variance, predicted, symmetric
+    from wsnsim.trackers.shared.parcels import moment_packets, parcel, state_packets
+    from wsnsim.trackers.shared.readings import Evidence, gather_readings, reading_parcel
 
 HOMES: Final = {
     "wsnsim.base.arrays": "Bools Floats Ints Keys",
+    "wsnsim.base.clustering": "AppointingPolicy ClusterPolicy MovingPolicy SeesGeometry",
+    "wsnsim.base.deployment": "Deployment Field",
     "wsnsim.base.errors": "Issue",
+    "wsnsim.base.estimate": "Estimate Innovation",
+    "wsnsim.base.faults": "FaultEvent",
     "wsnsim.base.frames": "Burst MacFrame OfferedFrame",
     "wsnsim.base.gathered": "Gathered",
-    "wsnsim.base.mac_mechanisms": "MacServices OnAir Signal",
-    "wsnsim.base.medium_access": "Mac Packing",
+    "wsnsim.base.mac_mechanisms": "ExpectsMembers FollowsRestarts Fragmenter HurriesNodes Listening "
+    "MacMechanism MacServices OnAir SharedChannel Signal StartsMac",
+    "wsnsim.base.mechanisms": "FaultMechanism FaultServices SensorDefect StartsFault StartsWakeUp "
+    "StartsWorkload WakeUpMechanism WakeUpServices WorkloadMechanism "
+    "WorkloadServices",
+    "wsnsim.base.medium_access": "FramedMac Mac Packing",
+    "wsnsim.base.optional_ports": "Announces ConstantGaussian Continuous Detects Drifts ForecastsSuccession "
+    "Foresees HasHeights Informs IsShadowed LimitsReadings LinearGaussian "
+    "MeasuresEnergy MovesInSpace NamesNodes Portable Ranks RecordedFile "
+    "Recording Replays ReportsState Snapshots VectorReadings",
+    "wsnsim.base.outlook": "Appointment NearNodes Outlook",
     "wsnsim.base.part": "OfRole Quantity part",
-    "wsnsim.base.ports": "Estimate Innovation MotionModel Scene SensorModel Tracker Deployment ClusterPolicy Recorder",
-    "wsnsim.base.radio": "EnergyModel FaultEvent LinkModel Routing Sink Workload Clock Cpu",
-    "wsnsim.base.requests": "PACKET_BITS Broadcast Compute Delivery Flow Gather GatherReadings GatheredReadings"
-    " Local Member Parcel Scatter Send",
+    "wsnsim.base.ports": "Acquire Detection MotionModel PriorModel Scene SensorModel Tracker",
+    "wsnsim.base.radio": "Clock ContinuousPower Cpu EnergyModel LinkModel Mode ModePower StartsWithOffsets",
+    "wsnsim.base.radio_duty": "DutyCycledMac KnowsLatency Latency RadioDuty SwitchesRadio",
+    "wsnsim.base.recorded_links": "BurstyLosses HeardLinks RecordsLinks",
+    "wsnsim.base.recorders": "Recorder Words",
+    "wsnsim.base.requests": "PACKET_BITS Broadcast Compute Delivery Flow Gather GatherReadings "
+    "GatheredReadings Local Member Parcel Scatter Send",
     "wsnsim.base.rng": "Streams derive derive_all normals uniforms",
-    "wsnsim.base.setups": "BeaconSetup NetworkSetup TrackingSetup",
-    "wsnsim.base.sleeping": "SleepSchedule WakeUp",
-    "wsnsim.base.synchronisation": "TimeSync",
+    "wsnsim.base.routing": "Routing",
+    "wsnsim.base.setups": "BeaconSetup NetworkSetup RadioSetup Setup TrackingSetup",
+    "wsnsim.base.sleeping": "Decision SleepSchedule WakeUp WakeUpMessage WakeUpPlan WakeUpRadio WakeUpRound",
+    "wsnsim.base.standalone": "BlockEstimates StandaloneBlock StandaloneRun WholeRuns",
+    "wsnsim.base.synchronisation": "StartsSync SyncMechanism SyncServices TimeSync",
     "wsnsim.base.vector_readings": "near rows",
+    "wsnsim.base.workloads": "HasSeveralSinks Sink Workload",
     "wsnsim.models.access": "Framed",
     "wsnsim.models.appointed": "Appointed",
+    "wsnsim.models.csvfile": "demand_digest",
     "wsnsim.models.faults": "Aimed",
     "wsnsim.models.wakeup": "Region",
-    "wsnsim.trackers.shared.dealing": "send_moments",
-    "wsnsim.trackers.shared.heads": "CloudBelief GaussianBelief HeadCloud HeadFilter only_predicted",
+    "wsnsim.trackers.shared.dealing": "Arrival Pool send_moments",
+    "wsnsim.trackers.shared.heads": "CloudBelief GaussianBelief HeadCloud HeadFilter Prediction only_predicted",
     "wsnsim.trackers.shared.kalman": "KalmanBelief kalman_estimate",
     "wsnsim.trackers.shared.moments": "forecast fused_by_variance predicted symmetric",
     "wsnsim.trackers.shared.parcels": "moment_packets parcel state_packets",
@@ -176,88 +188,29 @@ HOMES: Final = {
 }
 """The names that each module gives."""
 __all__ = [
-    "PACKET_BITS",
-    "Aimed",
-    "Appointed",
-    "BeaconSetup",
-    "Bools",
-    "Broadcast",
-    "Burst",
-    "Clock",
-    "CloudBelief",
-    "ClusterPolicy",
-    "Compute",
-    "Cpu",
-    "Delivery",
-    "Deployment",
-    "EnergyModel",
-    "Estimate",
-    "Evidence",
-    "FaultEvent",
-    "Floats",
-    "Flow",
-    "Framed",
-    "Gather",
-    "GatherReadings",
-    "Gathered",
-    "GatheredReadings",
-    "GaussianBelief",
-    "HeadCloud",
-    "HeadFilter",
-    "Innovation",
-    "Ints",
-    "Issue",
-    "KalmanBelief",
-    "Keys",
-    "LinkModel",
-    "Local",
-    "Mac",
-    "MacFrame",
-    "MacServices",
-    "Member",
-    "MotionModel",
-    "NetworkSetup",
-    "OfRole",
-    "OfferedFrame",
-    "OnAir",
-    "Packing",
-    "Parcel",
-    "Quantity",
-    "Recorder",
-    "Region",
-    "Routing",
-    "Scatter",
-    "Scene",
-    "Send",
-    "SensorModel",
-    "Signal",
-    "Sink",
-    "SleepSchedule",
-    "Streams",
-    "TimeSync",
-    "Tracker",
-    "TrackingSetup",
-    "WakeUp",
-    "Workload",
-    "derive",
-    "derive_all",
-    "forecast",
-    "fused_by_variance",
-    "gather_readings",
-    "kalman_estimate",
-    "moment_packets",
-    "near",
-    "normals",
-    "only_predicted",
-    "parcel",
-    "part",
-    "predicted",
-    "reading_parcel",
-    "rows",
-    "send_moments",
-    "state_packets",
-    "symmetric",
-    "uniforms",
+    "PACKET_BITS", "Acquire", "Aimed", "Announces", "Appointed", "AppointingPolicy", "Appointment", "Arrival",
+    "BeaconSetup", "BlockEstimates", "Bools", "Broadcast", "Burst", "BurstyLosses", "Clock", "CloudBelief",
+    "ClusterPolicy", "Compute", "ConstantGaussian", "Continuous", "ContinuousPower", "Cpu", "Decision",
+    "Delivery", "Deployment", "Detection", "Detects", "Drifts", "DutyCycledMac", "EnergyModel", "Estimate",
+    "Evidence", "ExpectsMembers", "FaultEvent", "FaultMechanism", "FaultServices", "Field", "Floats", "Flow",
+    "FollowsRestarts", "ForecastsSuccession", "Foresees", "Fragmenter", "Framed", "FramedMac", "Gather",
+    "GatherReadings", "Gathered", "GatheredReadings", "GaussianBelief", "HasHeights", "HasSeveralSinks",
+    "HeadCloud", "HeadFilter", "HeardLinks", "HurriesNodes", "Informs", "Innovation", "Ints", "IsShadowed",
+    "Issue", "KalmanBelief", "Keys", "KnowsLatency", "Latency", "LimitsReadings", "LinearGaussian", "LinkModel",
+    "Listening", "Local", "Mac", "MacFrame", "MacMechanism", "MacServices", "MeasuresEnergy", "Member", "Mode",
+    "ModePower", "MotionModel", "MovesInSpace", "MovingPolicy", "NamesNodes", "NearNodes", "NetworkSetup",
+    "OfRole", "OfferedFrame", "OnAir", "Outlook", "Packing", "Parcel", "Pool", "Portable", "Prediction",
+    "PriorModel", "Quantity", "RadioDuty", "RadioSetup", "Ranks", "RecordedFile", "Recorder", "Recording",
+    "RecordsLinks", "Region", "Replays", "ReportsState", "Routing", "Scatter", "Scene", "SeesGeometry", "Send",
+    "SensorDefect", "SensorModel", "Setup", "SharedChannel", "Signal", "Sink", "SleepSchedule", "Snapshots",
+    "StandaloneBlock", "StandaloneRun", "StartsFault", "StartsMac", "StartsSync", "StartsWakeUp",
+    "StartsWithOffsets", "StartsWorkload", "Streams", "SwitchesRadio", "SyncMechanism", "SyncServices",
+    "TimeSync", "Tracker", "TrackingSetup", "VectorReadings", "WakeUp", "WakeUpMechanism", "WakeUpMessage",
+    "WakeUpPlan", "WakeUpRadio", "WakeUpRound", "WakeUpServices", "WholeRuns", "Words", "Workload",
+    "WorkloadMechanism", "WorkloadServices", "demand_digest", "derive", "derive_all", "forecast",
+    "fused_by_variance", "gather_readings", "kalman_estimate", "moment_packets", "near", "normals",
+    "only_predicted", "parcel", "part", "predicted", "reading_parcel", "rows", "send_moments", "state_packets",
+    "symmetric", "uniforms",
 ]  # fmt: skip
 
 

@@ -50,11 +50,11 @@ class Comparison:
             runs that lost a track at any time), `lost_fraction` (at the end), `energy` (median, J) and
             `error_per_joule` (median of metric / energy), each with `_low` and `_high`; `tracked` (mean share of the
             steps); `front` (on the Pareto front of its group in both medians; none for NEES and NIS, of which 1 is
-            best). Where points are compared: the columns of `pairs.pair_columns`, `p_holm`, `p_losses_holm`, `test`
+            best). Where points are compared: the paired differences, `p_holm`, `p_losses_holm`, `test`
             (its name), `conclusion` (a sentence) and `hint` (what beside the filters may have decided). Unknown values
             are NaN.
         unpaired: why rows have no difference.
-        unbounded: why `comparison_bounds.with_bounds` found no bound for some rows.
+        unbounded: why some rows have no bound.
         of_bounds: what bounds take of the readings that may be otherwise, such as that they are independent.
         unit: the unit of the metric.
     """

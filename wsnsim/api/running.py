@@ -39,6 +39,8 @@ def simulate(
 ) -> Result:
     """Make one Monte Carlo run in memory. The same arguments give the same result, in any process.
 
+    Example::
+
         simulate("pso_mhpf", tracker=PsoMhpf(particles=200), overrides={"link.reach": "60 m"}, keep=["events"])
 
     Args:
@@ -101,6 +103,8 @@ def run(  # noqa: PLR0913
     **changes: Unpack[Changes],
 ) -> Result:
     """Make many Monte Carlo runs of a scenario, in a result file or in memory.
+
+    Example::
 
         run("pso_mhpf", replicates=30, out="results/pso_mhpf.h5")
 

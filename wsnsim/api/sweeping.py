@@ -49,6 +49,8 @@ def sweep(  # noqa: PLR0913
 ) -> SweepResult:
     """Run a sweep, or resume it.
 
+    Example::
+
         sweep("pso_mhpf", {"tracker.particles": [100, 400]}, replicates=20, out="results/particles")
 
     A script calls it under `if __name__ == "__main__":`, since worker processes may import it, or with `workers=0`.
@@ -122,6 +124,8 @@ def compare(  # noqa: PLR0913
     **changes: Unpack[Changes],
 ) -> ShownComparison:
     """Compare trackers on a scenario, or the points of a campaign that has been run.
+
+    Examples::
 
         compare("pso_mhpf", trackers=["ekf", PsoMhpf(particles=200)], replicates=20)
         compare("results/particles", metric="energy")

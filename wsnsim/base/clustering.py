@@ -35,13 +35,25 @@ class ClusterPolicy(Protocol):
         """The charge in J that a head must exceed; None: the paper's rule."""
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """The head among candidates, given each one's strength and whether its charge exceeds the threshold."""
+        """The head among candidates; None if none is able.
+
+        Args:
+            ids: The candidates.
+            strengths: Of the reading of each; larger for a nearer target.
+            able: Whether the charge of each exceeds the threshold.
+        """
 
     def must_hand_over(self, active: int, members: int) -> bool:
-        """Whether too few of the members sense."""
+        """Whether too few of the members sense: `active` of `members`, the head included."""
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """The next head, given the predicted position (2,), all nodes' positions (N, 2) and who is able (N,)."""
+        """The next head; None if no node is able.
+
+        Args:
+            forecast: (2,) the predicted position in m.
+            positions: (N, 2) of all nodes in m.
+            able: (N,) who is up and holds enough charge to lead.
+        """
 
 
 class MovingPolicy(ClusterPolicy, Protocol):
@@ -49,7 +61,7 @@ class MovingPolicy(ClusterPolicy, Protocol):
 
     `main`: the head is the node nearest to the 'prediction' among those woken for the step, or the one that measured
     the target nearest at the step before ('detection'). Measuring takes `sampling` s. The head waits for readings until
-    none has come for `quiet` s, at most for `cap` s; None: as long as the MAC needs (`base.hop_times`). Without
+    none has come for `quiet` s, at most for `cap` s; None: as long as the MAC needs. Without
     readings it continues its prediction for `patience` s before the track is lost.
     """
 

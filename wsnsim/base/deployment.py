@@ -12,7 +12,13 @@ from wsnsim.base.arrays import Bools, Floats
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """The monitored rectangle. Width, height and centre in m."""
+    """The monitored rectangle.
+
+    Attributes:
+        width: along x, in m.
+        height: along y, in m.
+        centre: (x, y) in m.
+    """
 
     width: float
     height: float
@@ -29,7 +35,16 @@ class Deployment(Protocol):
     """Where the nodes stand."""
 
     @property
-    def field(self) -> Field: ...
+    def field(self) -> Field:
+        """The monitored rectangle, in which nodes stand."""
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
-        """(N, 2) positions, covering the field if the component requires it. Raises RunError if that fails."""
+        """(N, 2) positions in m.
+
+        Args:
+            reach: The sensing range in m, with which nodes cover the field if the component requires it.
+            rng: The source of random numbers.
+
+        Raises:
+            RunError: The nodes do not cover the field, after many attempts.
+        """

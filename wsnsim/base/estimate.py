@@ -9,7 +9,12 @@ from wsnsim.base.arrays import Floats
 
 
 class Innovation(NamedTuple):
-    """The normalised innovation squared νᵀ S⁻¹ ν of an update (NaN without one), and its degrees of freedom."""
+    """The innovation ν of an update, normalised by its covariance S.
+
+    Attributes:
+        nis: the normalised innovation squared νᵀ S⁻¹ ν; NaN without one.
+        dof: its degrees of freedom.
+    """
 
     nis: float = float("nan")
     dof: int = 0
@@ -20,9 +25,13 @@ NO_INNOVATION = Innovation()
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A Gaussian summary of a belief: mean (D,), cov (D, D).
+    """A Gaussian summary of a belief.
 
-    Filters with particles add their effective number, Kalman filters the innovation of the step's update.
+    Attributes:
+        mean: (D,) of the state, in SI units.
+        cov: (D, D) its covariance.
+        effective: the effective number of particles; NaN for filters without particles.
+        innovation: that of the step's update, for Kalman filters.
     """
 
     mean: Floats

@@ -125,7 +125,13 @@ class MacFrame:
 
 
 class OfferedFrame(MacFrame):
-    """A broadcast of one payload without a burst. `done` is called with its final result."""
+    """A broadcast of one payload without a burst.
+
+    Args:
+        bits: Length on the air.
+        code: What the event log calls it.
+        done: Called once with its result: the ids (n,) that received it, or None if it never got the channel.
+    """
 
     __slots__ = ("_done",)
 

@@ -35,7 +35,12 @@ WITHIN_THE_INSTANT: Final = Journeys()
 
 
 class Gathered(dict[int, tuple[Any, Bools]]):
-    """{id: (payload, mask)} of what arrived at the head."""
+    """{id: (payload, mask)} of what arrived at the head: the answer to `Gather`. A mask is (packets,).
+
+    Args:
+        arrived: What arrived.
+        journeys: How the parcels came.
+    """
 
     __slots__ = ("journeys",)
 

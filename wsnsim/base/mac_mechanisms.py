@@ -118,7 +118,7 @@ class MacServices(Protocol):
         """The counters of the run. The channel counts frames; the MAC counts `access_failures` and `retries`."""
 
     def key(self, stream: str) -> int:
-        """Return the key of a random stream (see `base.rng`)."""
+        """Return the key of a random stream, for `derive`."""
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
@@ -223,7 +223,7 @@ class FollowsRestarts(Protocol):
 
 @runtime_checkable
 class StartsMac(Protocol):
-    """A MAC component that brings its own mechanism: what a plug-in offers in addition to `radio.Mac`."""
+    """A MAC component that brings its own mechanism: what a plug-in offers in addition to `Mac`."""
 
     def start(self, services: MacServices) -> MacMechanism:
         """Return the mechanism. Called once, before the simulation starts."""

@@ -20,11 +20,16 @@ NOBODY: Final = -1
 
 @dataclass(frozen=True, slots=True)
 class SensorDefect:
-    """A fault of some sensors: `offset` is added to their readings, or the readings are stuck at `value`.
+    """A fault of some sensors: an offset of their readings, or readings that are stuck.
 
-    With `value` None a reading is stuck at the last one of the target, or at the first one after the fault began. Of
-    readings with several components, the one named `component` is defective, or all if it is empty. A defect changes
-    what a node reads, not when it reads (our choice).
+    A defect changes what a node reads, not when it reads (our choice).
+
+    Attributes:
+        nodes: the nodes.
+        offset: is added to their readings, in the sensor's unit.
+        stuck: whether the readings are stuck at `value`.
+        value: None: a reading is stuck at the last one of the target, or at the first one after the fault began.
+        component: of readings with several components, the name of the defective one; empty: all.
     """
 
     nodes: frozenset[int]
@@ -47,7 +52,7 @@ class FaultServices(Protocol):
 
     @property
     def key(self) -> int:
-        """The random key of this fault (see `base.rng`)."""
+        """The random key of this fault, for `derive`."""
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
@@ -116,7 +121,7 @@ class FaultMechanism(Protocol):
 
 @runtime_checkable
 class StartsFault(Protocol):
-    """A fault component that brings its own mechanism: what a plug-in offers in addition to `faults.FaultEvent`."""
+    """A fault component that brings its own mechanism: what a plug-in offers in addition to `FaultEvent`."""
 
     def start(self, services: FaultServices) -> FaultMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
@@ -193,7 +198,7 @@ class WakeUpMechanism(Protocol):
 
 @runtime_checkable
 class StartsWakeUp(Protocol):
-    """A wake-up component that brings its own mechanism: what a plug-in offers in addition to `sleeping.WakeUp`."""
+    """A wake-up component that brings its own mechanism: what a plug-in offers in addition to `WakeUp`."""
 
     def start(self, services: WakeUpServices) -> WakeUpMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
@@ -212,7 +217,7 @@ class WorkloadServices(Protocol):
 
     @property
     def key(self) -> int:
-        """The random key of the workload (see `base.rng`)."""
+        """The random key of the workload, for `derive`."""
 
     def is_awake(self, node: int) -> bool:
         """Whether a node is up, and its radio listens."""
@@ -252,7 +257,7 @@ class WorkloadMechanism(Protocol):
 
 @runtime_checkable
 class StartsWorkload(Protocol):
-    """A workload component that brings its own mechanism: what a plug-in offers in addition to `workloads.Workload`."""
+    """A workload component that brings its own mechanism: what a plug-in offers in addition to `Workload`."""
 
     def start(self, services: WorkloadServices) -> WorkloadMechanism:
         """Return the mechanism. Called once, before the simulation starts."""

@@ -8,8 +8,7 @@ from typing import Protocol
 class Mac(Protocol):
     """When a frame gets the channel: the parameters of a mechanism.
 
-    `mechanism` names a built-in one. A plug-in gives it a name of its own, and starts it: see
-    `mac_mechanisms.StartsMac`.
+    `mechanism` names a built-in one. A plug-in gives it a name of its own, and starts it: see `StartsMac`.
     """
 
     @property
@@ -109,4 +108,4 @@ class Packing(Protocol):
     """How many packets of a burst travel in one frame."""
 
     def packets(self, packet_bits: int, most_bits: int) -> int:
-        """Packets of `packet_bits` in a frame whose payload holds `most_bits`; at least 1."""
+        """The number of packets of `packet_bits` in a frame whose payload holds `most_bits`; at least 1."""

@@ -31,7 +31,8 @@ class Continuous(Protocol):
     """Optional port of a motion model: a trajectory in continuous time, the same at every sampling interval."""
 
     @property
-    def continuous(self) -> bool: ...
+    def continuous(self) -> bool:
+        """Whether it is one."""
 
 
 @runtime_checkable
@@ -43,7 +44,8 @@ class LinearGaussian(Protocol):
     """
 
     @property
-    def linear_gaussian(self) -> bool: ...
+    def linear_gaussian(self) -> bool:
+        """Whether the model is linear with Gaussian noise, or the tracker exact for such models."""
 
 
 @runtime_checkable
@@ -59,9 +61,9 @@ class Informs(Protocol):
 
 @runtime_checkable
 class MeasuresEnergy(Protocol):
-    """Optional port of a sensor model whose likelihood is that of `kernels.sensing`: kernels weigh by its law.
+    """Optional port of a sensor model with the likelihood of acoustic energy: compiled code weighs by its law.
 
-    The law counts where the class that defines it defines `log_likelihood` as well: see `defined_together`.
+    The law counts where the class that defines it defines `log_likelihood` as well.
     """
 
     def energy_law(self, traits: Floats) -> tuple[tuple[float, float, float, float, float], Floats]:
@@ -86,7 +88,7 @@ class VectorReadings(Protocol):
     Readings of n nodes are (n,) for M = 1 component, and (n, M) otherwise. `measure` is given as many standard normal
     numbers. `linearise` returns n M rows instead of n, node by node (all components of the first node, then those of
     the second); the components of a reading are independent. `log_likelihood` takes readings (n,) or (n, M), and does
-    not depend on whole periods. See `base.vector_readings` for what filters do with such rows.
+    not depend on whole periods. Filters take such rows by `rows` and `near`.
     """
 
     @property
@@ -100,9 +102,9 @@ class VectorReadings(Protocol):
 
 @runtime_checkable
 class Drifts(Protocol):
-    """Optional port of a motion model that moves as `kernels.motion` does: kernels do a filter's whole step.
+    """Optional port of a motion model with two equal, independent axes: compiled code does a filter's whole step.
 
-    The law counts where the class that defines it defines `propagate` as well: see `defined_together`.
+    The law counts where the class that defines it defines `propagate` as well.
     """
 
     def drift_law(self, dt: float) -> tuple[tuple[float, float, float, float], tuple[float, float, float]]:
@@ -147,7 +149,7 @@ class MovesInSpace(Protocol):
 class IsShadowed(Protocol):
     """Optional port of a sensor model: sampled readings have an error that is correlated along the target's path.
 
-    See `base.shadowing`. Recorded readings are left as they are.
+    Recorded readings are left as they are.
     """
 
     @property
@@ -176,7 +178,8 @@ class ConstantGaussian(Protocol):
     """
 
     @property
-    def constant_gaussian(self) -> bool: ...
+    def constant_gaussian(self) -> bool:
+        """Whether it is so."""
 
 
 class Recording(NamedTuple):
@@ -195,18 +198,32 @@ class Recording(NamedTuple):
 class Replays(Protocol):
     """Optional port of a sensor model whose readings were recorded: no reading is sampled from its law.
 
-    `law` is the sensor model that filters and bounds take the readings to follow. With `counted`, filters are given how
-    many readings each one stands for: as a further trait of its node, which changes from step to step.
+    `law` is the sensor model that filters and bounds take the readings to follow.
     """
 
     @property
-    def law(self) -> Any: ...
+    def law(self) -> Any:
+        """The sensor model that the readings are taken to follow."""
 
     @property
-    def counted(self) -> bool: ...
+    def counted(self) -> bool:
+        """Whether filters are given how many readings each one stands for.
+
+        The number is a further trait of the node, which changes from step to step.
+        """
 
     def recordings(self, names: Sequence[str], targets: int, steps: int, dt: float) -> Sequence[Recording]:
-        """The readings of each target by nodes of these names. Raises RunError with file and line if some are bad."""
+        """The readings of each target.
+
+        Args:
+            names: The names of the N nodes.
+            targets: The number of targets.
+            steps: The number of steps after the start.
+            dt: The length of a step in s.
+
+        Raises:
+            RunError: Some readings are bad; the message names file and line.
+        """
 
 
 @runtime_checkable
@@ -214,10 +231,12 @@ class RecordedFile(Protocol):
     """Optional port of a component whose values were recorded in the file `path`: what the provenance says of it."""
 
     @property
-    def path(self) -> str: ...
+    def path(self) -> str:
+        """The file."""
 
     @property
-    def digest(self) -> str: ...
+    def digest(self) -> str:
+        """The digest of the file, which is filled in when the scenario is read; empty before."""
 
     def skipped_rows(self, setup: Any) -> Sequence[str]:
         """The rows that are left out, as 'FILE:LINE: reason' each. `setup`: the scenario's setup."""

@@ -21,10 +21,16 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Quantity:
-    """The unit (as in `scenario.units`; '' for a pure number) and the bounds of a field. Values are in SI units.
+    """The unit and the bounds of a field of a component: `Annotated[float, Quantity("m", gt=0), "sensing range"]`.
 
-    `label` is the unit that documentation shows where `unit` is '' though the number has one: 'SI' for a state whose
-    columns have several, 'byte' for a length that is counted in bytes.
+    Attributes:
+        unit: the SI unit of the value, such as 'm', 's', 'dBm' or 'bit/s'; '' for a pure number.
+        gt: the value is greater than this.
+        ge: the value is at least this.
+        lt: the value is less than this.
+        le: the value is at most this.
+        label: the unit that documentation shows where `unit` is '' though the number has one: 'SI' for a state whose
+            columns have several, 'byte' for a length that is counted in bytes.
     """
 
     unit: str = ""
@@ -41,6 +47,9 @@ class OfRole:
 
     In YAML it is a mapping with a key `kind`, as the role itself. A field that is a tuple of them is a list of such
     mappings: `Annotated[tuple[MotionModel, ...], OfRole("motion")]`.
+
+    Attributes:
+        role: the name of the role, such as 'motion'.
     """
 
     role: str
@@ -48,5 +57,9 @@ class OfRole:
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def part(cls: type[T]) -> type[T]:
-    """Return the class as a frozen, keyword-only dataclass. A plug-in class needs nothing else."""
+    """Return the class as a frozen, keyword-only dataclass. A plug-in class needs nothing else.
+
+    Args:
+        cls: The class, whose fields are the keys of a scenario; `Quantity` in their annotations gives units and bounds.
+    """
     return dataclass(frozen=True, kw_only=True)(cls)

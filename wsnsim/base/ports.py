@@ -155,84 +155,112 @@ class Scene:
 
 
 class MotionModel(Protocol):
-    """How a target moves. `columns` names the state's D columns; `position` says which P of them are x, or x and y.
+    """How a target moves: a Markov process with a state of D columns.
 
-    `time` is the time in s of the given states, that is the beginning of the step. It may have a default.
+    In all methods `dt` is the length of a step in s, and `time` the time in s of the given states, that is the
+    beginning of the step; it may have a default. States are (D, N): column j is particle j.
     """
 
     @property
-    def columns(self) -> tuple[str, ...]: ...
+    def columns(self) -> tuple[str, ...]:
+        """The names of the D columns of the state, such as ('x', 'vx', 'y', 'vy')."""
 
     @property
-    def units(self) -> tuple[str, ...]: ...
+    def units(self) -> tuple[str, ...]:
+        """The unit of each column, such as ('m', 'm/s', 'm', 'm/s')."""
 
     @property
-    def position(self) -> tuple[int, ...]: ...
+    def position(self) -> tuple[int, ...]:
+        """Which P columns are the position: those of x and y, or that of x alone."""
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, D): one trajectory from the start state."""
+        """(steps + 1, D): one trajectory from the start state, of as many steps; `rng` is the source of its noise."""
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float) -> Floats:
-        """(D, N) each state after one step, with process noise."""
+        """(D, N) each state after one step, with process noise; particle j has the noise of its key keys[j]."""
 
     def advance(self, states: Floats, dt: float, time: float) -> Floats:
         """(D, N) each state after one step, without noise."""
 
     def matrices(self, states: Floats, dt: float, time: float) -> tuple[Floats, Floats]:
-        """F (N, D, D) at each state, and the process covariance Q (D, D)."""
+        """The derivative F (N, D, D) of `advance` at each state, and the process covariance Q (D, D)."""
 
     def log_transition(self, after: Floats, before: Floats, dt: float, time: float) -> Floats:
-        """(N,) log p(after | before). Raises RunError where the process noise is singular."""
+        """(N,) log p(after | before) of states (D, N) one step apart.
+
+        Raises:
+            RunError: The process noise is singular: it has no density.
+        """
 
     def assumed(self, noise_scale: float) -> MotionModel:
         """The model that a filter assumes: the process covariance is multiplied by `noise_scale`."""
 
 
 class SensorModel(Protocol):
-    """What a node measures of a target within `reach`. `trait_names` name the traits of a node, such as its gain.
+    """What a node measures of a target within `reach`.
 
-    A reading is a number without a period, unless the port `VectorReadings` says otherwise.
+    A reading is a number without a period, unless the port `VectorReadings` says otherwise. P is the number of
+    coordinates of the target (1 or 2), T that of traits.
     """
 
     @property
-    def reach(self) -> float: ...
+    def reach(self) -> float:
+        """The sensing range in m."""
 
     @property
-    def trait_names(self) -> tuple[str, ...]: ...
+    def trait_names(self) -> tuple[str, ...]:
+        """The names of the T traits: constants of a node's sensor, such as its gain."""
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
-        """(nodes, T) the constants of each node."""
+        """(nodes, T) the traits of each node."""
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
-        """(n,) readings: of a target at points[i] (n, P) by a sensor at positions[i]; noise[i] is standard normal.
+        """(n,) readings, the i-th of a target at points[i] by a sensor at positions[i].
 
-        With the trait `height`, points of a target whose height is known have a third column: x, y and height.
+        Args:
+            points: (n, P) the target in m. With the trait `height`, points of a target whose height is known have a
+                third column: x, y and height.
+            positions: (n, 2) the sensors in m.
+            traits: (n, T) of the sensors.
+            noise: (n,) standard normal.
         """
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
     ) -> Floats:
-        """(N,) log p(readings | points (P, N)): of all S readings, or of reading owners[j] alone for particle j."""
+        """(N,) log p(readings | points): of all S readings, or of reading owners[j] alone for particle j.
+
+        Args:
+            points: (P, N) supposed positions of the target in m. The result is -inf where one is not finite.
+            readings: (S,) in the sensor's unit; without any, the result is 0.
+            positions: (S, 2) the sensors in m.
+            traits: (S, T) of the sensors.
+            owners: (N,) which reading counts for each particle; None: all of them.
+        """
 
     def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
-        """At points (P, N): expected readings (S, N), their gradients (S, P, N), their variances (S, N)."""
+        """Expected readings (S, N), their gradients (S, P, N) and their variances (S, N) at points (P, N) in m.
+
+        Args:
+            points: (P, N) supposed positions of the target in m.
+            positions: (S, 2) the sensors in m.
+            traits: (S, T) of the sensors.
+        """
 
     def assumed(self, gains: str, inflate: bool) -> SensorModel:
         """The model that a filter assumes: gains 'known', 'unknown' or 'estimated', variance inflated or not."""
 
 
 class Detection(Protocol):
-    """The errors of what nodes report.
-
-    `missed`: probability that a reading is not taken. `false_alarm`: probability, per node and step, that a node out of
-    range reports a reading.
-    """
+    """The errors of what nodes report."""
 
     @property
-    def missed(self) -> float: ...
+    def missed(self) -> float:
+        """The probability that a reading is not taken."""
 
     @property
-    def false_alarm(self) -> float: ...
+    def false_alarm(self) -> float:
+        """The probability, per node and step, that a node out of range reports a reading."""
 
     def distort(self, readings: Floats, keys: Keys) -> Floats:
         """(n,) the reported readings, given one counter key per node, which is the same at every step."""
@@ -266,7 +294,16 @@ class Acquire(Protocol):
         motion: MotionModel,
         prior: Estimate,
     ) -> Estimate:
-        """The first estimate: the position from the readings, the other columns from the spread of the prior."""
+        """The first estimate: the position from the readings, the other columns from the spread of the prior.
+
+        Args:
+            readings: (S,) what the nodes measured.
+            positions: (S, 2) the nodes in m.
+            traits: (S, T) of their sensors.
+            sensor: The sensor model that the filter assumes.
+            motion: The motion model that the filter assumes.
+            prior: What is known of a target without readings.
+        """
 
 
 class PriorModel(Protocol):
@@ -277,31 +314,59 @@ class PriorModel(Protocol):
 
 
 class Tracker(Protocol[B]):
-    """A tracking strategy: half mathematics, half protocol (see `base.requests`). Its state is passed in and returned.
+    """A tracking strategy: half mathematics, half protocol. Its state, the belief, is passed in and returned.
 
-    A tracker may also have a property `member_cycles: float`: the operations that one member computes in a step. They
-    count in the energy threshold of heads (Jiang 2013, section 4, step 2). Without the property they are 0.
+    `start`, `step` and `hand_over` are flows: generators that yield requests, are sent what happened, and return a
+    belief of any type. A tracker may also have a property `member_cycles: float`: the operations that one member
+    computes in a step. They count in the energy threshold of heads (Jiang 2013, section 4, step 2). Without the
+    property they are 0.
     """
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[B]:
-        """Start a track in a cluster that has just formed. What the head gives its members is sent by radio too."""
+        """Start a track in a cluster that has just formed. What the head gives its members is sent by radio too.
+
+        Args:
+            prior: Mean (D,) and covariance (D, D) of the state at the start.
+            scene: What the head knows.
+
+        Returns:
+            The first belief.
+        """
 
     def step(self, belief: B, scene: Scene) -> Flow[B]:
-        """Perform one step. New members (after a handover, all of them) are in `scene.joined`."""
+        """Perform one step. New members (after a handover, all of them) are in `scene.joined`.
+
+        Args:
+            belief: That of the last step, `scene.steps` model steps ago.
+            scene: What the head knows.
+
+        Returns:
+            The belief at `scene.time`.
+        """
 
     def hand_over(self, belief: B, scene: Scene, successor: int) -> Flow[B | None]:
         """Collect from the old cluster and send to the successor. Return what arrived; None: the track is lost.
 
         The first `step` in the new cluster gives the new members what they need: only then are they known.
+
+        Args:
+            belief: That of the last step.
+            scene: What the old head knows.
+            successor: The id of the next head.
         """
 
     def estimate(self, belief: B) -> Estimate:
-        """The estimate of a belief."""
+        """The estimate of a belief: finite numbers, and a covariance that is symmetric and positive semidefinite."""
 
     def forecast(self, belief: B, scene: Scene, ahead: int) -> Estimate:
         """The estimate predicted for `ahead` steps later, for waking nodes ahead of the target and for handover.
 
         A tracker with the port `ForecastsSuccession` has another one for handover.
+
+        Args:
+            belief: That of the last step.
+            scene: What the head knows at this step.
+            ahead: The number of model steps, 1 or more.
         """
 
 

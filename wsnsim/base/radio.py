@@ -42,11 +42,18 @@ class Mode(IntEnum):
     DOWN = 3
     """Crashed or dead: no power."""
     SCHEDULED = 4
-    """AWAKE or ASLEEP, by the sleep schedule of the node (see `base.sleeping`)."""
+    """AWAKE or ASLEEP, by the `SleepSchedule` of the node."""
 
 
 class ModePower(NamedTuple):
-    """The power of a node in a mode, in W, and whether each part is booked as sleep (otherwise as idle)."""
+    """The power of a node in a mode.
+
+    Attributes:
+        radio: of the radio, in W.
+        radio_sleeps: whether that is booked as sleep, otherwise as idle.
+        processor: of the processor, in W.
+        processor_sleeps: whether that is booked as sleep, otherwise as idle.
+    """
 
     radio: float
     radio_sleeps: bool
@@ -55,14 +62,14 @@ class ModePower(NamedTuple):
 
 
 class EnergyModel(Protocol):
-    """The energy of each act, in joules. `battery` is the initial charge of a node in J."""
+    """The energy of each act of a node, in J."""
 
     @property
     def battery(self) -> float:
         """Initial charge of a node in J."""
 
     def transmit(self, bits: float, distance: float) -> tuple[float, float]:
-        """(electronics, amplifier) joules."""
+        """(electronics, amplifier) joules of sending bits over a distance in m."""
 
     def receive(self, bits: float) -> float:
         """Joules of receiving bits."""
@@ -98,7 +105,7 @@ class ContinuousPower(Protocol):
 class LinkModel(Protocol):
     """Which nodes receive each other's frames, with which power and probability.
 
-    A model that knows each link by itself also has the port `recorded_links.RecordsLinks`.
+    A model that knows each link by itself also has the port `RecordsLinks`.
     """
 
     @property
@@ -145,7 +152,7 @@ class LinkModel(Protocol):
 
 
 class Cpu(Protocol):
-    """The time of computations. `cycles_per_flop`: processor cycles of one operation stated by a tracker."""
+    """The time of computations."""
 
     @property
     def cycles_per_flop(self) -> float:

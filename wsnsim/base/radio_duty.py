@@ -50,9 +50,12 @@ class SwitchesRadio(Protocol):
 
 
 class Latency(NamedTuple):
-    """Seconds that one hop takes at most without contention and retries: of a unicast, and of a broadcast.
+    """Seconds that one hop takes at most without contention and retries.
 
-    `granted`: of the unicasts that a head gathers, where the MAC first gives each sender a time of its own; else 0.
+    Attributes:
+        unicast: of a unicast.
+        broadcast: of a broadcast.
+        granted: of the unicasts that a head gathers, where the MAC first gives each sender a time of its own; else 0.
     """
 
     unicast: float
@@ -66,7 +69,7 @@ NO_LATENCY = Latency(0.0, 0.0)
 
 @runtime_checkable
 class KnowsLatency(Protocol):
-    """Optional port of a MAC component: how long a hop takes. See `hop_latency`."""
+    """Optional port of a MAC component: how long a hop takes."""
 
     def latency(self, bits: int) -> Latency:
         """The latency of a payload of `bits`."""

@@ -11,7 +11,11 @@ from wsnsim.base.table_columns import RECORDED_BY_DEFAULT
 
 
 class Words:
-    """The words of a category column that grows at run time, with their codes; at most 256."""
+    """The words of a category column that grows at run time, with their codes; at most 256.
+
+    Args:
+        words: The words that have a code from the start.
+    """
 
     def __init__(self, words: Iterable[str] = ("",)) -> None:
         self._codes = {word: code for code, word in enumerate(words)}
@@ -28,7 +32,7 @@ class Words:
 
 
 class Recorder(Protocol):
-    """The destination of the rows of the tables. Column names are those in `base.table_columns`, with `replicate`.
+    """The destination of the rows of the tables. Columns are those of the tables of a result, with `replicate`.
 
     Two category columns get new values at run time: `words` holds the codes of `events.what`, `state_names` those of
     `tracker_state.name` (used only where that table is wanted).
@@ -45,7 +49,11 @@ class Recorder(Protocol):
 
 
 class Memory:
-    """A recorder that keeps all rows in memory, for notebooks and tests: `memory.table('estimates')['error']`."""
+    """A recorder that keeps all rows in memory, for notebooks and tests: `memory.table('estimates')['error']`.
+
+    Args:
+        wanted: {table: whether it is recorded}; by default the tables that scenarios record by default.
+    """
 
     def __init__(self, wanted: Mapping[str, bool] | None = None) -> None:
         self._wanted = dict(RECORDED_BY_DEFAULT if wanted is None else wanted)
@@ -54,13 +62,15 @@ class Memory:
         self.state_names = Words(())
 
     def wants(self, table: str) -> bool:
+        """Whether a table is recorded."""
         return self._wanted.get(table, False)
 
     def write(self, table: str, columns: Mapping[str, Any]) -> None:
+        """Append rows; a scalar stands for equal values in all rows."""
         self._pieces.setdefault(table, []).append(columns)
 
     def table(self, name: str) -> dict[str, np.ndarray]:
-        """All rows of a table that were written so far, by column."""
+        """{column: (rows,)} of all rows of a table that were written so far; empty if there are none."""
         pieces = [equally_long(piece) for piece in self._pieces.get(name, [])]
         return {key: np.concatenate([piece[key] for piece in pieces]) for key in (pieces[0] if pieces else ())}
 

@@ -43,7 +43,13 @@ _NUMBERS: Final = frozenset({float, int, *(kind for kind in np.sctypeDict.values
 
 @dataclass(slots=True)
 class Delivery:
-    """A parcel of the head in a member's inbox, with the mask of the packets that arrived."""
+    """A parcel of the head in a member's inbox.
+
+    Attributes:
+        what: the name of the parcel.
+        payload: what the parcel carries.
+        mask: (packets,) which packets arrived.
+    """
 
     what: str
     payload: Any
@@ -83,6 +89,9 @@ class Parcel:
     """A message of `packets` packets with `packet_bits` each.
 
     Attributes:
+        payload: What it carries: numbers, arrays, texts, and tuples, mappings or dataclasses of them.
+        packets: The number of packets.
+        packet_bits: Bits of each packet, its header included.
         what: Its name in the event log.
         readings: How many readings of its sender it carries, in whatever form; they count as used once it arrives at
             the head. None: one if the payload is a number or the sender's reading, otherwise none.
@@ -218,21 +227,34 @@ class GatheredReadings:
 
 @dataclass(slots=True)
 class Scatter:
-    """The head sends each member its own parcel, which arrives in the member's inbox."""
+    """The head sends each member its own parcel, which arrives in the member's inbox.
+
+    Attributes:
+        parcels: {id: parcel}.
+    """
 
     parcels: Mapping[NodeId, Parcel]
 
 
 @dataclass(slots=True)
 class Broadcast:
-    """The head sends one parcel to all nodes within range; it arrives in the members' inboxes."""
+    """The head sends one parcel to all nodes within range; it arrives in the members' inboxes.
+
+    Attributes:
+        parcel: What is sent.
+    """
 
     parcel: Parcel
 
 
 @dataclass(slots=True)
 class Send:
-    """The head sends a parcel to any node of the network, over several hops if needed."""
+    """The head sends a parcel to any node of the network, over several hops if needed.
+
+    Attributes:
+        to: Id of the node.
+        parcel: What is sent.
+    """
 
     to: NodeId
     parcel: Parcel
@@ -240,7 +262,11 @@ class Send:
 
 @dataclass(slots=True)
 class Compute:
-    """The head computes for a number of cycles."""
+    """The head computes.
+
+    Attributes:
+        cycles: The number of operations.
+    """
 
     cycles: float
 

@@ -30,7 +30,12 @@ def name_hash(name: str) -> int:
 
 
 class Streams:
-    """Random streams by purpose. They depend on seed and run, not on the tracker or the order of the calls."""
+    """Random streams by purpose. They depend on seed and run, not on the tracker or the order of the calls.
+
+    Args:
+        seed: The seed of the scenario.
+        replicate: The number of the Monte Carlo run.
+    """
 
     def __init__(self, seed: int, replicate: int) -> None:
         self.seed = seed
@@ -57,14 +62,24 @@ def mix(x: int) -> int:
 
 
 def derive(key: int, *numbers: int) -> int:
-    """A key for (key, numbers...): equal arguments give equal keys, different ones unrelated keys."""
+    """A key for (key, numbers...): equal arguments give equal keys, different ones unrelated keys.
+
+    Args:
+        key: A 64-bit key, such as `scene.key`.
+        numbers: Integers, such as a step and the number of a node.
+    """
     for number in numbers:
         key = mix(key + (number + 1) * GOLDEN)
     return key
 
 
 def derive_all(key: int, numbers: np.ndarray) -> Keys:
-    """`derive(key, i)` for every i of an integer array, as (n,) uint64."""
+    """`derive(key, i)` for every i of an integer array, as (n,) uint64.
+
+    Args:
+        key: A 64-bit key.
+        numbers: (n,) integers.
+    """
     return _mix_all(np.uint64(key) + (numbers.astype(np.uint64) + np.uint64(1)) * np.uint64(GOLDEN))
 
 
@@ -92,12 +107,22 @@ def component_noise(keys: Keys, components: int) -> Floats:
 
 
 def uniforms(keys: Keys, draw: int) -> Floats:
-    """The `draw`-th uniform on [0, 1) of each key, with 53 bits."""
+    """(n,) the `draw`-th uniform number on [0, 1) of each key, with 53 bits.
+
+    Args:
+        keys: (n,) uint64.
+        draw: The number of the draw, from 0. The uniforms 2 i and 2 i + 1 make the normal i: take others for both.
+    """
     return (_hashes(keys, draw) >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
 def normals(keys: Keys, draw: int) -> Floats:
-    """The `draw`-th standard normal of each key: Box-Muller on draws 2*draw and 2*draw + 1."""
+    """(n,) the `draw`-th standard normal number of each key: Box-Muller on the uniforms 2 draw and 2 draw + 1.
+
+    Args:
+        keys: (n,) uint64.
+        draw: The number of the draw, from 0.
+    """
     radius = np.sqrt(-2.0 * np.log1p(-uniforms(keys, 2 * draw)))
     return radius * np.cos(2.0 * np.pi * uniforms(keys, 2 * draw + 1))
 

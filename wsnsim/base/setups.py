@@ -42,7 +42,16 @@ from wsnsim.base.workloads import HasSeveralSinks, Sink, Workload
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """What every scenario has. Times in s. `record` maps the names of tables to whether they are recorded."""
+    """What every scenario has.
+
+    Attributes:
+        name: of the scenario.
+        seed: of every random stream.
+        steps: the number of steps after the start.
+        dt: the length of a step in s.
+        deploy: where the nodes stand.
+        record: {table: whether it is recorded}.
+    """
 
     name: str
     seed: int
@@ -59,12 +68,18 @@ class Setup:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingSetup(Setup):
-    """A scenario without its network: what is estimated, from what, and by whom.
+    """A scenario without its network: what is estimated, from what, and by whom. It has all that a `Setup` has.
 
-    `motions` holds one model per target. `filter_motions` and `filter_sensor` are the models that the tracker assumes
-    (`tracker.assumes`). `recorded` is where readings come from that were recorded, or None if `sensor` samples them;
-    `sensor` is then the law that the readings are taken to follow. A track is lost if the mean error of its last
-    `lost_window` steps exceeds `lost_limit`.
+    Attributes:
+        prior: of each track.
+        motions: one model per target.
+        sensor: the sensor model; of recorded readings, the law that they are taken to follow.
+        filter_motions: one model per target, which the tracker assumes (`tracker.assumes`).
+        filter_sensor: the sensor model that the tracker assumes.
+        tracker: the tracking strategy.
+        recorded: where readings come from that were recorded; None: `sensor` samples them.
+        lost_window: the number of steps over which the mean error decides whether a track is lost.
+        lost_limit: the mean error in m above which it is.
     """
 
     prior: PriorModel
@@ -90,7 +105,20 @@ class TrackingSetup(Setup):
 
 @dataclass(frozen=True, kw_only=True)
 class RadioSetup(Setup):
-    """How nodes communicate, what that costs, and what fails."""
+    """How nodes communicate, what that costs, and what fails. It has all that a `Setup` has.
+
+    Attributes:
+        energy: what acts and modes of a node cost.
+        link: which nodes receive each other's frames.
+        mac: when a frame gets the channel.
+        packing: how many packets travel in a frame.
+        routing: the path of datagrams that leave their cluster.
+        sleep: when nodes sense and listen.
+        cpu: the time of computations.
+        clock: the rates of clocks.
+        sync: how nodes keep their clocks together.
+        faults: what fails.
+    """
 
     energy: EnergyModel
     link: LinkModel
@@ -125,7 +153,16 @@ class RadioSetup(Setup):
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkSetup(TrackingSetup, RadioSetup):
-    """A network that tracks targets."""
+    """A network that tracks targets. It has all that a `TrackingSetup` and a `RadioSetup` have.
+
+    Attributes:
+        wakeup: how nodes ahead of a target are woken.
+        clusters: which node leads a cluster, and until when.
+        acquire: how a track is initiated from readings.
+        detection: the errors of what nodes report.
+        sink: the node that collects the estimates.
+        until_clusters: the number of clusters after which a run ends; None: it does not.
+    """
 
     wakeup: WakeUp
     clusters: ClusterPolicy
@@ -201,7 +238,11 @@ class NetworkSetup(TrackingSetup, RadioSetup):
 
 @dataclass(frozen=True, kw_only=True)
 class BeaconSetup(RadioSetup):
-    """A network without targets, whose nodes do what the workload says: send beacons, or what a plug-in makes them."""
+    """A network without targets, whose nodes do what the workload says. It has all that a `RadioSetup` has.
+
+    Attributes:
+        workload: what the nodes do: send beacons, or what a plug-in makes them do.
+    """
 
     workload: Workload
 

@@ -95,11 +95,24 @@ class WakeUpPlan(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class WakeUpMessage:
-    """One copy of a message that wakes nodes for one step; `sender`, at `place`, sent this copy.
+    """One copy of a message that wakes nodes for one step. Positions in m, times in s.
 
-    The region to be woken is a disc of `radius` around `centre`. After `expires` nodes ignore the message. `belief` is
-    the head's belief, if the message carries it; `bits` is the size of the payload. The other fields are those of the
-    `WakeUpPlan`.
+    Attributes:
+        target: number of the target.
+        step: the step for which nodes are woken.
+        sequence: the number of the message.
+        sender: the node that sent this copy.
+        place: its position.
+        centre: of the disc in which nodes are woken.
+        radius: of this disc, in m.
+        fix: the last estimated position.
+        heading: the velocity in the state in m/s, (0, 0) if it has none.
+        due: the time of the step.
+        expires: the time after which nodes ignore the message.
+        sensing: the sensing range r in m.
+        reach: the communication range R in m.
+        bits: the size of the payload.
+        belief: the head's belief, if the message carries it.
     """
 
     target: int
@@ -193,7 +206,7 @@ class WakeUp(Protocol):
 
         'none': no node is woken. 'flood': nodes forward the message, and call their neighbours in the region. 'region':
         the next head gets the belief first and calls its neighbours in the region. 'invite': the head calls and invites
-        all its neighbours. A component with a mechanism of its own has `start`: see `mechanisms.StartsWakeUp`.
+        all its neighbours. A component with a mechanism of its own has `start`: see `StartsWakeUp`.
         """
 
     @property
@@ -209,7 +222,12 @@ class WakeUp(Protocol):
         """Duration in s of a call on the wake-up radio, for the caller and for the node called."""
 
     def compose(self, plan: WakeUpPlan, belief: Any) -> WakeUpMessage:
-        """The message that the head sends."""
+        """The message that the head sends.
+
+        Args:
+            plan: what the head knows.
+            belief: its belief, of any type, for a message that carries it.
+        """
 
     def decide(self, place: Point, message: WakeUpMessage, seen: bool, now: float, chance: float) -> Decision:
         """What a node does with a message; a pure function.

@@ -35,7 +35,15 @@ class StandaloneRun(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class StandaloneBlock:
-    """Runs that have everything else in common: the models that the filter assumes, and K steps of `dt` seconds."""
+    """Runs that have everything else in common.
+
+    Attributes:
+        runs: the R runs.
+        motion: the motion model that the filter assumes.
+        sensor: the sensor model that the filter assumes.
+        steps: K, the number of steps.
+        dt: the length of a step in s.
+    """
 
     runs: Sequence[StandaloneRun]
     motion: MotionModel

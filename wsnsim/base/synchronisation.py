@@ -62,7 +62,7 @@ class SyncServices(Protocol):
 
     @property
     def key(self) -> int:
-        """The random key of time synchronisation (see `base.rng`)."""
+        """The random key of time synchronisation, for `derive`."""
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""

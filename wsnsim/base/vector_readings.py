@@ -37,6 +37,10 @@ def periods_of(sensor: Any) -> tuple[float, ...]:
 def rows(sensor: Any, readings: Floats) -> Floats:
     """The components (n M,) of readings (n,) or (n, M), node by node.
 
+    Args:
+        sensor: The sensor model, which says how many components M a reading has.
+        readings: (n,), or (n, M) if M > 1.
+
     Raises:
         ValueError: The readings have another number of components than those of the sensor model.
     """

@@ -9,13 +9,14 @@ from typing import Protocol, runtime_checkable
 
 
 class Workload(Protocol):
-    """What the network does. `mechanism`: 'tracking', or 'beacons', a network without targets.
+    """What the network does.
 
-    A workload that brings its own mechanism (`mechanisms.StartsWorkload`) is one without targets.
+    A workload that brings its own mechanism (`StartsWorkload`) is one without targets.
     """
 
     @property
-    def mechanism(self) -> str: ...
+    def mechanism(self) -> str:
+        """The name of the mechanism: 'tracking'; 'beacons' or another one of a network without targets."""
 
 
 class BeaconWorkload(Workload, Protocol):

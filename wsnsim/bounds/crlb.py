@@ -69,11 +69,11 @@ def bound(
     """The bound for all readings in range, on the networks and trajectories of these runs of a scenario.
 
     Args:
-        scenario: what `scenario.load` takes.
+        scenario: what `wsnsim.load` takes.
         replicates: numbers of the runs.
         kind: one of `KINDS`.
-        gains: one of `GAINS`, or None for what the tracker assumes. Unknown gains count along each trajectory only
-            (see `unknown_constants`). The posterior bound is then that for known gains, which is a bound in both cases:
+        gains: one of `GAINS`, or None for what the tracker assumes. Unknown gains count along each trajectory only.
+            The posterior bound is then that for known gains, which is a bound in both cases:
             where nodes are placed at random in each run, the effect of an unknown gain averages out.
         places: one of `PLACES`: whether filters know where nodes stand, or only with the error `deploy.position_error`;
             None: they do not if there is an error. It counts along each trajectory only, as `gains`.
@@ -130,8 +130,21 @@ def bounds_of_run(
 ) -> list[Bound]:
     """The bounds for several kinds of readings of recorded runs, in the order given; otherwise as `bound_of_run`.
 
-    The trajectories are sampled once for all of them. `replicates` are the runs in the file, and `scenario` is its
-    Scenario; without them, the file says which they are.
+    The trajectories are sampled once for all of them.
+
+    Args:
+        path: a result file.
+        readings: the kinds of readings.
+        kind: one of `KINDS`.
+        gains: as `bound`.
+        replicates: numbers of the runs in the file; None: the file says which they are.
+        scenario: the scenario of the file; None: the file says which it is.
+        plugins: as `bound_of_run`.
+
+    Raises:
+        UsageError: kind, readings or gains are not allowed.
+        ResultError: the file cannot be read, or holds other trajectories than this version samples.
+        ScenarioError: the scenario is invalid, or needs a plug-in.
     """
     allowed = Plugins.ANY if plugins else Plugins.NONE
     loaded = load(rerun_source(Path(path)), plugins=allowed) if scenario is None else load(scenario)

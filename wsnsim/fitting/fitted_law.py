@@ -17,7 +17,15 @@ from wsnsim.fitting.noise import Family, Noise
 
 
 class FittedValue(NamedTuple):
-    """An estimate, its 95 % interval (NaN where there is none), its unit, and what it is."""
+    """An estimate with its interval.
+
+    Attributes:
+        value: the estimate.
+        low: the lower end of its 95 % interval; NaN where there is none.
+        high: the upper end.
+        unit: its unit.
+        about: what it is.
+    """
 
     value: float
     low: float
@@ -27,7 +35,15 @@ class FittedValue(NamedTuple):
 
 
 class FittedGain(NamedTuple):
-    """The gain of a node with its 95 % interval, and its number of readings; 0 without any."""
+    """The gain of a node.
+
+    Attributes:
+        node: the name of the node.
+        readings: the number of its readings.
+        value: the gain in dB; 0 without readings.
+        low: the lower end of its 95 % interval.
+        high: the upper end.
+    """
 
     node: str
     readings: int

@@ -138,7 +138,15 @@ def open_text(path: str) -> Iterator[Any]:
 
 
 def demand_digest(path: str, digest: str) -> None:
-    """Raise RunError if a file is gone, or has another digest than it had; '' stands for any."""
+    """Refuse a file that has changed since the scenario was made.
+
+    Args:
+        path: The file.
+        digest: What the digest of its content was then; '' stands for any.
+
+    Raises:
+        RunError: The file is gone, or has another digest.
+    """
     if not digest:
         return
     try:

@@ -32,6 +32,9 @@ Keys = tuple[str | int, ...]
 def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
     """Return the setup of a scenario.
 
+    Args:
+        scenario: What `load` returned.
+
     Returns:
         A NetworkSetup; a BeaconSetup for a network without a target; a TrackingSetup for a standalone filter.
 

@@ -88,7 +88,7 @@ def check_tracker(
             belief nor what the others send. loss: the first packet of each parcel is lost, the last, some, or all.
             early handover: all of this where the belief is handed over right after the start, and then again, before
             any step.
-            whole runs: where it offers them (`base.standalone.WholeRuns`), they equal the runs that its requests make,
+            whole runs: where it offers them (`wsnsim.plugins.WholeRuns`), they equal the runs that its requests make,
             and a run does not depend on the others of its block.
             missed steps: where the head missed steps (`scene.steps` is above 1), a tracker that predicts does so over
             all of them. angles: where readings have a period, or the tracker says `angles = True`, whole turns in

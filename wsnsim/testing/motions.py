@@ -18,7 +18,7 @@ SIGMAS = 6.0
 
 
 def check_motion(motion: MotionModel, dt: float = 0.5, seed: int = 1) -> None:
-    """Check a motion model against the rules of its port (`wsnsim.base.ports.MotionModel`).
+    """Check a motion model against the rules of its port (`wsnsim.MotionModel`).
 
     Args:
         motion: An instance of the model.

@@ -38,7 +38,7 @@ class _SensorField(NamedTuple):
 
 
 def check_sensor(sensor: SensorModel, columns: int = 2, seed: int = 1) -> None:
-    """Check a sensor model against the rules of its port (`wsnsim.base.ports.SensorModel`).
+    """Check a sensor model against the rules of its port (`wsnsim.SensorModel`).
 
     Args:
         sensor: An instance of the model.

@@ -42,7 +42,18 @@ SCRIPT: tuple[tuple[int, tuple[int, ...]], ...] = (
 
 @dataclass
 class Table:
-    """A target and two clusters of members around it. `alter` may change the measurement of a member."""
+    """A target and two clusters of members around it, on which `track` runs a tracker.
+
+    Attributes:
+        motion: the motion model, for the target and for the filter.
+        sensor: the sensor model, for the nodes and for the filter.
+        seed: of trajectory, positions, measurements and all keys.
+        alter: (id, reading) -> the reading that the member has instead; None: it keeps its own.
+        sensing: the members that sensed at the last scene.
+        truth: (K, D) the trajectory.
+        places: {id: (2,)} the positions of the members in m.
+        traits: {id: (T,)} the constants of their sensors.
+    """
 
     motion: MotionModel
     sensor: SensorModel
@@ -178,7 +189,14 @@ def track(
 ) -> Iterator[Estimate]:
     """Every estimate and forecast of the scripted track: start, eight steps, handover, three more steps.
 
-    It ends at the handover if that is lost. For the arguments see `Play`.
+    It ends at the handover if that is lost.
+
+    Args:
+        tracker: The tracker.
+        table: The target and the clusters.
+        lose: (sender, receiver, parcel) -> (packets,) which packets arrive; by default all.
+        watch: Called with each request and {id: member} before it is performed.
+        answer: Answers the requests; by default as in a standalone run, in which all parcels take no time.
     """
     play = Play(table, lose, watch, answer)
     play.lead(FIRST)

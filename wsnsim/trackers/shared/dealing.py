@@ -50,7 +50,12 @@ SMALLEST_CLUSTER = 3
 
 @dataclass(frozen=True, slots=True)
 class Pool:
-    """Particles (D, n) in one place, with log-weights (n,)."""
+    """Particles in one place.
+
+    Attributes:
+        cloud: (D, n) the particles.
+        log_weights: (n,) logarithms of their weights, which need not be normalised.
+    """
 
     cloud: Floats
     log_weights: Floats
@@ -78,7 +83,13 @@ class Deal:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """The part of a handover that reached the new head: particles, and the moments with which it continues."""
+    """The part of a handover that reached the new head.
+
+    Attributes:
+        pool: the particles; none if only moments were sent.
+        mean: (D,) with which the new head continues.
+        cov: (D, D) its covariance.
+    """
 
     pool: Pool
     mean: Floats
@@ -251,7 +262,16 @@ def arrival_of(pool: Pool, mean: Floats, cov: Floats, mask: Bools) -> Arrival | 
 
 
 def send_moments(mean: Floats, cov: Floats, successor: int) -> Flow[Arrival | None]:
-    """Send mean and covariance alone, 4 packets, for the next head to draw particles from. None if a packet is lost."""
+    """Send mean and covariance alone, for the next head to draw particles from. None if a packet is lost.
+
+    It is a flow: `arrival = yield from send_moments(belief.mean, belief.cov, successor)`. For four state columns it
+    sends 4 packets.
+
+    Args:
+        mean: (D,).
+        cov: (D, D).
+        successor: The id of the next head.
+    """
     mask = yield Send(successor, parcel((mean, cov), moment_packets(mean.size), "handover"))
     return Arrival(no_particles(mean.size), mean, cov) if mask.all() else None
 

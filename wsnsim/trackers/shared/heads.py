@@ -48,7 +48,15 @@ RESTORE = 5
 
 @dataclass(frozen=True, slots=True)
 class GaussianBelief:
-    """Mean (D,) and covariance (D, D) in the head, and the gains of sensors if the filter estimates them."""
+    """A Gaussian in the head, and the gains of sensors if the filter estimates them.
+
+    Attributes:
+        mean: (D,) of the state.
+        cov: (D, D) its covariance.
+        head: the id of the head.
+        effective: the effective number of particles; NaN without particles.
+        gains: those that the filter estimates; None: it estimates none.
+    """
 
     mean: Floats
     cov: Floats
@@ -59,13 +67,23 @@ class GaussianBelief:
 
 @dataclass(frozen=True, slots=True)
 class CloudBelief(GaussianBelief):
-    """Particles with weights in the head, and their moments."""
+    """Particles with weights in the head, and their moments. It has all that a `GaussianBelief` has.
+
+    Attributes:
+        pool: the particles.
+    """
 
     pool: Pool = NOTHING
 
 
 class Prediction(NamedTuple):
-    """Particles one step ago and now, both (D, N), and the log-weights (N,) that they come with."""
+    """Particles one step ago and now.
+
+    Attributes:
+        before: (D, N) one step ago.
+        cloud: (D, N) now.
+        log_weights: (N,) with which they come.
+    """
 
     before: Floats
     cloud: Floats
@@ -73,28 +91,29 @@ class Prediction(NamedTuple):
 
 
 class HeadFilter:
-    """What all of them have in common: members only send readings, and a Gaussian says what is believed.
+    """The base of a filter whose whole state is in the head: members only send readings.
 
-    Unless a tracker says otherwise, that Gaussian is also all that there is between steps, and all that is handed over.
+    It gives a tracker `start`, `hand_over`, `estimate` and `forecast` for a `GaussianBelief`; a subclass gives `step`.
+    Unless it says otherwise, the Gaussian is all that there is between steps, and all that is handed over.
     """
 
     angles: ClassVar[bool] = True
-    """Whether it compares angles at their shortest difference: see `base.vector_readings.near`."""
+    """Whether it compares angles at their shortest difference, by `near`."""
     vector_readings: ClassVar[bool] = True
     """Whether it takes readings of several components."""
 
     @property
     def member_cycles(self) -> float:
-        """None: members only send their readings, the head does the rest."""
+        """0: members only send their readings, the head does the rest."""
         return 0.0
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[Any]:
-        """The prior itself."""
+        """The prior as the first belief; nothing is sent."""
         return GaussianBelief(prior.mean, prior.cov, scene.head)
         yield  # a flow without requests
 
     def hand_over(self, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
-        """The packets of a mean and a covariance: 4 for a state of four."""
+        """Send mean and covariance, 4 packets for a state of four; None if one is lost."""
         arrival = yield from send_moments(belief.mean, belief.cov, successor)
         if arrival is None:
             return None
@@ -106,7 +125,7 @@ class HeadFilter:
         return Estimate(belief.mean, belief.cov, belief.effective)
 
     def forecast(self, belief: Any, scene: Scene, ahead: int) -> Estimate:
-        """The estimate `ahead` steps on."""
+        """The estimate, predicted by the motion model for `ahead` steps later."""
         return forecast(self.estimate(belief), scene, ahead)
 
     def report_state(self, belief: Any) -> dict[str, Floats]:
@@ -123,7 +142,7 @@ class HeadFilter:
 class HeadCloud(HeadFilter):
     """A particle filter in the head.
 
-    A tracker gives `reading_cycles`, and `weighed(prediction, seen, scene)` or `filtered(pool, seen, scene)`.
+    A subclass gives `reading_cycles`, and `weighed` or `filtered`.
     """
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 400
@@ -131,20 +150,32 @@ class HeadCloud(HeadFilter):
 
     @property
     def reading_cycles(self) -> float:
-        """Operations a particle and reading, in one step."""
+        """The operations for each particle and reading, in one step."""
         return WEIGH_CYCLES
 
     @property
     def move_cycles(self) -> float:
-        """Operations a particle to move it after the prediction, in one step."""
+        """The operations to move each particle after its prediction, in one step."""
         return 0.0
 
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
-        """The belief after at least one reading."""
+        """The belief after at least one reading.
+
+        Args:
+            prediction: The particles, predicted to `scene.time`.
+            seen: The readings that reached the head.
+            scene: What the head knows.
+        """
         raise NotImplementedError
 
     def filtered(self, pool: Pool, seen: Evidence, scene: Scene) -> CloudBelief:
-        """The belief after a prediction of the pool and at least one reading, of filters that estimate no gains."""
+        """The belief after a prediction of the pool and at least one reading, of filters that estimate no gains.
+
+        Args:
+            pool: The particles of the last step.
+            seen: The readings that reached the head.
+            scene: What the head knows.
+        """
         before, cloud = propagated_by(scene.key, pool.cloud, scene)
         return self.weighed(Prediction(before, cloud, pool.log_weights), seen, scene)
 
@@ -187,7 +218,7 @@ class HeadCloud(HeadFilter):
         return CloudBelief(arrival.mean, arrival.cov, successor, pool=arrival.pool, gains=gains)
 
     def snapshot(self, belief: CloudBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
-        """(head, particles (D, n), weights (n,)): all of them."""
+        """(head, particles (D, n), weights (n,)), once: all particles are in the head."""
         return snapshot([(belief.head, belief.pool.cloud, belief.pool.log_weights)])
 
     def block_cycles(self, counts: Ints) -> Floats:
@@ -206,7 +237,12 @@ class HeadCloud(HeadFilter):
 
 
 def only_predicted(belief: GaussianBelief, scene: Scene) -> GaussianBelief:
-    """The Gaussian when nothing arrived: the motion's prediction, its covariance grown."""
+    """The belief at `scene.time` when nothing arrived: the prediction by the motion model.
+
+    Args:
+        belief: That of the last step.
+        scene: What the head knows.
+    """
     gains = None if belief.gains is None else gains_before(belief.gains, scene, belief.mean)
     return GaussianBelief(*predicted(belief.mean, belief.cov, scene), scene.head, gains=gains)
 

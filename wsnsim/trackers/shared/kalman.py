@@ -16,13 +16,21 @@ LINEARISE_CYCLES = 20.0
 
 @dataclass(frozen=True, slots=True)
 class KalmanBelief(GaussianBelief):
-    """Mean and covariance after a step, and the innovation of its update."""
+    """A Gaussian after a step of a Kalman filter. It has all that a `GaussianBelief` has.
+
+    Attributes:
+        innovation: that of the step's update.
+    """
 
     innovation: Innovation = NO_INNOVATION
 
 
 def kalman_estimate(belief: GaussianBelief) -> Estimate:
-    """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet."""
+    """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet.
+
+    Args:
+        belief: A `KalmanBelief`, or a `GaussianBelief` that has arrived from another head.
+    """
     innovation = belief.innovation if isinstance(belief, KalmanBelief) else NO_INNOVATION
     return Estimate(belief.mean, belief.cov, innovation=innovation)
 

@@ -17,12 +17,24 @@ LEAST_EIGENVALUE = 1e-9
 
 
 def predicted(mean: Floats, cov: Floats, scene: Scene) -> tuple[Floats, Floats]:
-    """Mean (D,) and covariance (D, D) as the scene's steps have passed since the belief: eq. x = f(x), F P Fᵀ + Q."""
+    """Mean (D,) and covariance (D, D) at `scene.time`, by the motion model that the filter assumes: f(x), F P Fᵀ + Q.
+
+    Args:
+        mean: (D,) one step ago, or `scene.steps` steps ago.
+        cov: (D, D) then.
+        scene: What the head knows.
+    """
     return _stepped(mean, cov, scene.motion, scene.dt, scene.since, scene.steps)
 
 
 def forecast(estimate: Estimate, scene: Scene, ahead: int) -> Estimate:
-    """An estimate of this scene's time, `ahead` steps on."""
+    """An estimate, predicted by the motion model that the filter assumes.
+
+    Args:
+        estimate: That of `scene.time`.
+        scene: What the head knows.
+        ahead: The number of steps.
+    """
     now = scene.step * scene.dt
     moved = _stepped(estimate.mean, estimate.cov, scene.motion, scene.dt, now, ahead)
     return Estimate(*moved, estimate.effective)
@@ -40,14 +52,22 @@ def _stepped(
 
 
 def symmetric(cov: Floats) -> Floats:
-    """The symmetric part of a square matrix."""
+    """The symmetric part (D, D) of a square matrix, without what rounding left.
+
+    Args:
+        cov: (D, D).
+    """
     return 0.5 * (cov + cov.T)
 
 
 def fused_by_variance(means: Floats, variances: Floats) -> tuple[Floats, Floats, Floats]:
-    """Mean (D,) of local means (M, D), each column weighed by its inverse variances (M, D); spread and cov (D, D).
+    """Mean (D,) of local means, each column weighed by its inverse variances; their spread and a covariance (D, D).
 
     The last is the covariance of such a mean if the local errors were independent, which they are not quite.
+
+    Args:
+        means: (M, D) of M members.
+        variances: (M, D) of each column.
     """
     precisions = 1.0 / np.maximum(variances, LEAST_VARIANCE)
     weights = precisions / precisions.sum(axis=0)

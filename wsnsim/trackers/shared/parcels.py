@@ -20,12 +20,22 @@ UNKNOWN: Final = float("nan")
 
 
 def parcel(payload: Any, packets: int, what: str) -> Parcel:
-    """A parcel of 12-byte packets."""
+    """A parcel of 12-byte packets.
+
+    Args:
+        payload: What it carries.
+        packets: The number of packets.
+        what: Its name in the event log.
+    """
     return Parcel(payload, packets, PACKET_BITS, what)
 
 
 def state_packets(columns: int) -> int:
-    """Packets of one state: four numbers each."""
+    """The number of packets of one state: four numbers each.
+
+    Args:
+        columns: D, the number of state columns.
+    """
     return -(-columns // 4)
 
 
@@ -45,7 +55,11 @@ def covariance_packets(columns: int) -> int:
 
 
 def moment_packets(columns: int) -> int:
-    """Packets of a mean and its covariance."""
+    """The number of packets of a mean and its covariance: four numbers each, of the covariance the lower triangle.
+
+    Args:
+        columns: D, the number of state columns.
+    """
     return state_packets(columns) + covariance_packets(columns)
 
 

@@ -29,9 +29,13 @@ NUMBERS_A_PACKET = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """Measurements (S,) of the nodes `ids`, with the nodes' positions (S, 2) and traits (S, T).
+    """Measurements, with what is known of the nodes that made them.
 
-    Measurements of M > 1 components are (S, M).
+    Attributes:
+        ids: (S,) the nodes.
+        readings: (S,) their measurements, in the sensor's unit; (S, M) if these have M > 1 components.
+        positions: (S, 2) of the nodes in m, as filters assume them.
+        traits: (S, T) of their sensors.
     """
 
     ids: tuple[int, ...]
@@ -60,16 +64,25 @@ def ranges_of(seen: Evidence, sensor: object) -> Floats:
 
 
 def reading_parcel(member: Member, bits: int = PACKET_BITS) -> Parcel | None:
-    """A member's own measurement in one packet of `bits`; None if it has none, or it is not finite."""
+    """A member's own measurement in one packet; None if it has none, or it is not finite.
+
+    Args:
+        member: The member.
+        bits: Bits of the packet.
+    """
     if member.reading is None or not is_finite(member.reading):
         return None
     return Parcel(member.reading, 1, bits, "reading", readings=1)
 
 
 def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
-    """The measurements that reached the head, in one packet of `bits` per member; the head's own costs nothing.
+    """The measurements that reached the head, in one packet per member; the head's own costs nothing.
 
-    Positions and traits of the members are known to the head.
+    It is a flow: `seen = yield from gather_readings(scene)`. Positions and traits of the members are known to the head.
+
+    Args:
+        scene: What the head knows.
+        bits: Bits of each packet.
     """
     answer: GatheredReadings = yield GatherReadings(bits)
     ids = scene.ids
