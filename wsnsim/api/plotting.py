@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = None, **options: Any) -> Axes:
     """Draw one plot of a result, or of a result file, and return its axes.
 
+    Examples::
+
         plot("results/pso_mhpf.h5", "error")
         plot(wsnsim.simulate("pso_mhpf"), "states", column="vx")
 
