@@ -7,7 +7,7 @@ filled(document) -> the document with these texts:
     with_twin                       every variant of the frontier whose twin is one, too: that without its last word
 
 'RADIO: STRATEGY, fair' is a variant if the fair setting is not the default one, 'RADIO: STRATEGY, frugal' if the frugal
-one is neither.
+one is neither. On a network that sleeps, 'fair' is the setting that the sweep has chosen for the radio, nodes awake.
 """
 
 from __future__ import annotations
@@ -23,6 +23,10 @@ from wsnsim.scenario.documents import Document
 FAIR: Final = "fair"
 CHOSEN: Final = (FAIR, "frugal")
 """The last words of the variants whose settings a sweep has chosen."""
+ASLEEP: Final = ("10 % awake", "2 % awake")
+"""Networks that sleep, with the radio `slots`."""
+WITH_CHOSEN: Final = ("frontier", "asleep")
+"""The experiments that have such variants."""
 
 
 def filled(
@@ -40,10 +44,12 @@ def filled(
             f"all_{panel}": [*content.texts[panel], *named],
         }
         also |= named
+        if radio == "slots":
+            also |= {f"{air}: {name.partition(': ')[2]}": sets for air in ASLEEP for name, sets in named.items()}
     names = [name for panel in SWEPT_RADIOS for name in texts[f"all_{panel}"]]
     texts["with_twin"] = [name for name in names if twin(name) in names]
     experiments = [
-        each.model_copy(update={"also": {**(each.also or {}), **also}}) if each.name == "frontier" else each
+        each.model_copy(update={"also": {**(each.also or {}), **also}}) if each.name in WITH_CHOSEN else each
         for each in content.experiments
     ]
     new = {"texts": content.texts | texts, "experiments": experiments}
