@@ -130,7 +130,13 @@ class RadiosOn:
         frame = self.frames.get(number)
         if frame is None or self.mac is None:
             return True
-        held = [(self._since(node, begin), end) for begin, end in self._held.get(node, ()) if end >= frame.start]
+        holds = self._held.get(node, [])
+        released = [-np.inf, *(end for _, end in holds)]
+        held = [
+            (since if (since := self._since(node, begin)) >= before else begin, end)
+            for (begin, end), before in zip(holds, released, strict=False)
+            if end >= frame.start
+        ]
         spans = [*held, *self._charged.get(node, ())]
         return any(begin <= frame.start + slack and end >= frame.end - slack for begin, end in spans)
 
@@ -138,7 +144,7 @@ class RadiosOn:
         """When a radio that was held on from a time was turned on: ContikiMAC's, at a channel check that heard a frame.
 
         It is held on when that frame ends, or from when its node begins to send meanwhile, and has been on since the
-        check began.
+        check began. A time before it was released last is none of these: it was off in between.
         """
         mac, earliest = self.mac, begin
         if not hasattr(mac, "cca_gap"):

@@ -5,12 +5,14 @@ A failing test names the kind and the number of its case: `case(kind, number)` m
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import dataclasses
 import itertools
 import os
 import signal
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,8 @@ from wsnsim.scenario.registry import ROLES
 
 CORPUS = sorted((Path(__file__).parent / "corpus").glob("*.json"))
 NUMBERS = st.integers(0, 2**32)
+HANGS = 300.0
+"""S of processor time, compilation included, after which a run counts as one that hangs."""
 EXAMPLES = {"scenario": 25, "sweep": 25, "csv": 15, "command": 25, "hdf5": 20, "plugin": 25, "run": 25}
 
 
@@ -115,19 +119,43 @@ def test_every_run_of_a_random_scenario_has_the_properties_of_all_runs(number: i
 @settings(tried(1), max_examples=500 if THOROUGH else 6)
 @given(NUMBERS)
 def test_so_has_every_run_over_radios_that_are_off_most_of_the_time(number: int) -> None:
+    """The next valid scenario from a number on in which something is sent, within a limit of processor time."""
     run, tried_numbers = None, itertools.count(number)
-    while run is None:
+    while run is None or not run.radios.frames:
         number = next(tried_numbers)
         if not is_mostly_off(sampled(number)):
             continue
-        try:
-            run = made(sampled(number))
-        except ScenarioError:
-            continue
-        except RunError as error:
-            assert "Error: " not in str(error), (number, error)
-            return
+        with processor_time(HANGS, f"scenario {number}"):
+            try:
+                run = made(sampled(number))
+            except ScenarioError:
+                continue
+            except RunError as error:
+                assert "Error: " not in str(error), (number, error)
+                continue
     assert not broken(run), (number, broken(run))
+
+
+@contextlib.contextmanager
+def processor_time(seconds: float, what: str) -> Iterator[None]:
+    """Fail if the block takes more seconds of this process's time: a run that hangs would block the whole suite."""
+
+    def fail(*_: object) -> None:
+        pytest.fail(f"{what} takes more than {seconds:g} s of processor time")
+
+    before = signal.signal(signal.SIGVTALRM, fail)
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
+
+
+def test_a_block_that_hangs_is_ended() -> None:
+    with pytest.raises(pytest.fail.Exception, match="a loop takes more than 0.05 s"), processor_time(0.05, "a loop"):
+        while True:
+            pass
 
 
 def test_most_random_scenarios_are_valid_and_all_kinds_of_cases_differ_by_their_number() -> None:

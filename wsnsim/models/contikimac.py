@@ -100,13 +100,17 @@ class ContikiMac(LowPowerListening):
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield issues, also of timings that violate the inequality of the protocol."""
         yield from LowPowerListening.check(self, setup)
+        short = list(self.too_short(self.assessment, "a wake-up", setup))
+        yield from short or self._timings()
+
+    def _timings(self) -> Iterator[Issue]:
+        """Yield issues of timings that fit the wake interval, but not each other."""
         yield from self._order()
         if self.shortest > self.phy_overhead + self.max_psdu:
             yield Issue(
                 ("mac", "shortest"),
                 f"{self.shortest} bytes do not fit a frame, which has {self.phy_overhead + self.max_psdu} on the air",
             )
-        yield from self.too_short(self.assessment, "a wake-up", setup)
         if self.phase_lock and self.guard >= self.interval / 4.0:
             yield Issue(
                 ("mac", "guard"),
@@ -126,8 +130,15 @@ class ContikiMac(LowPowerListening):
         )
         for key, symbol, value, least, what, missed in order:
             if not value > least:
-                more = f"; {floor(least * self.rate / 8.0 + 1e-9) + 1} bytes suffice" if key == "shortest" else ""
+                more = self._advice(floor(least * self.rate / 8.0 + 1e-9) + 1) if key == "shortest" else ""
                 yield Issue(
                     ("mac", key),
                     f"{symbol} = {value:g} s must be longer than {what} = {least:g} s, or nodes miss {missed}{more}",
                 )
+
+    def _advice(self, shortest: int) -> str:
+        """What to do where frames would have to have this many bytes on the air."""
+        longest = self.phy_overhead + self.max_psdu
+        if shortest <= longest:
+            return f"; {shortest} bytes suffice"
+        return f"; no frame is so long (at most {longest} bytes on the air): shorten cca_gap or cca"

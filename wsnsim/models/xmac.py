@@ -103,7 +103,7 @@ class XMac(LowPowerListening):
         return Latency(unicast, begin + self.period + frame)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield issues, also of a listening window that misses strobes or fills the interval."""
+        """Yield issues, also of a listening window that misses strobes, and of one or a CCA that fills the interval."""
         yield from LowPowerListening.check(self, setup)
         if self.window < self.needed * (1.0 - 1e-9):
             yield Issue(
@@ -111,4 +111,5 @@ class XMac(LowPowerListening):
                 f"{self.window:g} s may fall between two strobes: a whole strobe is heard in {self.needed:g} s "
                 f"(two strobes of {self.airtime(self.strobe_bits):g} s and the gap of {self.gap:g} s between them)",
             )
-        yield from self.too_short(self.window, "a listening window", setup)
+        on, what = max((self.window, "a listening window"), (self.assessment, "a gap between strobes and a CCA"))
+        yield from self.too_short(on, what, setup)
