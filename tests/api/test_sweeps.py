@@ -80,7 +80,7 @@ def test_a_component_has_all_of_its_values_in_a_comparison():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({}, "rkf is not the folder of a campaign; a scenario needs trackers"),
+        ({}, "'rkf' is not the folder of a campaign; a scenario needs trackers"),
         ({"replicates": 3}, r"runs a scenario only with trackers"),
         ({"trackers": ["efk"]}, "unknown tracker 'efk' .did you mean 'ekf'"),
         ({"trackers": [Ekf]}, r"trackers.0: error: is the class ExtendedKalman"),
