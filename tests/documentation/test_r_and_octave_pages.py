@@ -152,6 +152,8 @@ def test_hdf5r_reads_the_table_in_its_order_and_its_units(r_in, r_package, folde
 
 def test_octave_loads_every_table_of_the_matlab_file(octave_in, folder):
     saves = "x = get(get(gca, 'children'), 'ydata');\nsave('-v7', 'back.mat', 'result', 'x');\n"
+    if "axes" not in octave_in(folder, "try, axes(); disp('axes'); end_try_catch\n"):
+        pytest.skip("Octave cannot plot here: it lacks a graphics toolkit or its fonts")
     printed = octave_in(folder, OCTAVE_LOAD + saves)
     assert f"{rmse(folder):.6f} m" in printed
     back = loadmat(folder / "back.mat", simplify_cells=True)
