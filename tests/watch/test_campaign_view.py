@@ -6,12 +6,15 @@ import json
 import os
 import shutil
 import sys
+import threading
+import time
 
 import pytest
 
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.cli import main
 from wsnsim.recording.folder import Folder
+from wsnsim.watch import campaign_view
 from wsnsim.watch.campaign_state import campaign_state
 from wsnsim.watch.campaign_view import CampaignView
 
@@ -70,6 +73,29 @@ def test_runs_appear_with_their_curves(folder, ask):
         assert {name for name, _ in then["curves"]} >= {"median", "lost"}
         for name in ("campaign.json", "../c/campaign.json", "none.svg", ".svg"):
             assert ask(view.url, name)[0] == 404
+
+
+def test_a_campaign_that_this_process_runs_is_followed_in_a_thread(folder, ask):
+    put_back = without_point(folder, 1)
+    with CampaignView(folder) as view:
+        assert json.loads(ask(view.url, "state")[2])["computes"] is False
+        with view.following():
+            put_back()
+            until = time.monotonic() + 60
+            while (state := json.loads(ask(view.url, "state")[2]))["done"] < 12:
+                assert time.monotonic() < until
+        assert state["computes"] is True
+        assert json.loads(ask(view.url, "state")[2])["computes"] is False
+    assert not any(thread.name == "watch campaign" for thread in threading.enumerate())
+
+
+def test_what_cannot_be_shown_of_a_campaign_is_said_and_does_not_disturb_it(folder, ask, monkeypatch):
+    with CampaignView(folder) as view:
+        monkeypatch.setattr(campaign_view, "campaign_state", lambda folder: 1 / 0)
+        with view.following():
+            until = time.monotonic() + 60
+            while "ZeroDivisionError" not in json.loads(ask(view.url, "state")[2])["why"]:
+                assert time.monotonic() < until
 
 
 def test_nothing_in_the_folder_changes_but_what_reading_keeps(folder):

@@ -94,6 +94,13 @@ def test_error_and_energy_so_far_approach_those_of_the_result(tmp_path):
     assert set(frames.joules) == {str(cause) for cause in by_cause[by_cause > 0].index}
 
 
+def test_the_energy_spent_is_a_curve_that_ends_at_what_was_spent(tmp_path):
+    frames, portions = watched(tmp_path / "x.h5", "pso_mhpf", SHORT)
+    times, joules = np.array([point for part, _ in portions for point in part["spent"]]).T
+    assert len(times) == len(portions) and (np.diff(times) > 0).all() and times[-1] == frames.time
+    assert (np.diff(joules) >= 0).all() and joules[-1] == pytest.approx(sum(frames.joules.values())) and joules[-1] > 0
+
+
 def test_residual_energy_is_drawn_on_a_scale_that_widens(tmp_path):
     _, portions = watched(tmp_path / "x.h5", "pso_mhpf", SHORT)
     scales = [part["charge"] for part, _ in portions]

@@ -142,7 +142,7 @@ def _band(lines: SweepLines) -> str:
 
 
 def _finished(axes: Axes, lines: SweepLines, title: str, legend: bool) -> Axes:
-    axes.set_title(title, loc="left")
+    axes.set_title(title, loc="left", wrap=True)
     axes.set_xlabel(lines.key + bracketed(lines.unit))
     _ticked(axes, lines)
     if legend and len(lines.lines) > 1:

@@ -11,6 +11,7 @@ from wsnsim.base.errors import UsageError
 from wsnsim.cli.campaign_comparison import INCOMPLETE, METRIC, ComparisonOptions, check_comparison, print_comparison
 from wsnsim.cli.cost_answer import print_estimate
 from wsnsim.cli.interrupts import Interrupts
+from wsnsim.cli.live import LiveOptions, campaign_shown_live
 from wsnsim.cli.progress import CAMPAIGN, display
 from wsnsim.cli.shared import command_line, echo_lines
 
@@ -33,6 +34,7 @@ class SessionOptions(NamedTuple):
     scheduler: str | None
     scheduler_file: Path | None
     shard: str | None
+    live: bool
     dry_run: bool
     batch: bool
     quiet: bool
@@ -83,17 +85,39 @@ def resume(source: str, options: SessionOptions, interrupts: Interrupts) -> int:
 
 
 def _run(folder: Folder, shard: Shard, options: SessionOptions, interrupts: Interrupts, allowed: PluginAccess) -> int:
-    """Run what is missing, print the comparison, and say what is still missing."""
+    """Run what is missing, print the comparison, say what is still missing, and show it as long as it is watched."""
+    engine = _engine(folder, options)
+    with campaign_shown_live(folder, options.comparison.metric, LiveOptions() if options.live else None) as view:
+        with view.following():
+            outcome = _run_missing(folder, engine, shard, options, interrupts, allowed)
+        code = _print_answer(folder, outcome, shard, options, interrupts, allowed)
+        if not interrupts.number:
+            view.show_end(options.quiet, interrupts)
+    return code
+
+
+def _run_missing(
+    folder: Folder, engine: Engine, shard: Shard, options: SessionOptions, interrupts: Interrupts, allowed: PluginAccess
+) -> CampaignOutcome:
+    """Run what is missing; a signal stops the campaign, a second one at once."""
     import wsnsim.campaign as campaign
 
-    engine = _engine(folder, options)
     shown = display("none" if options.quiet else options.progress, CAMPAIGN)
     with interrupts.noted() as should_stop, contextlib.closing(shown):
         try:
-            outcome = campaign.run_campaign(folder, engine, shard, shown.step, should_stop, options.batch, allowed)
+            return campaign.run_campaign(folder, engine, shard, shown.step, should_stop, options.batch, allowed)
         except KeyboardInterrupt:
             echo_lines([f"wsnsim: resume with: {_resume_command(folder, shard, options)}"])
             raise
+
+
+def _print_answer(
+    folder: Folder, outcome: CampaignOutcome, shard: Shard, options: SessionOptions, interrupts: Interrupts,
+    allowed: PluginAccess,
+) -> int:  # fmt: skip
+    """Print the comparison and what is still missing; returns the exit code."""
+    import wsnsim.campaign as campaign
+
     code = 0
     if shard == campaign.WHOLE and not interrupts.number:
         code = print_comparison(folder, options.comparison, allowed.plugins)
@@ -121,6 +145,8 @@ def _check_engine_options(options: SessionOptions) -> None:
     """Raise UsageError, before anything is written, if options exclude each other."""
     if options.scheduler is not None and options.scheduler_file is not None:
         raise UsageError("--scheduler cannot be combined with --scheduler-file")
+    if options.live and options.dry_run:
+        raise UsageError("--watch cannot be combined with --dry-run: nothing is run")
     if options.jobs and (options.scheduler is not None or options.scheduler_file is not None):
         raise UsageError("--jobs cannot be combined with --scheduler: the scheduler sets the number of workers")
 

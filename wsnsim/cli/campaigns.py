@@ -48,6 +48,9 @@ def _session_options(command: Command) -> Command:
             "--scheduler-file", type=PATH, metavar="FILE", help="Read the scheduler's address from this file."
         ),
         click.option("--shard", metavar="I/N", help="Run shard I of N; `wsnsim collect` merges the shards."),
+        click.option(
+            "--watch", "live", is_flag=True, help="Show the campaign in a browser while it computes, as `wsnsim watch`."
+        ),
         click.option("--dry-run", is_flag=True, help="Only estimate the number of runs, the time and the size."),
         click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare."),
         click.option("--by", multiple=True, metavar="KEY", help="Key whose values are compared; others are fixed."),

@@ -19,6 +19,8 @@ from wsnsim.cli.shared import echo
 if TYPE_CHECKING:
     from wsnsim.base.ports import Recorder
     from wsnsim.base.progress import Progress
+    from wsnsim.recording.folder import Folder
+    from wsnsim.watch.campaign_view import CampaignView
     from wsnsim.watch.run_view import RunView
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -101,7 +103,7 @@ class _Seen:
     def show_result(self, result: Path, page: Path | None, quiet: bool, interrupts: Interrupts) -> None:
         if self._options.ends and not self._view.has_tab:
             return
-        self._view.finish(_page_of(result, page))
+        self._view.finish(page_of(result, page, plugins=True))
         if self._options.ends:
             self._view.wait_for_tabs()
         else:
@@ -123,6 +125,72 @@ def shown_live(title: str, options: LiveOptions | None) -> Iterator[LiveRun]:
         yield _Seen(view, options)
 
 
+class LiveCampaign(Protocol):
+    """What a campaign needs of its live view."""
+
+    def following(self) -> contextlib.AbstractContextManager[None]:
+        """A context in which the view follows the campaign's folder."""
+        ...
+
+    def show_end(self, quiet: bool, interrupts: Interrupts) -> None:
+        """Show the last state until the user has seen enough."""
+        ...
+
+
+class _UnseenCampaign:
+    """No live view."""
+
+    def following(self) -> contextlib.AbstractContextManager[None]:
+        return contextlib.nullcontext()
+
+    def show_end(self, quiet: bool, interrupts: Interrupts) -> None:
+        pass
+
+
+@final
+class _SeenCampaign:
+    """The live view of a campaign that this process runs."""
+
+    def __init__(self, view: CampaignView) -> None:
+        self._view = view
+
+    def following(self) -> contextlib.AbstractContextManager[None]:
+        return self._view.following()
+
+    def show_end(self, quiet: bool, interrupts: Interrupts) -> None:
+        if not quiet:
+            echo("wsnsim: the address still shows the campaign; Ctrl-C ends the server", err=True)
+        stay(interrupts, self._wait)
+
+    def _wait(self) -> None:
+        self._view.look()
+        threading.Event().wait()
+
+
+@contextlib.contextmanager
+def campaign_shown_live(folder: Folder, metric: str, options: LiveOptions | None) -> Iterator[LiveCampaign]:
+    """The live view of a campaign, whose server is closed at the end; one that shows nothing without options."""
+    if options is None:
+        yield _UnseenCampaign()
+        return
+    from wsnsim.watch.campaign_view import CampaignView
+
+    with CampaignView(folder, metric, port=options.port) as view:
+        say_where(view.url, options)
+        yield _SeenCampaign(view)
+
+
+def show_page(page: str, options: LiveOptions, quiet: bool, interrupts: Interrupts) -> None:
+    """Serve a page until Ctrl-C."""
+    from wsnsim.watch.page_view import page_server
+
+    with page_server(page, options.port) as server:
+        say_where(server.url, options)
+        if not quiet:
+            echo("wsnsim: Ctrl-C ends the server", err=True)
+        stay(interrupts, threading.Event().wait)
+
+
 def say_where(url: str, options: LiveOptions) -> None:
     """Print the address of a view, and open it in a browser if there is a terminal and a screen."""
     echo(f"wsnsim: watch at {url}", err=True)
@@ -142,8 +210,8 @@ def stay(interrupts: Interrupts, wait: Callable[[], object]) -> None:
             raise
 
 
-def _page_of(result: Path, page: Path | None) -> str:
-    """The page of a result that has just been made, from the file if it was written."""
+def page_of(result: Path, page: Path | None, plugins: bool, bounds: bool = False) -> str:
+    """The page of a result, from the file if it was written. `plugins`: whether what the result names is imported."""
     if page is not None:
         return page.read_text(encoding="utf-8")
     import tempfile
@@ -152,5 +220,5 @@ def _page_of(result: Path, page: Path | None) -> str:
     from wsnsim.papers.published import published
 
     with tempfile.TemporaryDirectory(prefix="wsnsim-") as folder:
-        written = pages.write([result], Path(folder) / "page.html", published=published, plugins=True)
+        written = pages.write([result], Path(folder) / "page.html", published=published, plugins=plugins, bounds=bounds)
         return written.path.read_text(encoding="utf-8")

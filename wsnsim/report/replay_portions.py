@@ -44,6 +44,7 @@ class PortionTables:
         cloud: the particles of the portion's steps.
         residual: (N,) residual energies in J at its end, None without a network.
         words: the categories of `events.what` so far.
+        spent: (time in s, energy in J that the network has spent until then) of each look at the run.
     """
 
     events: Columns
@@ -51,6 +52,7 @@ class PortionTables:
     cloud: Columns
     residual: Floats | None
     words: tuple[str, ...]
+    spent: tuple[tuple[float, float], ...] = ()
 
 
 class ReplayPortions:
@@ -108,7 +110,7 @@ class ReplayPortions:
         count = max(until - self.known, 0)
         run = replace(self._run, events=tables.events, guess=tables.guess, cloud=tables.cloud, words=tables.words)
         encoder = replace(self._whole, run=run, columns={}, first=self.known, frames=count)
-        header: dict[str, Any] = {"first": self.known, "frames": count, "messages": tables.words}
+        header: dict[str, Any] = {"first": self.known, "frames": count, "messages": tables.words, "spent": tables.spent}
         if run.guess:
             self._add_estimates(encoder)
         if count and run.events and run.nodes:

@@ -1,16 +1,18 @@
-"""The live view of a campaign that another process runs: its progress, and its curves as they form.
+"""The live view of a campaign: its progress, and its curves as they form.
 
-    with CampaignView(folder) as view: view.follow()
+    with CampaignView(folder) as view: view.follow()                 another process runs the campaign
+    with CampaignView(folder) as view, view.following(): run it      this process runs it
 
 The folder is only read. What the page asks for is answered from what was read last.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final, final
 
 from wsnsim.base.errors import ResultError, UsageError
@@ -51,7 +53,7 @@ class CampaignView:
         self._curves, self._version, self._why = SweepSvgs({}, {}), 0, "There are no results yet."
         self._drawn_at = -1
         self._began, self._first = time.monotonic(), self._state.done
-        self._looked = threading.Event()
+        self._looked, self._computes = threading.Event(), False
         self._draw()
         self._page = page("campaign.html", self._state.name, script_of([static_text("campaign.js", "wsnsim.watch")]))
         self._server = WatchServer(self._answer, port)
@@ -74,13 +76,38 @@ class CampaignView:
 
     def follow(self, until_complete: bool = False) -> None:
         """Look at the folder again and again, for ever or until the campaign is complete."""
-        while not (until_complete and self._state.complete):
-            began = time.monotonic()
-            self.look()
-            time.sleep(max(PAUSE, (time.monotonic() - began) * (1 / SHARE - 1)))
+        self._look_until(threading.Event(), until_complete)
         if self._looked.is_set():  # a tab is open: it gets the last state
             self._looked.clear()
             self._looked.wait(OPEN)
+
+    @contextlib.contextmanager
+    def following(self) -> Iterator[None]:
+        """Look at the folder in a thread of its own while the block runs the campaign."""
+        ended = threading.Event()
+        thread = threading.Thread(target=self._look_undisturbing, args=(ended,), name="watch campaign", daemon=True)
+        self._computes = True
+        thread.start()
+        try:
+            yield
+        finally:
+            self._computes = False
+            ended.set()
+            thread.join()
+
+    def _look_undisturbing(self, ended: threading.Event) -> None:
+        """Look until the end; what cannot be shown is no reason to disturb the campaign."""
+        try:
+            self._look_until(ended)
+        except Exception as error:
+            self._why = f"The campaign goes on, but cannot be shown any further: {type(error).__name__}: {error}"
+
+    def _look_until(self, ended: threading.Event, until_complete: bool = False) -> None:
+        pause = 0.0
+        while not ended.wait(pause) and not (until_complete and self._state.complete):
+            began = time.monotonic()
+            self.look()
+            pause = max(PAUSE, (time.monotonic() - began) * (1 / SHARE - 1))
 
     def look(self) -> None:
         """Read the folder, and plot the curves if there are more runs."""
@@ -116,7 +143,8 @@ class CampaignView:
         state, curves = self._state, self._curves
         return {
             "done": state.done, "failed": state.failed, "total": state.total, "running": state.running,
-            "complete": state.complete, "left": self._left(state), "seconds": _median(state),
+            "computes": self._computes, "complete": state.complete, "left": self._left(state),
+            "seconds": _median(state),
             "points": [[p.settings, p.done, p.failed, p.wanted, p.seconds] for p in state.points],
             "failures": list(state.failures.items()), "version": self._version, "why": self._why,
             "curves": [[name, title] for name, (title, _) in curves.drawn.items()],

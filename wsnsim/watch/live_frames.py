@@ -61,7 +61,8 @@ class LiveFrames:
         self.time = last.time
         self.joules = {cause: joules for cause, joules in zip(CAUSES, last.joules, strict=False) if joules > 0.0}
         complete = last.step - 2
-        tables = PortionTables(self._rows["events"], guess, self._until(complete), last.residual, last.words)
+        spent = tuple((piece.time, sum(piece.joules)) for piece in pieces if piece.joules)
+        tables = PortionTables(self._rows["events"], guess, self._until(complete), last.residual, last.words, spent)
         text = self._portions.add(tables, complete)
         self._forget_rows()
         return text

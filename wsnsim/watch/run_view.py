@@ -15,7 +15,6 @@ import html
 import itertools
 import math
 import queue
-import re
 import threading
 import time
 from collections.abc import Mapping
@@ -27,16 +26,17 @@ from wsnsim.base.progress import Progress
 from wsnsim.report.page_template import filled, script_of, source_of, static_text
 from wsnsim.watch.live_frames import LiveFrames
 from wsnsim.watch.live_recorder import INTERVAL, LiveRecorder, RunPiece
-from wsnsim.watch.server import POLICY, HttpAnswer, WatchServer
+from wsnsim.watch.page_view import answer_with_page
+from wsnsim.watch.server import HttpAnswer, WatchServer
 
 SCRIPTS: Final = ("replay_data.js", "tooltips.js", "drawing.js", "legend.js", "player.js")
+LIVE_SCRIPTS: Final = ("live_data.js", "live_curves.js", "live.js")
 MOST_SENT: Final = 2_000_000
 """Characters of frames in one answer; the rest comes with the next one."""
 FAREWELL: Final = 5.0
 """Seconds that tabs get to fetch the result's page before the server is closed."""
 OPEN: Final = 3.0
 """Seconds since its last request for which a tab is taken to be open."""
-META_POLICY: Final = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
 Queued = RunStart | RunPiece | threading.Event | None
 
 
@@ -95,9 +95,7 @@ class RunView:
 
     def finish(self, page: str) -> None:
         """Show the page of the result instead."""
-        found = META_POLICY.search(page)
-        policy = f"{html.unescape(found[1])}; frame-ancestors 'none'" if found else POLICY
-        self._final = HttpAnswer(page.encode(), policy=policy)
+        self._final = answer_with_page(page)
 
     @property
     def has_tab(self) -> bool:
@@ -207,7 +205,7 @@ def _as_many_as_fit(texts: list[str]) -> list[str]:
 
 def _live_page(title: str) -> HttpAnswer:
     """The page of a run that computes."""
-    sources = [*map(static_text, SCRIPTS), *(static_text(n, "wsnsim.watch") for n in ("live_data.js", "live.js"))]
+    sources = [*map(static_text, SCRIPTS), *(static_text(n, "wsnsim.watch") for n in LIVE_SCRIPTS)]
     return page("run.html", title, script_of(sources))
 
 

@@ -85,8 +85,8 @@ function drawBackground() {
   return base;
 }
 
-function ticks(low, high) {
-  const raw = (high - low) / 7, power = 10 ** Math.floor(Math.log10(raw));
+function ticks(low, high, most = 7) {
+  const raw = (high - low) / most, power = 10 ** Math.floor(Math.log10(raw));
   const step = [1, 2, 5, 10].map((each) => each * power).find((each) => each >= raw * 0.999);
   const found = [];
   for (let i = Math.ceil(low / step); i * step <= high; i++) found.push(+(i * step).toPrecision(6));
@@ -234,4 +234,5 @@ function draw() {
   if (shown.traffic) drawTraffic();
   replay.targets.forEach((_, target) => drawTarget(target));
   pen.restore();
+  canvas.dispatchEvent(new Event("drawn"));
 }

@@ -60,7 +60,7 @@ function tell(state) {
   byId("why").hidden = !state.why;
   fillTable(state.points);
   items(byId("failures"), state.failures.map(([task, why]) => `${task}: ${why}`));
-  const waiting = state.running ? "The campaign runs." : "No task is running: resume the campaign with wsnsim sweep.";
+  const waiting = state.running || state.computes ? "The campaign runs." : "No task is running: resume the campaign with wsnsim sweep.";
   byId("state").textContent = state.complete ? "The campaign is complete." : waiting;
   if (state.version !== seen.version) { seen.version = state.version; showCurves(state); }
   root.dataset.done = state.done;

@@ -59,11 +59,11 @@ function tellProgress(state) {
   if (progress) {
     byId("share").value = progress.share;
     byId("time").textContent = `${+progress.time.toPrecision(4)} of ${+progress.duration.toPrecision(4)} s`;
-    byId("speed-now").textContent = `${+progress.speed.toPrecision(3)} × real time`;
+    byId("speed-now").textContent = +progress.speed.toPrecision(3);
     byId("number").textContent = `${progress.number} of ${progress.runs}`;
     byId("left").textContent = progress.share > 0 ? `about ${Math.ceil(progress.wall / progress.share - progress.wall)} s` : "unknown";
   }
-  if (state.rmse === null && replay) return;  // another run has begun, of which no frame is complete
+  if (state.rmse === null && replay && !Object.keys(state.joules || {}).length) return;  // another run has begun, of which no frame is complete
   byId("error").textContent = number(state.error, unit);
   byId("rmse").textContent = number(state.rmse, unit);
   const spent = Object.values(state.joules || {}).reduce((sum, each) => sum + each, 0);
@@ -108,4 +108,5 @@ async function watch() {
 }
 
 listen();
+showCurves();
 watch();

@@ -2,7 +2,7 @@
 const DENSE = /^particle_[xy]_(low|width)$/, OF_ESTIMATES = { estimate_x: MISSING, estimate_y: MISSING, error: NaN, head: -1 };
 
 function beginLive(head) {
-  const data = { ...head, from: {}, known: 0, room: {}, busy: new Uint8Array(head.nodes).fill(head.nodes <= FEW_NODES ? 1 : 0), words: new Set(), style: {} };
+  const data = { ...head, from: {}, known: 0, portions: 0, spent: [], room: {}, busy: new Uint8Array(head.nodes).fill(head.nodes <= FEW_NODES ? 1 : 0), words: new Set(), style: {} };
   data.nodeGroups = nodeGroups(data);
   return rewind(data);
 }
@@ -21,8 +21,8 @@ function appendRows(data, name, values) {
 
 function placeEstimates(data, part) {
   const size = data.targets.length * data.frames, places = part.col.place;
-  for (const [name, missing] of Object.entries(OF_ESTIMATES)) {
-    if (!data.col[name]) data.col[name] = new part.col[name].constructor(size).fill(missing);
+  for (const [name, missing] of Object.entries(OF_ESTIMATES)) data.col[name] ??= new part.col[name].constructor(size).fill(missing);
+  for (const name of Object.keys(OF_ESTIMATES)) {
     places.forEach((place, i) => { if (Number.isFinite(part.col.error[i]) || !Number.isFinite(data.col.error[place])) data.col[name][place] = part.col[name][i]; });
   }
 }
@@ -56,6 +56,8 @@ function extendLive(data, part) {
   }
   const changed = rescale(data, part.charge) || part.col.state;
   data.messages = part.messages;
+  data.spent.push(...part.spent);
+  data.portions++;
   data.known = Math.max(data.known, part.first + part.frames);
   for (const name of ["link_message", "broadcast_message"]) (part.col[name] || []).forEach((word) => data.words.add(word));
   let news = 0;
