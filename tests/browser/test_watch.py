@@ -80,7 +80,7 @@ class PausedRun:
             if self.times and now.time >= self.times[0]:
                 self.times.pop(0)
                 self.reached.set()
-                self.goes_on.wait(60)
+                self.goes_on.wait(600)
                 self.goes_on.clear()
 
         made.follow = pausing
@@ -98,7 +98,7 @@ class PausedRun:
         self.view.__exit__(*error)
 
     def wait(self):
-        assert self.reached.wait(60)
+        assert self.reached.wait(600)
         self.reached.clear()
 
 
