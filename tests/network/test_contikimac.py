@@ -96,7 +96,9 @@ def test_with_phase_lock_a_sender_begins_shortly_before_its_destination_wakes():
         burst = network.unicast(0, 1)
         copies = network.counters.transmissions - before - 1
         first = burst.heard_at - FRAME - (copies - 1) * PERIOD
-        assert burst.heard_at == pytest.approx(first + woken_at(phases(network)[1], first)[1] * PERIOD + FRAME, abs=1e-9)
+        assert burst.heard_at == pytest.approx(
+            first + woken_at(phases(network)[1], first)[1] * PERIOD + FRAME, abs=1e-9
+        )
         expected = last - PERIOD + INTERVAL * np.ceil((first - last) / INTERVAL)
         assert guard - 1e-9 <= expected - first <= 2 * guard + 1e-9, "between two guards and one before it"
         assert now <= first - ASSESSMENT - TURNAROUND + 1e-9 < now + INTERVAL + guard
