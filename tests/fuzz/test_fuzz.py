@@ -153,7 +153,7 @@ def processor_time(seconds: float, what: str) -> Iterator[None]:
 
 
 def test_a_block_that_hangs_is_ended() -> None:
-    with pytest.raises(pytest.fail.Exception, match="a loop takes more than 0.05 s"), processor_time(0.05, "a loop"):
+    with pytest.raises(pytest.fail.Exception, match="a loop takes more than"), processor_time(0.05, "a loop"):
         while True:
             pass
 
