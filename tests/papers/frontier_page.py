@@ -5,30 +5,39 @@ wsnsim reproduce frontier --full --figures docs     run everything
 python -m tests.papers.frontier_page --new          take the rows of what was run, then write
 python -m tests.papers.frontier_page                write from docs/frontier.json
 
-An experiment that has not been run keeps what the page had of it.
+An experiment that has not been run keeps what the page had of it. Variants that `tests.papers.frontier_runs` ran alone
+are merged with what the page had; so is the sweep of strategies that were added.
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from tests.bench.page import spliced
+from tests.papers.frontier_merge import merged, merged_strategies, number, of_row
+from tests.papers.frontier_runs import ADDED
+from tests.papers.frontier_table import frontier_table
 from wsnsim.analysis import campaigns
+from wsnsim.analysis.figure_style import write_figure
 from wsnsim.papers.answers import Interval, interval
-from wsnsim.papers.frontier import consistency, hypotheses, settings
+from wsnsim.papers.frontier import consistency, figures, hypotheses, settings
 from wsnsim.papers.frontier.against_bound import SETTLED, medians, of_medians, pooled, squares
-from wsnsim.papers.frontier.strategies import conclusions, strategies
+from wsnsim.papers.frontier.strategies import conclusions, limit, strategies
 from wsnsim.papers.measures import Data
 from wsnsim.papers.paper import FRONTIER, paper
 from wsnsim.recording.folder import Folder
 
 HOME = Path(__file__).parents[2]
 PAGE, ROWS = HOME / "docs/frontier.md", HOME / "docs/frontier.json"
-CAMPAIGNS = HOME / "results/reproduce/full/frontier"
+PICTURE = HOME / "docs/frontier_frontier.png"
+CAMPAIGNS = (HOME / "results/reproduce/full", ADDED)
+"""Folders of campaigns; those in later ones replace rows of earlier ones."""
+ASLEEP = "asleep"
 AT_THE_BOUND = ("at_the_bound", "at_the_bound_again")
 ON_A_RADIO = ("on_a_radio", "on_a_radio_again", "on_a_radio_contending")
 LEAST = 5
@@ -39,25 +48,45 @@ NOT_YET = "*The runs have not been made yet.*"
 SWEEPS = {radio: f"settings_{radio}" for radio in settings.SWEPT_RADIOS.values()}
 
 
-def campaign(name: str) -> Data | None:
-    """The results of an experiment, each variant of which has at least LEAST runs; None without."""
-    if not (CAMPAIGNS / name / "campaign.json").exists() or not [*(CAMPAIGNS / name).glob("*/*.h5")]:
-        return None
-    data = Data(Folder(CAMPAIGNS / name), paper(FRONTIER))
-    counts = data.table("runs").groupby("variant")["replicate"].nunique()
-    return data if all(counts.get(variant, 0) >= LEAST for variant in data.variants) else None
+def campaigns_of(name: str) -> Iterator[Data]:
+    """The results of an experiment: the campaigns each variant of which has at least LEAST runs."""
+    for where in (folder / FRONTIER for home in CAMPAIGNS for folder in (home, *sorted(home.glob("*")))):
+        if (where / name / "campaign.json").exists() and [*(where / name).glob("*/*.h5")]:
+            data = Data(Folder(where / name), paper(FRONTIER))
+            counts = data.table("runs").groupby("variant")["replicate"].nunique()
+            if all(counts.get(variant, 0) >= LEAST for variant in data.variants):
+                yield data
 
 
 def content(before: Mapping[str, Any]) -> dict[str, Any]:
     """Everything that the page shows, as plain values, by experiment."""
     found = dict(before)
     for name, of in CONTENT.items():
-        data = campaign(name)
-        if data is not None:
-            found[name] = dict(of(data))
-            if name in hypotheses.OF_EXPERIMENT:
-                found[name]["answers"] = [each._asdict() for each in hypotheses.OF_EXPERIMENT[name](data)]
+        for data in campaigns_of(name):
+            new, had = of(data), found.get(name, {})
+            found[name] = _merged_frontier(had, new) if name == FRONTIER else merged(had, new)
+            if name == ASLEEP:
+                found[name] = merged(found[name], {"rows": {}, "answers": _answers_asleep(found[name]["rows"])})
     return found
+
+
+def _answers_asleep(rows: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Hypothesis 8, of the rows that name the runs that lost the target."""
+    lost = {name: hypotheses.lost_runs(row["runs"], row["runs_lost"]) for name, row in rows.items()
+            if "runs_lost" in row}  # fmt: skip
+    ours = next(name for name in rows if hypotheses.strategy_of(name) == hypotheses.OURS)
+    least = paper(FRONTIER).published["registered"]["asleep_in_time"]
+    return [each._asdict() for each in hypotheses.of_losses(lost, Interval(*rows[ours]["in_time"]), least)]
+
+
+def _merged_frontier(before: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    return merged_strategies(before, new, paper(FRONTIER).published["registered"])
+
+
+def _with_answers(data: Data, of: Callable[[Data, str], Mapping[str, Any]]) -> dict[str, Any]:
+    """The rows of an experiment, and the answers that follow from its runs."""
+    answers = hypotheses.OF_EXPERIMENT[data.manifest.name.partition("_")[2]](data)
+    return {**_rows(data, of), "answers": [each._asdict() for each in answers]}
 
 
 def _rows(data: Data, of: Callable[[Data, str], Mapping[str, Any]]) -> dict[str, Any]:
@@ -91,16 +120,22 @@ def _consistent(data: Data, variant: str) -> dict[str, Any]:
 
 def _asleep(data: Data, variant: str) -> dict[str, Any]:
     runs = data.of(variant, "runs")
+    lost = campaigns.ever_lost(runs)
     return {
         "rmse": _median(data, variant, "rmse"), "bound": data.bound(variant, "per_trajectory").of_replicates.mean(),
         "energy": hypotheses.mean_of_runs(data, variant, "energy"),
         "in_time": hypotheses.mean_of_runs(data, variant, "tracked"),
-        "lost": int(campaigns.ever_lost(runs).sum()), "without": hypotheses.mean_of_runs(data, variant, "time_lost"),
+        "lost": int(lost.sum()), "runs_lost": sorted(map(int, runs["replicate"].to_numpy()[lost])),
+        "without": hypotheses.mean_of_runs(data, variant, "time_lost"),
     }  # fmt: skip
 
 
 def _frontier(data: Data) -> dict[str, Any]:
-    return {"lines": conclusions(data), "strategies": [one._asdict() for one in strategies(data)]}
+    """The strategies of a campaign, the bound (m), and the answers that compare strategies run by run."""
+    found = strategies(data)
+    rows = [{**one._asdict(), "runs": len(data.of(one.variant, "runs"))} for one in found]
+    paired = [each._asdict() for each in hypotheses.of_pairs(data, found)]
+    return {"bound": limit(data), "strategies": rows, "answers": paired}
 
 
 def _median(data: Data, variant: str, column: str) -> Interval:
@@ -108,10 +143,10 @@ def _median(data: Data, variant: str, column: str) -> Interval:
 
 
 CONTENT: Mapping[str, Callable[[Data], dict[str, Any]]] = {
-    **dict.fromkeys(AT_THE_BOUND, lambda data: _rows(data, _consistent)),
-    **dict.fromkeys(ON_A_RADIO, lambda data: _rows(data, _beside_bound)),
-    "asleep": lambda data: _rows(data, _asleep),
-    "robustness": lambda data: _rows(data, _consistent),
+    **dict.fromkeys(AT_THE_BOUND, lambda data: _with_answers(data, _consistent)),
+    **dict.fromkeys(ON_A_RADIO, lambda data: _with_answers(data, _beside_bound)),
+    ASLEEP: lambda data: _rows(data, _asleep),
+    "robustness": lambda data: _with_answers(data, _consistent),
     "frontier": _frontier,
 }
 
@@ -124,7 +159,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         "bound": _beside(bound),
         "consistency": _nees(bound),
         "on_a_radio": _on_a_radio(_seeds(found, ON_A_RADIO)),
-        **{name: _of(found, name, of) for name, of in TABLES.items()},
+        **{name: _of(found, name.removesuffix("_table"), of) for name, of in TABLES.items()},
         "factors": _factors(),
         **{f"settings_{radio}": _settings(radio) for radio in SWEEPS},
     }  # fmt: skip
@@ -193,11 +228,13 @@ def _robustness(found: Mapping[str, Any]) -> str:
 
 
 def _frontier_block(found: Mapping[str, Any]) -> str:
-    return "\n".join(f"- {line}" for line in found["lines"])
+    """The conclusions from the rows of the strategies."""
+    lines = conclusions([of_row(row) for row in found["strategies"]], found["bound"])
+    return "\n".join(f"- {line}" for line in lines)
 
 
 TABLES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
-    "asleep": _asleep_table, "robustness": _robustness, "frontier": _frontier_block,
+    "asleep": _asleep_table, "robustness": _robustness, "frontier": _frontier_block, "frontier_table": frontier_table,
 }  # fmt: skip
 
 
@@ -232,14 +269,15 @@ def _settings(radio: str) -> str:
                 said = variant.removeprefix(f"{radio}: {name}").removeprefix(", ") or "the defaults"
                 rows.append([name, word, said, f"{one.rmse:.2f}", f"{one.energy:.3g}", f"{one.lost:.0%}",
                              f"{one.in_time:.0%}"])  # fmt: skip
-    return _table(["strategy", "", "setting", "RMSE, m", "energy, J", "lost", "in time"], rows)
+    heads = ["strategy", "", "setting", "RMSE in the sweep, m", "energy, J", "lost", "in time"]
+    return _table(heads, rows)
 
 
 def _answers(found: Mapping[str, Any]) -> str:
     answers = [each for name in CONTENT if name in found for each in found[name].get("answers", ())]
     if not answers:
         return NOT_YET
-    answers.sort(key=lambda each: int(each["words"].split(":")[0].split(" ")[0]))
+    answers.sort(key=lambda each: int(number(each)))
     return _table(["hypothesis", "found [95 %]", "answer"], [
         [each["words"].replace(">=", "≥").replace("<=", "≤"), " and ".join(map(_text, each["found"])),
          f"**{each['answer']}**"] for each in answers
@@ -264,16 +302,36 @@ def _short(found: Sequence[float]) -> str:
     return "{:.3g} [{:.3g}, {:.3g}]".format(*found)
 
 
+def _store_sweeps(commits: Sequence[str]) -> None:
+    """Store what was swept, beside the strategies that the stored sweeps have and that were not swept again."""
+    found = dict(settings.stored())
+    for radio, name in SWEEPS.items():
+        for data in campaigns_of(name):
+            new = settings.sweep_of(data, commits)
+            found[radio] = settings.merged(found[radio], new, data.published["sweep"]) if radio in found else new
+    settings.store(found)
+
+
+def draw(part: Mapping[str, Any]) -> None:
+    """Draw docs/frontier_frontier.png from the strategies of docs/frontier.json."""
+    found = [of_row(row) for row in part["strategies"]]
+    (experiment,) = (one for one in paper(FRONTIER).experiments if one.name == FRONTIER)
+    (figure,) = experiment.figures
+    about = f"{experiment.full} runs of 28 s each"
+    drawing = functools.partial(figures.draw_strategies, found=found, bound=part["bound"], about=about)
+    write_figure(drawing, PICTURE, figure.size, f"{paper(FRONTIER).source}, {figure.caption}")
+
+
 def main() -> None:
     """Store the sweeps, or write docs/frontier.json, if asked to; then write the blocks of docs/frontier.md."""
     if "--settings" in sys.argv[1:]:
         commits = [word for word in sys.argv[1:] if not word.startswith("--")]
-        done = {radio: campaign(name) for radio, name in SWEEPS.items()}
-        settings.store({radio: settings.sweep_of(data, commits) for radio, data in done.items() if data is not None})
+        _store_sweeps(commits)
     before = json.loads(ROWS.read_text(encoding="utf-8")) if ROWS.exists() else {}
     if "--new" in sys.argv[1:]:
         before = json.loads(json.dumps(content(before), default=float))
         ROWS.write_text(json.dumps(before, indent=1) + "\n", encoding="utf-8")
+        draw(before[FRONTIER])
     text = PAGE.read_text(encoding="utf-8")
     for name, block in blocks(before).items():
         text = spliced(text, name, block)

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from wsnsim.campaign import CampaignProgress
 from wsnsim.papers import reproduce
 from wsnsim.papers.frontier.settings import stored
 from wsnsim.papers.paper import FRONTIER, paper
@@ -64,7 +65,14 @@ def main() -> None:
         print("no variant is missing")
         return
     small = of_variants(given.experiment, variants)
-    outcome = reproduce.run(FRONTIER, small, ADDED, given.jobs, full=True, watch=lambda one: print(one, flush=True))
+    done: set[int] = set()
+
+    def watch(now: CampaignProgress) -> None:
+        if now.done not in done:
+            print(f"{now.done} of {now.total} runs, {now.failed} failed, {now.wall:.0f} s", flush=True)
+        done.add(now.done)
+
+    outcome = reproduce.run(FRONTIER, small, ADDED, given.jobs, full=True, watch=watch)
     print("complete" if outcome.complete else outcome)
 
 

@@ -25,9 +25,9 @@ def test_what_the_page_has_is_not_missing(monkeypatch, tmp_path):
 
 def test_a_variant_alone_is_the_same_point_as_within_its_experiment():
     name = [*ASLEEP.variants][-1]
-    (point,) = reproduce.plan("frontier", runs.of_variants("asleep", [name]), full=True).points
+    alone = reproduce.plan("frontier", runs.of_variants("asleep", [name]), full=True)
     whole = reproduce.plan("frontier", ASLEEP, full=True)
-    assert point == whole.points[-1] and point.replicates == ASLEEP.full
+    assert alone.points == whole.points[-1:] and alone.replicates == ASLEEP.full
 
 
 def test_asleep_trackers_have_the_settings_that_the_sweep_chose_on_the_same_radio_awake():

@@ -116,6 +116,21 @@ def test_what_is_stored_is_read_back_and_its_digest_is_that_of_all_fingerprints(
     assert other.about["digest"] != found.about["digest"]
 
 
+def test_a_strategy_that_is_swept_later_is_added_in_the_order_of_the_sweep():
+    of = swept(SWEEP, "ideal")
+
+    def sweep_of(kind, about):
+        rows = tuple(result(name, 1.0, 1.0) for name, strategy in of.items() if strategy == kind)
+        return StoredSweep(about, rows, {kind: Choice(f"ideal: {kind}", f"ideal: {kind}")})
+
+    found = settings.merged(sweep_of("imm", {"seed": 19}), sweep_of("ekf", {"digest": "x"}), SWEEP)
+    assert [*found.choices] == ["ekf", "imm"] and found.choices["ekf"].fair == "ideal: ekf"
+    assert [one.variant for one in found.results] == [name for name, kind in of.items() if kind in ("ekf", "imm")]
+    assert found.about == {"seed": 19, "added": [{"strategies": ["ekf"], "digest": "x"}]}
+    with pytest.raises(AssertionError, match="a second time"):
+        settings.merged(found, sweep_of("ekf", {}), SWEEP)
+
+
 def test_a_line_says_what_the_sweep_chooses_and_whether_the_frontier_has_it(monkeypatch):
     monkeypatch.setattr(settings, "stored", dict)
     assert settings.lines(sweep_data()) == ["ideal: ekf: fair is noise x10; the frontier has none"]

@@ -64,6 +64,12 @@ def test_what_parts_find_in_one_another_is_told_at_its_place(tmp_path: Path) -> 
     ]
 
 
+def test_what_a_class_refuses_of_a_key_is_told_at_the_key(tmp_path: Path) -> None:
+    path = tmp_path / "chain.yaml"
+    path.write_text("extends: jiang_field\ntracker:\n  kind: imm\n  transition: [[0.9, 0.2], [0, 1]]\n")
+    assert faults_of(path) == [f"{path}:4:15: error: tracker.transition: row 0 must add up to 1, adds up to 1.1"]
+
+
 def test_what_a_class_refuses_is_told_at_its_role() -> None:
     assert faults_of(base_scenario(motion={"kind": kind("Motion"), "bound": 13})) == [
         "motion: error: 13 m brings bad luck"

@@ -200,8 +200,8 @@ def test_a_step_costs_what_is_counted() -> None:
     [
         ("models: [{kind: constant_velocity}, {kind: constant_acceleration}]", "lacks ax of another model"),
         ("models: [{kind: ungm}]", "lacks px, vx, py, vy of the scenario's motion"),
-        ("transition: [[0.5, 0.5]]", "2 modes need 2 rows of 2 probabilities"),
-        ("transition: [[0.5, 0.4], [0, 1]]", r"row 0 must add up to 1, adds up to 0\.9"),
+        ("transition: [[0.5, 0.5]]", r"tracker\.transition: 2 modes need 2 rows of 2 probabilities"),
+        ("transition: [[0.5, 0.4], [0, 1]]", r"tracker\.transition: row 0 must add up to 1, adds up to 0\.9"),
         ("models: {kind: constant_velocity}", "expected a list of motions, got a mapping"),
         ("models: [{kind: constant_velocty}]", r"models\.0\.kind: unknown motion .*did you mean 'constant_velocity'"),
         ("models: [{kind: coordinated_turn, q: -1}]", r"models\.0\.q: must be at least 0"),

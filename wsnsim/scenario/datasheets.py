@@ -113,7 +113,7 @@ def datasheet(path: Path, plugins: bool = False) -> Datasheet:
     except ValidationError as error:
         raise ScenarioError(issues + issues_of(error, model, sheet.fields)) from None
     except InvalidComponent as error:
-        raise ScenarioError([*issues, sheet.fields.spot.issue((), str(error))]) from None
+        raise ScenarioError([*issues, sheet.fields.spot.issue(error.path, str(error))]) from None
     if issues:
         raise ScenarioError(issues)
     return Datasheet(str(sheet.sheet.value), path, instance, _values(part, values, sheet))

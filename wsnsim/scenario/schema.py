@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Collection
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
@@ -79,11 +80,18 @@ def _safe_name(name: str) -> str:
 
 
 class InvalidComponent(Exception):
-    """A component refuses its values. `path`: where the component is in the scenario."""
+    """A component refuses its values.
 
-    def __init__(self, path: Keys, reason: Exception) -> None:
-        super().__init__(str(reason) or type(reason).__name__)
-        self.path = path
+    Attributes:
+        path: where the component is in the scenario; or its key that the reason begins with, as in 'room: ...'.
+    """
+
+    def __init__(self, path: Keys, reason: Exception, keys: Collection[str] = ()) -> None:
+        text = str(reason) or type(reason).__name__
+        key, _, rest = text.partition(": ")
+        named = key in keys and rest != ""
+        super().__init__(rest if named else text)
+        self.path = (*path, key) if named else path
 
 
 def built(model: PartModel, path: Keys = ()) -> Any:
@@ -96,7 +104,7 @@ def built(model: PartModel, path: Keys = ()) -> Any:
     try:
         return model.part(**values)
     except (ValueError, TypeError) as reason:
-        raise InvalidComponent(path, reason) from reason
+        raise InvalidComponent(path, reason, names_of(model.part)) from reason
 
 
 def _built_within(value: Any, path: Keys) -> Any:

@@ -29,6 +29,7 @@ from wsnsim.papers.frontier.strategies import (
     concluded,
     front,
     limit,
+    named,
     strategies,
 )
 from wsnsim.papers.measures import Data
@@ -46,8 +47,9 @@ SHORT: Final = {
     "frugal": "frugal",
 }
 KEY: Final = (
-    "fair, frugal: settings that a sweep on other seeds has chosen, otherwise the defaults;  all, own, nearest: whose "
-    "measurements weigh;\nG: Gaussian handover;  appointed: clusters that the head appoints from its prediction"
+    "named: information_driven, and the Pareto front of the others, also if one run of ten may lose the target\n"
+    "fair, frugal: settings that a sweep on other seeds has chosen, otherwise the defaults;  appointed: clusters that\n"
+    "the head appoints from its prediction"
 )
 CHOSEN_NAMES: Final = {"fair": "fair settings", "frugal": "frugal settings"}
 DEFAULTS: Final = "defaults"
@@ -74,22 +76,30 @@ LEADING: Final = 8.0
 
 def _frontier(figure: Figure, data: Data) -> None:
     """Median RMSE of a run against the network's energy, on the ideal and on a realistic radio."""
-    found, bound = strategies(data), limit(data)
     runs = data.manifest.points[0].replicates
+    about = f"{runs} runs of {float(data.scenario(data.variants[0])['duration']):g} s each"
+    draw_strategies(figure, strategies(data), limit(data), about)
+
+
+def draw_strategies(figure: Figure, found: Sequence[Strategy], bound: float, about: str) -> None:
+    """Draw the same from the figures of the strategies and the bound (m). `about` names the runs.
+
+    Those that `named` gives have names.
+    """
     panels = figure.subplots(2, 1, height_ratios=(1.0, 1.0))
     for axes, radio in zip(panels, RADIOS, strict=True):
         here = [one for one in found if one.radio == radio]
         conclusion = concluded(radio, here, bound)
         _panel(axes, here, bound)
-        axes.set_title(f"{radio} radio, {runs} runs of {float(data.scenario(data.variants[0])['duration']):g} s each\n"
-                       f"{textwrap.fill(conclusion.partition(', ')[2], WIDTH)}", loc="left")  # fmt: skip
+        axes.set_title(f"{radio} radio, {about}\n{textwrap.fill(conclusion.partition(', ')[2], WIDTH)}", loc="left")
     panels[-1].set_xlabel(f"energy of the network in a run [J], mean of the runs\n\n{KEY}")
     figure.draw_without_rendering()
     for axes, radio in zip(panels, RADIOS, strict=True):
         here = [one for one in found if one.radio == radio]
-        colours = _colours(here)
-        label(axes, [(one.energy, one.rmse) for one in here], [short(one.variant) for one in here],
-              [colours[_group(one)] for one in here])  # fmt: skip
+        colours, kept = _colours(here), named(here)
+        names = [short(one.variant) if one in kept else "" for one in here]
+        label(axes, [(one.energy, one.rmse) for one in here], names, [colours[_group(one)] for one in here],
+              (bound, NEAR * bound))  # fmt: skip
 
 
 def short(variant: str) -> str:
@@ -172,19 +182,23 @@ def _legend(colours: dict[str, str]) -> Iterator[Line2D]:
 
 
 def label(
-    axes: Axes, points: Sequence[tuple[float, float]], words: Sequence[str], colours: Sequence[str]
-) -> list[Text]:
-    """Write names beside their points, as near as possible, none on another name or on a marker.
+    axes: Axes, points: Sequence[tuple[float, float]], words: Sequence[str], colours: Sequence[str],
+    levels: Sequence[float] = (),
+) -> list[Text]:  # fmt: skip
+    """Write names beside their points, as near as possible: none on another name, a marker or a line at a level.
 
-    The figure must have been laid out. A point that is not finite has no name, nor one without free space around it.
+    The figure must have been laid out. A point whose word is empty or that is not finite has no name, nor one without
+    free space around it.
     """
     figure: Any = axes.get_figure()
     renderer, scale = figure.canvas.get_renderer(), figure.dpi / 72.0  # pixels in a point
     pixels = axes.transData.transform(points)
     known = np.flatnonzero(np.isfinite(pixels).all(axis=1)).tolist()
     taken = [Bbox([pixels[i], pixels[i]]).padded(SIDE * scale / 2.0) for i in known]
+    for _, height in axes.transData.transform([(points[0][0], level) for level in levels]) if levels else ():
+        taken.append(Bbox([(axes.bbox.x0, height - scale), (axes.bbox.x1, height + scale)]))
     written = []
-    for i in sorted(known, key=lambda i: (*pixels[i], words[i])):
+    for i in sorted(filter(lambda i: words[i], known), key=lambda i: (*pixels[i], words[i])):
         text = _annotation(axes, words[i], points[i], colours[i])
         text.update_positions(renderer)
         box = Text.get_window_extent(text, renderer).padded(2.0 * PAD * scale, PAD * scale)

@@ -8,7 +8,7 @@ Thresholds stand in frontier.yaml (`registered`). An answer is undecided if its 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import compress
 from typing import Any, Final
 
@@ -20,11 +20,9 @@ from wsnsim.papers.answers import Answer, Interval, both, interval, word
 from wsnsim.papers.frontier.against_bound import SETTLED, medians, of_medians, pooled, resampled, squares
 from wsnsim.papers.frontier.consistency import DIMENSIONS, Of, mean_nees
 from wsnsim.papers.frontier.settings import stored
-from wsnsim.papers.frontier.strategies import NEAR, RADIOS, Strategy, cheapest, front, limit, strategies
+from wsnsim.papers.frontier.strategies import NEAR, OURS, RADIOS, Strategy, cheapest, front, limit, strategies
 from wsnsim.papers.measures import Data
 
-OURS: Final = "information_driven"
-"""The strategy that the hypotheses are about."""
 APPOINTED: Final = "appointed"
 
 
@@ -114,17 +112,28 @@ def on_a_radio(data: Data) -> list[Answer]:
 def asleep(data: Data) -> list[Answer]:
     """8: beside other trackers on the same network, of which few nodes are awake."""
     (ours,) = (variant for variant in data.variants if strategy_of(variant) == OURS)
-    lost = pd.DataFrame({name: _lost(data, name) for name in data.variants})
+    timely = mean_of_runs(data, ours, "tracked")
+    lost = {name: _lost(data, name) for name in data.variants}
+    return of_losses(lost, timely, _registered(data)["asleep_in_time"])
+
+
+def of_losses(lost: Mapping[str, pd.Series], timely: Interval, least: float) -> list[Answer]:
+    """8, from the runs that each variant loses (1 or 0, by replicate), and our share of steps in time."""
+    (ours,) = (variant for variant in lost if strategy_of(variant) == OURS)
     found = []
-    for rival in data.variants:
+    for rival in lost:
         if rival != ours:
             excess = (lost[rival] - lost[ours]).dropna().to_numpy()
             less = interval(resampled(len(excess)) @ excess / len(excess))
             words = f"8: {ours} loses the target in a smaller share of runs than {rival} (share less its own)"
             found.append(Answer(words, (less,), word(less.above(0.0))))
-    timely, least = mean_of_runs(data, ours, "tracked"), _registered(data)["asleep_in_time"]
     return [*found, Answer(f"8: it has an estimate in time in >= {least:.0%} of the steps", (timely,),
                            word(timely.above(least)))]  # fmt: skip
+
+
+def lost_runs(runs: int, lost: Sequence[int]) -> pd.Series:
+    """1 for each of these runs of 0, 1, ..., 0 for the others."""
+    return pd.Series(np.isin(np.arange(runs), lost).astype(np.float64))
 
 
 def robustness(data: Data) -> list[Answer]:
@@ -141,15 +150,26 @@ def robustness(data: Data) -> list[Answer]:
 
 def frontier(data: Data) -> list[Answer]:
     """12 to 17: strategies at fair settings."""
-    found, bound = {one.variant: one for one in strategies(data)}, limit(data)
+    found = strategies(data)
+    answers = [*of_strategies(found, limit(data), _registered(data)), *of_pairs(data, found)]
+    return sorted(answers, key=lambda each: int(each.words.partition(":")[0]))
+
+
+def of_strategies(given: Sequence[Strategy], bound: float, registered: Mapping[str, Any]) -> list[Answer]:
+    """12 to 14 and 17, which follow from the figures of the strategies and the bound (m)."""
+    found = {one.variant: one for one in given}
     return [
-        *_within_reach(found, bound, _registered(data)["published_near"]),
+        *_within_reach(found, bound, registered["published_near"]),
         _cheapest(found, bound),
         _on_the_front(found),
-        *_linearisation(data, found),
-        *_membership(data, found),
-        *_kept(found, _registered(data)["kept"]),
+        *_kept(found, registered["kept"]),
     ]
+
+
+def of_pairs(data: Data, given: Sequence[Strategy]) -> list[Answer]:
+    """15 and 16, which compare two strategies run by run."""
+    found = {one.variant: one for one in given}
+    return [*_linearisation(data, found), *_membership(data, found)]
 
 
 def _within_reach(found: Mapping[str, Strategy], bound: float, least: float) -> list[Answer]:
@@ -212,7 +232,8 @@ def _kept(found: Mapping[str, Strategy], least: float) -> list[Answer]:
     for radio, sweep in stored().items():
         before = {one.variant: one for one in sweep.results}
         promised = [name for name, choice in sweep.choices.items() if before[choice.fair].follows]
-        again = [found[_fair(f"{radio}: {name}", found)] for name in promised]
+        names = (_fair(f"{radio}: {name}", found) for name in promised)
+        again = [found[name] for name in names if name in found]
         share = statistics.share(np.array([one.follows for one in again]))
         words = (
             f"17: on the radio '{radio}', >= {least:.0%} of the strategies whose fair setting follows the target in "

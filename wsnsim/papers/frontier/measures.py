@@ -9,9 +9,9 @@ import pandas as pd
 
 from wsnsim.papers.bounds_beside import bound_from_events
 from wsnsim.papers.frontier import hypotheses, settings
+from wsnsim.papers.frontier import strategies as frontier_strategies
 from wsnsim.papers.frontier.against_bound import SETTLED, over_bound, rmse_after
 from wsnsim.papers.frontier.consistency import nees_of_runs
-from wsnsim.papers.frontier.strategies import conclusions as frontier_lines
 from wsnsim.papers.frontier.variants import twin
 from wsnsim.papers.measures import Data, OwnMeasure, computing
 
@@ -42,8 +42,9 @@ MEASURES: Final[dict[str, OwnMeasure]] = {
 
 
 def conclusions(data: Data) -> list[str]:
-    """Two lines for each radio, and the answers to the hypotheses on the frontier."""
-    return [*frontier_lines(data), *hypotheses.lines(data)]
+    """Three lines for each radio, and the answers to the hypotheses on the frontier."""
+    found, bound = frontier_strategies.strategies(data), frontier_strategies.limit(data)
+    return [*frontier_strategies.conclusions(found, bound), *hypotheses.lines(data)]
 
 
 SUMMARIES: Final = {"conclusions": conclusions, "settings": settings.lines, "answers": hypotheses.lines}

@@ -49,7 +49,8 @@ class StoredSweep(NamedTuple):
     Attributes:
         about: seed, runs and duration (s) of the sweep, the digest of its runs' fingerprints, and the digests of the
             code that made them, in their order: a change was accepted where it left the points that were there as
-            they were. `commits` are those of the code, if they were named.
+            they were. `commits` are those of the code, if they were named. `added` has the same of strategies that
+            were swept later.
         results: of every setting, in the order of the sweep.
         choices: {strategy: Choice}
     """
@@ -111,6 +112,18 @@ def sweep_of(data: Data, commits: Sequence[str] = ()) -> StoredSweep:
         "commits": list(commits),
     }
     return StoredSweep(about, found, choices(found, swept(data.published["sweep"], radio)))
+
+
+def merged(before: StoredSweep, new: StoredSweep, sweep: Mapping[str, Any]) -> StoredSweep:
+    """A stored sweep with strategies that were swept later, in the order of the sweep; `about` notes what was added."""
+    results = {one.variant: one for one in (*before.results, *new.results)}
+    of = swept(sweep, new.results[0].air)
+    rows = tuple(results[name] for name in of if name in results)
+    again = set(before.choices) & set(new.choices)
+    assert not again, f"swept a second time: {', '.join(sorted(again))}"
+    added = {"strategies": [*new.choices], **new.about}
+    about = {**before.about, "added": [*before.about.get("added", ()), added]}
+    return StoredSweep(about, rows, choices(rows, of))
 
 
 def _digest(data: Data) -> str:

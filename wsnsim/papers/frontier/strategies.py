@@ -1,6 +1,7 @@
 """The strategies of the frontier: error, energy and what they lose; the best of them, in words.
 
-    strategies(data) -> [Strategy, ...]      conclusions(data) -> [two lines for each radio, ...]
+    strategies(data) -> [Strategy, ...]
+    conclusions(found, bound) -> [line, ...]         three lines for each radio
 
 A strategy `follows` the target if at most 5 % of its runs lose it at any time or have an RMSE of more than 20 m, and at
 least 90 % of the steps have an estimate before the next one begins [our choice]: a median alone would ignore runs that
@@ -26,6 +27,9 @@ DIVERGED: Final = 20.0
 LEAST_IN_TIME: Final = 0.9
 NEAR: Final = 1.5
 """Error of a good strategy, as a multiple of the bound."""
+ONE_OF_TEN: Final = 0.1
+OURS: Final = "information_driven"
+"""The strategy that the study was made for."""
 RADIOS: Final = ("ideal", "realistic")
 
 
@@ -94,16 +98,36 @@ def cheapest(found: Sequence[Strategy], most: float) -> Strategy | None:
     return min(near, key=lambda one: one.energy, default=None)
 
 
-def conclusions(data: Data) -> list[str]:
-    """Two lines for each radio: the cheapest strategy near the bound, or the nearest; and the Pareto front."""
-    found, bound = strategies(data), limit(data)
+def conclusions(found: Sequence[Strategy], bound: float) -> list[str]:
+    """Three lines for each radio: the cheapest near the bound, or the nearest; the Pareto front; that of the others."""
     lines = []
     for radio in RADIOS:
         these = [one for one in found if one.radio == radio]
-        best = sorted(compress(these, front(these)), key=lambda one: one.energy)
-        words = "; ".join(_words(one, bound) for one in best) or "no strategy follows the target"
-        lines += [concluded(radio, these, bound), f"{radio} radio, Pareto front of error and energy: {words}"]
+        others = [one for one in these if OURS not in one.variant]
+        lines += [
+            concluded(radio, these, bound),
+            f"{radio} radio, Pareto front of error and energy: {_listed(these, bound)}",
+            f"{radio} radio, the same without {OURS}: {_listed(others, bound)}",
+        ]
     return lines
+
+
+def _listed(found: Sequence[Strategy], bound: float) -> str:
+    """The Pareto front in words, by energy."""
+    best = sorted(compress(found, front(found)), key=lambda one: one.energy)
+    return "; ".join(_words(one, bound) for one in best) or "no strategy follows the target"
+
+
+def named(found: Sequence[Strategy]) -> list[Strategy]:
+    """The strategies of one radio that a reader looks for.
+
+    They are `information_driven`, on the Pareto front of the others, or on that if one run of ten may lose the target.
+    They keep their order.
+    """
+    others = [one for one in found if OURS not in one.variant]
+    spared = [one._replace(lost=max(0.0, one.lost - ONE_OF_TEN)) for one in others]
+    kept = {one.variant for these in (others, spared) for one in compress(others, front(these))}
+    return [one for one in found if one.variant in kept or OURS in one.variant]
 
 
 def concluded(radio: str, found: Sequence[Strategy], bound: float) -> str:
