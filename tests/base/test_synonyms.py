@@ -61,7 +61,7 @@ def test_the_message_names_what_is_meant_or_else_what_is_known() -> None:
 
 def test_every_name_in_the_tables_is_a_kind_a_key_a_command_or_a_column() -> None:
     names = {"motion", "extends", "targets", "faults", "assumes", "noise_scale", *ROLES, *group.commands, "watch"}
-    names |= {"seed", "replicates", "step", "duration", "record", "name"}
+    names |= {"seed", "replicates", "step", "duration", "record", "name", "out", "overrides", "workers"}
     for role in ROLES.values():
         for row in role.kinds:
             part = load_class(row)

@@ -11,6 +11,7 @@ import pytest
 from wsnsim import scenario
 from wsnsim.cli import main
 from wsnsim.cli.kind_text import kinds_text
+from wsnsim.cli.word_info import word_text
 from wsnsim.scenario.citations import CITATIONS, OTHER_FORMS, cited_in
 from wsnsim.scenario.kind_info import KindInfo, kind_info, kinds_named
 from wsnsim.scenario.parameter_info import DIMENSIONLESS
@@ -222,3 +223,13 @@ def test_citations_are_found_in_every_form_in_which_the_code_cites() -> None:
     assert len(keys) == len(set(keys))
     assert all(re.fullmatch(r"10\.\d{4,}/\S+|", one.doi) for one in CITATIONS)
     assert isinstance(kind_info("tracker", "ekf"), KindInfo)
+
+
+@pytest.mark.parametrize(("word", "shown"), [
+    ("seed", "seed of every random stream"),
+    ("tracker.particles", "tracker pso_mhpf"),
+    ("range.sd", "standard deviation of a reading"),
+    ("sensor.reach", "sensor rssi"),
+])  # fmt: skip
+def test_keys_at_the_top_and_dotted_keys_are_described(word, shown):
+    assert shown in word_text(word)

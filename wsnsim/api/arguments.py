@@ -5,6 +5,8 @@ changes_of({"tracker": "ekf", "link": {"reach": "60 m"}}) -> [("tracker.kind", "
 
 from __future__ import annotations
 
+import importlib
+import inspect
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final, TypeAlias, TypedDict
 
@@ -71,9 +73,18 @@ def overrides_of(
     """
     unknown = next((key for key in changes if key not in KEYS), None)
     if unknown is not None:
-        raise UsageError(f"{function}() has no argument '{unknown}' ({did_you_mean(unknown, KEYS)})")
+        known = {*KEYS, *_arguments_of(function)}
+        raise UsageError(f"{function}() has no argument '{unknown}' ({did_you_mean(unknown, known)})")
     seeded: list[Override] = [] if seed is None else [("seed", seed)]
     return (*_changes_of(changes), *overrides_given(overrides), *seeded, *_kept(keep))
+
+
+def _arguments_of(function: str) -> list[str]:
+    """The arguments that a function of this package names itself, without those that change a scenario."""
+    modules = map(importlib.import_module, ("wsnsim.api.running", "wsnsim.api.sweeping"))
+    called = next(getattr(module, function) for module in modules if hasattr(module, function))
+    parameters = inspect.signature(called).parameters.values()
+    return [each.name for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]
 
 
 def _changes_of(changes: Mapping[str, Any]) -> Iterator[Override]:

@@ -6,6 +6,7 @@ import warnings
 from typing import TYPE_CHECKING, Any, Final
 
 from wsnsim.base.errors import did_you_mean
+from wsnsim.base.tables import TABLES
 
 if TYPE_CHECKING:
     from wsnsim.experiment import Report
@@ -46,6 +47,10 @@ def former_field(report: Report, name: str) -> Any:
     if name in OF_SUMMARY and len(report.summaries) == 1:
         _warn(name, OF_SUMMARY[name])
         return getattr(report.summaries[0], name)
+    if name in TABLES:
+        raise AttributeError(
+            f"a result has no attribute '{name}': the table is result.table({name!r}), recorded with keep=[{name!r}]"
+        )
     raise AttributeError(f"a result has no attribute '{name}' ({did_you_mean(name, ATTRIBUTES)})")
 
 

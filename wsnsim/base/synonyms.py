@@ -42,6 +42,7 @@ trace, trajectory, gps_track, recorded_trajectory, ns3, sumo, mobility_trace, cs
 camera, aoa, doa, direction, direction_of_arrival, angle, azimuth, angle_of_arrival, los, optical: bearing range_bearing
 radar, polar, sonar, lidar: range_bearing range
 distance, toa, tof, ranging, uwb, time_of_arrival, time_of_flight, ultrasonic, ultrasound: range
+tdoa, time_difference_of_arrival: range
 signal_strength, received_power, rss, ble, bluetooth, wifi, power_of_signal: rssi
 acoustic, sound, microphone, energy_detector, loudness: acoustic_energy
 gps, gnss, position_sensor, cartesian, xy: coordinate recorded_track file
@@ -82,7 +83,7 @@ failure, failures, node_failure, crash_fault, outage, kill: crash fault faults
 jam, jamming, jammer, interference: blackout
 packet_loss, drop, loss_rate, per: link_loss loss
 aggregation, packing_frames: frames
-prediction, predictive_wakeup, flood, flooding: directed_flood region
+prediction, predictive_wakeup, flood, flooding, gossip: directed_flood region
 """
 _KEYS: Final = """
 mobility, motion_model, target, movement, dynamics, process_model, kinematics: motion targets
@@ -114,6 +115,7 @@ size, area, area_width, xmax: width height
 log, logging, output, tables: record
 cycle_length, interval_length, wake_interval, cycle_time: interval period
 awake_fraction, duty_fraction, on_share, on_time: awake_share
+time, run_time, length: duration
 retries, retransmissions, max_retransmissions: max_retries retries
 speed, velocity, v0: speed mean start
 process_noise_scale, inflation, noise_factor: noise_scale
@@ -136,6 +138,12 @@ calibrate, estimate, regress: fit
 papers, paper, replicate: reproduce
 merge, gather, join: collect
 live, monitor, follow: watch
+"""
+_ARGUMENTS: Final = """
+jobs, n_jobs, processes, cores, threads: workers
+output, outfile, out_file, to: out
+override, set, settings, changes, params, parameters: overrides
+save_tables, store, recorded_tables: keep record
 """
 _COLUMNS: Final = """
 rms, rms_error, root_mean_square, position_rmse, mse, accuracy: rmse median_error
@@ -187,7 +195,7 @@ def _read(*tables: str) -> dict[str, tuple[str, ...]]:
     return read
 
 
-SYNONYMS: Final = _read(_TRACKERS, _MODELS, _NETWORK, _KEYS, _COMMANDS, _COLUMNS)
+SYNONYMS: Final = _read(_TRACKERS, _MODELS, _NETWORK, _KEYS, _COMMANDS, _ARGUMENTS, _COLUMNS)
 
 
 def meant_by(word: str, known: Collection[str]) -> list[str]:

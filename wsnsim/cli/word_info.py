@@ -5,7 +5,7 @@ word_text("rmse") -> text        word_text("nothing") -> ""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from wsnsim.base.columns import Column
 from wsnsim.base.table_meanings import TABLE_MEANINGS
@@ -13,6 +13,7 @@ from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLES
 from wsnsim.cli.listing import paragraph, wrapped_table
 from wsnsim.cli.shared import group
 from wsnsim.scenario.kind_info import kind_info
+from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.registry import ROLES
 
 
@@ -55,15 +56,26 @@ def _meaning(column: Column) -> str:
 
 
 def _keys(word: str) -> str:
-    rows = list(_rows_of_key(word))
+    rows = [*_rows_at_top(word), *_rows_of_key(word)]
     return f"{word}: a parameter\n{wrapped_table(['of', 'default', 'meaning'], rows)}" if rows else ""
+
+
+def _rows_at_top(word: str) -> Iterator[list[str]]:
+    """A key at the top of a scenario that is no role, such as `seed`."""
+    from wsnsim.scenario.json_schema import json_schema
+
+    field = json_schema()["properties"].get(word)
+    if field is not None and word not in AT_TOP and "description" in field:
+        default = field.get("default")
+        shown = "" if isinstance(default, Mapping) else "required" if default is None else str(default)
+        yield ["scenario", shown, field["description"]]
 
 
 def _rows_of_key(word: str) -> Iterator[list[str]]:
     for role in ROLES.values():
         for row in role.kinds:
             for one in kind_info(role.name, row.kind).parameters:
-                if one.name == word:
+                if word in (one.name, f"{role.name}.{one.name}", f"{row.kind}.{one.name}"):
                     default = "required" if one.default is None else one.default
                     yield [f"{role.name} {row.kind}", default, f"{one.meaning} ({one.takes})"]
 
