@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.outlook import Appointment, NearNodes, Outlook
     from wsnsim.base.part import OfRole, Quantity, part
-    from wsnsim.base.ports import Acquire, Detection, MotionModel, PriorModel, Scene, SensorModel, Tracker
+    from wsnsim.base.ports import Acquire, Detection, KnownNodes, MotionModel, PriorModel, Scene, SensorModel, Tracker
     from wsnsim.base.radio import (
         Clock,
         ContinuousPower,
@@ -159,7 +159,7 @@ HOMES: Final = {
     "Recording Replays ReportsState Snapshots VectorReadings",
     "wsnsim.base.outlook": "Appointment NearNodes Outlook",
     "wsnsim.base.part": "OfRole Quantity part",
-    "wsnsim.base.ports": "Acquire Detection MotionModel PriorModel Scene SensorModel Tracker",
+    "wsnsim.base.ports": "Acquire Detection KnownNodes MotionModel PriorModel Scene SensorModel Tracker",
     "wsnsim.base.radio": "Clock ContinuousPower Cpu EnergyModel LinkModel Mode ModePower StartsWithOffsets",
     "wsnsim.base.radio_duty": "DutyCycledMac KnowsLatency Latency RadioDuty SwitchesRadio",
     "wsnsim.base.recorded_links": "BurstyLosses HeardLinks RecordsLinks",
@@ -196,21 +196,21 @@ __all__ = [
     "FollowsRestarts", "ForecastsSuccession", "Foresees", "Fragmenter", "Framed", "FramedMac", "Gather",
     "GatherReadings", "Gathered", "GatheredReadings", "GaussianBelief", "HasHeights", "HasSeveralSinks",
     "HeadCloud", "HeadFilter", "HeardLinks", "HurriesNodes", "Informs", "Innovation", "Ints", "IsShadowed",
-    "Issue", "KalmanBelief", "Keys", "KnowsLatency", "Latency", "LimitsReadings", "LinearGaussian", "LinkModel",
-    "Listening", "Local", "Mac", "MacFrame", "MacMechanism", "MacServices", "MeasuresEnergy", "Member", "Mode",
-    "ModePower", "MotionModel", "MovesInSpace", "MovingPolicy", "NamesNodes", "NearNodes", "NetworkSetup",
-    "OfRole", "OfferedFrame", "OnAir", "Outlook", "Packing", "Parcel", "Pool", "Portable", "Prediction",
-    "PriorModel", "Quantity", "RadioDuty", "RadioSetup", "Ranks", "RecordedFile", "Recorder", "Recording",
-    "RecordsLinks", "Region", "Replays", "ReportsState", "Routing", "Scatter", "Scene", "SeesGeometry", "Send",
-    "SensorDefect", "SensorModel", "Setup", "SharedChannel", "Signal", "Sink", "SleepSchedule", "Snapshots",
-    "StandaloneBlock", "StandaloneRun", "StartsFault", "StartsMac", "StartsSync", "StartsWakeUp",
-    "StartsWithOffsets", "StartsWorkload", "Streams", "SwitchesRadio", "SyncMechanism", "SyncServices",
-    "TimeSync", "Tracker", "TrackingSetup", "VectorReadings", "WakeUp", "WakeUpMechanism", "WakeUpMessage",
-    "WakeUpPlan", "WakeUpRadio", "WakeUpRound", "WakeUpServices", "WholeRuns", "Words", "Workload",
-    "WorkloadMechanism", "WorkloadServices", "demand_digest", "derive", "derive_all", "forecast",
-    "fused_by_variance", "gather_readings", "kalman_estimate", "moment_packets", "near", "normals",
-    "only_predicted", "parcel", "part", "predicted", "reading_parcel", "rows", "send_moments", "state_packets",
-    "symmetric", "uniforms",
+    "Issue", "KalmanBelief", "Keys", "KnownNodes", "KnowsLatency", "Latency", "LimitsReadings",
+    "LinearGaussian", "LinkModel", "Listening", "Local", "Mac", "MacFrame", "MacMechanism", "MacServices",
+    "MeasuresEnergy", "Member", "Mode", "ModePower", "MotionModel", "MovesInSpace", "MovingPolicy",
+    "NamesNodes", "NearNodes", "NetworkSetup", "OfRole", "OfferedFrame", "OnAir", "Outlook", "Packing",
+    "Parcel", "Pool", "Portable", "Prediction", "PriorModel", "Quantity", "RadioDuty", "RadioSetup", "Ranks",
+    "RecordedFile", "Recorder", "Recording", "RecordsLinks", "Region", "Replays", "ReportsState", "Routing",
+    "Scatter", "Scene", "SeesGeometry", "Send", "SensorDefect", "SensorModel", "Setup", "SharedChannel",
+    "Signal", "Sink", "SleepSchedule", "Snapshots", "StandaloneBlock", "StandaloneRun", "StartsFault",
+    "StartsMac", "StartsSync", "StartsWakeUp", "StartsWithOffsets", "StartsWorkload", "Streams",
+    "SwitchesRadio", "SyncMechanism", "SyncServices", "TimeSync", "Tracker", "TrackingSetup", "VectorReadings",
+    "WakeUp", "WakeUpMechanism", "WakeUpMessage", "WakeUpPlan", "WakeUpRadio", "WakeUpRound", "WakeUpServices",
+    "WholeRuns", "Words", "Workload", "WorkloadMechanism", "WorkloadServices", "demand_digest", "derive",
+    "derive_all", "forecast", "fused_by_variance", "gather_readings", "kalman_estimate", "moment_packets",
+    "near", "normals", "only_predicted", "parcel", "part", "predicted", "reading_parcel", "rows",
+    "send_moments", "state_packets", "symmetric", "uniforms",
 ]  # fmt: skip
 
 

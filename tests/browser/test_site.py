@@ -87,6 +87,12 @@ def test_no_link_is_broken_and_no_anchor_is_missing(site):
     assert [found for page in every for found in broken(page, site)] == []
 
 
+def test_the_python_reference_shows_examples_as_code_not_as_quotations(site):
+    shown = {page.name: page.read_text(encoding="utf-8") for page in (site / "reference" / "python").glob("*.html")}
+    assert len(shown) > 10 and [name for name, text in shown.items() if "<blockquote" in text] == []
+    assert 'class="highlight"' in shown["running.html"]
+
+
 def test_a_broken_link_is_found(tmp_path):
     (tmp_path / "a.html").write_text('<a href="b.html#no">x</a><a href="c.html">x</a><a href="#here" id="here">x</a>')
     (tmp_path / "b.html").write_text('<p id="yes">x</p><a href="a.html#here">x</a><a href="https://x.org/#y">x</a>')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterator
 from typing import Any, Final, get_type_hints
 
@@ -33,6 +34,7 @@ def setup(app: Any) -> None:
     app.connect("autodoc-process-docstring", add_fields_of_component, priority=400)
     app.connect("autodoc-process-docstring", hide_colons, priority=400)
     app.connect("autodoc-process-docstring", show_colons, priority=600)
+    app.connect("autodoc-process-docstring", shorten_types, priority=600)
     TypeAliasForwardRef.__repr__ = lambda alias: alias.name  # type: ignore[method-assign]
     TypeAliasForwardRef.__getitem__ = subscripted  # type: ignore[attr-defined]
 
@@ -52,6 +54,12 @@ def show_colons(_app: Any, what: str, _name: str, _found: Any, _options: Any, li
     """Undo `hide_colons`."""
     if what in ATTRIBUTES:
         lines[:] = [line.replace(COLON, ":") for line in lines]
+
+
+def shorten_types(_app: Any, _what: str, _name: str, _found: Any, _options: Any, lines: list[str]) -> None:
+    """Show the types of fields without their modules: Sphinx does so where `~` is before a name."""
+    typed = re.compile(r"(?<![\w.~])(?=[a-z]\w*\.[\w.]+)")
+    lines[:] = [typed.sub("~", line) if line.startswith(":vartype ") else line for line in lines]
 
 
 def skip_tuple_fields(_app: Any, _what: str, _name: str, member: Any, _skip: bool, _options: Any) -> bool | None:
