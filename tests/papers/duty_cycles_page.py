@@ -60,11 +60,11 @@ CAUSES = {
 
 
 def campaign(name: str) -> Data | None:
-    """The results of an experiment; None if its points do not have the runs that it needs in common."""
+    """The results of an experiment; None if its points have no run in common."""
     if not [*(CAMPAIGNS / name).glob("*/*.h5")]:
         return None
     data = Data(Folder(CAMPAIGNS / name), paper(DUTY_CYCLES))
-    return data if run(data) == data.variants and len(common_runs(data)) >= LEAST_RUNS.get(name, 1) else None
+    return data if run(data) == data.variants and len(common_runs(data)) else None
 
 
 def content(before: Mapping[str, Any]) -> dict[str, Any]:
@@ -72,10 +72,17 @@ def content(before: Mapping[str, Any]) -> dict[str, Any]:
     found = dict(before)
     for name in EXPERIMENTS:
         if (data := campaign(name)) is not None:
-            found[name] = of_field(data, hypotheses.OF_EXPERIMENT[name](data))
+            few = runs_missing(data, LEAST_RUNS.get(name, 1))
+            found[name] = of_field(data, [] if few else hypotheses.OF_EXPERIMENT[name](data)) | {"too_few": few}
     if (data := campaign("waiting")) is not None:
         found["waiting"] = {"rows": {name: [value(data, name, "mean:energy")] for name in run(data)}}
     return found
+
+
+def runs_missing(data: Data, least: int) -> dict[str, int]:
+    """{point: its runs} of the points that have fewer runs than are needed for answers."""
+    counts = {name: len(data.of(name, "runs")) for name in run(data)}
+    return {name: count for name, count in counts.items() if count < least}
 
 
 def of_field(data: Data, answers: Iterable[Any]) -> dict[str, Any]:
@@ -148,18 +155,28 @@ def _said(answer: Mapping[str, Any] | None) -> tuple[str, str]:
 
 def _changed(found: Mapping[str, Any]) -> str:
     """How many answers the replication repeats, and a line for each that is another."""
+    missing = "".join(map(_too_few, ((name, found.get(name, {}).get("too_few")) for name in LEAST_RUNS)))
     both = [(words, first["answer"], again["answer"]) for words, first, again in compared(found) if again]
     if not both:
         return NOT_YET
     other = [each for each in both if each[1] != each[2]]
     without = len(compared(found)) - len(both)
-    open_ = f" {without} answers have no replication: their points are missing." if without else ""
+    open_ = f" {without} answers have no replication: their points are missing.{missing}" if without else ""
     lines = [f"- {words}: {one} in the first study, **{two}** in the replication" for words, one, two in other]
     same = f"Of {len(both)} answers the replication repeats {len(both) - len(other)}"
     if not lines:
         return f"{same}.{open_}"
     opposed = sum({one, two} == {"yes", "no"} for _, one, two in other)
     return "\n".join([f"{same}; {len(other)} are others, {opposed} of them the opposite.{open_}", "", *lines])
+
+
+def _too_few(of: tuple[str, Mapping[str, int] | None]) -> str:
+    """The points of an experiment that have too few runs; empty if none has."""
+    name, few = of
+    if not few:
+        return ""
+    named = ", ".join(f"{point} ({count})" for point, count in few.items())
+    return f" Of `{name}`, which needs {LEAST_RUNS[name]} runs of each point, these have fewer: {named}."
 
 
 def _got(rows: Mapping[str, Mapping[str, Any]]) -> str:
