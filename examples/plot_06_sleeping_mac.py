@@ -2,8 +2,9 @@
 The duty cycle of a sleeping MAC
 ================================
 
-With X-MAC a radio checks the channel once per wake interval. A short interval costs listening, a long one time and,
-while a target is tracked, strobes. Energy, radio duty cycle and latency in a network of 64 nodes.
+With X-MAC a radio checks the channel once per wake interval. A short interval costs listening, a long one strobes.
+While a target is tracked, strobes cost most. Each point is one run: single runs of an interval differ by up to a third,
+so that a conclusion needs more of them (`wsnsim.sweep`).
 """
 
 import matplotlib.pyplot as plt

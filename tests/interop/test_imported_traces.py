@@ -245,6 +245,19 @@ def test_shifted_positions_never_replace_their_source(
     assert not Path("s.yaml").exists() and not Path("s_0.csv").exists()
 
 
+@pytest.mark.parametrize("sign", [" ", "   ", "\t", ",", ";"])
+def test_a_plain_table_of_samples_is_read_and_ns3_says_who_reads_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], sign: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = ["t id x y", "0 a 1 2", "0 b 9 9", "1 a 2.5 3"]
+    written(tmp_path, "trace.txt", "".join(f"{row}\n" for row in rows).replace(" ", sign))
+    assert run_command(capsys, "import", "sumo", "trace.txt", "--id", "a", "--out", "a.csv").code == 0
+    assert Path("a.csv").read_text() == "time,id,x,y\n0,a,1,2\n1,a,2.5,3\n"
+    answer = run_command(capsys, "import", "ns3", "trace.txt")
+    assert answer.code != 0 and "read by wsnsim import sumo" in answer.err
+
+
 def test_a_file_that_exists_is_replaced_only_if_it_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -86,6 +86,14 @@ def test_a_sink_that_no_route_reaches_is_refused_with_one_message(points, says):
     assert len(raised.value.issues) == 1
 
 
+@pytest.mark.parametrize("link", ["{kind: disk, reach: 50 m, loss: 0.1}", "{kind: log_normal}"])
+def test_a_sink_that_no_link_can_reach_is_refused_on_lossy_and_shadowed_links_too(link):
+    places = "deploy={kind: anchors, places: [[-60, -60], [-30, -60], [90000, 900]], width: 200 km, height: 2 km}"
+    with pytest.raises(ScenarioError, match=r"no route reaches the sink, node 2 at \(90000, 900\) m") as raised:
+        build(load("collection", [*SMALL, places, f"link={link}", "workload.points=[[90000, 900]]"]))
+    assert len(raised.value.issues) == 1
+
+
 def test_acknowledgements_are_needed():
     with pytest.raises(ScenarioError, match="ctp learns of its links from acknowledgements"):
         build(load("collection", [*SMALL, "mac.acks=false", "routing.kind=ctp"]))

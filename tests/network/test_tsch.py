@@ -315,8 +315,8 @@ def saturated(senders, slotframes):
 
 
 SIMULATOR = {1: (0.9991, 0.9991), 2: (0.5616, 0.5539), 3: (0.3797, 0.3826), 4: (0.2902, 0.2844), 5: (0.2058,)}
-"""{senders: frames per slotframe} of the 6TiSCH simulator: two runs of 6000 slotframes of 5 slots, 3 retries, neither
-beacons nor routing messages, links without loss (our runs of its published code)."""
+"""{senders: frames per slotframe} of the 6TiSCH simulator: two runs (one for 5 senders) of 6000 slotframes of 5 slots,
+3 retries, neither beacons nor routing messages, links without loss (our runs of its published code)."""
 
 
 @pytest.mark.thorough

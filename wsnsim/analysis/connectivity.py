@@ -9,7 +9,7 @@ links are those that deliver half of the frames in both directions, in the first
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -71,7 +71,24 @@ def note(setup: NetworkSetup | BeaconSetup, positions: Floats) -> str:
     sizes = ", ".join(str(len(part)) for part in found[:SHOWN]) + (", ..." if len(found) > SHOWN else "")
     alone = sum(len(part) == 1 for part in found)
     lonely = f"; {alone} nodes have no neighbour" if alone else ""
-    return f"the network is in {len(found)} parts, of {sizes} nodes, that no {links} joins{lonely}"
+    said = f"the network is in {len(found)} parts, of {sizes} nodes, that no {links} joins{lonely}"
+    return said + _cut_off(setup.sink_points, positions, found)
+
+
+def _cut_off(points: Sequence[tuple[float, float]], positions: Floats, found: Sequence[Ints]) -> str:
+    """How many nodes are in parts without a sink, in words; '' if there is no sink, or none is.
+
+    Args:
+        points: (x, y) in m of each sink, which is the node nearest to it.
+        positions: (N, 2) positions in m.
+        found: the nodes of each part.
+    """
+    sinks = {int(np.hypot(*(positions - point).T).argmin()) for point in points}
+    count = sum(len(part) for part in found if sinks.isdisjoint(part.tolist()))
+    if not sinks or not count:
+        return ""
+    which = f"the sink, node {next(iter(sinks))}" if len(sinks) == 1 else "a sink, nodes " + ", ".join(map(str, sinks))
+    return f"; {count} of {len(positions)} nodes have no path to {which}"
 
 
 def nobody(positions: Floats, reach: float) -> str:

@@ -47,6 +47,7 @@ SECONDS: Final = {
 SKIPPED: Final = ("#", "$god_", "$ns_ at", "$topo", "set ")
 ALLOWED: Final = (
     "'$node_(I) set X_ V', '$ns_ at T \"$node_(I) setdest X Y SPEED\"' or 'now=T node=I pos=X:Y:Z vel=X:Y:Z' is allowed"
+    " (a table with the header `t id x y` is read by wsnsim import sumo)"
 )
 
 

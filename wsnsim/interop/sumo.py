@@ -1,7 +1,7 @@
 """Floating car data of SUMO (`--fcd-output`): XML, and CSV as SUMO or its tool xml2csv.py writes it.
 
     <timestep time="4.00"><vehicle id="bus.1" x="12.5" y="80.0" .../></timestep>       also person and container
-    timestep_time;vehicle_id;vehicle_x;vehicle_y                                       also time;id;x;y; commas, tabs
+    timestep_time;vehicle_id;vehicle_x;vehicle_y         also time;id;x;y or t id x y; commas, tabs, blanks
 
 Both are read in pieces. The first character tells them apart. Positions must be in metres: with `--fcd-output.geo`
 SUMO writes degrees, which are refused where a file says so.
@@ -27,7 +27,7 @@ SAMPLE: Final = "sample"
 MOVERS: Final = ("vehicle", "person", "container")
 PIECE: Final = 1 << 16
 """Characters that the XML parser is given at once."""
-TIMES: Final = ("timestep_time", "time")
+TIMES: Final = ("timestep_time", "time", "t")
 DEGREES: Final = 'fcd-output.geo value="true"'
 
 
@@ -134,7 +134,9 @@ def _of_csv(path: str, lines: Iterator[str]) -> Iterator[TraceEntry]:
     """Yield the samples of a CSV file; rows without a vehicle, as xml2csv writes for empty steps, are left out."""
     first = next(lines, "")
     sign = max((";", ",", "\t"), key=first.count)
-    header = [name.strip().strip('"') for name in first.rstrip("\r\n").split(sign)]
+    sign = sign if sign in first else " "
+    names = first.split() if sign == " " else first.rstrip("\r\n").split(sign)
+    header = [name.strip().strip('"') for name in names]
     time = next((header.index(name) for name in TIMES if name in header), None)
     columns = [found for prefix in (*(f"{tag}_" for tag in MOVERS), "") if (found := _columns(header, prefix))]
     if time is None or not columns:
@@ -142,7 +144,7 @@ def _of_csv(path: str, lines: Iterator[str]) -> Iterator[TraceEntry]:
             f"{path}:1: the header must name time, id, x and y, as timestep_time;vehicle_id;vehicle_x;vehicle_y, is "
             f"{first.strip()[:120]!r}"
         )
-    rows = csv.reader(lines, delimiter=sign)
+    rows = csv.reader(map(_single_blanks, lines) if sign == " " else lines, delimiter=sign)
     for row in rows:
         for name, x, y, z in columns:
             if name < len(row) and row[name].strip():
@@ -152,6 +154,11 @@ def _of_csv(path: str, lines: Iterator[str]) -> Iterator[TraceEntry]:
                     height = _cell(row, z, place, "z")
                 values = (_cell(row, x, place, "x"), _cell(row, y, place, "y"), height)
                 yield TraceEntry(rows.line_num + 1, row[name].strip(), _cell(row, time, place, "time"), SAMPLE, values)
+
+
+def _single_blanks(line: str) -> str:
+    """A line with one blank between its cells, and none around them."""
+    return " ".join(line.split())
 
 
 def _columns(header: list[str], prefix: str) -> tuple[int, int, int, int | None] | None:

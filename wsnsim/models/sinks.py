@@ -33,8 +33,8 @@ def sink_issues(setup: Setup, every: float | None, role: str = "sink") -> Iterat
 
 
 def _unreachable(setup: Setup, role: str) -> Iterator[Issue]:
-    """Yield an issue for each sink without another node in range, where places are fixed and distance alone decides."""
-    if not isinstance(setup, RadioSetup) or not setup.link.perfect or setup.link.captures:
+    """Yield an issue for each sink that no other node can reach over one link, where places are fixed."""
+    if not isinstance(setup, RadioSetup):
         return
     positions = _fixed_positions(setup)
     if positions is None or not 1 < len(positions) <= MOST_NODES:
@@ -42,12 +42,19 @@ def _unreachable(setup: Setup, role: str) -> Iterator[Issue]:
     for sink in dict.fromkeys(int(_distances(positions, point).argmin()) for point in setup.sink_points):
         x, y = positions[sink].tolist()
         nearest = float(np.partition(_distances(positions, (x, y)), 1)[1])
-        if nearest > setup.link.reach:
+        if nearest > setup.link.audible:
             yield Issue(
                 (role,),
                 f"no route reaches the sink, node {sink} at ({x:g}, {y:g}) m: the nearest other node is {nearest:.4g} m"
-                f" away, and the communication range is link.reach = {setup.link.reach:g} m",
+                f" away, and {_longest(setup)}",
             )
+
+
+def _longest(setup: RadioSetup) -> str:
+    """How long a link can be, in words."""
+    if setup.link.audible == setup.link.reach:
+        return f"the communication range is link.reach = {setup.link.reach:g} m"
+    return f"no frame is heard beyond {setup.link.audible:.4g} m, even over the strongest link"
 
 
 def _fixed_positions(setup: RadioSetup) -> Floats | None:
