@@ -115,7 +115,12 @@ def _common(data: Data, variant: str, table: str) -> Bools:
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
-    made = {"answers": _answers(found), "changed": _changed(found), "waiting": _waiting(found)}
+    made = {
+        "answers": _answers(found),
+        "changed": _changed(found),
+        "waiting": _waiting(found),
+        "shared_cells": _shared_cells(found),
+    }
     for name in EXPERIMENTS:
         rows = found[name]["rows"] if name in found else None
         if name != "li_again":  # 58 rows that are like those of the first study
@@ -191,6 +196,24 @@ def _paid(rows: Mapping[str, Mapping[str, Any]]) -> str:
         [name, *(_cell(words, row[words]) for words in PAID), *(f"{row['causes'][words]:.3g}" for words in CAUSES)]
         for name, row in rows.items()
     ])  # fmt: skip
+
+
+def _shared_cells(found: Mapping[str, Any]) -> str:
+    """What `ekf` gets and costs on TSCH, by slots and shared cells."""
+    rows = found.get("jiang_again", {}).get("rows", {})
+    names = [f"ekf, tsch {slots}{cells}" for slots in (31, 11) for cells in ("", ", shared 4")]
+    if not rows:
+        return NOT_YET
+    columns = ("in time", "error, m", "delivered", "energy, J", "radio on")
+    return _table(["slots, shared cells", *columns], [
+        [_slots_and_cells(name), *(_cell(words, rows[name][words]) for words in columns)] for name in names
+    ])  # fmt: skip
+
+
+def _slots_and_cells(variant: str) -> str:
+    """'ekf, tsch 31, shared 4' -> '31 slots, 4 cells'."""
+    _, mac, *more = variant.split(", ")
+    return f"{mac.removeprefix('tsch ')} slots, {more[0].removeprefix('shared ') + ' cells' if more else '1 cell'}"
 
 
 def _waiting(found: Mapping[str, Any]) -> str:

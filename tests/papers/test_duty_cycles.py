@@ -319,6 +319,16 @@ def test_a_figure_has_a_line_for_each_tracker(draw, data):
     assert {*points.trackers(data)} <= {text.get_text() for text in legend.get_texts()}
 
 
+def test_an_interval_with_lost_runs_does_not_set_the_axis_of_errors():
+    lost = np.where(np.arange(10) < 5, 1.0, 1e4)
+    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    figures.against_joules(figure, Runs(curve("gmtt", {125: 30.0, 250: 20.0}, at125={"median_error": lost})))
+    worst = points.value(
+        Runs(curve("gmtt", {125: 30.0}, at125={"median_error": lost})), "gmtt, xmac 125", "median:error"
+    )
+    assert figure.axes[0].get_ylim()[1] <= 3.0 * worst.value < 3.0 * worst.high
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("whole", [LI, JIANG], ids=["li", "jiang"])
 def test_a_few_short_runs_give_rows_answers_and_figures(whole, tmp_path, monkeypatch):

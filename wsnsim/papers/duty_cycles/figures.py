@@ -28,6 +28,8 @@ ROWS: Final = {
 }
 """The rows of the figure by interval, and their axes."""
 SHARES: Final = (IN_TIME, WITH_THREE)
+HEADROOM: Final = 3.0
+"""How far the axis of errors goes beyond the greatest; intervals with runs that lost the target can be far longer."""
 
 
 def against_joules(figure: Figure, data: Data) -> None:
@@ -47,6 +49,8 @@ def against_joules(figure: Figure, data: Data) -> None:
     panels[-1].set_xlim(min(low, 0.95 * high), max(high, low / 0.95))  # equal energies shall look equal
     panels[-1].xaxis.set_major_locator(MaxNLocator(2))
     panels[0].set_ylabel("position error, median of a run [m]")
+    worst = max(value(data, variant, ERROR).value for variant in run(data))
+    panels[0].set_ylim(top=min(panels[0].get_ylim()[1], HEADROOM * worst))
     legend_below(figure, panels, columns=len(trackers(data)))
 
 
