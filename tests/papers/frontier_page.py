@@ -18,6 +18,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from tests.bench.page import spliced
 from tests.papers.frontier_merge import merged, merged_strategies, number, of_row
 from tests.papers.frontier_runs import ADDED
@@ -65,16 +68,17 @@ def content(before: Mapping[str, Any]) -> dict[str, Any]:
         for data in campaigns_of(name):
             new, had = of(data), found.get(name, {})
             found[name] = _merged_frontier(had, new) if name == FRONTIER else merged(had, new)
-            if name == ASLEEP:
-                found[name] = merged(found[name], {"rows": {}, "answers": _answers_asleep(found[name]["rows"])})
+    if ASLEEP in found:
+        found[ASLEEP] = merged(found[ASLEEP], {"rows": {}, "answers": _answers_asleep(found[ASLEEP]["rows"])})
     return found
 
 
 def _answers_asleep(rows: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Hypothesis 8, of the rows that name the runs that lost the target."""
-    lost = {name: hypotheses.lost_runs(row["runs"], row["runs_lost"]) for name, row in rows.items()
-            if "runs_lost" in row}  # fmt: skip
+    """Hypothesis 8, of the rows that say which runs lost the target."""
+    lost = {name: pd.Series(row["lost_by_run"], dtype=np.float64) for name, row in rows.items() if "lost_by_run" in row}
     ours = next(name for name in rows if hypotheses.strategy_of(name) == hypotheses.OURS)
+    if ours not in lost:
+        return []
     least = paper(FRONTIER).published["registered"]["asleep_in_time"]
     return [each._asdict() for each in hypotheses.of_losses(lost, Interval(*rows[ours]["in_time"]), least)]
 
@@ -120,12 +124,12 @@ def _consistent(data: Data, variant: str) -> dict[str, Any]:
 
 def _asleep(data: Data, variant: str) -> dict[str, Any]:
     runs = data.of(variant, "runs")
-    lost = campaigns.ever_lost(runs)
+    lost = campaigns.ever_lost(runs).astype(int)
     return {
         "rmse": _median(data, variant, "rmse"), "bound": data.bound(variant, "per_trajectory").of_replicates.mean(),
         "energy": hypotheses.mean_of_runs(data, variant, "energy"),
         "in_time": hypotheses.mean_of_runs(data, variant, "tracked"),
-        "lost": int(lost.sum()), "runs_lost": sorted(map(int, runs["replicate"].to_numpy()[lost])),
+        "lost": int(lost.sum()), "lost_by_run": dict(zip(map(str, runs["replicate"]), lost.tolist(), strict=True)),
         "without": hypotheses.mean_of_runs(data, variant, "time_lost"),
     }  # fmt: skip
 

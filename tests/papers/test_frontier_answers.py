@@ -225,6 +225,11 @@ LEVELS = {
 }  # fmt: skip
 
 
+def test_a_campaign_without_two_strategies_has_no_answer_that_compares_them(monkeypatch):
+    data = frontier_data(monkeypatch, {"ideal: imm": 1.1, "ideal: gpf, appointed": 1.1, "ideal: ukf": 1.2})
+    assert hypotheses.of_pairs(data, hypotheses.strategies(data)) == []
+
+
 def test_the_answers_of_the_frontier_follow_from_its_strategies(monkeypatch):
     cheap = {"ideal: information_driven": 0.5}
     found = given(hypotheses.frontier(frontier_data(monkeypatch, LEVELS, cheap)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pandas as pd
+
 from tests.papers.frontier_merge import merged, merged_strategies, of_row
 from tests.papers.frontier_table import frontier_table
 from wsnsim.papers.answers import Interval
@@ -58,9 +60,16 @@ def test_the_table_is_sorted_by_error_and_names_the_setting():
 
 def test_hypothesis_8_is_answered_from_the_runs_that_were_lost():
     ours, rival = "2 % awake: information_driven", "2 % awake: gpf, fair"
-    lost = {ours: hypotheses.lost_runs(4, [1]), rival: hypotheses.lost_runs(4, [0, 1, 2, 3])}
+    lost = {ours: pd.Series([0.0, 1.0, 0.0, 0.0]), rival: pd.Series([1.0] * 4)}
     worse, timely = hypotheses.of_losses(lost, Interval(0.9, 0.85, 0.95), 0.8)
     assert worse.found[0].value == 0.75 and rival in worse.words
     assert timely.answer == "yes"
     equal, _ = hypotheses.of_losses({**lost, rival: lost[ours]}, Interval(0.9, 0.85, 0.95), 0.8)
     assert equal.answer == "undecided" and equal.found[0].value == 0.0
+
+
+def test_runs_that_only_one_of_the_two_has_are_not_compared():
+    ours, rival = "2 % awake: information_driven", "2 % awake: ekf, fair"
+    lost = {ours: pd.Series({"0": 0.0, "1": 1.0, "2": 0.0}), rival: pd.Series({"1": 1.0, "2": 1.0, "7": 1.0})}
+    worse, _ = hypotheses.of_losses(lost, Interval(0.9, 0.85, 0.95), 0.8)
+    assert worse.found[0].value == 0.5

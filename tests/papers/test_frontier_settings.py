@@ -60,7 +60,7 @@ def test_a_sweep_crosses_process_noise_with_every_other_factor_and_names_each_se
             assert list(names.values()).count(strategy) == per_strategy
 
 
-WAITING = {"ideal": {"imm"}, "slots": {"imm", "gpf, appointed"}}
+WAITING = {"slots": {"gpf, appointed"}}
 """Strategies whose sweep is registered and has not been run."""
 
 

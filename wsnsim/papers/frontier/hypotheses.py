@@ -131,11 +131,6 @@ def of_losses(lost: Mapping[str, pd.Series], timely: Interval, least: float) -> 
                            word(timely.above(least)))]  # fmt: skip
 
 
-def lost_runs(runs: int, lost: Sequence[int]) -> pd.Series:
-    """1 for each of these runs of 0, 1, ..., 0 for the others."""
-    return pd.Series(np.isin(np.arange(runs), lost).astype(np.float64))
-
-
 def robustness(data: Data) -> list[Answer]:
     """9 to 11: what wrong knowledge costs, paired by run with the same tracker that knows all."""
     wanted, ours = _registered(data)["robust"], next(name for name in data.variants if strategy_of(name) == OURS)
@@ -167,7 +162,7 @@ def of_strategies(given: Sequence[Strategy], bound: float, registered: Mapping[s
 
 
 def of_pairs(data: Data, given: Sequence[Strategy]) -> list[Answer]:
-    """15 and 16, which compare two strategies run by run."""
+    """15 and 16, which compare two strategies run by run; without those of which the campaign lacks one."""
     found = {one.variant: one for one in given}
     return [*_linearisation(data, found), *_membership(data, found)]
 
@@ -207,6 +202,8 @@ def _linearisation(data: Data, found: Mapping[str, Strategy]) -> list[Answer]:
     answers, far = [], _registered(data)["linearisation"]
     for kind in ("ukf", "ckf"):
         one, other = (_fair(f"ideal: {name}", found) for name in (kind, "ekf"))
+        if one not in found or other not in found:
+            continue
         ratio = _ratio(data, one, other)
         holds = both(ratio.above(1.0 - far), ratio.below(1.0 + far))
         answers.append(Answer(f"15: median RMSE of {one} within {far:.0%} of that of {other}", (ratio,), word(holds)))
@@ -219,7 +216,7 @@ def _membership(data: Data, found: Mapping[str, Strategy]) -> list[Answer]:
     answers = []
     for kind in ("ekf", "gpf"):
         one, other = f"ideal: {kind}, {APPOINTED}", f"ideal: {kind}"
-        if one in found:
+        if one in found and other in found:
             ratio = _ratio(data, one, other)
             words = f"16: appointed clusters lower the median RMSE of {kind} to less than {less:g} of what it was"
             answers.append(Answer(words, (ratio,), word(ratio.below(less))))
