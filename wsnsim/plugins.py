@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         FollowsRestarts,
         Fragmenter,
         HurriesNodes,
+        KeepsIdleSlots,
         Listening,
         MacMechanism,
         MacServices,
@@ -85,7 +86,7 @@ if TYPE_CHECKING:
         ModePower,
         StartsWithOffsets,
     )
-    from wsnsim.base.radio_duty import DutyCycledMac, KnowsLatency, Latency, RadioDuty, SwitchesRadio
+    from wsnsim.base.radio_duty import DutyCycledMac, GivesTurns, KnowsLatency, Latency, RadioDuty, SwitchesRadio
     from wsnsim.base.recorded_links import BurstyLosses, HeardLinks, RecordsLinks
     from wsnsim.base.recorders import Recorder, Words
     from wsnsim.base.requests import (
@@ -147,7 +148,7 @@ HOMES: Final = {
     "wsnsim.base.faults": "FaultEvent",
     "wsnsim.base.frames": "Burst MacFrame OfferedFrame",
     "wsnsim.base.gathered": "Gathered",
-    "wsnsim.base.mac_mechanisms": "ExpectsMembers FollowsRestarts Fragmenter HurriesNodes Listening "
+    "wsnsim.base.mac_mechanisms": "ExpectsMembers FollowsRestarts Fragmenter HurriesNodes KeepsIdleSlots Listening "
     "MacMechanism MacServices OnAir SharedChannel Signal StartsMac",
     "wsnsim.base.mechanisms": "FaultMechanism FaultServices SensorDefect StartsFault StartsWakeUp "
     "StartsWorkload WakeUpMechanism WakeUpServices WorkloadMechanism "
@@ -161,7 +162,7 @@ HOMES: Final = {
     "wsnsim.base.part": "OfRole Quantity part",
     "wsnsim.base.ports": "Acquire Detection KnownNodes MotionModel PriorModel Scene SensorModel Tracker",
     "wsnsim.base.radio": "Clock ContinuousPower Cpu EnergyModel LinkModel Mode ModePower StartsWithOffsets",
-    "wsnsim.base.radio_duty": "DutyCycledMac KnowsLatency Latency RadioDuty SwitchesRadio",
+    "wsnsim.base.radio_duty": "DutyCycledMac GivesTurns KnowsLatency Latency RadioDuty SwitchesRadio",
     "wsnsim.base.recorded_links": "BurstyLosses HeardLinks RecordsLinks",
     "wsnsim.base.recorders": "Recorder Words",
     "wsnsim.base.requests": "PACKET_BITS Broadcast Compute Delivery Flow Gather GatherReadings "
@@ -194,9 +195,9 @@ __all__ = [
     "Delivery", "Deployment", "Detection", "Detects", "Drifts", "DutyCycledMac", "EnergyModel", "Estimate",
     "Evidence", "ExpectsMembers", "FaultEvent", "FaultMechanism", "FaultServices", "Field", "Floats", "Flow",
     "FollowsRestarts", "ForecastsSuccession", "Foresees", "Fragmenter", "Framed", "FramedMac", "Gather",
-    "GatherReadings", "Gathered", "GatheredReadings", "GaussianBelief", "HasHeights", "HasSeveralSinks",
+    "GatherReadings", "Gathered", "GatheredReadings", "GaussianBelief", "GivesTurns", "HasHeights", "HasSeveralSinks",
     "HeadCloud", "HeadFilter", "HeardLinks", "HurriesNodes", "Informs", "Innovation", "Ints", "IsShadowed",
-    "Issue", "KalmanBelief", "Keys", "KnownNodes", "KnowsLatency", "Latency", "LimitsReadings",
+    "Issue", "KalmanBelief", "KeepsIdleSlots", "Keys", "KnownNodes", "KnowsLatency", "Latency", "LimitsReadings",
     "LinearGaussian", "LinkModel", "Listening", "Local", "Mac", "MacFrame", "MacMechanism", "MacServices",
     "MeasuresEnergy", "Member", "Mode", "ModePower", "MotionModel", "MovesInSpace", "MovingPolicy",
     "NamesNodes", "NearNodes", "NetworkSetup", "OfRole", "OfferedFrame", "OnAir", "Outlook", "Packing",
