@@ -42,7 +42,8 @@ CAMPAIGNS = (HOME / "results/reproduce/full", ADDED)
 """Folders of campaigns; those in later ones replace rows of earlier ones."""
 ASLEEP = "asleep"
 AT_THE_BOUND = ("at_the_bound", "at_the_bound_again")
-ON_A_RADIO = ("on_a_radio", "on_a_radio_again", "on_a_radio_contending")
+ON_A_RADIO = ("on_a_radio", "on_a_radio_again")
+WITHOUT_SLOTS = "on_a_radio_contending"
 LEAST = 5
 """Runs below which an experiment is not shown."""
 MANY_DIGITS = 1e4
@@ -149,6 +150,7 @@ def _median(data: Data, variant: str, column: str) -> Interval:
 CONTENT: Mapping[str, Callable[[Data], dict[str, Any]]] = {
     **dict.fromkeys(AT_THE_BOUND, lambda data: _with_answers(data, _consistent)),
     **dict.fromkeys(ON_A_RADIO, lambda data: _with_answers(data, _beside_bound)),
+    WITHOUT_SLOTS: lambda data: _rows(data, _beside_bound),
     ASLEEP: lambda data: _rows(data, _asleep),
     "robustness": lambda data: _with_answers(data, _consistent),
     "frontier": _frontier,
@@ -162,7 +164,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         "answers": _answers(found),
         "bound": _beside(bound),
         "consistency": _nees(bound),
-        "on_a_radio": _on_a_radio(_seeds(found, ON_A_RADIO)),
+        "on_a_radio": _on_a_radio(_seeds(found, (*ON_A_RADIO, WITHOUT_SLOTS))),
         **{name: _of(found, name.removesuffix("_table"), of) for name, of in TABLES.items()},
         "factors": _factors(),
         **{f"settings_{radio}": _settings(radio) for radio in SWEEPS},
