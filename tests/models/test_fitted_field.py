@@ -70,7 +70,7 @@ def test_coordinates_of_a_map_grid_give_the_estimates_of_small_ones(tracker: dic
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"fit": True, "width": 300.0}, "fit: true sets width, height and centre from the nodes: leave them out"),
+        ({"fit": True, "width": 300.0}, "width, height and centre come from the nodes then: leave them out"),
         ({"margin": 3.0}, "margin goes with fit: true"),
         ({"fit": True, "path": "missing.csv"}, "missing.csv: cannot be read"),
         ({"path": "far.csv"}, "far.csv:2: (512346, 4.18012e+06) m is outside the field"),

@@ -63,7 +63,7 @@ class FromFile:
     def __post_init__(self) -> None:
         """Raises ValueError if the field is both fitted and given."""
         if self.fit and (self.width, self.height, self.centre) != (400.0, 400.0, (0.0, 0.0)):
-            raise ValueError("fit: true sets width, height and centre from the nodes: leave them out")
+            raise ValueError("fit: width, height and centre come from the nodes then: leave them out")
         if self.margin and not self.fit:
             raise ValueError("margin goes with fit: true")
 
