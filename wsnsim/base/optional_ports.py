@@ -239,7 +239,7 @@ class RecordedFile(Protocol):
         """The digest of the file, which is filled in when the scenario is read; empty before."""
 
     def skipped_rows(self, setup: Any) -> Sequence[str]:
-        """The rows that are left out, as 'FILE:LINE: reason' each. `setup`: the scenario's setup."""
+        """The rows that are left out, a text each with file, line and reason. `setup`: the scenario's setup."""
 
 
 @runtime_checkable

@@ -166,7 +166,7 @@ def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int, remedy: str = "")
 
 
 def row_texts(path: str, bad: Sequence[BadRow]) -> list[str]:
-    """Bad rows as 'FILE:LINE: reason' each, without the file's folder."""
+    """Bad rows, a text each with file, line and reason, without the file's folder."""
     return [f"{Path(path).name}:{row.line}: {row.reason}" for row in bad]
 
 

@@ -144,7 +144,7 @@ class RecordedLinks:
         return np.isfinite(powers)
 
     def skipped_rows(self, setup: Setup) -> list[str]:
-        """The rows that are left out, as 'FILE:LINE: reason' each."""
+        """The rows that are left out, a text each with file, line and reason."""
         return row_texts(self.path, self.recording.bad)
 
     def check(self, setup: Setup) -> Iterator[Issue]:

@@ -148,7 +148,7 @@ class RecordedSensor:
         return float(self._table.times[0]) if self.time_origin is None else self.time_origin
 
     def skipped_rows(self, setup: TrackingSetup) -> list[str]:
-        """The rows that are left out, as 'FILE:LINE: reason' each; none unless `skip_bad_rows` allows it."""
+        """The rows that are left out, a text each with file, line and reason; none unless `skip_bad_rows` allows it."""
         if not self.skip_bad_rows:
             return []
         return row_texts(self.path, self._bad(node_names(setup), len(setup.motions)))

@@ -118,7 +118,7 @@ class RecordedTrack(Straight):
         return TrackRows(times - origin, points, origin)
 
     def skipped_rows(self, setup: Any) -> list[str]:
-        """The rows that are left out, as 'FILE:LINE: reason' each; none unless `skip_bad_rows` allows it."""
+        """The rows that are left out, a text each with file, line and reason; none unless `skip_bad_rows` allows it."""
         return row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
