@@ -31,13 +31,14 @@ INSTANT = 2e-6
 
 @dataclass
 class OnAir:
-    """A frame that was on the air: when, by its sender's neighbours' clocks too, and for whom."""
+    """A frame that was on the air: when, by its sender's neighbours' clocks too, for whom, and who senses it."""
 
     source: int
     to: int
     start: float
     end: float
     local: dict[int, float]
+    sensing: frozenset[int]
 
 
 class RadiosOn:
@@ -76,7 +77,8 @@ class RadiosOn:
         if self.mac is not None:
             ids = sent.neighbours.ids
             local = dict(zip(ids.tolist(), self._clocks.local(ids, sent.start).tolist(), strict=True))
-            self.frames[number] = OnAir(sent.source, sent.frame.to, sent.start, sent.end, local)
+            sensing = frozenset(ids[sent.neighbours.senses].tolist())
+            self.frames[number] = OnAir(sent.source, sent.frame.to, sent.start, sent.end, local, sensing)
             self._ends.setdefault(sent.source, []).append(sent.end)
             self._ended.append((sent.end, number))
             for shift in (-1e-6, 0.0, 1e-6):
@@ -133,18 +135,20 @@ class RadiosOn:
         holds = self._held.get(node, [])
         released = [-np.inf, *(end for _, end in holds)]
         held = [
-            (since if (since := self._since(node, begin)) >= before else begin, end)
+            (since if (since := self._since(node, begin, slack)) >= before else begin, end)
             for (begin, end), before in zip(holds, released, strict=False)
             if end >= frame.start
         ]
         spans = [*held, *self._charged.get(node, ())]
         return any(begin <= frame.start + slack and end >= frame.end - slack for begin, end in spans)
 
-    def _since(self, node: int, begin: float) -> float:
+    def _since(self, node: int, begin: float, slack: float) -> float:
         """When a radio that was held on from a time was turned on: ContikiMAC's, at a channel check that heard a frame.
 
         It is held on when that frame ends, or from when its node begins to send meanwhile, and has been on since the
-        check began. A time before it was released last is none of these: it was off in between.
+        check began. A time before it was released last is none of these: it was off in between. A check that ends
+        within `slack` of the frame's start has heard it if `slack` is positive. If it is negative, that check has not,
+        nor has a node that does not sense the frame.
         """
         mac, earliest = self.mac, begin
         if not hasattr(mac, "cca_gap"):
@@ -153,11 +157,11 @@ class RadiosOn:
         under_way = [number for _, number in self._ended[later : later + 50]]
         for number in {*self._ending.get(round(begin, 6), ()), *under_way}:
             frame = self.frames[number]
-            if node in frame.local and frame.start <= begin <= frame.end + INSTANT:
+            if node in (frame.local if slack > 0.0 else frame.sensing) and frame.start <= begin <= frame.end + INSTANT:
                 offset = frame.local[node] - self.phases[node]
                 checks = (mac.cca, 2.0 * mac.cca + mac.cca_gap)
                 interval = mac.near if self._was_near(node, frame.start) else mac.interval
-                waits = [(check - offset + INSTANT) % interval - INSTANT for check in checks]
+                waits = [(check - offset + slack) % interval - slack for check in checks]
                 if frame.start + min(waits) <= begin + INSTANT:
                     earliest = min(earliest, frame.start + min(waits) - mac.cca)
         return earliest
