@@ -50,8 +50,7 @@ def simulate(
         overrides: values to change, {'link.reach': '60 m'} or ['link.reach=60 m']. Numbers are in SI units.
         keep: tables to record beside those that the scenario records, such as 'events'.
         replicate: number of the run, from 0.
-        progress: True for a progress bar, False for none, or a function that is called with the simulated time (s).
-            By default there is a bar in notebooks.
+        progress: whether to show a progress bar (by default in notebooks), or a function of the simulated time (s).
         plugins: whether a result file may name any plug-in, as in `load`.
         changes: roles and other keys of the scenario: `tracker=Ekf()`, `link={"reach": "60 m"}`, `mac="csma"`,
             `duration="10 s"`.

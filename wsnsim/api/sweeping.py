@@ -137,8 +137,7 @@ def compare(  # noqa: PLR0913
         metric: a column of the table `runs`, such as 'rmse' (m) or 'energy' (J).
         by: the keys whose values are compared, within each combination of the other keys.
         baseline: what differences are from, by its name; by default the first one.
-        trackers: names, components and mappings in a list, such a mapping by the names that tables show, or
-            "pf:particles=1000,ekf".
+        trackers: a list of names and components, a mapping from names in tables to these, or "pf:particles=1000,ekf".
         replicates: Monte Carlo runs of each, if not those of the scenario.
         out: folder of the campaign; None: the runs are not kept.
         seed: the seed, if not that of the scenario.
@@ -153,8 +152,7 @@ def compare(  # noqa: PLR0913
     Raises:
         ScenarioError: the scenario is invalid, or a tracker is none.
         UsageError: there is no such metric, key, baseline or argument, or fewer than two trackers.
-        ResultError: there are no results, or they cannot be read.
-        RunError: runs of the comparison failed.
+        ResultError, RunError: there are no results, or they cannot be read; runs of the comparison failed.
     """
     if trackers is None:
         if changes or replicates is not None or overrides or seed is not None or out is not None:

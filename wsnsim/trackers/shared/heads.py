@@ -94,7 +94,7 @@ class HeadFilter:
     """The base of a filter whose whole state is in the head: members only send readings.
 
     It gives a tracker `start`, `hand_over`, `estimate` and `forecast` for a `GaussianBelief`; a subclass gives `step`.
-    Unless it says otherwise, the Gaussian is all that there is between steps, and all that is handed over.
+    Unless it says otherwise, between steps a head keeps only the Gaussian, and hands over only that.
     """
 
     angles: ClassVar[bool] = True
