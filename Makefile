@@ -45,10 +45,10 @@ help:  ## list the targets
 run: $(READY)  ## run a scenario: summary, result file and HTML page; SCENARIO=..., ARGS='--replicates 30'
 	@$(PY) -m wsnsim run "$(SCENARIO)" --report $(ARGS)
 
-test: $(READY)  ## run the test suite; ARGS='-k handover'
+test: $(READY)  ## run the fast tests; ARGS='-k handover'
 	@$(PY) -m pytest $(SUITE) $(ARGS)
 
-thorough: $(READY)  ## test the same with more seeds, examples and combinations
+thorough: $(READY)  ## run dear tests, more seeds and combinations, and random examples
 	@WSNSIM_THOROUGH=1 $(PY) -m pytest -n 2 --dist worksteal -m "thorough or hypothesis" $(APART:%=--ignore=tests/%) $(ARGS)
 
 verify: $(READY)  ## run every shipped scenario and compare it with tests/golden; ARGS=--record

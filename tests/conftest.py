@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import gc
 import os
+import secrets
 import shutil
 import signal
 import sys
+import tempfile
+from collections import Counter
 from collections.abc import Callable, Generator
 from pathlib import Path
 
@@ -14,28 +17,28 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from tests.helpers.costs import count_examples, excess, spent, start_counting
 from tests.helpers.kernel_cache import kernel_cache
-from tests.helpers.thorough import THOROUGH
+from tests.helpers.recordings import FOLDER as RECORDINGS
+from tests.helpers.thorough import THOROUGH, keep_fast_cases
 from wsnsim.base.tables import columns_of
 
 _NAME = os.environ.get("PYTEST_XDIST_WORKER", "")
 _WORKER = bool(_NAME)
-if not _WORKER:  # the workers of one session share its cache
+if not _WORKER:  # the workers of one session share its cache and its recordings
     os.environ["NUMBA_CACHE_DIR"] = str(kernel_cache(Path(__file__).parents[1], Path(sys.prefix)))
+    os.environ[RECORDINGS] = tempfile.mkdtemp(prefix="wsnsim-recordings-")
 for _library in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_library, "1")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # started in the background of a shell; processes inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-settings.register_profile(
-    "wsnsim",
-    deadline=None,
-    database=None,
-    derandomize=bool(os.environ.get("CI")),
-    max_examples=100 if THOROUGH else 40,
-)
-settings.load_profile("wsnsim")
+settings.register_profile("wsnsim", deadline=None, database=None, derandomize=True, max_examples=20)
+settings.register_profile("thorough", deadline=None, database=None, max_examples=100, print_blob=True)
+settings.load_profile("thorough" if THOROUGH else "wsnsim")
+
+_before: pytest.StashKey[Counter[str]] = pytest.StashKey()
 
 STATES = (("px", "m"), ("vx", "m/s"), ("py", "m"), ("vy", "m/s"))
 Rows = dict[str, np.ndarray]
@@ -52,23 +55,60 @@ def pytest_make_collect_report(
     return report
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """All workers have the same order, that of the paths."""
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Choose the seed of random examples: one for all workers. Hypothesis reads the option afterwards."""
+    if THOROUGH and config.getoption("--hypothesis-seed") is None:
+        config.option.hypothesis_seed = str(secrets.randbelow(10**9))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say how to repeat the random examples."""
+    if THOROUGH:
+        seed = config.getoption("--hypothesis-seed")
+        terminalreporter.write_line(f"random examples: make thorough ARGS=--hypothesis-seed={seed} repeats them")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """All workers have the same order, that of the paths; some cases of a thorough test may be fast."""
     items.sort(key=lambda item: item.path.parts)
+    unknown = keep_fast_cases(items)
+    if unknown and not any("::" in argument for argument in config.args):
+        raise pytest.UsageError(f"the mark thorough names cases that do not exist: {', '.join(sorted(unknown))}")
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Remember what has been spent before the test."""
+    item.stash[_before] = spent()
+    if isinstance(item, pytest.Function):
+        count_examples(item.obj)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
+    """A test of the fast tier that costs more than it may fails."""
+    yield
+    if item.get_closest_marker("thorough") is None and (above := excess(item.stash[_before])):
+        pytest.fail(f"is no test of the fast tier: {', '.join(above)}; mark it with thorough", pytrace=False)
 
 
 def pytest_collection_finish() -> None:
     """What was imported lives as long as the session, and figures have a quarter of their pixels."""
     gc.freeze()
+    start_counting()
     if (style := sys.modules.get("wsnsim.analysis.figure_style")) is not None:
         style.STYLE["savefig.dpi"] = 75
 
 
 def pytest_unconfigure() -> None:
-    """Remove a temporary cache of compiled kernels."""
+    """Remove the recordings, and a temporary cache of compiled kernels."""
+    if _WORKER:
+        return
     folder = Path(os.environ["NUMBA_CACHE_DIR"])
-    if not _WORKER and not folder.is_relative_to(sys.prefix):
+    if not folder.is_relative_to(sys.prefix):
         shutil.rmtree(folder, ignore_errors=True)
+    shutil.rmtree(os.environ[RECORDINGS], ignore_errors=True)
 
 
 @pytest.fixture

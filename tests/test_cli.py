@@ -129,6 +129,7 @@ def test_list_scenarios_says_what_each_is_and_leaves_out_bases(capsys: pytest.Ca
     assert "jiang2013" not in found
 
 
+@pytest.mark.thorough
 def test_schema_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema"]) == 0
     assert "tracker" in json.loads(capsys.readouterr().out)["properties"]
@@ -186,6 +187,7 @@ def test_an_impossible_value_is_one_fault_and_exit_code_2(
 # runs
 
 
+@pytest.mark.thorough
 def test_a_run_writes_its_result_and_prints_its_summary(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "pso_mhpf", *QUICK]) == 0
     said = capsys.readouterr()
@@ -194,6 +196,7 @@ def test_a_run_writes_its_result_and_prints_its_summary(result: Path, capsys: py
     assert "100 %" in said.err
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scenario", ["pso_mhpf", *thorough(["beacons"])])
 def test_a_run_writes_its_page_too_where_it_is_asked_for(scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
     short = QUICK if scenario == "pso_mhpf" else ("--set", "duration=2 s")
@@ -223,6 +226,7 @@ def test_a_run_as_json_is_one_object_without_nan(result: Path, capsys: pytest.Ca
     assert said.err == ""
 
 
+@pytest.mark.thorough
 def test_a_result_can_be_run_again_checked_described_and_verified(
     result: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -271,6 +275,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_runs(
 # pictures
 
 
+@pytest.mark.thorough
 def test_plot_draws_all_that_a_result_shows_beside_it_and_says_what_it_lacks(
     result: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -377,6 +382,7 @@ def test_nobody_reading_is_no_error() -> None:
     assert (done.returncode, done.stderr) == (141, "")
 
 
+@pytest.mark.thorough
 def test_a_terminal_without_the_letters_still_gets_its_answer() -> None:
     Path("α.yaml").write_text("extends: pso_mhpf")
     done = wsnsim("check", "α.yaml", env={**os.environ, "PYTHONIOENCODING": "latin-1"})

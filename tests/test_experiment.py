@@ -14,6 +14,8 @@ import pytest
 from scipy.spatial import KDTree
 
 import wsnsim
+from tests.helpers.recordings import recording as recording_of
+from tests.helpers.recordings import short
 from wsnsim import experiment, recording, scenario, verification
 from wsnsim.analysis import summary_text
 from wsnsim.base.errors import ScenarioError
@@ -21,20 +23,12 @@ from wsnsim.base.tables import CAUSES, EVENT_CAUSE, KIND, Memory
 from wsnsim.stored_scenario import rerun_source
 
 TRACKERS = ("pso_mhpf", "ipf", "ppf", "central_pf")
-SHORT = ("duration=4 s",)
-
-
-def short(name: str, *overrides: str):
-    return scenario.load(name, (*SHORT, *overrides))
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory):
-    """Two replicates of a short run of every tracker."""
-    folder = tmp_path_factory.mktemp("results")
-    for name in TRACKERS:
-        experiment.run(short(name), replicates=2, out=folder / f"{name}.h5")
-    return folder
+def files():
+    """The folder with two short runs of every tracker."""
+    return {recording_of(name).parent for name in TRACKERS}.pop()
 
 
 @pytest.mark.parametrize("name", TRACKERS[1:])
@@ -61,10 +55,11 @@ def test_replicates_differ_and_each_is_the_same_whatever_ran_before_it(files):
     assert alone.run["fingerprint"] == prints[1]
 
 
+@pytest.mark.thorough
 def test_the_fingerprint_is_the_same_in_another_process_and_without_a_log(files):
     code = (
         "from wsnsim import experiment, scenario\n"
-        "s = scenario.load('pso_mhpf', ['duration=4 s', 'record.events=false'])\n"
+        "s = scenario.load('pso_mhpf', ['duration=4 s', 'tracker.particles=40', 'record.events=false'])\n"
         "print(experiment.simulate_run(s).run['fingerprint'])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -113,12 +108,14 @@ def test_every_receive_names_a_frame_that_was_sent(files):
         assert set(events["frame"][mine & (events["kind"] == KIND["receive"])]) <= sent
 
 
+@pytest.mark.thorough
 def test_a_result_repeats(files):
     answer = verification.verify(files / "ipf.h5")
     assert answer.ok, answer.text
     assert "repeats" in answer.text and len(answer.rows) == 2
 
 
+@pytest.mark.thorough
 def test_a_result_that_was_tampered_with_does_not_repeat(files, tmp_path):
     copy = tmp_path / "copy.h5"
     copy.write_bytes((files / "ppf.h5").read_bytes())
@@ -129,6 +126,7 @@ def test_a_result_that_was_tampered_with_does_not_repeat(files, tmp_path):
     assert [row["equal"] for row in answer.rows] == [False, True]
 
 
+@pytest.mark.thorough
 def test_made_on_another_kind_of_processor_values_are_compared_to_a_tolerance_and_it_says_so(files, tmp_path):
     copy = tmp_path / "copy.h5"
     copy.write_bytes((files / "ipf.h5").read_bytes())
@@ -143,6 +141,7 @@ def test_made_on_another_kind_of_processor_values_are_compared_to_a_tolerance_an
     assert "made by commit 0123456789ab, run again by " in answer.text
 
 
+@pytest.mark.thorough
 def test_a_plain_dict_is_a_scenario(files):
     plain = rerun_source(files / "pso_mhpf.h5")
     again = wsnsim.experiment.simulate_run(plain)
@@ -182,11 +181,12 @@ def test_accepting_by_the_likelihood_alone_loses_the_target():
     assert sum(lost.run["lost"] for lost in losing) >= 2
 
 
+@pytest.mark.thorough
 def test_on_small_batteries_nodes_die_the_ledger_still_closes_and_the_summary_says_when(tmp_path):
-    small = scenario.load("lifetime", ["duration=20 s", "energy.battery=30 mJ"])
+    small = scenario.load("lifetime", ["duration=8 s", "tracker.particles=40", "energy.battery=2 mJ"])
     report = experiment.run(small, out=tmp_path / "x.h5")
     run = report.summaries[0].run
-    assert 0 <= run["first_death"] < 20 and run["alive"] < 256
+    assert 0 <= run["first_death"] < 8 and run["alive"] < 256
     nodes = recording.read_table(tmp_path / "x.h5", "nodes")
     energy = recording.read_table(tmp_path / "x.h5", "energy")
     spent = np.bincount(energy["node"], weights=energy["joules"], minlength=256)
@@ -224,15 +224,16 @@ def test_several_targets_each_have_their_track():
 
 def test_particles_are_recorded_where_they_are_wanted():
     memory = Memory({"particles": True})
-    experiment.simulate_run(short("pso_mhpf", "duration=0.4 s"), recorder=memory)
+    experiment.simulate_run(scenario.load(short("pso_mhpf"), ["duration=0.4 s"]), recorder=memory)
     table = memory.table("particles")
     for step in range(1, 11):
         weights = table["weight"][table["step"] == step]
-        assert len(weights) == 400
+        assert len(weights) == 40
         assert weights.sum() == pytest.approx(1.0)
     assert np.isfinite(table["px"]).all()
 
 
+@pytest.mark.thorough
 def test_a_killed_run_leaves_no_file_under_the_final_name(tmp_path):
     out = tmp_path / "x.h5"
     command = [sys.executable, "-m", "wsnsim", "run", "pso_mhpf", "--replicates", "500", "--quiet", "--out", str(out)]
@@ -282,6 +283,7 @@ def sleeping():
     return made
 
 
+@pytest.mark.thorough(fast=["ris"])
 @pytest.mark.parametrize("name", ["gmtt", "ris"])
 def test_the_figures_of_a_track_are_those_that_a_hand_counts_in_its_estimates(sleeping, name):
     """Steps of 2 s, reports every 10 s: of 30 steps, 6 are due to the sink."""

@@ -26,6 +26,7 @@ def path(request, tmp_path: Path) -> Path:
     return found
 
 
+@pytest.mark.thorough
 def test_its_tables_are_read(path):
     runs, estimates = wsnsim.read(path, "runs"), wsnsim.read(path, "estimates")
     assert "event_fingerprint" not in runs
@@ -54,6 +55,7 @@ def name_former_rules(path: Path) -> None:
         file["scenario/resolved_json"] = json.dumps(scenario)
 
 
+@pytest.mark.thorough
 def test_it_is_verified_and_a_changed_fingerprint_is_noticed(path):
     name_former_rules(path)
     answer = verify(path)

@@ -9,6 +9,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 
 import networkx as nx
+import pytest
 
 PACKAGE = Path(__file__).resolve().parent.parent / "wsnsim"
 ROOT = "wsnsim"
@@ -48,6 +49,7 @@ def import_graph() -> nx.DiGraph:
     return graph
 
 
+@pytest.mark.thorough
 def test_no_modules_import_each_other_in_a_circle() -> None:
     graph = import_graph()
     circles = {frozenset(circle) for circle in nx.strongly_connected_components(graph) if len(circle) > 1}
@@ -55,6 +57,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
     assert not list(nx.selfloop_edges(graph))
 
 
+@pytest.mark.thorough
 def test_the_graph_sees_lazy_and_type_only_imports() -> None:
     graph = import_graph()
     assert graph.has_edge("wsnsim.scenario.load", "wsnsim.scenario.check"), "imported inside a function"
@@ -63,6 +66,7 @@ def test_the_graph_sees_lazy_and_type_only_imports() -> None:
     assert len(graph) > 150
 
 
+@pytest.mark.thorough
 def test_a_class_name_is_defined_once_in_the_package():
     names = [
         node.name.lstrip("_")

@@ -84,6 +84,7 @@ def ran(folder: Path, *arguments: str) -> dict:
     return answer
 
 
+@pytest.mark.thorough
 def test_it_runs_on_the_bench_beside_the_papers_filter(folder: Path) -> None:
     own = ran(folder, "ungm_pf", "--set", KIND, "--replicates", "3")
     paper = ran(folder, "ungm_pf", "--replicates", "3")
@@ -91,11 +92,13 @@ def test_it_runs_on_the_bench_beside_the_papers_filter(folder: Path) -> None:
     assert 0.5 * paper["rmse"] < own["rmse"] < 5.0 * paper["rmse"]
 
 
+@pytest.mark.thorough
 def test_it_runs_in_the_network_and_pays_for_it(folder: Path) -> None:
     answer = ran(folder, "jiang_field", "--set", KIND, "--set", "duration=2 s")
     assert answer["energy"] > 0 and answer["joules"]["cpu"] > 0 and answer["frames_sent"] > 0
 
 
+@pytest.mark.thorough
 def test_it_keeps_the_rules_of_the_seam(folder: Path) -> None:
     done = subprocess.run([sys.executable, "-c", CHECK], cwd=folder, capture_output=True, text=True, check=False)
     assert done.stdout == "kept\n", done.stderr

@@ -132,6 +132,7 @@ wsnsim.sweep("ungm_pf", out="c", vary=["tracker.particles=10,20"], replicates=2)
 """
 
 
+@pytest.mark.thorough
 def test_a_sweep_of_a_script_without_a_main_guard_is_one_error_at_once(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)

@@ -124,6 +124,7 @@ OF_OTHERS = {
 """Of each command: its words, its exit code (None: not looked at), and whether it says that it needs a plug-in."""
 
 
+@pytest.mark.thorough(fast=["compare", "report", "watch"])
 @pytest.mark.parametrize("command", sorted(group.commands))
 def test_no_command_imports_what_a_file_of_others_names(
     command: str, lab: Path, capfd: pytest.CaptureFixture[str]
@@ -149,6 +150,7 @@ def test_a_result_is_described_without_its_plugin(lab: Path, capfd: pytest.Captu
     assert NEEDS not in "".join(capfd.readouterr()) and not imported(lab)
 
 
+@pytest.mark.thorough(fast=["run lab.h5 --out again.h5"])
 @pytest.mark.parametrize(
     "words",
     [
@@ -168,6 +170,7 @@ def test_the_option_allows_it_and_the_import_is_announced(
     assert imported(lab)
 
 
+@pytest.mark.thorough
 def test_a_scenario_of_the_caller_imports_what_it_names_and_quiet_commands_do_not_say_so(
     lab: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -183,6 +186,7 @@ def test_an_override_of_a_result_is_the_callers(lab: Path) -> None:
     assert imported(lab)
 
 
+@pytest.mark.thorough
 def test_permission_reaches_the_workers_of_a_resumed_campaign(lab: Path, capfd: pytest.CaptureFixture[str]) -> None:
     words = ["sweep", "lab.yaml", "--vary", "seed=1,2", "--out", "resumed", "--shard", "1/2", "--quiet"]
     assert main(words) == 0
@@ -194,6 +198,7 @@ def test_permission_reaches_the_workers_of_a_resumed_campaign(lab: Path, capfd: 
     assert imported(lab)
 
 
+@pytest.mark.thorough
 def test_the_command_that_resumes_a_campaign_with_a_plugin_gives_the_permission(
     lab: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -213,6 +218,7 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.thorough(fast=["a list"])
 @pytest.mark.parametrize(
     "change",
     [
@@ -338,6 +344,7 @@ def test_a_name_that_no_plugin_has_is_a_finding(kind: str, lab: Path) -> None:
 # check
 
 
+@pytest.mark.thorough
 def test_check_survives_a_plugin_that_exits_or_hangs(lab: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (lab / "exits.py").write_text("import os\nos._exit(0)\n")
     (lab / "hangs.py").write_text("import time\ntime.sleep(3600)\n")

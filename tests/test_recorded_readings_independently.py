@@ -144,6 +144,7 @@ def test_the_extended_kalman_filter_is_that_of_the_raw_rows(track, gains):
     assert ours.shape == theirs.shape and np.abs(ours - theirs).max() < 1e-9
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("track", first(1, TRACKS))
 def test_the_particle_filter_is_as_good_as_one_of_the_raw_rows(track, tmp_path):
     truth, readings = WORLDS[track]
@@ -175,6 +176,7 @@ def stronger(number):
     return change
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tracker", [{"kind": "ekf"}, {"kind": "pf", "particles": 50}], ids=["ekf", "pf"])
 def test_after_one_changed_reading_results_part_first_at_its_step_and_node(tracker, tmp_path):
     track, number = "straight_04", 300
@@ -191,6 +193,7 @@ def test_after_one_changed_reading_results_part_first_at_its_step_and_node(track
     assert run.truth and run.estimate["step"] == step
 
 
+@pytest.mark.thorough
 def test_in_a_network_too_results_part_first_at_the_step_and_node_of_a_changed_reading(tmp_path):
     track, number = "rectangular_with_rotation", 100
     row = raw(BLE / f"{track}.csv.gz")[number]
@@ -204,6 +207,7 @@ def test_in_a_network_too_results_part_first_at_the_step_and_node_of_a_changed_r
     assert run.truth and (run.estimate is None or run.estimate["step"] >= step)
 
 
+@pytest.mark.thorough
 def test_in_the_network_readings_are_those_of_the_rows_and_no_more_reach_the_head(tmp_path):
     wsnsim.run(wsnsim.load("recorded_network", ["record.readings=true"]), out=tmp_path / "x.h5")
     taken, made = (wsnsim.read(tmp_path / "x.h5", table) for table in ("readings", "estimates"))
@@ -227,6 +231,7 @@ def swapped(pair, folder):
     return str(path)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tracks", first(1, [TRACKS[:1], TRACKS]), ids=len)
 def test_swapping_any_two_receivers_changes_every_result_and_nearly_always_for_the_worse(tracks, tmp_path):
     """With the gains of the receivers; each pair in a file of its own. The six tracks together are judged."""

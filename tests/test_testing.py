@@ -46,6 +46,7 @@ VARIANTS = [
 ]
 
 
+@pytest.mark.thorough(fast=["PsoMhpf2", "InformationPf0"])
 @pytest.mark.parametrize("tracker", [*SHIPPED, *thorough(VARIANTS)], ids=lambda tracker: type(tracker).__name__)
 def test_every_shipped_tracker_and_variant_keeps_the_rules(tracker: Any) -> None:
     check_tracker(tracker)
@@ -78,6 +79,7 @@ def _pairs_of_tracker_and_setting():
             yield pytest.param(row, name, id=f"{row.kind}-{name}", marks=marks)
 
 
+@pytest.mark.thorough(fast=["grid-a line and ranges"])
 @pytest.mark.parametrize(("row", "setting"), list(_pairs_of_tracker_and_setting()))
 def test_every_tracker_of_the_catalogue_keeps_the_rules_with_every_model_it_can_use(row: Kind, setting: str) -> None:
     part = load_class(row)

@@ -171,6 +171,7 @@ TURNS = r"demand 'angles': Bearing \(bearing\): one turn was added to .* may mov
 AXES = r"demand 'angles': Bearing \(bearing\): the axes of all nodes .* near ±π, not 0\. .* wsnsim.plugins.near"
 
 
+@pytest.mark.thorough(fast=["WrapsReadings-NoneType-str"])
 @pytest.mark.parametrize(
     ("tracker", "sensor", "message"),
     [
@@ -188,6 +189,7 @@ def test_a_filter_that_does_not_wrap_angles_is_found(tracker: Any, sensor: Any, 
         check_tracker(tracker, sensor=sensor)
 
 
+@pytest.mark.thorough(fast=["PluginTracker-NoneType"])
 @pytest.mark.parametrize(
     ("tracker", "sensor"),
     [
@@ -229,6 +231,7 @@ MISSED = (
 WITHOUT, WITH = "without a reading", "with the readings of all members"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("tracker", "message"),
     [

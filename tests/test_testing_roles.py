@@ -14,6 +14,7 @@ CHECKS = {"sync": check_sync, "wakeup": check_wakeup, "workload": check_workload
 CATALOGUE = [(role, kind) for role in CHECKS for kind in ROLES[role].kinds]
 
 
+@pytest.mark.thorough(fast=["sync-none", "wakeup-none", "wakeup-region", "workload-tracking"])
 @pytest.mark.parametrize(("role", "kind"), CATALOGUE, ids=[f"{role}-{kind.kind}" for role, kind in CATALOGUE])
 def test_each_kind_of_the_catalogue_passes_the_shipped_check(role, kind):
     CHECKS[role](load_class(kind)())

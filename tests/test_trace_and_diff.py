@@ -39,6 +39,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: folder / f"{name}.h5" for name in (*runs, "bench")}
 
 
+@pytest.mark.thorough
 def test_a_step_is_told_with_its_sensing_nodes_its_messages_and_its_cost(results, capsys) -> None:
     assert main(["trace", str(results["one"]), "--step", "3"]) == 0
     said = capsys.readouterr().out
@@ -85,11 +86,13 @@ def test_a_result_without_a_network_is_told_too(results, capsys) -> None:
     assert "no network" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_the_same_run_twice_is_the_same(results, capsys) -> None:
     assert main(["diff", str(results["one"]), str(results["again"])]) == 0
     assert "are equal bit for bit" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_runs_over_other_links_part_on_the_same_truth_and_network(results, capsys) -> None:
     assert main(["diff", str(results["one"]), str(results["lossy"]), "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
@@ -108,6 +111,7 @@ def test_a_result_that_cannot_be_read_is_no_difference(results, capsys, tmp_path
     assert "no such file" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_the_first_differing_reading_is_named_with_its_step_and_node(capsys, tmp_path) -> None:
     recorded = ["run", "pso_mhpf", *QUICK, "--set", "record.readings=true"]
     assert main([*recorded, "--out", str(tmp_path / "a.h5")]) == 0
@@ -125,6 +129,7 @@ def test_the_first_differing_reading_is_named_with_its_step_and_node(capsys, tmp
     assert (found["step"], found["node"], found["target"]) == (5, at["node"], 0)
 
 
+@pytest.mark.thorough
 def test_recorded_readings_are_those_that_estimates_count_in_the_network_and_without(tmp_path) -> None:
     for name, words in {"pso_mhpf": ("duration=0.4 s", "tracker.particles=40"), "indoor_pf": ()}.items():
         scenario = wsnsim.load(name, [*words, "record.readings=true"])

@@ -26,6 +26,7 @@ class Growing(ExtendedKalman):
         return {**values, "spread of x": belief.cov[0]} if belief.mean[1] > 0.0 else values
 
 
+@pytest.mark.thorough(fast=["extra0-rkf"])
 @pytest.mark.parametrize("tracker", ["rkf", "imsf"])
 @pytest.mark.parametrize("extra", [("network=none",), IN_A_NETWORK])
 def test_sensor_probabilities_are_recorded_with_a_network_and_without(tmp_path, tracker, extra):

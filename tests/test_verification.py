@@ -67,6 +67,7 @@ def add(column: str, amount: float = 1.0) -> Change:
     return change
 
 
+@pytest.mark.thorough
 def test_what_was_not_changed_repeats_and_it_says_what_was_compared(made: Path) -> None:
     answer = verify(made)
     assert answer.ok and not answer.faults, answer.text
@@ -76,6 +77,7 @@ def test_what_was_not_changed_repeats_and_it_says_what_was_compared(made: Path) 
     assert "runs.cpu_seconds" in answer.left and "not compared: runs.cpu_seconds; the provenance's" in answer.text
 
 
+@pytest.mark.thorough(fast=["runs/energy-the same versions"])
 @pytest.mark.parametrize("origin", first(1, [{}, ANOTHER_PYTHON]), ids=["the same versions", "another Python"])
 @pytest.mark.parametrize(
     "column",
@@ -88,12 +90,14 @@ def test_a_changed_value_does_not_repeat_whatever_the_version(copy: Path, column
     assert sum(not row["close"] for row in answer.rows) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("column", ["runs/fingerprint", "runs/event_fingerprint"])
 def test_another_version_does_not_excuse_a_false_fingerprint_of_equal_values(copy: Path, column: str) -> None:
     answer = verify(changed(copy, add(column), **ANOTHER_PYTHON))
     assert not answer.ok and "runs.fingerprint" in answer.text
 
 
+@pytest.mark.thorough
 def test_another_version_excuses_rounding_and_the_fingerprint_that_comes_with_it(copy: Path) -> None:
     def change(file: h5py.File) -> None:
         file["estimates/error"][3] *= 1 + 1e-12
@@ -107,6 +111,7 @@ def test_another_version_excuses_rounding_and_the_fingerprint_that_comes_with_it
     assert answer.ok and "values may differ by rounding" in answer.text and answer.rows[0]["close"], answer.text
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("table", ["runs", "truth", "clusters", "nodes"])
 def test_an_empty_or_missing_table_is_a_difference(copy: Path, table: str) -> None:
     def empty(file: h5py.File) -> None:
@@ -127,6 +132,7 @@ def test_an_empty_or_missing_table_is_a_difference(copy: Path, table: str) -> No
         assert not answer.ok and f"has no table {table}, which its scenario records" in answer.faults
 
 
+@pytest.mark.thorough
 def test_what_a_run_does_not_write_and_other_meanings_are_differences(copy: Path, tmp_path: Path) -> None:
     other = Path(shutil.copy(copy, tmp_path / "other.h5"))
 
@@ -143,6 +149,7 @@ def test_what_a_run_does_not_write_and_other_meanings_are_differences(copy: Path
     assert verify(changed(other, add_column)).faults == ("has a column tracks.better, which a run does not write",)
 
 
+@pytest.mark.thorough
 def test_rows_in_one_piece_that_differ_from_the_columns_are_a_difference(copy: Path) -> None:
     def change(file: h5py.File) -> None:
         rows = file["tracks"].attrs["rows"]
@@ -153,6 +160,7 @@ def test_rows_in_one_piece_that_differ_from_the_columns_are_a_difference(copy: P
     assert not answer.ok and "two different columns tracks.rmse" in answer.text
 
 
+@pytest.mark.thorough
 def test_rows_of_runs_that_are_not_listed_are_a_difference(copy: Path) -> None:
     def change(file: h5py.File) -> None:
         file["truth/replicate"][3] = 7
@@ -161,6 +169,7 @@ def test_rows_of_runs_that_are_not_listed_are_a_difference(copy: Path) -> None:
     assert not answer.ok and "table truth has 1 rows of runs that are not in the table runs" in answer.faults
 
 
+@pytest.mark.thorough
 def test_another_source_text_is_a_difference(copy: Path) -> None:
     def change(file: h5py.File) -> None:
         text = file["scenario/source_yaml"].asstr()[()]
@@ -219,6 +228,7 @@ def test_what_is_wrong_with_an_override_of_a_stored_scenario_is_said_with_the_ov
     assert capsys.readouterr().err.startswith("--set step: error: ")
 
 
+@pytest.mark.thorough
 def test_the_command_answers_in_json_and_with_the_exit_code(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["verify", str(copy), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)

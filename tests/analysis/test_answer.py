@@ -66,6 +66,7 @@ SHIPPED = [
 """(scenario, number of runs, changes, the answer with # for every number)."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "runs", "changes", "expected"), SHIPPED, ids=[case[0] for case in SHIPPED])
 def test_a_shipped_scenario_is_answered_alike_from_the_run_and_from_its_file(tmp_path, name, runs, changes, expected):
     report = experiment.run(load(name, changes), replicates=runs, out=tmp_path / "x.h5")
@@ -74,6 +75,7 @@ def test_a_shipped_scenario_is_answered_alike_from_the_run_and_from_its_file(tmp
     assert answer(report.out) == said == result_info.info(report.out)["answer"]
 
 
+@pytest.mark.thorough
 def test_the_numbers_of_the_answer_are_those_of_the_tables(tmp_path):
     report = experiment.run(
         load("pso_mhpf", ["duration=2 s", "tracker.particles=40"]), replicates=3, out=tmp_path / "x.h5"

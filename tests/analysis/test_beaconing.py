@@ -55,6 +55,7 @@ def test_the_chance_of_a_link_is_what_comes_over_it_where_nothing_disturbs(tmp_p
     assert (some.received / some.sent - some.chance).abs().mean() < 0.08
 
 
+@pytest.mark.thorough
 def test_the_words_add_up_and_a_perfect_air_has_no_links_to_tell_of(tmp_path):
     said = rows(played(tmp_path))
     assert int(said["beacons sent"]) in (119, 120) and "% of" in said["links with a reception"]
@@ -63,6 +64,7 @@ def test_the_words_add_up_and_a_perfect_air_has_no_links_to_tell_of(tmp_path):
     assert "-0" not in beaconing.text(played(tmp_path, 3)).replace(str(tmp_path), "")
 
 
+@pytest.mark.thorough
 def test_the_command_prints_it_and_gives_json_without_nan(tmp_path):
     command = ["run", "beacons", "--set", "duration=2 s", "--set", "deploy.nodes=30", "-q", "--out"]
     answer = CliRunner().invoke(group, [*command, str(tmp_path / "x.h5"), "--set", "record.links=false", "--json"])
@@ -71,6 +73,7 @@ def test_the_command_prints_it_and_gives_json_without_nan(tmp_path):
     assert "intended receptions" in CliRunner().invoke(group, [*command, str(tmp_path / "x.h5")]).stdout
 
 
+@pytest.mark.thorough
 def test_how_far_clocks_are_off_at_the_end_is_shown_where_it_was_recorded(tmp_path):
     changes = {"duration": "30 s", "clock": {"kind": "drift", "offset": "5 ms"}, "record": {"clocks": True}}
     report = played(tmp_path, **changes, sync={"kind": "ftsp", "period": "1 s"})

@@ -50,6 +50,7 @@ def test_bounds_that_depend_on_a_plug_in_are_not_kept(found, monkeypatch):
     assert [found(scenario, 1.0), found(scenario, 2.0)] == [1.0, 2.0]
 
 
+@pytest.mark.thorough
 def test_what_a_bound_takes_of_the_readings_is_kept_with_it_and_noted(tmp_path):
     scenario = {
         "name": "receivers", "seed": 3, "network": "none", "step": 1, "duration": 4,

@@ -88,6 +88,7 @@ def test_a_linear_gaussian_filter_is_in_the_one_step_interval_of_chi_squared_in_
     assert (tracked["nis_dof"] == SENSORS).all() and (tracked["gaussian"] == 1).all()
 
 
+@pytest.mark.thorough
 def test_doubling_r_q_and_p0_leaves_the_estimates_and_halves_nees_and_nis(tracked):
     seeds = 20
     doubled = estimates_of(linear_setup(2.0, 2.0, 2.0), seeds)
@@ -97,6 +98,7 @@ def test_doubling_r_q_and_p0_leaves_the_estimates_and_halves_nees_and_nis(tracke
         assert np.allclose(doubled[name], factor * tracked[name][:seeds], rtol=1e-9)
 
 
+@pytest.mark.thorough
 def test_with_a_wrong_r_alone_the_mean_nis_is_that_of_the_mismatched_lyapunov_recursion():
     seeds, factor = 300, 4.0
     found = estimates_of(linear_setup(r=factor), seeds)
@@ -230,6 +232,7 @@ def test_without_a_gaussian_posterior_the_interval_of_a_step_is_a_bootstrap_abou
     assert np.isfinite(few.values).all() and np.isnan(few.low).all() and np.isnan(few.average_low)
 
 
+@pytest.mark.thorough
 def test_a_bootstrap_over_runs_covers_the_time_average_of_correlated_values_and_a_naive_interval_does_not():
     """A scalar Kalman filter over 100 steps whose errors forget slowly: P is constant, e⁺ = (1 - K) (e + w) - K v."""
     groups, runs, steps, q = 100, 40, 100, 0.01
@@ -249,6 +252,7 @@ def test_a_bootstrap_over_runs_covers_the_time_average_of_correlated_values_and_
     assert covered.mean() > 0.87
 
 
+@pytest.mark.thorough
 def test_the_plot_the_summary_and_compare_show_the_same_average(recorded, tmp_path):
     drawn = figures.draw(recorded, tmp_path / "x.svg", "consistency")
     assert drawn.shown == ("consistency",)
@@ -266,6 +270,7 @@ def test_the_plot_the_summary_and_compare_show_the_same_average(recorded, tmp_pa
     assert "consistency" in [figure.name for figure in svg_figures(recorded, 0)[0]]
 
 
+@pytest.mark.thorough
 def test_a_file_of_an_older_version_says_why_it_has_no_consistency(tmp_path):
     old = tmp_path / "old.h5"
     old.write_bytes(gzip.decompress((Path(__file__).parents[1] / "data/version_0_1_offline.h5.gz").read_bytes()))

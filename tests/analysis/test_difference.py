@@ -59,6 +59,7 @@ def put(table, replicate, column, row, value):
     return change
 
 
+@pytest.mark.thorough
 def test_equal_results_are_the_same_and_nan_equals_nan(made):
     nan = put("estimates", 1, "error", 4, NAN)
     found = differ(made("a", nan), made("b", nan))
@@ -67,6 +68,7 @@ def test_equal_results_are_the_same_and_nan_equals_nan(made):
     assert "are equal bit for bit" in text(found)
 
 
+@pytest.mark.thorough
 def test_the_last_bit_counts(made):
     def nudge(tables):
         values = tables["truth", 0]["px"]
@@ -82,6 +84,7 @@ PAIRS = [(0, 1 << 22), (13, 1), (39, 260)]
 OTHERS = [pair for pair in itertools.product((0, 13, 39), (1, 260, 1 << 22)) if pair not in PAIRS]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("pair", [*PAIRS, *thorough(OTHERS)])
 def test_events_part_at_the_first_that_differs_whatever_the_blocks(made, monkeypatch, pair):
     row, block = pair
@@ -100,6 +103,7 @@ def test_events_part_at_the_first_that_differs_whatever_the_blocks(made, monkeyp
     assert one[:2] == other[:2] and text(found).count(f"first differing event: number {row + 1} of the run") == 1
 
 
+@pytest.mark.thorough
 def test_events_that_end_early_part_at_their_end(made):
     def cut(tables):
         tables["events", 0] = {name: values[:25] for name, values in tables["events", 0].items()}
@@ -108,10 +112,12 @@ def test_events_that_end_early_part_at_their_end(made):
     assert event is not None and event[0] == 25 and event[1] is not None and event[2] is None
 
 
+@pytest.mark.thorough
 def test_words_are_compared_and_not_their_codes(made):
     assert differ(made("a"), made("b", words=("", "join", "reading"))).same
 
 
+@pytest.mark.thorough
 def test_the_first_estimate_that_differs_is_that_of_the_earliest_step_and_says_how_far_apart(made):
     def change(tables):
         columns = tables["estimates", 0]
@@ -133,6 +139,7 @@ def test_an_estimate_that_one_did_not_issue_is_said_so(made):
     assert "first differing estimate: step 2 of target 2: B issued none" in text(differ(made("a"), made("b", skip)))
 
 
+@pytest.mark.thorough
 def test_truth_and_network_say_whether_the_comparison_is_fair(made):
     found = differ(made("a"), made("b", put("nodes", 0, "x", 2, 1.0)))
     assert [(one.truth, one.network) for one in found.replicates] == [(True, False), (True, True)]
@@ -141,6 +148,7 @@ def test_truth_and_network_say_whether_the_comparison_is_fair(made):
     assert "same ground truth, DIFFERENT network" in text(found)
 
 
+@pytest.mark.thorough
 def test_settings_that_differ_have_dotted_paths_and_both_values(made):
     one = {"name": "toy", "mac": {"kind": "ideal", "rate": None}, "faults": [{"at": 1.0}], "sd": [1, 2]}
     other = {"name": "toy", "mac": {"kind": "csma"}, "faults": [{"at": 2.0}], "sd": [1, 3]}
@@ -160,11 +168,13 @@ def test_what_only_one_holds_is_named_and_the_two_are_not_the_same(made):
     assert not found.same
 
 
+@pytest.mark.thorough
 def test_processor_time_is_shown_and_not_compared(made):
     found = differ(made("a"), made("b", put("runs", 0, "cpu_seconds", 0, 99.0)))
     assert found.same and found.replicates[0].figures["cpu_seconds"][1] == 99.0
 
 
+@pytest.mark.thorough
 def test_figures_stand_side_by_side_with_their_difference(made):
     change, before = put("runs", 0, "rmse", 0, 7.5), put("runs", 0, "rmse", 0, 2.25)
     lines = text(differ(made("a", before), made("b", change))).splitlines()

@@ -155,6 +155,7 @@ def test_info_says_what_a_file_is_about(write, rows_of):
     assert json.loads(json.dumps(about)) == about
 
 
+@pytest.mark.thorough
 def test_info_text_says_it_in_few_lines(write, rows_of):
     text = info_text(write("x.h5", runs=runs(rows_of), events=rows_of("events", 3_000)))
     assert "x.h5: complete, " in text

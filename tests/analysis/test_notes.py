@@ -71,6 +71,7 @@ def test_the_summary_of_a_run_without_an_estimate_says_why(tmp_path):
     assert figures["unknown"]["packet_delivery_ratio"] == "no frame was sent to a node in range"
 
 
+@pytest.mark.thorough
 def test_the_summary_says_at_how_many_steps_no_node_could_measure_the_target(tmp_path):
     """An extended Kalman filter goes on predicting: its steps have estimates that rest on no measurement."""
     figures = summary.as_json(run_of(tmp_path, LEAVES, replicates=2), {})
@@ -86,6 +87,7 @@ def test_the_summary_says_how_many_steps_have_no_estimate(tmp_path):
     ]
 
 
+@pytest.mark.thorough(fast=["ungm_pf-overrides2"])
 @pytest.mark.parametrize(
     ("name", "overrides"),
     [

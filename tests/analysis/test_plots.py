@@ -131,6 +131,7 @@ def equal(drawn, *columns):
 # the panels
 
 
+@pytest.mark.thorough(fast=["bare"])
 @LAYOUTS
 def test_each_state_is_drawn_as_the_tables_hold_it(write, layout):
     path = write(layout, targets=2)
@@ -311,6 +312,7 @@ def test_gaps_stay_gaps_and_an_estimate_between_two_of_them_is_a_dot(write, layo
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(line(shown, "median")[:, 1])), [0, 1, 3, 6])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("layout", "runs"), [(PLANE, 3), (LINE, 1), (BARE, 3)])
 def test_a_result_without_any_estimate_is_drawn_all_the_same(write, layout, runs):
     path = write(layout, runs=runs, gaps=range(1, 9), without=("particles",))
@@ -376,6 +378,7 @@ def unsaved(monkeypatch):
     return kept
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("layout", "shown"),
     [
@@ -393,6 +396,7 @@ def test_all_is_every_panel_that_exists(write, tmp_path, unsaved, layout, shown)
     assert figure.get_suptitle() == "invented, seed 11"
 
 
+@pytest.mark.thorough
 def test_all_leaves_out_what_is_not_there_and_says_why(write, tmp_path, unsaved):
     drawn = figures.draw(write(BARE, without=("particles",)), tmp_path / "x.svg")
     assert drawn.shown == ("track", "error", "consistency")
@@ -409,6 +413,7 @@ def test_the_particles_drawn_are_the_last_unless_a_step_is_named(write, tmp_path
     assert "step 2" in axes.get_title(loc="left") and axes.get_xlabel() == "vy [m/s]"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
 def test_the_same_result_gives_the_same_bytes_without_a_date(write, tmp_path, suffix):
     path = write()
@@ -425,6 +430,7 @@ def test_a_figure_names_its_scenario_where_the_file_does(write):
     assert plot_data.heading(write(scenario=False)) == ""
 
 
+@pytest.mark.thorough
 def test_no_display_and_no_pyplot_is_used(write, tmp_path, monkeypatch):
     import sys
 
@@ -433,6 +439,7 @@ def test_no_display_and_no_pyplot_is_used(write, tmp_path, monkeypatch):
     assert "matplotlib.pyplot" not in sys.modules
 
 
+@pytest.mark.thorough
 def test_legends_stand_above_the_data_and_titles_above_legends(write):
     panels = [panel for what in plot_data.NEEDS for panel in _drawn_panels(write(network=True), what)]
     figure = figure_style.figure_of(panels)

@@ -28,6 +28,7 @@ def within_three(estimated: float, counted: float) -> bool:
     return counted / 3.0 <= estimated <= counted * 3.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_rows_and_bytes_of_a_run_are_estimated_within_a_factor_of_three(name, tmp_path):
     scenario = load(name, SCENARIOS[name])

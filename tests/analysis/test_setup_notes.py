@@ -81,6 +81,7 @@ def test_what_still_makes_sense_is_not_noted(name, overrides):
     assert notes(name, *overrides) == []
 
 
+@pytest.mark.thorough
 def test_shipped_scenarios_are_meant_as_they_are():
     assert {name: found for name in shipped() if (found := notes(name))} == {}
 

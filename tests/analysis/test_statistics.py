@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -20,7 +20,6 @@ SMALL = st.lists(st.integers(-6, 6), min_size=1, max_size=12)
 FIGURES = st.lists(st.sampled_from([0.0, 1.0, 2.0, 3.0, NAN, math.inf]), max_size=9)
 
 
-@settings(max_examples=30)
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=20), st.integers(0, 3))
 def test_medians_and_means_are_of_the_values_that_are_known(values: list[float], unknown: int) -> None:
     given_ = np.array([*values, *[NAN] * unknown])
@@ -102,6 +101,7 @@ def test_the_means_interval_is_that_of_the_normal_law_for_many_values() -> None:
     assert (found.low, found.high) == pytest.approx((values.mean() - half, values.mean() + half), abs=0.15 * half)
 
 
+@pytest.mark.thorough(fast=["median-33"])
 @pytest.mark.parametrize("count", [5, 33, 1500])
 @pytest.mark.parametrize("statistic", [np.median, np.mean])
 def test_the_bootstrap_is_that_of_scipy(count: int, statistic: Callable[..., Any]) -> None:
@@ -162,7 +162,6 @@ def test_p_is_that_of_the_reference_where_no_two_differences_are_equal(count: in
     assert statistics.paired_difference(differences, np.zeros(count)).p == pytest.approx(expected)
 
 
-@settings(max_examples=30)
 @given(st.lists(st.tuples(st.integers(-5, 5), st.integers(-5, 5)), min_size=5, max_size=15))
 def test_the_other_way_round_a_difference_has_the_other_sign(pairs: list[tuple[int, int]]) -> None:
     one, other = np.array(pairs, dtype=float).T
@@ -217,7 +216,6 @@ def test_mcnemar_gives_the_textbook_numbers() -> None:
 
 
 @given(st.integers(0, 40), st.integers(0, 40))
-@settings(max_examples=40)
 def test_mcnemar_is_the_two_sided_binomial_test_of_the_discordant_pairs(one: int, other: int) -> None:
     expected = stats.binomtest(one, one + other, 0.5).pvalue if one + other else 1.0
     assert statistics.exact_mcnemar(one, other) == pytest.approx(expected, rel=1e-9)
@@ -246,7 +244,6 @@ def test_holm_gives_the_textbook_numbers() -> None:
 
 
 @given(st.lists(st.floats(0.0, 1.0), max_size=12))
-@settings(max_examples=60)
 def test_holm_is_never_below_the_raw_p_and_keeps_its_order(p: list[float]) -> None:
     found = statistics.holm(p)
     assert all(raw <= adjusted <= 1.0 for raw, adjusted in zip(p, found, strict=True))

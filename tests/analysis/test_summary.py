@@ -113,6 +113,7 @@ def test_the_median_over_replicates_is_not_moved_by_a_lost_track():
     assert after["rmse_median_low"] < 2.4 < after["rmse_median_high"] < 3.0
 
 
+@pytest.mark.thorough
 def test_the_interval_of_the_median_covers_the_true_median_as_often_as_it_says():
     """40 draws of 25 runs from an exponential: a 95 % interval misses ln 2 in 2 of them, in 7 at most (3.6 sigma)."""
     rng = np.random.default_rng(3)
@@ -229,6 +230,7 @@ def test_a_real_runs_figures_are_those_of_its_tables(ran):
     assert json.loads(json.dumps(figures))["column_rmse"] == figures["column_rmse"]
 
 
+@pytest.mark.thorough
 def test_info_of_a_bench_has_neither_energy_nor_handovers_and_its_errors_a_unit(ran):
     about, text = result_info.info(ran[1]), result_info.info_text(ran[1])
     assert not {"energy", "handovers", "frames_lost", "alive"} & set(about["figures"])
@@ -338,6 +340,7 @@ def test_a_target_that_was_never_seen_has_no_figures_and_no_word_for_them():
     assert said["estimates received at the sink"] == "0 of 3"
 
 
+@pytest.mark.thorough
 def test_bounds_stand_beside_the_error_of_all_readings_of_members_and_of_those_that_arrived(tmp_path):
     loaded = scenario.load("pso_mhpf", ["duration=2 s"])
     report = experiment.run(loaded, replicates=2, out=tmp_path / "x.h5")
@@ -351,6 +354,7 @@ def test_bounds_stand_beside_the_error_of_all_readings_of_members_and_of_those_t
     assert (figures["bound"], figures["bound_arrived"]) == (limit.rmse, limit.arrived)
 
 
+@pytest.mark.thorough
 def test_without_events_there_is_the_bound_of_all_readings_alone_and_without_any_a_reason(tmp_path, ran):
     quiet = experiment.run(
         scenario.load("pso_mhpf", ["duration=1 s", "record.events=false"]), replicates=1, out=tmp_path / "x.h5"
@@ -382,6 +386,7 @@ def test_a_run_astray_in_the_middle_is_said_although_it_came_back():
     assert "losses of a run, time lost" not in rows(report_of(ERRORS, COLUMNS))
 
 
+@pytest.mark.thorough
 def test_terminal_page_info_and_json_have_the_same_names_and_values(tmp_path):
     """Of every quantity that the page shows, in a network with collisions, for one result."""
     loaded = scenario.load("ekf_real", ["duration=2 s"])

@@ -86,6 +86,7 @@ def test_axes_name_key_and_metric_with_their_units_and_the_title_the_number_of_r
     assert axes.get_ylabel() == "energy spent [J]"
 
 
+@pytest.mark.thorough
 def test_several_scenarios_are_a_line_each_and_differences_are_from_the_first(made):
     lines = sweep_plots.lines_of(made(THREE))
     assert [line.label for line in lines.lines] == ["pso_mhpf", "ipf", "ppf"]
@@ -115,6 +116,7 @@ def test_the_baseline_of_a_comparison_is_kept(made):
     assert found["pso_mhpf"][1] == pytest.approx([-2.0, -2.0])
 
 
+@pytest.mark.thorough
 def test_keys_that_go_together_set_lines_apart_once_and_by_their_dashes(made):
     said = {
         "scenario": ["gmtt", "ris"],
@@ -151,6 +153,7 @@ def test_words_stand_side_by_side_in_their_order(made):
     assert [label.get_text() for label in axes.get_xticklabels()] == ["pso_mhpf", "ekf", "ipf"]
 
 
+@pytest.mark.thorough
 def test_another_key_can_be_chosen_and_one_that_is_not_there_is_refused(made):
     folder = made(THREE)
     lines = sweep_plots.lines_of(folder, key="scenario")
@@ -179,6 +182,7 @@ def test_points_without_results_are_left_out_and_few_runs_have_no_band(made):
     assert lines.found.table["median_low"].isna().all()
 
 
+@pytest.mark.thorough
 def test_a_campaign_becomes_a_picture_of_all_its_figures(made, tmp_path):
     drawn_one = figures.draw_campaign(made(THREE), tmp_path / "x.png")
     assert drawn_one.shown == ("median", "energy", "differences", "lost") and not drawn_one.left_out
@@ -186,12 +190,14 @@ def test_a_campaign_becomes_a_picture_of_all_its_figures(made, tmp_path):
     assert not list(tmp_path.glob("*.tmp"))
 
 
+@pytest.mark.thorough
 def test_the_same_campaign_gives_the_same_picture(made, tmp_path):
     folder = made(PARTICLES)
     first, again = (figures.draw_campaign(folder, tmp_path / f"{n}.svg").out.read_bytes() for n in "ab")
     assert first == again
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_drawn_is_left_out_with_its_reason(made, tmp_path):
     said = {"scenario": "pso_mhpf", "grid": {"deploy.nodes": [256, 300]}}
     found = figures.draw_campaign(made(said, energy=False), tmp_path / "x.png")
@@ -204,6 +210,7 @@ def test_a_campaign_without_results_is_refused(made, tmp_path):
         figures.draw_campaign(made(PARTICLES, without=(0, 1, 2)), tmp_path / "x.png")
 
 
+@pytest.mark.thorough
 def test_many_values_have_shades_and_a_legend_that_names_some(made):
     said = {"scenario": "pso_mhpf", "grid": {"tracker.particles": list(range(50, 63)), "link.reach": [60, 75]}}
     lines = sweep_plots.lines_of(made(said, runs=1), key="link.reach")
@@ -212,6 +219,7 @@ def test_many_values_have_shades_and_a_legend_that_names_some(made):
     assert len({line.get_color() for line in axes.get_lines()}) == 13
 
 
+@pytest.mark.thorough
 def test_wsnsim_plot_draws_a_folder_into_it(made, capsys):
     folder = made(PARTICLES)
     assert main(["plot", str(folder.path)]) == 0
@@ -233,6 +241,7 @@ def test_wsnsim_list_names_each_shipped_sweep_with_its_question(capsys):
     assert all(len(question) > 20 for question in listed.values())
 
 
+@pytest.mark.thorough(fast=["handover_fraction"])
 @pytest.mark.parametrize("name", sorted(shipped_sweeps()))
 def test_a_shipped_sweep_has_its_files_name_a_question_on_top_and_points_that_can_run(name):
     plan = load_sweep(name)

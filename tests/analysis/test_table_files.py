@@ -34,6 +34,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.thorough
 def test_matlab_reads_what_pandas_reads(result: Path, tmp_path: Path) -> None:
     file = tmp_path / "small.mat"
     written = dict(matlab.export(result, file))

@@ -86,6 +86,7 @@ def test_a_message_says_from_whom_to_whom_how_much_for_how_many_joules_and_how_i
     ]
 
 
+@pytest.mark.thorough
 def test_many_similar_messages_are_summed_with_how_many_fared_how_and_who_fared_badly(made):
     rows = [row for i in range(31) for row in hop(i + 1, 20 + i, HEAD, i, "collide" if i == 4 else "receive")]
     (said,) = sentences(made(rows))
@@ -229,6 +230,7 @@ def test_every_kind_of_event_has_its_sentence(made, row, said):
     assert sentences(made([row])) == [said]
 
 
+@pytest.mark.thorough
 def test_no_kind_of_event_is_passed_over(made):
     rows = [row for i, kind in enumerate(KIND) for row in of_step(i, [event(kind, 3, frame=i + 1, peer=4, what="fog")])]
     path = made(rows, steps=len(KIND))

@@ -23,6 +23,7 @@ def test_every_public_name_exists_and_is_listed(module):
         module.chek_tracker  # noqa: B018
 
 
+@pytest.mark.thorough
 def test_errors_checks_and_the_recorder_are_at_the_root():
     assert issubclass(wsnsim.ScenarioError, wsnsim.WsnsimError)
     memory = wsnsim.Memory()

@@ -29,6 +29,7 @@ def plain() -> wsnsim.Result:
     return wsnsim.simulate("rkf", duration=5)
 
 
+@pytest.mark.thorough
 def test_every_table_in_memory_equals_that_of_the_saved_file(result, tmp_path):
     path = result.save(tmp_path / "x.h5")
     assert set(result.tables) == set(TABLES)
@@ -37,6 +38,7 @@ def test_every_table_in_memory_equals_that_of_the_saved_file(result, tmp_path):
     assert result.energy.groupby("cause", observed=True).joules.sum().sum() == pytest.approx(result.runs.energy[0])
 
 
+@pytest.mark.thorough
 def test_a_saved_result_equals_that_of_the_command_line(result, tmp_path):
     tracker = "tracker={kind: pso_mhpf, particles: 60}"
     keep = [part for table in ALL for part in ("--set", f"record.{table}=true")]
@@ -49,6 +51,7 @@ def test_a_saved_result_equals_that_of_the_command_line(result, tmp_path):
     assert scenarios[0] == scenarios[1] == result.scenario
 
 
+@pytest.mark.thorough
 def test_many_runs_are_the_same_in_memory_and_in_a_file(tmp_path):
     kept, filed = (wsnsim.run("rkf", replicates=3, out=out, duration=4) for out in (None, tmp_path / "x.h5"))
     assert (kept.out, filed.out) == (None, tmp_path / "x.h5")
@@ -129,6 +132,7 @@ def test_plots_draw_on_given_axes_or_on_their_own(result, plain):
     pyplot.close("all")
 
 
+@pytest.mark.thorough
 def test_a_page_is_written(plain, tmp_path):
     page = plain.report(tmp_path / "page.html")
     assert page.read_text().count("rkf") > 0

@@ -107,6 +107,7 @@ def test_runs_that_fail_are_part_of_a_sweep():
         found.compare()
 
 
+@pytest.mark.thorough
 def test_a_script_without_a_main_guard_compares_in_its_own_process(tmp_path):
     script = tmp_path / "plain.py"
     script.write_text("import wsnsim\nprint(wsnsim.compare('rkf', trackers=['rkf', 'pf'], replicates=1, duration=2))\n")

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
@@ -24,7 +24,7 @@ def scattered(seed, count, width, height, lattice):
 FIELDS = (SEEDS, st.integers(1, 400), st.sampled_from([0.0, 1e-3, 1.0, 30.0]), st.sampled_from([0.0, 1.0, 25.0]))
 
 
-@settings(max_examples=150)
+@pytest.mark.thorough
 @given(*FIELDS, st.booleans(), st.sampled_from([0.0, 0.5, 1.0, 5.0, 30.0, 75.0, 1e6, math.inf]))
 def test_it_finds_what_a_k_d_tree_finds(seed, count, width, height, lattice, radius):
     positions = scattered(seed, count, width, height, lattice)
@@ -37,7 +37,7 @@ def test_it_finds_what_a_k_d_tree_finds(seed, count, width, height, lattice, rad
     assert ids.tolist() == [point for near in expected for point in near]
 
 
-@settings(max_examples=60)
+@pytest.mark.thorough
 @given(*FIELDS, st.booleans(), st.sampled_from([0.0, 1.0, 30.0, 75.0]))
 def test_links_are_the_pairs_of_a_k_d_tree_in_both_directions(seed, count, width, height, lattice, radius):
     positions = scattered(seed, count, width, height, lattice)
@@ -46,7 +46,6 @@ def test_links_are_the_pairs_of_a_k_d_tree_in_both_directions(seed, count, width
     assert list(zip(sources.tolist(), ends.tolist(), strict=True)) == sorted(pairs | {(b, a) for a, b in pairs})
 
 
-@settings(max_examples=60)
 @given(*FIELDS, st.booleans())
 def test_the_nearest_point_is_that_of_a_k_d_tree_also_among_equally_near_ones(seed, count, width, height, lattice):
     positions = scattered(seed, count, width, height, lattice)

@@ -36,6 +36,7 @@ def left() -> weakref.ref[Circle]:
     return weakref.ref(Circle())
 
 
+@pytest.mark.thorough
 def test_what_was_there_is_frozen_inside_and_what_is_left_freed_at_the_end() -> None:
     thresholds = gc.get_threshold()
     with only_own_garbage():
@@ -54,6 +55,7 @@ def test_an_error_inside_gives_back_what_was_frozen() -> None:
     assert gc.get_freeze_count() == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("everything_after", [1, 10**9])
 def test_older_garbage_is_looked_for_now_and_then(everything_after: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(garbage, "EVERYTHING_AFTER", everything_after)
@@ -74,6 +76,7 @@ def test_a_collector_that_is_off_stays_alone() -> None:
     gc.enable()
 
 
+@pytest.mark.thorough
 def test_what_the_caller_froze_stays_frozen() -> None:
     gc.freeze()
     count = gc.get_freeze_count()

@@ -41,6 +41,7 @@ def test_a_track_without_estimates_is_lost():
     assert not metrics.is_lost(half)
 
 
+@pytest.mark.thorough
 def test_the_bootstrap_interval_covers_the_mean_of_a_known_population():
     rng = np.random.default_rng(1)
     hits = 0

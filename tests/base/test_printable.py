@@ -28,6 +28,7 @@ def test_what_steers_a_terminal_is_an_escape_and_the_rest_as_it_was(text: str, s
     assert printable(text) == shown
 
 
+@pytest.mark.thorough
 @given(st.text())
 def test_nothing_but_visible_characters_spaces_tabs_and_ends_of_lines_is_left(text: str) -> None:
     shown = printable(text)

@@ -2,6 +2,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
@@ -22,6 +23,7 @@ def uniforms_in_a_kernel(keys, draw):
     return result
 
 
+@pytest.mark.thorough
 @given(KEYS, st.integers(0, 1000), st.integers(0, 20))
 def test_the_hash_in_kernels_equals_its_numpy_twin_bit_for_bit(key, tag, draw):
     offsets = np.array([0, 3, 5], dtype=np.int64)
@@ -64,6 +66,7 @@ def test_streams_depend_on_seed_replicate_and_purpose_and_on_nothing_else():
     assert all(other.random(4).tolist() != first.tolist() for other in others)
 
 
+@pytest.mark.thorough
 def test_streams_are_the_same_in_every_process():
     code = "from wsnsim.base.rng import Streams; print(Streams(5, 2)('truth').random(), Streams(5, 2).key('sense'))"
     lines = {

@@ -102,6 +102,7 @@ def residuals(made: dict[str, Any], tmp_path: Any, batch: bool = True) -> Any:
     return wsnsim.read(report.out, "readings").set_index(["replicate", "target", "step", "node"]).sort_index()
 
 
+@pytest.mark.thorough
 def test_it_is_added_to_the_same_readings_with_a_network_and_without_one(tmp_path: Any) -> None:
     alone = residuals(scenario(False), tmp_path)["reading"]
     assert np.array_equal(alone, residuals(scenario(True), tmp_path)["reading"])

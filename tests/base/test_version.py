@@ -1,6 +1,8 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 import wsnsim
 from wsnsim.base.version import __version__
 
@@ -16,6 +18,7 @@ STARTERS = ROOT / "wsnsim" / "cli" / "starters"
 """Plug-ins that `wsnsim new` copies for users, and that nothing of the package imports: they import as users do."""
 
 
+@pytest.mark.thorough
 def test_no_module_imports_the_packages_root():
     for path in sorted({*(ROOT / "wsnsim").rglob("*.py")} - {*STARTERS.glob("*.py")}):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 import wsnsim
 from tests.bench.results import RUNS, SIZE, campaign_of_copies
 
 
+@pytest.mark.thorough
 def test_a_campaign_of_copies_is_read_as_one_of_as_many_points(tmp_path) -> None:
     folder = campaign_of_copies(tmp_path / "x", 3)
     frame = wsnsim.read(folder.path, "runs")

@@ -62,6 +62,7 @@ def test_unknown_gains_never_lower_the_bound_and_matter_where_they_differ():
     assert np.array_equal(*loose), "the posterior bound is that for known gains"
 
 
+@pytest.mark.thorough
 def test_errors_of_node_positions_raise_the_bound_of_those_who_do_not_know_them():
     wrong = {**JIANG, "deploy": {"position_error": "2 m"}}
     known, unknown = (bound(wrong, range(3), "per_trajectory", places=places) for places in PLACES)
@@ -83,6 +84,7 @@ def test_the_process_noise_that_a_filter_assumes_changes_no_bound():
         assert np.array_equal(bound(assumes, range(2), kind).each, bound(JIANG, range(2), kind).each)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sensor", [{"kind": "bearing", "sd": 0.02}, {"kind": "range_bearing"}])
 def test_directions_have_both_bounds_and_a_filter_comes_near_them(sensor):
     scenario = {
@@ -119,6 +121,7 @@ def test_more_sensors_never_raise_the_bound_and_fewer_readings_never_lower_it():
         assert np.all(bound(missing, range(2), kind).rmse > bound(JIANG, range(2), kind).rmse)
 
 
+@pytest.mark.thorough
 def test_the_posterior_bound_is_below_the_mean_over_trajectories():
     for scenario in ({**JIANG, "duration": "12 s"}, "scenarios/ungm_grid.yaml", "scenarios/liu_network.yaml"):
         over, along = (bound(scenario, range(6), kind) for kind in KINDS)
@@ -183,6 +186,7 @@ def test_a_wrong_word_and_no_replicates_are_usage_errors():
 SMALL = {"duration": "2 s", "record": {"events": True}}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "scenario",
     [
@@ -203,6 +207,7 @@ def test_as_many_readings_of_a_recorded_run_count_as_the_tracker_used(tmp_path, 
     assert np.array_equal(every, bound(scenario, range(2), "per_trajectory").each)
 
 
+@pytest.mark.thorough
 def test_readings_that_were_lost_raise_the_bound_of_a_run(tmp_path):
     faulty = {"kind": "link_loss", "at": 0.5, "duration": 1.0, "loss": 0.7, "fraction": 1.0}
     scenario = {"extends": "scenarios/central_pf.yaml", **SMALL, "tracker": {"kind": "ekf"}, "faults": [faulty]}
@@ -211,6 +216,7 @@ def test_readings_that_were_lost_raise_the_bound_of_a_run(tmp_path):
     assert arrived[:12] == pytest.approx(active[:12], rel=1e-12) and arrived[35] > 1.2 * active[35]
 
 
+@pytest.mark.thorough
 def test_a_run_without_events_or_with_other_trajectories_is_refused(tmp_path, monkeypatch):
     result = run(
         {**JIANG, "record": {"events": False}, "tracker": {"kind": "ekf"}}, replicates=1, out=tmp_path / "x.h5"
@@ -248,6 +254,7 @@ def bound_inputs(name):
     return repr([said.get(role) for role in ("prior", "motion", "targets", "sensor", "step")])
 
 
+@pytest.mark.thorough
 def test_every_shipped_scenario_is_compared_with_its_bound_or_has_none():
     compared = {bound_inputs(name) for name in SHIPPED}
     for name in shipped():
@@ -263,6 +270,7 @@ def squares(scenario, count):
 LONGEST = ("central_pf", "pso_mhpf", "pso_mhpf_packed")
 
 
+@pytest.mark.thorough(fast=["rkf"])
 @pytest.mark.parametrize("name", [*thorough(LONGEST), *(name for name in SHIPPED if name not in LONGEST)])
 def test_no_tracker_is_significantly_better_than_the_unconditional_bound(name):
     duration, tracker = SHIPPED[name]

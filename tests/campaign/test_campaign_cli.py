@@ -57,6 +57,7 @@ def resume_of(said: str) -> list[str]:
 # what it answers
 
 
+@pytest.mark.thorough
 def test_a_sweep_fills_its_folder_and_prints_a_table_and_again_runs_nothing(
     sweep: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -72,6 +73,7 @@ def test_a_sweep_fills_its_folder_and_prints_a_table_and_again_runs_nothing(
         assert files_of(Path("results/moods")) == before
 
 
+@pytest.mark.thorough
 def test_more_replicates_leave_the_files_that_there_are_as_they_are(sweep: str) -> None:
     assert main(["sweep", sweep, "-q"]) == 0
     before, rows = files_of(Path("results/moods")), wsnsim.read("results/moods", "runs")
@@ -120,6 +122,7 @@ def test_a_dry_run_of_a_campaign_that_is_begun_counts_what_is_there(
     assert answer["source"] == "4 existing files"
 
 
+@pytest.mark.thorough
 def test_parts_collected_are_the_campaign(sweep: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sweep", sweep, "-q", "-o", "whole"]) == 0
     whole = capsys.readouterr().out
@@ -220,6 +223,7 @@ def test_a_damaged_manifest_or_result_and_another_version_are_named(
     assert main(["sweep", "c", "-q", "--plugins"]) == 0 and result.is_file()
 
 
+@pytest.mark.thorough
 def test_under_a_rule_a_damaged_result_is_run_again_and_counted_once(
     sweep: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -247,6 +251,7 @@ def no_nohup() -> Iterator[None]:
     signal.signal(signal.SIGHUP, before)
 
 
+@pytest.mark.thorough(fast=["numbers3-130-wsnsim: error: interrupted"])
 @pytest.mark.parametrize(
     ("numbers", "code", "words"),
     [
@@ -286,6 +291,7 @@ def test_a_signal_ends_what_runs_and_prints_the_command_that_goes_on(
     assert json.loads(capsys.readouterr().out)["metric"] == "median_error"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGHUP, 129)])
 def test_ctrl_c_and_a_closed_terminal_let_workers_end_their_tasks(lab: Path, number: signal.Signals, code: int) -> None:
     """The terminal sends the signal to the workers as well. No temporary file, semaphore or shared memory is left."""
@@ -372,6 +378,7 @@ def disk(lab: Path) -> Iterator[tuple[Path, Mount]]:
         subprocess.run(["umount", "-l", str(place)], check=True)
 
 
+@pytest.mark.thorough
 def test_a_full_disk_ends_the_campaign_which_goes_on_when_there_is_room(
     sweep: str, disk: tuple[Path, Mount], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -386,6 +393,7 @@ def test_a_full_disk_ends_the_campaign_which_goes_on_when_there_is_room(
     assert before.items() < files_of(place / "c").items()
 
 
+@pytest.mark.thorough
 def test_a_folder_that_takes_nothing_is_refused(
     sweep: str, disk: tuple[Path, Mount], capsys: pytest.CaptureFixture[str]
 ) -> None:

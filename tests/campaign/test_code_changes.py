@@ -160,6 +160,7 @@ def test_from_python_a_change_is_refused_and_accepted(begun: str) -> None:
     assert wsnsim.sweep(begun, out=RESULTS, accept_code_change=True).complete
 
 
+@pytest.mark.thorough
 def test_a_reproduction_is_refused_as_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     paper, experiment = reproduce.chosen(["wei2022"])[0]
     folder = reproduce.begin(paper, experiment, tmp_path)

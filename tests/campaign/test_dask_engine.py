@@ -66,6 +66,7 @@ def engine_of(address: str) -> Iterator[Callable[[Folder], DaskEngine]]:
         engine.close()
 
 
+@pytest.mark.thorough
 def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of: Any) -> None:
     written = {"set": {"duration": "20 s"}, "grid": {"tracker.particles": [20, 40]}, "replicates": 12, "block": 5}
     here, there = (begun(**written, name=name) for name in ("here", "there"))
@@ -79,6 +80,7 @@ def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of
     ]
 
 
+@pytest.mark.thorough
 def test_a_task_and_its_outcome_are_small_and_nothing_of_them_stays(begun: Begun, engine_of: Any) -> None:
     folder = begun(replicates=8)
     engine = engine_of(folder)
@@ -138,6 +140,7 @@ def test_a_file_that_names_no_scheduler_is_refused(tmp_path: Path, text: str) ->
         DaskEngine(tmp_path, scheduler_file=tmp_path / "t.json")
 
 
+@pytest.mark.thorough(fast=["127.0.0.1:x"])
 @pytest.mark.parametrize("address", ["nonsense", "tcp://no.such.host.invalid:1", "foo://127.0.0.1:1", "127.0.0.1:x"])
 def test_an_address_where_no_scheduler_is_is_refused(
     tmp_path: Path, address: str, monkeypatch: pytest.MonkeyPatch
@@ -171,6 +174,7 @@ def test_a_worker_that_does_not_see_the_folder_is_refused(begun: Begun, address:
     assert not marker.exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("refresh", [0.0, 1e9], ids=["found when it joins", "found when it refuses a task"])
 def test_a_worker_that_joins_and_cannot_run_the_campaign_is_left_out(
     begun: Begun, engine_of: Any, address: str, refresh: float, monkeypatch: pytest.MonkeyPatch

@@ -60,6 +60,7 @@ def assert_resumable(sweep: str, place: Path, truth: Any) -> None:
     assert_same(tables_of(place), truth)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(KILLS // 2))
 def test_a_campaign_whose_driver_is_killed_goes_on_and_its_workers_end(
     lab: Path, sweep: str, truth: Any, seed: int
@@ -80,6 +81,7 @@ def test_a_campaign_whose_driver_is_killed_goes_on_and_its_workers_end(
     assert_resumable(sweep, place, truth)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(KILLS - KILLS // 2))
 def test_a_campaign_whose_worker_is_killed_is_completed_all_the_same(
     lab: Path, sweep: str, truth: Any, seed: int, monkeypatch: pytest.MonkeyPatch
@@ -104,6 +106,7 @@ def test_a_campaign_whose_worker_is_killed_is_completed_all_the_same(
     assert_resumable(sweep, folder.path, truth)
 
 
+@pytest.mark.thorough
 def test_a_file_that_was_not_finished_is_not_taken_for_one(lab: Path, sweep: str, truth: Any) -> None:
     """Partial files of a dead writer are written by hand."""
     folder = prepare(load_sweep(sweep), lab / "killed")

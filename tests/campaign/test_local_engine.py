@@ -52,6 +52,7 @@ def all_ended(pool: LocalEngine, count: int) -> list[FinishedTask]:
     return endings
 
 
+@pytest.mark.thorough
 def test_the_tables_do_not_depend_on_workers_or_shards(lab: Path) -> None:
     plan = load_sweep(sweep_of([{"pause": pause} for pause in (0.0, 0.001, 0.002)], 5))
     for name, engine in (("1", InlineEngine()), ("2", LocalEngine(2))):
@@ -67,6 +68,7 @@ def test_the_tables_do_not_depend_on_workers_or_shards(lab: Path) -> None:
     assert_same(one, tables_of(lab / "all"))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "moods",
     [
@@ -109,6 +111,7 @@ def test_a_worker_that_cannot_begin_is_not_the_tasks_fault(lab: Path, monkeypatc
     assert not ended.failed and not ended.complete
 
 
+@pytest.mark.thorough
 def test_workers_do_not_hear_ctrl_c_even_while_they_start_and_end_with_the_pool(lab: Path) -> None:
     folder = prepare(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
     pool = LocalEngine(1)
@@ -125,6 +128,7 @@ def test_workers_do_not_hear_ctrl_c_even_while_they_start_and_end_with_the_pool(
     assert workers and not any(map(lives, workers))
 
 
+@pytest.mark.thorough
 def test_a_pool_that_broke_while_nobody_looked_gives_its_tasks_back_and_is_made_anew(lab: Path) -> None:
     folder = prepare(load_sweep(sweep_of([{"mood": "calm", "pause": 30.0}, {"mood": "calm"}])), lab / "c")
     pool = LocalEngine(1)
@@ -143,6 +147,7 @@ def test_a_pool_that_broke_while_nobody_looked_gives_its_tasks_back_and_is_made_
     pool.close()
 
 
+@pytest.mark.thorough(fast=["True-ForkProcess"])
 @pytest.mark.parametrize(("copied", "process"), [(True, "ForkProcess"), (False, "SpawnProcess")])
 def test_workers_are_copies_where_that_is_safe_and_report_to_nobody_who_watches_the_campaign(
     lab: Path, copied: bool, process: str, monkeypatch: pytest.MonkeyPatch
@@ -157,6 +162,7 @@ def test_workers_are_copies_where_that_is_safe_and_report_to_nobody_who_watches_
     assert ended.outcome == TaskOutcome("done", f"{process}, 0 reported")
 
 
+@pytest.mark.thorough
 def test_a_process_with_another_thread_is_not_copied() -> None:
     end = threading.Event()
     thread = threading.Thread(target=end.wait)

@@ -38,6 +38,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux kills the children of a process that ends")
 @pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_a_worker_that_never_lets_python_run_ends_with_its_driver(method: str, fresh_folder) -> None:

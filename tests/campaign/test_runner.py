@@ -120,10 +120,10 @@ def folder(tmp_path: Path) -> Folder:
 # everything is run once
 
 
+@pytest.mark.thorough
 @given(
     data=st.data(), replicates=CAMPAIGNS, block=st.integers(1, 6), workers=st.integers(1, 4), seed=st.integers(0, 99)
 )
-@tries(max_examples=40)
 def test_all_that_can_be_run_is_run_once_and_the_rest_is_named(
     data: st.DataObject, replicates: dict[str, int], block: int, workers: int, seed: int
 ) -> None:
@@ -149,10 +149,10 @@ def _where(name: str) -> Where:
     return point, first
 
 
+@pytest.mark.thorough
 @given(
     replicates=CAMPAIGNS, block=st.integers(1, 6), of=st.integers(1, 5), ruled=st.booleans(), seed=st.integers(0, 99)
 )
-@tries(max_examples=30)
 def test_parts_share_nothing_and_are_together_everything(
     replicates: dict[str, int], block: int, of: int, ruled: bool, seed: int
 ) -> None:
@@ -323,6 +323,7 @@ def _enough(point: str, failed: frozenset[int] = frozenset()) -> int:
     return 60
 
 
+@pytest.mark.thorough(fast=["killed-7"])
 @pytest.mark.parametrize("block", [1, 3, 7])
 @pytest.mark.parametrize("mood", ["raises", "killed"])
 def test_under_a_rule_a_point_goes_on_with_its_other_runs_after_some_failed(

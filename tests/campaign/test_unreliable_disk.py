@@ -75,6 +75,7 @@ def assert_whole(folder: Folder, truth: Any) -> None:
     assert [place for place in left if str(os.getpid()) not in place.name] == [], "those of the living stay"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("owner", "name", "number"),
     [
@@ -117,6 +118,7 @@ def test_a_manifest_that_cannot_be_read_is_one_sentence(tmp_path: Path, faults: 
         folder.manifest()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 def test_listings_that_lack_files_cost_work_and_double_nothing(
     tmp_path: Path, truth: Any, seed: int, monkeypatch: pytest.MonkeyPatch
@@ -145,6 +147,7 @@ class Late:
         return answers.popleft()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("calls", [1, 2, 7])
 def test_listings_that_show_files_late_and_removed_ones_still_cost_sessions_only(
     tmp_path: Path, truth: Any, calls: int, monkeypatch: pytest.MonkeyPatch
@@ -169,6 +172,7 @@ def files_of_disk(folder: Folder, glob: Any) -> dict[str, int]:
     return {str(place): place.stat().st_mtime_ns for place in glob(folder.path, "*/r*.h5")}
 
 
+@pytest.mark.thorough
 def test_a_file_whose_existence_is_known_late_is_replaced_by_the_same_rows(
     tmp_path: Path, truth: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -183,6 +187,7 @@ def test_a_file_whose_existence_is_known_late_is_replaced_by_the_same_rows(
     assert_whole(folder, truth)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("listing", range(4))
 def test_while_a_slow_listing_is_made_another_session_may_finish_everything(
     tmp_path: Path, truth: Any, listing: int, monkeypatch: pytest.MonkeyPatch

@@ -60,6 +60,7 @@ def test_every_value_of_a_shipped_sheet_is_shown_as_it_is_written_with_its_sourc
             assert f"{value} {unit}".strip() == str(sheet[field])
 
 
+@pytest.mark.thorough(fast=["particles"])
 @pytest.mark.parametrize("name", [*shipped_parts(), "jiang_field", *TABLES])
 def test_no_line_of_a_description_exceeds_100_columns(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert max(map(len, said(capsys, "info", name).splitlines())) <= 100
@@ -130,6 +131,7 @@ def test_the_first_order_models_show_their_crossover(capsys: pytest.CaptureFixtu
     assert derived["crossover"]["value"] == pytest.approx((10e-12 / 0.0013e-12) ** 0.5)
 
 
+@pytest.mark.thorough(fast=["ungm_pf-ungm_pf has no network (network: none), and therefore no radio to describe"])
 @pytest.mark.parametrize(
     ("name", "message"),
     [

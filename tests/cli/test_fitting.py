@@ -88,6 +88,7 @@ def test_wrong_use_is_said_in_one_message(
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_fitted_links_are_written_as_a_block_that_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     links = next(iter(shipped().values())).parent / "recorded" / "links" / "grenoble_first_half.k7.gz"
     block = tmp_path / "link.yaml"

@@ -148,6 +148,7 @@ def test_the_name_of_a_role_lists_its_kinds(capsys: pytest.CaptureFixture[str]) 
     assert "disk" in json.loads(said(capsys, "info", "link", "--json"))["roles"]["link"]["kinds"][0]["kind"]
 
 
+@pytest.mark.thorough
 def test_a_table_a_column_a_parameter_and_a_command_are_described(capsys: pytest.CaptureFixture[str]) -> None:
     assert "estimates: a table of results, one row per run, target and step" in said(capsys, "info", "estimates")
     rmse = said(capsys, "info", "rmse")
@@ -170,6 +171,16 @@ def test_a_plug_in_is_described_for_the_role_that_it_can_play(capsys: pytest.Cap
     assert said(capsys, "info", "packing", "late_packing:Late") == text
 
 
+@pytest.mark.thorough(
+    fast=[
+        "words1-unknown sensor 'camera' (did you mean 'bearing' or 'range_bearing'?)",
+        "words3-unknown kind, scenario, datasheet or result 'lifetime_of_network' (did you mean",
+        "words6-the name is empty",
+        "words8-nowhere:Mine cannot be imported",
+        "words9-json:JSONDecoder is a component of no role",
+        "words10-expected KIND, ROLE KIND, FILE or NAME (such as: wsnsim info ekf), got 3 words",
+    ]
+)
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -200,6 +211,7 @@ def test_what_is_unknown_says_so_in_one_line(
     assert error.startswith(f"wsnsim: error: {message}")
 
 
+@pytest.mark.thorough(fast=["words3-exact3"])
 @pytest.mark.parametrize(
     ("words", "exact"),
     [
@@ -225,6 +237,7 @@ def test_citations_are_found_in_every_form_in_which_the_code_cites() -> None:
     assert isinstance(kind_info("tracker", "ekf"), KindInfo)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("word", "shown"), [
     ("seed", "seed of every random stream"),
     ("tracker.particles", "tracker pso_mhpf"),

@@ -17,6 +17,7 @@ from wsnsim.scenario.tracker_choices import tracker_choices
 pytestmark = pytest.mark.usefixtures("fresh_folder")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("role", ROLES)
 def test_a_new_plug_in_passes_its_check_and_runs(role: str, capsys: pytest.CaptureFixture[str]) -> None:
     name = f"my_own_{role}"

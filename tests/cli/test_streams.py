@@ -53,6 +53,7 @@ def test_no_display_of_progress_fails(make: Any, mode: str, monkeypatch: pytest.
     assert all(form.bar for form in (CAMPAIGN, WORK))
 
 
+@pytest.mark.thorough(fast=["arguments2"])
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -77,6 +78,7 @@ def test_an_error_that_cannot_be_printed_keeps_its_exit_code(monkeypatch: pytest
     assert main(["run", "no such scenario"]) == 2
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX shell")
 @pytest.mark.parametrize(
     ("streams", "arguments"),

@@ -51,6 +51,7 @@ def write(folder: Path, seed: int) -> tuple[str, str]:
     return str(links), str(nodes)
 
 
+@pytest.mark.thorough
 def test_a_known_link_is_recovered_within_its_intervals_for_most_seeds(tmp_path: Path) -> None:
     names = ("sensitivity", "asymmetry", "loss_at_1m", "exponent", "shadowing")
     hits = dict.fromkeys(names, 0)
@@ -113,6 +114,7 @@ def test_the_shipped_links_give_a_sensitivity_an_asymmetry_and_a_figure(tmp_path
     assert found.plot(tmp_path / "links.png").stat().st_size > 10_000
 
 
+@pytest.mark.thorough
 def test_the_second_half_of_the_shipped_links_gives_the_sensitivity_of_the_whole(tmp_path: Path) -> None:
     whole = wsnsim.fit(GRENOBLE, law="log_normal").values
     later = wsnsim.fit(second_half(tmp_path), law="log_normal").values

@@ -40,6 +40,7 @@ def covered(fit: Fit, true: Walks) -> dict[str, bool]:
     return found | {g.node: g.low <= gain <= g.high for g, gain in zip(fit.gains, gains, strict=True)}
 
 
+@pytest.mark.thorough
 def test_every_parameter_of_a_known_law_lies_in_its_interval_for_most_seeds(tmp_path: Path) -> None:
     true = Walks(dof=6.0)
     names = ("z0", "eta", "sd", "dof", "shadowing", "decorrelation")
@@ -158,6 +159,7 @@ def test_a_file_with_readings_of_two_targets_is_refused(tmp_path: Path) -> None:
         wsnsim.fit(tmp_path / "two.csv", tmp_path / "nodes.csv")
 
 
+@pytest.mark.thorough
 def test_a_long_recording_has_a_bounded_number_of_pairs_over_the_same_lags() -> None:
     count = 200_000
     columns = (np.arange(count, dtype=float), np.zeros(count, int), np.zeros(count), np.zeros((count, 3)))
@@ -183,6 +185,7 @@ def test_the_law_of_distances_has_the_spread_about_zero(tmp_path: Path) -> None:
         wsnsim.fit(tmp_path / "ranges.csv", tmp_path / "nodes.csv", law="range")
 
 
+@pytest.mark.thorough
 def test_the_shipped_tracks_have_correlated_nearly_normal_residuals_and_receivers_with_gains() -> None:
     for name in ALL:
         found = wsnsim.fit(ble(name), BLE / "receivers.csv", skip_bad_rows=True)
@@ -196,6 +199,7 @@ def test_the_shipped_tracks_have_correlated_nearly_normal_residuals_and_receiver
         assert fitted.skewness < -0.1  # fades are deeper than peaks are high
 
 
+@pytest.mark.thorough
 def test_gains_predict_a_track_that_was_not_fitted() -> None:
     for test in ALL:
         train = [name for name in ALL if name != test]
@@ -234,6 +238,7 @@ def test_a_bad_row_is_named_with_its_line(walks: tuple[list[str], str], tmp_path
     assert len(file.bad_rows) == 1
 
 
+@pytest.mark.thorough
 def test_a_law_is_not_judged_on_what_it_was_fitted_to(walks: tuple[list[str], str], tmp_path: Path) -> None:
     files, nodes = walks
     packed = tmp_path / "other_name.csv.gz"
@@ -314,6 +319,7 @@ def test_options_and_laws_that_do_not_exist_are_refused_with_the_nearest(walks: 
         wsnsim.fit(files, nodes, columns={"tim": "t"})
 
 
+@pytest.mark.thorough
 def test_texts_name_train_and_test_and_the_figure_is_written(walks: tuple[list[str], str], tmp_path: Path) -> None:
     files, nodes = walks
     found = wsnsim.fit(files[:3], nodes, test=files[3:])

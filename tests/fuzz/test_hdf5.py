@@ -80,6 +80,7 @@ def everything(path: Path) -> list[str]:
     return said
 
 
+@pytest.mark.thorough
 def test_a_file_that_was_edited_is_read_or_refused_with_one_sentence(intact: bytes) -> None:
     refused = set()
     for mutant in edited_mutants(intact):
@@ -90,6 +91,7 @@ def test_a_file_that_was_edited_is_read_or_refused_with_one_sentence(intact: byt
     assert set(REFUSED) <= refused and len(refused) < len(EDITS)
 
 
+@pytest.mark.thorough
 def test_a_file_with_damaged_bytes_is_read_or_refused_with_one_sentence(intact: bytes) -> None:
     """These are the random mutants that libhdf5 survives: the cut ones, and those that a checksum tells."""
     told, number = 0, 0
@@ -138,6 +140,7 @@ def test_the_texts_of_an_attribute_are_bounded_together_before_they_are_allocate
         tables("x.h5")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("column", ["time", "px"])
 def test_an_index_of_very_many_chunks_is_refused_before_hdf5_visits_each(intact: bytes, column: str) -> None:
     """The column states few rows, and its index, as HDF5 writes it when the column was shortened, all of before."""
@@ -204,6 +207,18 @@ def test_no_export_holds_another_file(intact: bytes, name: str, capsys: pytest.C
     assert not any(b"root:" in file.read_bytes() for file in Path("out").glob("*"))
 
 
+@pytest.mark.thorough(
+    fast=[
+        "words2-columns missing",
+        "words3-scenario of lists",
+        "words4-scenario without step",
+        "words5-wide table",
+        "words7-states unknown",
+        "words8-steps extreme",
+        "words9-text deep",
+        "words10-text a list",
+    ]
+)
 @pytest.mark.parametrize(
     ("words", "name"),
     [
@@ -231,6 +246,7 @@ def test_a_command_says_one_sentence_about_a_damaged_file(
     assert [path.name for path in Path().iterdir()] == ["x.h5"]
 
 
+@pytest.mark.thorough
 def test_control_characters_of_a_file_are_shown_as_escapes(intact: bytes, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("status hostile", "scenario hostile"):
         write_edited(intact, name)

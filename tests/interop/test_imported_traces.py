@@ -278,6 +278,7 @@ def test_nodes_are_listed_with_their_times(
     assert lines[1].split() == ["bus.1", "2", "0", "1"] and lines[2].split() == ["ann", "1", "1", "1"]
 
 
+@pytest.mark.thorough
 def test_a_long_trace_is_read_in_pieces(tmp_path: Path) -> None:
     path = tmp_path / "long.xml"
     others = "".join(

@@ -6,10 +6,12 @@ from fractions import Fraction
 from math import floor
 
 import numpy as np
+import pytest
 
 from wsnsim.kernels.allocation import allocate
 
 
+@pytest.mark.thorough
 def test_shares_sum_to_the_total_and_differ_by_one_at_most_for_every_number_of_particles_and_members() -> None:
     for active in range(1, 61):
         shares = np.array([allocate(total, active) for total in range(2001)])

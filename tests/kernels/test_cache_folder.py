@@ -90,6 +90,7 @@ def probed(place: Path, changes: Mapping[str, str], without: str = "") -> tuple[
     return answer, hits, said
 
 
+@pytest.mark.thorough
 def test_kernels_are_kept_in_the_temporary_directory_where_nothing_else_can_be_written(place: Path) -> None:
     folder = place / "tmp" / f"wsnsim-{os.getuid()}-{__version__}"
     for hits in (0, 1):
@@ -99,6 +100,7 @@ def test_kernels_are_kept_in_the_temporary_directory_where_nothing_else_can_be_w
         assert "WSNSIM_CACHE" in said[0]
 
 
+@pytest.mark.thorough
 def test_a_user_without_a_home_gets_no_folder_named_tilde(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (place / "here").mkdir()
     monkeypatch.chdir(place / "here")
@@ -107,6 +109,7 @@ def test_a_user_without_a_home_gets_no_folder_named_tilde(place: Path, monkeypat
     assert list(Path().iterdir()) == []
 
 
+@pytest.mark.thorough
 def test_kernels_are_compiled_without_a_cache_where_others_could_write_to_it(place: Path) -> None:
     (place / "tmp" / f"wsnsim-{os.getuid()}-{__version__}").mkdir()
     (place / "tmp" / f"wsnsim-{os.getuid()}-{__version__}").chmod(0o777)
@@ -117,12 +120,14 @@ def test_kernels_are_compiled_without_a_cache_where_others_could_write_to_it(pla
     assert kept.startswith("compiled kernels cannot be kept") and "can be written by others" in kept
 
 
+@pytest.mark.thorough
 def test_the_folder_that_wsnsim_cache_names_comes_before_that_of_numba(place: Path) -> None:
     assert probed(place, {"WSNSIM_CACHE": str(place / "wish"), "NUMBA_CACHE_DIR": str(place / "numba")}) == (9, 0, [])
     assert list((place / "wish" / __version__).rglob("*twice_and_one*.nbc"))
     assert not (place / "numba").exists()
 
 
+@pytest.mark.thorough
 def test_another_user_for_whom_nothing_can_be_written_runs_kernels(place: Path) -> None:
     """Here it is permissions that forbid writing: those of a folder that belongs to root."""
     pwd = pytest.importorskip("pwd")

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 WITHOUT_SCIPY = """
 import sys
 import wsnsim.kernels.motion
@@ -14,5 +16,6 @@ assert sys.modules["scipy.linalg.cython_blas"] is not None
 """
 
 
+@pytest.mark.thorough
 def test_our_kernels_leave_scipy_alone_and_linear_algebra_in_kernels_of_others_has_its_blas():
     subprocess.run([sys.executable, "-c", WITHOUT_SCIPY], check=True, timeout=300)

@@ -131,6 +131,7 @@ def test_the_deviation_of_the_steps_numerator_is_mantegnas() -> None:
     assert levy_deviation(1.0) == pytest.approx(1.0), "a ratio of two standard normals is Cauchy, as it must be"
 
 
+@pytest.mark.thorough(fast=["1.2"])
 @pytest.mark.parametrize("exponent", [1.2, 1.5, 1.8])
 def test_levy_steps_have_the_tail_of_their_exponent_and_the_survival_of_their_ratio(exponent: float) -> None:
     """The kernel's first steps are its twin's, read off flights from 1 about a nest at 0; the rest is NumPy."""

@@ -58,6 +58,7 @@ def test_the_first_compilation_is_announced_and_only_while_somebody_wants_to_kno
     assert calls == ["compiling"]
 
 
+@pytest.mark.thorough
 def test_a_run_counts_and_announces_what_it_compiles_and_leaves_it_out_of_its_cpu_time(tmp_path):
     said = []
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
@@ -26,7 +26,7 @@ def grid(columns, rows, width, height):
     return np.array([(a, b) for b in y for a in x])
 
 
-@settings(max_examples=60)
+@pytest.mark.thorough
 @given(st.integers(1, 40), st.floats(50, 400), st.floats(50, 400), st.floats(0.9, 1.1), st.integers(0, 2**32 - 1))
 def test_covering_agrees_with_dense_sampling(nodes, width, height, factor, seed):
     positions = (np.random.default_rng(seed).random((nodes, 2)) - 0.5) * np.array([width, height])
@@ -36,6 +36,7 @@ def test_covering_agrees_with_dense_sampling(nodes, width, height, factor, seed)
     assert covers(positions, reach, width, height) == (reach > needed)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [300, *thorough([1500])])
 def test_one_hole_among_many_nodes_is_found(count):
     """More nodes than the neighbours tried first, all around a hole of 10 m."""
@@ -121,7 +122,6 @@ def test_the_bound_of_the_papers_field_is_eighteen_nodes():
     assert nodes_needed(60.0, 400, 400) == 18
 
 
-@settings(max_examples=40)
 @given(st.integers(1, 300), st.floats(10, 900), st.floats(10, 900), st.floats(0.01, 0.6), st.integers(0, 2**32 - 1))
 def test_coverage_is_the_share_of_cells_whose_nearest_node_is_within_range(nodes, width, height, reach, seed):
     positions = (np.random.default_rng(seed).random((nodes, 2)) - 0.5) * np.array([width, height]) * 1.3
@@ -132,6 +132,7 @@ def test_coverage_is_the_share_of_cells_whose_nearest_node_is_within_range(nodes
     assert coverage(positions, reach, width, height, side=50) == expected
 
 
+@pytest.mark.thorough
 def test_covering_does_not_depend_on_how_neighbours_are_found(monkeypatch):
     draw = np.random.default_rng(8)
     fields = [(draw.random((nodes, 2)) - 0.5) * 400 for nodes in (20, 90, 200, 400) for _ in range(5)]

@@ -106,6 +106,7 @@ def test_shipped_tracks_are_read_as_they_are_written() -> None:
     assert np.array_equal(rows.numbers["reading"], [float(line.split(",")[2]) for line in lines])
 
 
+@pytest.mark.thorough
 def test_a_small_file_that_holds_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gzip_content, "MOST_BYTES", 2_000_000)
     path = tmp_path / "much.csv.gz"

@@ -56,6 +56,7 @@ def test_the_field_is_the_extent_of_the_nodes_and_a_margin(tmp_path: Path) -> No
     assert tight.field.contains(tight.draw(0.0, np.random.default_rng(0))).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "tracker", [{"kind": "ekf"}, {"kind": "ukf"}, {"kind": "central_pf", "particles": 300}], ids=lambda one: one["kind"]
 )

@@ -49,6 +49,7 @@ def test_the_shipped_recording_has_ten_rounds_of_seven_channels_and_nine_of_the_
         assert np.all(np.abs(np.diff(recording.starts[channel][recording.complete[channel]]) - 9060.0) < 60.0)
 
 
+@pytest.mark.thorough
 def test_times_of_the_shipped_rows_are_those_of_the_first_packet_and_not_of_rounds() -> None:
     """The share of link-channels without a row in some round, and mean ratios, by bursts and by times of rows.
 
@@ -160,6 +161,7 @@ def test_the_only_round_of_a_channel_at_the_end_of_a_file_is_incomplete_without_
     assert links(tmp_path, *rows, *all_sent).complete[26].tolist() == [True]
 
 
+@pytest.mark.thorough
 def test_a_shipped_round_that_begins_within_a_burst_is_incomplete(tmp_path: Path) -> None:
     """The file of the later rows has two of the eight rows of node 0's burst on channel 18 in its first round."""
     with gzip.open(GRENOBLE, "rt") as file:

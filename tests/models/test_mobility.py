@@ -96,6 +96,7 @@ def test_the_velocity_forgets_itself_exponentially() -> None:
     assert np.all(np.abs(np.mean(found, axis=0) - np.exp(-np.array(lags) / 2.0)) < 5 * error)
 
 
+@pytest.mark.thorough
 def test_velocities_are_stationary_from_the_start_and_places_spread_as_their_integral() -> None:
     """Var x(t) = 2 σ² τ² (t/τ - 1 + e^(-t/τ)) of 4000 truths; five standard errors of a variance are 0.11 of it."""
     rng = np.random.default_rng(3)

@@ -89,6 +89,7 @@ def test_only_rounds_that_were_recorded_as_a_whole_are_played(tmp_path: Path) ->
     assert [path for path, _ in issues(link, setup(duration=1001.0))] == [("link", "wrap")]
 
 
+@pytest.mark.thorough
 def test_of_the_second_half_of_a_recording_the_rounds_are_the_same(tmp_path: Path) -> None:
     """The shipped file cut within a burst: each channel has the later rounds, of which the first may be incomplete."""
     path = second_half(tmp_path)

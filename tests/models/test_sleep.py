@@ -98,6 +98,7 @@ def test_the_sums_of_each_node_are_those_of_a_period_by_period_scan(schedule):
     assert np.array_equal(changes, truth[:, 1])
 
 
+@pytest.mark.thorough(fast=["0.0-RandomIndependent(period=0.7, probability=0.5)"])
 @schedules
 @pytest.mark.parametrize("until", [0.0, 1.5, 7.0, 43.21])
 def test_the_profile_is_the_sum_over_all_nodes(schedule, until):

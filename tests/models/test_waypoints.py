@@ -104,6 +104,7 @@ def test_speeds_on_the_way_have_the_density_of_one_over_v() -> None:
     assert kstest(found, lambda v: np.log(v) / math.log(8.0)).pvalue > 1e-3
 
 
+@pytest.mark.thorough
 def test_a_uniform_start_slows_down() -> None:
     """Yoon, Liu, Noble (2003): from 4.5 m/s, the mean of the speeds, towards 3.366. It shows that the test can fail."""
     found = speeds(draws(RandomWaypoint(begin="uniform"), 1, 600.0, 4000))
@@ -124,6 +125,7 @@ def test_the_mean_leg_of_a_rectangle_is_that_of_many_pairs(sides: tuple[float, f
     assert abs(found.mean() - RandomWaypoint(width=sides[0], height=sides[1]).mean_leg()) < 5 * found.std() / 632.4
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seconds", [200.0, *thorough([0.0])])
 def test_places_have_the_exact_density_at_any_time(seconds: float) -> None:
     places = draws(RandomWaypoint(), 1, seconds or 1.0)[:, 1 if seconds else 0][:, [0, 2]]
@@ -142,6 +144,7 @@ def test_the_share_of_targets_that_pause_is_the_share_of_time(seconds: float) ->
     assert PAUSING.paused_share() == pytest.approx(share)
 
 
+@pytest.mark.thorough(fast=["5.0"])
 @pytest.mark.parametrize("seconds", [5.0, 30.0, 60.0])
 def test_what_is_left_of_the_first_pause_is_that_of_an_inspected_one(seconds: float) -> None:
     """What is left of a pause U[10, 90] s has the density P(pause > r) / 50 s: who is still there after r seconds.
@@ -156,6 +159,7 @@ def test_what_is_left_of_the_first_pause_is_that_of_an_inspected_one(seconds: fl
     assert abs(stayed - share) < 5 * math.sqrt(share * (1 - share) / 3000)
 
 
+@pytest.mark.thorough
 def test_the_process_is_that_of_a_long_run_of_another_simulator() -> None:
     """Who pauses, how fast and where, at 200 s of many targets and over 10^5 legs of one: equal laws."""
     times, places = long_run(100_000, 8)

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 import wsnsim
 from tests.helpers.appointed_networks import TRIANGLE, along, three
@@ -89,6 +90,7 @@ def test_members_that_crash_leave_the_roster_and_come_back_only_when_they_are_ap
     assert all(1 not in answer for answer in tracker.answers[2:]), "it does not know any more that it is a member"
 
 
+@pytest.mark.thorough
 def test_the_members_on_record_are_those_that_counted(tmp_path):
     scene = ["duration=3 s", "tracker.kind=ekf", "clusters={kind: appointed}"]
     outcome = wsnsim.experiment.run(wsnsim.load("jiang_field", scene), out=tmp_path / "a.h5")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from tests.helpers.sleeping_networks import Run as SleepingRun
 from tests.helpers.sleeping_networks import scenario
@@ -35,6 +36,7 @@ def test_a_track_that_starts_from_too_few_readings_starts_again_from_those_of_th
     assert np.nanmin(after) < 10.0
 
 
+@pytest.mark.thorough
 def test_no_message_wakes_a_region_in_which_everybody_is_a_member_already():
     said = scenario("gmtt", clusters={"kind": "appointed"}, duration=60.0, step=0.5) | {"tracker": {"kind": "ekf"}}
     run = SleepingRun(said | {"acquire": {}})

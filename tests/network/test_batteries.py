@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.helpers.sleeping_networks import Run, scenario
@@ -84,6 +84,7 @@ SCHEDULES = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.thorough
 @given(st.builds(FirstOrder, idle=WATTS, sleep=WATTS, switch=JOULES, battery=BATTERIES), SCHEDULES)
 @example(FirstOrder(battery=0.1, sleep=0.05), DutyCycle(period=1.0, awake_share=0.3))
 @example(FirstOrder(battery=0.1, idle=0.01, sleep=0.05), DutyCycle(period=1.0, awake_share=0.3))
@@ -110,7 +111,6 @@ def datasheets(draw: st.DrawFn) -> States:
     return States(radio=radio, processor=processor, battery=draw(BATTERIES), sensing=draw(price(1e-6, 3e-2)))
 
 
-@settings(max_examples=20)
 @given(datasheets(), SCHEDULES)
 def test_by_datasheets_too_whichever_state_is_the_dearest(energy, schedule):
     radio, processor = energy.radio, energy.processor
@@ -205,7 +205,7 @@ def energy_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
     return spent, rows["joules"] if rows else np.zeros(1)
 
 
-@settings(max_examples=20)
+@pytest.mark.thorough
 @given(networks())
 def test_nobody_spends_more_than_its_battery_and_no_step_gives_energy_back(said):
     run = Run(said)

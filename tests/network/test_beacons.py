@@ -94,6 +94,7 @@ def events_of_kind(run, kind):
     return {name: column[chosen] for name, column in run.log.items()}
 
 
+@pytest.mark.thorough
 def test_the_packet_delivery_ratio_is_that_of_other_simulators():
     """97 to 99.5 %: ns-3.37 98.5, Castalia 3.3 98.8, wsnsimpy 97.0 %, for other samples of the same network."""
     counters = cross_check().outcome.counters

@@ -79,6 +79,7 @@ def overlapping_receptions(seed: int) -> tuple[int, int]:
     return int(got.sum()), pairs
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_no_node_receives_two_overlapping_frames(seed):
     receptions, pairs = overlapping_receptions(seed)

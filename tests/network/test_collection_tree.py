@@ -146,6 +146,7 @@ def looped(routing=None):
     return network
 
 
+@pytest.mark.thorough
 def test_a_loop_is_noticed_by_the_cost_that_does_not_fall_and_no_datagram_lives_for_ever():
     network = looped()
     noticed = []
@@ -201,6 +202,7 @@ def test_of_several_sinks_the_one_that_costs_least_gets_the_report():
     assert reports[0].bits == reports[6].bits == 0
 
 
+@pytest.mark.thorough
 def test_tables_hold_as_many_neighbours_as_they_may_and_everybody_has_a_route():
     rng = np.random.default_rng(2)
     network = tree(rng.uniform(0, 110, (45, 2)), routing=CollectionTreeProtocol(table=5, places=8))
@@ -263,6 +265,7 @@ def test_the_same_seed_gives_the_same_run_and_a_death_ends_what_a_node_holds():
     assert runs[0] == runs[1]
 
 
+@pytest.mark.thorough(fast=["contikimac", "tsch"])
 @pytest.mark.parametrize("mac", [Tdma(), XMac(), ContikiMac(), Tsch()], ids=lambda mac: mac.mechanism)
 def test_it_works_over_every_mac(mac):
     places = [(0, 0), (50, 0), (100, 0), (50, 40)]

@@ -24,6 +24,7 @@ def tables(*changes):
     return memory.table("reports"), memory.table("events"), memory.words.all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["ctp", "minimum_hop", "greedy_geographic"])
 def test_every_node_but_the_sink_reports_once_per_period(kind):
     reports, events, _ = tables(f"routing.kind={kind}", "mac.max_retries=7")
@@ -56,6 +57,7 @@ def test_reports_of_beacons_are_none(tmp_path):
     assert beaconing.as_json(report)["reports"] == 0.0 and "reports sent" not in beaconing.text(report)
 
 
+@pytest.mark.thorough
 def test_several_sinks_share_the_reports_and_the_summary_counts_them(tmp_path):
     changes = [*SMALL, "workload.points=[[-60, -60], [60, 60]]", "routing.kind=ctp"]
     found = beaconing.as_json(wsnsim.experiment.run(load("collection", changes), out=tmp_path / "c.h5"))

@@ -177,6 +177,7 @@ def test_the_analysis_is_kleinrock_and_tobagis_for_many_nodes_that_assess_in_no_
         assert clean * frame == pytest.approx(offered * blind / (offered * (1 + 2 * a) + blind), rel=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("nodes", "payload"), CELLS)
 def test_saturated_throughput_is_what_the_renewal_analysis_says(nodes, payload):
     clean, spoilt, given_up = ours(nodes, payload).mean(axis=0)
@@ -198,6 +199,7 @@ def test_saturated_throughput_is_that_of_a_second_simulation_within_monte_carlo_
         assert error < 0.05 * max(one.mean(), 200), "enough frames for the comparison to mean something"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("payload", [100, *thorough([12])])
 def test_payload_throughput_rises_with_neither_nodes_nor_beyond_one_frame_at_a_time(payload):
     clean = [ours(nodes, payload)[:, 0].mean() for nodes in (5, 10, 20)]
@@ -205,6 +207,7 @@ def test_payload_throughput_rises_with_neither_nodes_nor_beyond_one_frame_at_a_t
     assert max(clean) * (airtime(payload) + TURNAROUND + CCA) < 1, "a frame, and what goes before it"
 
 
+@pytest.mark.thorough(fast=["100"])
 @pytest.mark.parametrize("payload", [12, 100])
 def test_a_lone_saturated_sender_sends_one_frame_per_mean_backoff(payload):
     network = saturated_network(1, 30.0)
@@ -214,6 +217,7 @@ def test_a_lone_saturated_sender_sends_one_frame_per_mean_backoff(payload):
     assert abs(sent * mean / 30.0 - 1) < 4 * spread / mean / np.sqrt(sent)
 
 
+@pytest.mark.thorough
 def test_frames_on_the_air_begin_after_a_free_channel_or_together_and_are_lost_when_they_overlap():
     nodes, payload = 8, 12
     network = saturated_network(nodes, 5.0)

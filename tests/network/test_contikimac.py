@@ -81,6 +81,7 @@ def test_a_unicast_without_phase_lock_takes_half_an_interval_and_the_next_copy()
     assert network.counters.frames_sent == network.counters.delivered == count, "all copies of a frame count as one"
 
 
+@pytest.mark.thorough
 def test_with_phase_lock_a_sender_begins_shortly_before_its_destination_wakes():
     """Each unicast takes what the destination's wake-ups say, from when it begins; the mean is the closed form.
 

@@ -106,6 +106,7 @@ def real_run(mac: str, within: float, *changes: str) -> RealRun:
 RADIOS = [("csma", 0.03), ("tdma", 0.03), ("tdma", 0.012)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("mac", "within"), RADIOS)
 def test_with_a_deadline_of_less_than_a_step_estimates_come_in_time(mac, within) -> None:
     run = real_run(mac, within)
@@ -140,6 +141,7 @@ def test_what_misses_the_deadline_is_received_later_and_not_used() -> None:
     assert missed > 50
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("mac", ["csma", "tdma"])
 def test_over_several_hops_of_a_real_radio_hops_and_delays_are_those_of_the_event_log(mac) -> None:
     few = ("sensor.reach=25 m", "deploy.cover=false")  # several hops of many readings take longer than a step

@@ -164,6 +164,7 @@ def assert_the_same(driven: Driven) -> None:
 SLEEPS = st.sampled_from([None, DutyCycle(period=1.3, awake_share=0.4), RandomIndependent(period=0.7, probability=0.5)])
 
 
+@pytest.mark.thorough
 @given(PROGRAMS, SLEEPS)
 def test_what_a_radio_consumes_is_what_a_plain_account_of_its_states_says(program, sleep):
     driven = Driven(sleep)
@@ -278,6 +279,7 @@ def test_channels_of_a_mac_share_numbers_and_losses_but_no_collisions():
     assert got == [(1, True), (2, True)] and network.counters.collided == 0
 
 
+@pytest.mark.thorough
 def test_the_share_of_time_on_is_a_column_only_where_radios_are_switched_off(tmp_path):
     changes = ["duration=1 s", f"mac.kind={__name__}:MostlyOff"]
     runs = {}

@@ -34,6 +34,7 @@ def assert_valid_run(memory: Memory, summary: experiment.Summary) -> None:
     assert known.mean() > 0.5 and np.isfinite(estimates["error"][known]).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", PLANE)
 def test_on_jiangs_field_with_a_lossy_radio(kind: str) -> None:
     fewer = [] if kind in GAUSSIAN else ["tracker.particles=60"]
@@ -67,6 +68,7 @@ def test_in_an_open_cluster_whose_particles_travel_over_lossy_relays(kind: str) 
     assert (memory.table("events")["kind"] == KIND["relay"]).any()
 
 
+@pytest.mark.thorough(fast=["central_pf"])
 @pytest.mark.parametrize("kind", [kind for kind in LINE if kind != "grid"])
 def test_along_a_line_whose_state_has_one_position_and_three_columns(kind: str) -> None:
     fewer = [] if kind in GAUSSIAN else ["tracker.particles=60"]
@@ -76,6 +78,7 @@ def test_along_a_line_whose_state_has_one_position_and_three_columns(kind: str) 
     assert "sd_y" not in memory.table("estimates") and "ax" in memory.table("truth")
 
 
+@pytest.mark.thorough
 def test_the_same_truth_and_network_whatever_the_tracker() -> None:
     runs = [simulated("jiang_field", f"tracker.kind={kind}", "duration=1 s")[0] for kind in ("ekf", "imsf", "gpf")]
     for table, column in (("truth", "px"), ("nodes", "gain")):

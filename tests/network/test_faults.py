@@ -178,6 +178,7 @@ def test_sensor_defects_last_for_the_duration():
     assert not bias.stuck and bias.offset == -1.0 and bias.nodes == {3}
 
 
+@pytest.mark.thorough
 def test_a_share_of_all_nodes_is_exact_and_depends_on_the_key_and_the_number_of_the_fault_alone():
     first, again = FaultyNodes(Crash(at=1.0, fraction=0.3)).at(1.0), FaultyNodes(Crash(at=1.0, fraction=0.3)).at(1.0)
     assert len(first.down()) == 3 and first.down() == again.down()
@@ -353,6 +354,7 @@ def test_a_candidate_that_crashes_in_the_middle_of_an_election_is_not_waited_for
     assert struck.outcome.tracks[0].head == elected["node"] and is_well_defined(struck)
 
 
+@pytest.mark.thorough
 def test_a_head_that_crashes_while_it_waits_for_the_election_that_it_called_leaves_the_winner_to_the_next_one():
     changes = {"clusters": StrongestSignal(successor_rule="elect")}
     calm = two_camps(**changes)
@@ -440,6 +442,7 @@ def test_a_drained_head_dies_and_the_leak_is_in_the_ledger_and_in_the_log():
     assert fault["joules"] == struck.outcome.nodes.ledger.totals[CAUSE["leak"]] > 1.9
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("block", [0, *thorough(range(1, 10))])
 def test_of_random_scenarios_full_of_faults_every_one_ends_and_its_books_close(block):
     for number in range(30 * block, 30 * block + 30):

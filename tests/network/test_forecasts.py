@@ -71,6 +71,7 @@ class TwoForecasts(MixturePf):
         return replace(found, mean=mean)
 
 
+@pytest.mark.thorough
 def test_a_moving_head_wakes_nodes_at_one_forecast_and_hands_over_at_the_other() -> None:
     FORECASTS.clear()
     SOUGHT.clear()

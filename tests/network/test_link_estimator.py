@@ -39,6 +39,7 @@ def etx_of(inputs):
     return inf if etx is None else etx
 
 
+@pytest.mark.thorough
 def test_estimates_are_those_of_a_second_implementation():
     rng = random.Random(3)
     for case in range(300):

@@ -67,6 +67,7 @@ def test_a_node_is_awake_when_its_clock_at_that_time_says_so(schedule):
                 assert schedule.awake(made.keys[node : node + 1], shows)[0] == awake[node]
 
 
+@pytest.mark.thorough
 @schedules
 def test_tallies_of_spans_are_those_of_a_fine_grid_and_add_up_to_the_last_bits(schedule):
     made = restless(schedule)
@@ -146,6 +147,7 @@ def awake_together(run, times):
     return np.array(shares)
 
 
+@pytest.mark.thorough
 def test_schedules_that_should_coincide_fall_apart_as_the_closed_form_says_and_with_ftsp_they_do_not():
     # 30 ppm: two nodes part by some 42 µs a second; after 2 s / 42 µs/s = 13 hours they no longer meet.
     base = {"duration": 72_000.0, "step": 3600.0, "sleep": SLEEP, "clock": {"kind": "drift"}, "energy": PRICES}

@@ -100,6 +100,7 @@ def agree(pairs):
     return np.abs(difference.mean(axis=0)) <= error + 0.02 * pairs[:, 1].mean(axis=0) + 1e-9
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "senders", "rate"), CELLS[::2])
 def test_a_plain_simulation_of_contention_agrees(kind, senders, rate):
     assert agree(compared(kind, senders, rate, 4)).all()

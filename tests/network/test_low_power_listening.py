@@ -121,6 +121,7 @@ def test_nodes_that_are_told_to_hurry_wake_more_often_for_a_while(kind):
     assert joules(network, "idle", 0) == pytest.approx(8.0 * long.on / long.interval * LISTEN, rel=1e-9)
 
 
+@pytest.mark.thorough
 @BOTH
 def test_a_unicast_to_a_node_that_hurries_takes_half_its_short_interval(kind):
     mac = kind(interval=1.0, near=0.125, first_backoff=0.0, **({} if kind is XMac else {"phase_lock": False}))
@@ -163,6 +164,7 @@ LINKS = st.sampled_from([
 ENERGIES = st.sampled_from(["states", "first_order"])
 
 
+@pytest.mark.thorough
 @settings(max_examples=6)
 @given(
     st.sampled_from([XMac, ContikiMac]), st.integers(0, 10_000), SCHEDULES, BATTERIES, LINKS, ENERGIES,

@@ -65,6 +65,7 @@ def beacons(duration: float, period: float, tables: dict[str, bool] | None = Non
     return memory
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("channel", [22, *thorough([11, 13, 18, 26])])
 def test_the_counts_of_delivered_beacons_have_the_distribution_of_the_recorded_ratios(channel: int) -> None:
     """Randomised probability integral transforms of binomial counts of 200 beacons a link are uniform.
@@ -94,6 +95,7 @@ MACS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("burstiness", ["none", "gilbert_elliott"])
 @pytest.mark.parametrize("mac", MACS)
 def test_what_was_not_heard_in_a_round_is_not_delivered_in_it(mac: str, burstiness: str) -> None:
@@ -124,6 +126,7 @@ def test_a_row_of_the_table_of_links_is_about_all_rounds() -> None:
     assert table["received"].sum() == pytest.approx(mean, rel=0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("channel", [11, 18])
 def test_the_second_half_of_a_recording_is_played_from_its_first_whole_round(channel: int, tmp_path: Path) -> None:
     link = {"path": second_half(tmp_path), "channel": channel}
@@ -133,6 +136,7 @@ def test_the_second_half_of_a_recording_is_played_from_its_first_whole_round(cha
     assert table["received"].sum() == pytest.approx((table["chance"] * table["sent"]).sum(), rel=0.02)
 
 
+@pytest.mark.thorough
 def test_a_network_tracks_a_target_over_recorded_links() -> None:
     """Every cluster protocol of the scenario sends unicasts: none is delivered over a link that was not heard."""
     changes = {

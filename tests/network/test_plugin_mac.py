@@ -120,6 +120,7 @@ def run(tmp_path, scenario, *changes):
     return {table: wsnsim.read(out, table) for table in ("runs", "events")}
 
 
+@pytest.mark.thorough
 def test_a_plugin_mac_carries_a_track(tmp_path):
     tables = run(tmp_path, "central_pf", "duration=4 s", "step=0.5 s")
     events, result = tables["events"], tables["runs"].iloc[0]
@@ -152,6 +153,7 @@ def test_all_built_in_macs_are_checked_here():
     assert set(CATALOGUE) == set(kinds("mac"))
 
 
+@pytest.mark.thorough(fast=["mac0"])
 @pytest.mark.parametrize("mac", [*CATALOGUE.values(), IdealMac(rate=250e3), Tdma(acks=True), SlottedAloha()])
 def test_every_mac_of_the_catalogue_and_the_plugin_keep_the_contract(mac):
     check_mac(mac)

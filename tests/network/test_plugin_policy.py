@@ -71,6 +71,7 @@ BUILT_IN = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_a_policy_with_flags_gives_the_same_run_as_the_built_in_policy(name):
     scenario, built_in = BUILT_IN[name]

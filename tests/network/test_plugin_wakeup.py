@@ -66,6 +66,7 @@ class CallsNeighbours:
             self._services.track(round, node, round.message)
 
 
+@pytest.mark.thorough
 def test_a_plug_in_wakes_nodes_in_a_run_that_starts_from_a_scenario(tmp_path):
     said = scenario("gmtt", duration=40.0, wakeup={"kind": KIND})
     out = tmp_path / "run.h5"
@@ -77,6 +78,7 @@ def test_a_plug_in_wakes_nodes_in_a_run_that_starts_from_a_scenario(tmp_path):
     assert (wakeups["woken"] > 1).any(), "nodes track for the step that they were woken for"
 
 
+@pytest.mark.thorough
 def test_the_shipped_check_accepts_the_plug_in():
     check_wakeup(Neighbourhood())
 

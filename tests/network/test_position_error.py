@@ -82,6 +82,7 @@ def test_without_a_network_a_filter_gets_the_same_readings_at_other_positions() 
     assert np.all(scenes[0].positions != scenes[1].positions)
 
 
+@pytest.mark.thorough
 def test_in_a_network_only_the_estimates_change_while_the_same_node_leads() -> None:
     exact, wrong = recorded(GRID, 0.0), recorded(GRID, 5.0)
     for table in ("truth", "events", "energy"):

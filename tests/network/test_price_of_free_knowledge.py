@@ -7,6 +7,7 @@ which each member computes its share of the particles (eq. 25), in one packet to
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from wsnsim import experiment, scenario
 from wsnsim.base.ports import Scene
@@ -15,6 +16,7 @@ from wsnsim.base.tables import Memory
 from wsnsim.trackers.pso_mhpf import PsoMhpf
 
 
+@pytest.mark.thorough
 def test_membership_and_shares_would_cost_about_two_percent_of_the_energy_of_pso_mhpf(monkeypatch):
     scenes: list[Scene] = []
     step = PsoMhpf.step

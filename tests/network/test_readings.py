@@ -141,6 +141,7 @@ def test_a_phantom_on_a_line_stands_where_the_node_can_sense_it():
     assert stats.kstest(np.sqrt(np.maximum(near**2 - 36.0**2, 0.0)) / 48.0, "uniform").pvalue > 1e-3
 
 
+@pytest.mark.thorough
 def test_the_chosen_are_independent_draws_and_cost_as_much_as_they_are():
     chosen = [_sampled(derive(9, step), 0.25, 40) for step in range(4000)]
     hits = np.array([np.isin(np.arange(40), ids) for ids in chosen])

@@ -93,6 +93,7 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
     assert fingerprint(name, changes) == plain and len(looked) > 50
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name", ["pso_mhpf_real", *thorough(["ipf_real"]), "ppf_real", "central_pf_real", "pso_mhpf_packed"]
 )
@@ -109,11 +110,13 @@ def test_estimates_on_a_contended_radio_are_late_or_missing_and_the_delay_is_rep
     assert run.run["collided"] > 0 and run.run["retries"] > 0
 
 
+@pytest.mark.thorough
 def test_packing_and_a_gaussian_handover_give_more_estimates_than_the_plain_radio():
     plain, packed = simulated("pso_mhpf_real", "duration=4 s")[0], simulated("pso_mhpf_packed", "duration=4 s")[0]
     assert packed.tracks[0]["reports"] > 3 * plain.tracks[0]["reports"]
 
 
+@pytest.mark.thorough
 def test_computing_delays_the_estimate_by_its_duration():
     quick = simulated("ekf_real", *SHORT, "mac.kind=ideal", "packing.kind=none", "sink.kind=none")[1].table("estimates")
     slow, memory = simulated(
@@ -125,6 +128,7 @@ def test_computing_delays_the_estimate_by_its_duration():
     assert np.nanmedian(late["issued"] - late["time"]) == pytest.approx(cycles / 64e6, rel=0.3)
 
 
+@pytest.mark.thorough
 def test_the_sink_receives_only_issued_estimates_and_none_without_a_path():
     _, memory = simulated("ekf_real", *SHORT)
     estimates, events = memory.table("estimates"), memory.table("events")
@@ -162,6 +166,7 @@ def test_one_node_may_lead_the_tracks_of_two_targets_that_meet():
     assert sum(a == b for a, b in pairs) > 10 and len(run.tracks) == 2
 
 
+@pytest.mark.thorough
 def test_the_same_seed_gives_the_same_bytes_on_every_radio_and_the_same_truth_on_all():
     runs = {}
     for name, again in itertools.product(("pso_mhpf_packed", "ekf_real", "pso_mhpf"), range(2)):

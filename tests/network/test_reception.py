@@ -80,7 +80,7 @@ def assert_equal(mine, general, ordered):
     assert mine[0].counters == general[0].counters and mine[0].died == general[0].died
 
 
-@settings(max_examples=30)
+@pytest.mark.thorough
 @given(st.sampled_from(sorted(LINKS)), st.sampled_from(sorted(SLEEPS)), st.booleans(), st.integers(0, 10_000))
 def test_every_way_to_the_result_of_a_frame_gives_that_of_the_general_one(link, sleep, continuous, seed):
     energy = STATES if continuous else FirstOrder()
@@ -89,7 +89,7 @@ def test_every_way_to_the_result_of_a_frame_gives_that_of_the_general_one(link, 
     assert len(runs[0][3]) > (0 if link == "disk" else 20), "the fast way was taken"
 
 
-@settings(max_examples=30)
+@pytest.mark.thorough
 @given(
     st.sampled_from(sorted(LINKS)), st.sampled_from(sorted(SLEEPS)), st.sampled_from([0.2, 0.7, 1.0]),
     st.integers(0, 10_000),

@@ -103,6 +103,7 @@ def test_a_corridor_is_widened_until_its_path_is_proved_the_cheapest(energy, mon
     assert disagreements(net, pairs) == []
 
 
+@pytest.mark.thorough
 def test_the_fewest_hops_over_random_links_are_seldom_outside_the_corridor(monkeypatch):
     """The one case without proof: a strong link spans several ranges, and only a huge corridor is sure to hold it."""
     net = Routes(uniform(20, 200, 350.0), LINKS["log_normal"], "hop")

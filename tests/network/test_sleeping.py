@@ -37,6 +37,7 @@ def places(run: Run) -> np.ndarray:
     return np.column_stack([nodes["x"], nodes["y"]])
 
 
+@pytest.mark.thorough
 def test_a_node_that_forwards_a_message_is_nearer_to_the_prediction_than_its_sender(floods):
     checked = 0
     for run in floods:
@@ -82,6 +83,7 @@ def test_a_message_of_five_positions_has_33_bytes(floods):
     assert sizes == {(6 + 9 + 33 + 2) * 8}, "PHY overhead, MAC header, payload, frame check"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tracker", PAIRS)
 def test_every_joule_is_booked_once(tracker):
     for replicate in range(3):
@@ -109,6 +111,7 @@ def _pairs_of_tracker_and_schedule():
             yield pytest.param(tracker, sleep, id=name, marks=marks)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("tracker", "sleep"), list(_pairs_of_tracker_and_schedule()))
 def test_every_schedule_goes_with_every_wake_up_and_tracker(tracker, sleep):
     for wakeup, main in dict.fromkeys(PAIRS.values()):
@@ -121,6 +124,7 @@ def test_every_schedule_goes_with_every_wake_up_and_tracker(tracker, sleep):
         assert np.isfinite(errors).any() and not np.isinf(errors).any()
 
 
+@pytest.mark.thorough(fast=["directed_flood"])
 @pytest.mark.parametrize("wakeup", ["none", "directed_flood", "experience_zones", "region"])
 def test_standing_clusters_sleep_and_wake_nodes_ahead_too(wakeup):
     said = scenario(
@@ -134,6 +138,7 @@ def test_standing_clusters_sleep_and_wake_nodes_ahead_too(wakeup):
     assert bool(run.table("wakeups")) == (wakeup != "none")
 
 
+@pytest.mark.thorough
 def test_the_awake_share_is_that_of_the_schedules_and_events():
     """An independent account: every node's awake time from its schedule, scanned, and from its wake and sleep rows."""
     run, steps, dt = Run(scenario(duration=20.0)), 10, 2.0
@@ -176,6 +181,7 @@ def test_a_network_that_wakes_no_node_consumes_what_its_schedules_say():
     run.books()
 
 
+@pytest.mark.thorough
 def test_all_four_methods_get_the_same_target_nodes_and_schedules():
     runs = [Run(scenario(tracker, duration=20.0)) for tracker in PAIRS]
     for run in runs[1:]:
@@ -187,6 +193,7 @@ def test_all_four_methods_get_the_same_target_nodes_and_schedules():
     assert len(set(first)) == 1, "who is awake at the start, and detects, does not depend on the tracker"
 
 
+@pytest.mark.thorough
 def test_a_log_changes_nothing():
     said = scenario()
     quiet = simulate_run(said, recorder=Memory({}))
@@ -216,6 +223,7 @@ def test_a_called_node_pays_for_the_call_and_sleeps_again_when_no_target_comes()
     assert spells > 5
 
 
+@pytest.mark.thorough
 def test_only_awake_nodes_search_for_a_lost_target_once_a_second():
     found = [Run(scenario("ris", duration=20.0), replicate) for replicate in range(6)]
     for run in found:
@@ -253,6 +261,7 @@ def test_a_region_without_nodes_loses_the_track_and_logs_why(tracker, word):
     assert run.summary.run["tracked"] < 0.7
 
 
+@pytest.mark.thorough(fast=["ris"])
 @pytest.mark.parametrize("tracker", PAIRS)
 def test_a_target_that_leaves_the_field_and_returns_is_lost_and_found(tracker):
     there = {"kind": "waypoints", "points": [[0, 150, 0], [20, 250, 0], [60, 400, 0], [100, 250, 0], [120, 150, 0]]}
@@ -335,6 +344,7 @@ def test_beacons_are_received_by_awake_nodes():
         assert a["time"] <= b["time"]
 
 
+@pytest.mark.thorough
 def test_no_node_sends_in_its_sleep(monkeypatch):
     """Awake spells are short, so that frames often still wait when a spell ends."""
     asleep, sent = [], []
@@ -352,6 +362,7 @@ def test_no_node_sends_in_its_sleep(monkeypatch):
     assert len(sent) > 500 and not asleep
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("motion", [{"kind": "gauss_markov"}, {"kind": "random_waypoint"}])
 def test_the_search_interval_does_not_change_the_trajectory(motion):
     def truth(tracker="gmtt", **changes):
@@ -363,6 +374,7 @@ def test_the_search_interval_does_not_change_the_trajectory(motion):
         assert all(np.array_equal(column, other[name]) for name, column in once.items())
 
 
+@pytest.mark.thorough
 def test_all_four_methods_get_the_same_readings_from_the_same_awake_nodes(monkeypatch):
     seen: dict[str, list] = {}
     update, first = ContinuousSensing.update, TargetSearch.first_detection
@@ -394,6 +406,7 @@ def test_all_four_methods_get_the_same_readings_from_the_same_awake_nodes(monkey
         assert searches.setdefault(at, readings) == readings
 
 
+@pytest.mark.thorough
 def test_each_search_costs_a_reading_with_or_without_an_explicit_interval():
     named, unnamed = (Run(scenario("ris", acquire=acquire)).summary.joules["sense"] for acquire in ({"poll": 2.0}, {}))
     assert named == pytest.approx(unnamed, rel=1e-12) and named > 0
@@ -413,6 +426,7 @@ def test_a_node_whose_only_cost_is_switching_dies_when_its_charge_is_used():
     assert steps["joules"][steps["time"] < 5.0].sum() == pytest.approx(200 * 10e-3, rel=0.1)
 
 
+@pytest.mark.thorough
 def test_the_energy_of_a_step_is_never_negative_and_zero_after_all_nodes_died():
     energy = {"kind": "first_order", "battery": 0.03, "switch": 4e-3, "idle": 1e-3, "sleep": 1e-5, "sensing": 1e-5}
     sleep = {"kind": "ris", "period": 1.0, "probability": 0.5}
@@ -439,6 +453,7 @@ def test_nodes_woken_by_a_head_that_died_are_counted_too():
         assert (wakeups["woken"][wakeups["step"] == step] > 0).all()
 
 
+@pytest.mark.thorough
 def test_without_a_prediction_the_region_covers_where_the_target_may_be():
     wakeups = Run(scenario("cluster")).table("wakeups")
     early = wakeups["foreseen"] == 0

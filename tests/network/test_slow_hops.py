@@ -51,6 +51,7 @@ POLICIES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("policy", POLICIES)
 def test_every_policy_tracks_at_intervals_of_125_ms_with_steps_of_1_s(policy):
     name, changes = POLICIES[policy]
@@ -61,6 +62,7 @@ def test_every_policy_tracks_at_intervals_of_125_ms_with_steps_of_1_s(policy):
     assert np.sum(issued < 1.0) >= 0.8 * 20, "estimates in time"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "main"), [("gmtt", "prediction"), ("tsstp", "detection"), ("ris", "detection")])
 def test_moving_heads_track_at_intervals_of_125_ms_with_steps_of_2_s(name, main):
     run = played(name, "duration=40 s", LATE.format(0.125), MOVING.format(main))
@@ -72,6 +74,7 @@ def test_moving_heads_track_at_intervals_of_125_ms_with_steps_of_2_s(name, main)
     assert np.nanmedian(late.estimates["issued"] - late.estimates["time"]) > np.nanmedian(issued)
 
 
+@pytest.mark.thorough
 def test_a_head_goes_on_after_the_deadline_that_follows_from_the_mac(monkeypatch):
     monkeypatch.setattr(hop_times, "CAP_HOPS", 0.5)
     run = Run("ekf_real", *CALM, LATE.format(0.4))
@@ -185,6 +188,7 @@ KEEPING = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("policy", KEEPING)
 def test_a_head_whose_belief_does_not_reach_the_next_one_goes_on_with_it(policy, monkeypatch):
     name, changes = KEEPING[policy]
@@ -207,6 +211,7 @@ def test_a_head_whose_belief_does_not_reach_the_next_one_goes_on_with_it(policy,
     assert np.sum(issued < run.setup.dt) > 0.6 * run.setup.steps
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("policy", ["standing", "appointing"])
 def test_an_announcement_that_nobody_heard_is_repeated(policy, monkeypatch):
     name, changes = KEEPING[policy]

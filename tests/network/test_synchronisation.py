@@ -49,6 +49,7 @@ def difference_to_root(run, since):
     return run.errors[since:, :] - run.errors[since:, :1]
 
 
+@pytest.mark.thorough
 def test_the_error_one_hop_from_the_root_is_that_of_a_regression():
     # The variance of the line through n points that are T apart, u periods after the last: s² (1/n + (u + 3.5)² / 42)
     # for n = 8; the mean over a period, u from 0 to 1, is s² (1/8 + 16.08 / 42).
@@ -239,6 +240,7 @@ class CheatMechanism:
         return node not in self.down or not self.forgets
 
 
+@pytest.mark.thorough(fast=["told3-repeatable"])
 @pytest.mark.parametrize(
     ("told", "said"),
     [

@@ -253,6 +253,7 @@ def test_a_round_begins_after_the_exchange_that_is_under_way():
     assert network.env.now - began == pytest.approx(exchange + slots, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_joins_of_a_tracking_network_arrive_and_no_frame_collides_in_a_slot():
     memory = Memory({"events": True, "clusters": True})
     simulate_run(load("ekf_real", ["duration=3 s"]), recorder=memory)
@@ -414,6 +415,7 @@ def test_scenarios_whose_rounds_cannot_fit_are_refused():
             build(load("ekf_real", ["mac.idle_slots=kept", *changes]))
 
 
+@pytest.mark.thorough
 def test_a_head_waits_for_a_round_of_kept_slots_though_no_member_senses():
     ends = {}
     for idle in ("skipped", "kept"):

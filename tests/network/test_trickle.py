@@ -63,6 +63,7 @@ def ours(shortest, longest, redundancy, draws, heard, resets, end):
     return [t for t in sent if t < end], [t for t in suppressed if t < end]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("redundancy", [None, 1, 2, 5])
 def test_it_transmits_as_rfc_6206_says(redundancy):
     rng = random.Random(redundancy or 0)

@@ -327,6 +327,7 @@ def test_the_throughput_of_a_shared_cell_is_that_of_a_plain_simulation_and_of_th
     assert ours == pytest.approx(np.mean(SIMULATOR[senders]), abs=0.02)
 
 
+@pytest.mark.thorough
 def test_a_single_sender_uses_every_shared_cell_and_several_less_than_two_thirds():
     assert saturated(1, 200) == 1.0
     assert saturated(3, 600) == pytest.approx(throughput(3, 50_000, seed=1)[0], abs=0.08)

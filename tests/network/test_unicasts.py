@@ -45,6 +45,7 @@ def tables(name: str, *overrides: str) -> dict[str, dict[str, np.ndarray]]:
     return {table: memory.table(table) for table in ("events", "energy", "energy_steps", "estimates", "nodes")}
 
 
+@pytest.mark.thorough(fast=["central_pf-0.002"])
 @pytest.mark.parametrize(
     ("name", "battery"), [("pso_mhpf", 2.0), ("central_pf", 2.0), ("pso_mhpf", 0.002), ("central_pf", 0.002)]
 )

@@ -69,6 +69,7 @@ def test_every_reading_is_one_packet_whatever_its_components() -> None:
     assert packets[0] == packets[1]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("which", ["range", "bearing"])
 def test_a_bias_hits_the_component_that_is_named_from_its_time_on(which: str) -> None:
     fault = {"kind": "bias", "offset": 0.7, "nodes": [4], "at": "5.5 s", "duration": "3 s", "component": which}
@@ -79,6 +80,7 @@ def test_a_bias_hits_the_component_that_is_named_from_its_time_on(which: str) ->
         assert value == pytest.approx(healthy[step, node, component] + expected, abs=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_reading_freezes_as_a_whole_or_in_the_component_that_is_named() -> None:
     healthy = values(simulated(scenario())[0])
     for which, places in (("", {0, 1}), ("bearing", {1})):
@@ -97,6 +99,7 @@ def test_a_fault_names_a_component_that_readings_have() -> None:
     wsnsim.scenario.build(wsnsim.load(scenario(sensor="bearing", faults=[fault])))
 
 
+@pytest.mark.thorough
 def test_missed_readings_are_whole_ones_and_false_alarms_and_biases_have_all_components() -> None:
     healthy = values(simulated(scenario())[0])
     missed = values(simulated(scenario(detection={"kind": "imperfect", "missed": 0.4}))[0])

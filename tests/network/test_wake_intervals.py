@@ -69,6 +69,7 @@ NEAR = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("policy", NEAR)
 def test_nodes_hurry_by_what_they_heard_and_heads_by_themselves(policy):
     name, changes = NEAR[policy]
@@ -95,6 +96,7 @@ def test_nodes_hurry_by_what_they_heard_and_heads_by_themselves(policy):
         assert near_delay < far_delay
 
 
+@pytest.mark.thorough
 def test_the_share_of_time_at_the_short_interval_is_that_of_what_nodes_were_told():
     name, changes = NEAR["standing"]
     run = played(name, *changes, LATE.format(0.125), "mac.near=31.25 ms")

@@ -38,6 +38,7 @@ def test_a_call_reaches_nodes_at_which_it_arrives_with_the_sensitivity(wakeup):
         assert topology.probability(caller, node) > 0.99
 
 
+@pytest.mark.thorough
 def test_the_range_of_a_call_is_that_of_its_link_budget():
     """Without shadowing: 10 dBm + 9 dB - 55 dB - 21.3 log10(d) = sensitivity."""
     link = {"kind": "log_normal", "exponent": 2.13, "shadowing": 0.0, "asymmetry": 0.0}
@@ -57,6 +58,7 @@ def test_on_a_link_without_powers_a_call_reaches_the_range():
     assert 60.0 < np.hypot(*(points[called] - points[callers]).T).max() <= 80.0
 
 
+@pytest.mark.thorough
 def test_calls_are_lost_at_random_and_alike_in_every_run(monkeypatch):
     heard, hear = [0, 0], WakeUpService._hear_call
 
@@ -81,6 +83,7 @@ def test_the_receivers_of_sleeping_nodes_take_standby_power():
     run.books()
 
 
+@pytest.mark.thorough
 def test_where_sleeping_costs_nothing_so_does_the_wake_up_receiver():
     said = [scenario(duration=40.0, energy={"kind": "first_order"}, wakeup={"kind": "directed_flood", "standby": watts})
             for watts in (0.0, 1e-3)]  # fmt: skip

@@ -280,6 +280,7 @@ def assert_radio_energy_is_in_the_events(run: Run) -> None:
     assert heard * BIT == pytest.approx(totals[CAUSE["rx"]], rel=1e-9, abs=1e-18)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("part", [0, *thorough((1, 2, 3))])
 @pytest.mark.parametrize("rule", ["nearest", "elect"])
 def test_deaths_during_handovers_and_elections_leave_every_track_with_a_head_or_open_to_election(rule, part):
@@ -294,6 +295,7 @@ def test_deaths_during_handovers_and_elections_leave_every_track_with_a_head_or_
     assert died > 25 and "head_died" in lost
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("part", [0, *thorough((1, 2))])
 def test_two_targets_that_cross_on_failing_nodes_leave_every_track_with_a_head_or_open_to_election(part):
     made = network_setup(steps=100)
@@ -310,6 +312,7 @@ def test_two_targets_that_cross_on_failing_nodes_leave_every_track_with_a_head_o
         assert_radio_energy_is_in_the_events(run)
 
 
+@pytest.mark.thorough
 def test_a_candidate_that_dies_during_its_broadcast_wins_no_election():
     for battery in np.linspace(6.0e-5, 7.5e-5, 40):
         run = Run(

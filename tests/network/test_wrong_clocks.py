@@ -30,6 +30,7 @@ def lag(**changes):
     return truth["px"][1:] - estimates["px"], memory
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("offset", [0.5, -0.25])
 def test_estimates_lag_by_the_speed_of_the_target_times_the_error_of_the_clocks(offset):
     step = [{"kind": "clock_step", "at": 0.0, "fraction": 1.0, "offset": offset}]
@@ -39,6 +40,7 @@ def test_estimates_lag_by_the_speed_of_the_target_times_the_error_of_the_clocks(
     assert wrong.mean() == pytest.approx(SPEED * offset, abs=0.15)
 
 
+@pytest.mark.thorough
 def test_nodes_whose_clocks_differ_spoil_estimates_and_after_synchronisation_only_the_error_of_the_root_is_left():
     clock = {"kind": "drift", "sd": 30e-6, "offset": 0.5}
     alone, _ = lag(clock=clock)

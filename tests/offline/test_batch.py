@@ -91,6 +91,13 @@ def _batched(setup: Any, replicates: list[int]) -> tuple[Memory, list[Any]]:
     return memory, summaries
 
 
+@pytest.mark.thorough(
+    fast=[
+        "bootstrap in a field, resampled at times",
+        "Gaussian particle filter, silent steps",
+        "one filter per sensor, sensors that come and go",
+    ]
+)
 @pytest.mark.parametrize("case", CASES)
 def test_tables_of_a_batch_are_those_of_single_runs_bit_by_bit(case):
     setup, replicates, composed = _setup(case), [3, 0, 1, 7], Memory(TABLES)
@@ -159,6 +166,7 @@ def test_progress_names_the_last_run_of_each_block(tmp_path):
     assert seen == sorted(seen) and seen[-1] == 39
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("flags", "batched"), [([], True), (["--no-batch"], False)])
 def test_the_command_line_makes_batches_unless_told_not_to(tmp_path, capsys, flags, batched):
     path = str(tmp_path / "x.h5")

@@ -50,6 +50,7 @@ def test_what_was_registered_before_the_first_run_is_unchanged():
     }  # fmt: skip
 
 
+@pytest.mark.thorough(fast=["found"])
 @pytest.mark.parametrize(
     "experiment", [LI, JIANG, FOUND, LI_AGAIN, JIANG_AGAIN, FOUND_AGAIN], ids=lambda each: each.name
 )
@@ -250,6 +251,7 @@ def given(answers):
     return found
 
 
+@pytest.mark.thorough
 def test_the_answers_on_lis_field_follow_from_the_rows():
     found = given(hypotheses.li(field()))
     assert sorted(found) == [*range(1, 13), 14]
@@ -257,6 +259,7 @@ def test_the_answers_on_lis_field_follow_from_the_rows():
     assert all(line.startswith("registered ") for line in hypotheses.lines(field()))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("number", "changes", "answer"),
     [
@@ -309,6 +312,7 @@ def test_the_answers_on_jiangs_field_follow_from_the_rows():
     assert given(hypotheses.jiang(Runs(levels, "jiang")))[16] == ["no", "yes", "yes"]
 
 
+@pytest.mark.thorough(fast=["reference alone-by_interval"])
 @pytest.mark.parametrize("draw", [*figures.FIGURES])
 @pytest.mark.parametrize("data", [field(), Runs({"gmtt, csma": {}})], ids=["all points", "reference alone"])
 def test_a_figure_has_a_line_for_each_tracker(draw, data):

@@ -35,6 +35,7 @@ def quick():
     return reproduce.plan("frontier", EXPERIMENT)
 
 
+@pytest.mark.thorough
 def test_every_variant_is_a_scenario_that_builds_and_all_are_of_one_world(quick):
     assert [point.settings["variant"] for point in quick.points] == list(EXPERIMENT.variants)
     assert quick.replicates == EXPERIMENT.quick >= 5
@@ -258,6 +259,7 @@ def test_a_small_run_gives_a_row_a_claim_a_line_a_radio_and_a_picture(tracked, t
     assert file.name == "frontier_frontier.png" and file.stat().st_size > 10_000
 
 
+@pytest.mark.thorough
 def test_the_bound_of_the_readings_that_arrived_is_no_smaller_than_that_of_all_in_range(tracked):
     data, _, _ = tracked
     whole = data.bound("ideal: ekf", "per_trajectory").of_replicates

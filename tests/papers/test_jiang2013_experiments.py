@@ -62,6 +62,7 @@ def test_every_order_of_the_three_trackers_that_is_published_is_claimed():
                 assert (measure, one, other) in orders
 
 
+@pytest.mark.thorough
 def test_figure_3_is_run_on_the_first_cluster_of_the_network_that_figure_2_shows():
     (convergence,) = (each for each in EXPERIMENTS if each.name == "figure_3")
     first = reproduce.plan("jiang2013", convergence).points[0]

@@ -15,6 +15,7 @@ EXPERIMENTS = {experiment.name: experiment for experiment in paper("li2012").exp
 CLAIMS = [(experiment, claim) for experiment in EXPERIMENTS.values() for claim in experiment.claims if claim.shown]
 
 
+@pytest.mark.thorough(fast=["left_open-False"])
 @pytest.mark.parametrize("full", [False, *thorough([True])])
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_experiment_is_a_campaign_of_scenarios_that_load(name, full):

@@ -49,6 +49,7 @@ def named(pair):
     return f"{pair[0]} {pair[1].name}"
 
 
+@pytest.mark.thorough(fast=["wei2022 table_2_noisy_truth-False"])
 @pytest.mark.parametrize("full", [False, *thorough([True])])
 @pytest.mark.parametrize("pair", EXPERIMENTS, ids=named)
 def test_every_experiment_is_a_campaign_of_scenarios_that_load(pair, full):

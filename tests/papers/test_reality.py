@@ -110,6 +110,7 @@ def test_two_files_of_one_track_and_a_name_of_several_words_are_refused(folder, 
         recording(tmp_path)
 
 
+@pytest.mark.thorough
 def test_experiments_on_a_folder_are_named_after_it_and_build_with_the_laws_of_the_other_tracks(folder):
     pairs = reproduce.on_data(("reality",), folder)
     assert [experiment.name for _, experiment in pairs] == [f"{folder.name}_tracks", f"{folder.name}_trackers"]

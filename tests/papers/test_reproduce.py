@@ -80,6 +80,7 @@ def done(tmp_path_factory):
     return where
 
 
+@pytest.mark.thorough
 def test_rows_are_what_the_tables_of_the_campaign_hold(done):
     folder = reproduce.folder_of(done, "liu2012", SMALL)
     runs = wsnsim.read(folder, "runs").set_index(["variant", "replicate"])
@@ -112,6 +113,7 @@ def test_rows_are_what_the_tables_of_the_campaign_hold(done):
     assert rows["RMSE of vx"].measured == pytest.approx(metrics.rmse((off.vx_x - off.vx_y).to_numpy()), rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_strict(done):
     folder = reproduce.folder_of(done, "liu2012", SMALL)
     rows = {row.quantity: row for row in reproduce.rows("liu2012", SMALL, folder)}
@@ -136,6 +138,7 @@ def test_a_measure_that_is_none_is_named(done):
         measures.measured(data, "rkf", "rmsee")
 
 
+@pytest.mark.thorough
 def test_a_damaged_file_is_put_aside_and_run_again_and_so_is_a_damaged_scenario(done, papers, capsys):
     shutil.copytree(done, "r/quick")
     same = ["reproduce", "liu2012", "--json", "-q", "-o", "r"]
@@ -158,6 +161,7 @@ def test_a_damaged_file_is_put_aside_and_run_again_and_so_is_a_damaged_scenario(
     assert len(list(Path("r").rglob("*.damaged"))) == 2
 
 
+@pytest.mark.thorough
 def test_what_has_been_run_is_not_run_again_and_the_same_is_found_elsewhere(done, papers, capsys):
     shutil.copytree(done, "r/quick")
     files = {path: path.stat().st_mtime_ns for path in Path("r").rglob("*.h5")}
@@ -174,6 +178,7 @@ def test_what_has_been_run_is_not_run_again_and_the_same_is_found_elsewhere(done
     assert {row["replicates"] for row in first["rows"]} == {6}
 
 
+@pytest.mark.thorough
 def test_a_full_run_is_another_campaign_of_as_many_replicates_as_it_says(papers, capsys):
     assert main(["reproduce", "liu2012", "--full", "-q", "--json"]) == 0
     assert {row["replicates"] for row in json.loads(capsys.readouterr().out)["rows"]} == {8}
@@ -190,6 +195,7 @@ def test_in_words_there_are_reasons_verdicts_and_the_rule(done, papers, capsys):
     assert "~ not strict here" in said.out and "  about 0.6 " in said.out
 
 
+@pytest.mark.thorough
 def test_progress_that_cannot_be_printed_ends_no_reproduction(done, papers, monkeypatch, capsys):
     shutil.copytree(done, "results/reproduce/quick")
     next(Path("results").rglob("*.h5")).unlink()

@@ -148,6 +148,7 @@ def test_a_share_is_of_the_time_means_and_its_interval_resamples_the_runs_of_bot
     assert found.replicates == 8
 
 
+@pytest.mark.thorough
 def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory, tmp_path, monkeypatch):
     few, folder = small(INDOOR_RUNS, tmp_path_factory, monkeypatch, sets=("duration=2 s",))
     rows = [row for row in reproduce.rows("ruan2020", few, folder) if not row.paired]

@@ -156,6 +156,7 @@ def few(experiment: Experiment) -> Experiment:
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [*thorough(["diversity"]), "table_2_start_drawn"])
 def test_a_small_run_gives_a_row_a_claim_and_its_pictures(tmp_path, monkeypatch, name):
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)

@@ -117,6 +117,7 @@ def test_damaged_values_are_never_read_as_values(tmp_path, states, rows_of, rows
     assert len(read_table(result, "truth", ["time"])["time"]) == rows
 
 
+@pytest.mark.thorough
 def test_no_damaged_byte_of_a_block_changes_a_value_unnoticed(tmp_path, states, rows_of):
     """Every 499th byte of the file of a campaign's task: rows are read as written, or not at all."""
     result, written = tmp_path / "x.h5", rows_of("runs", 5)

@@ -49,6 +49,7 @@ def killed_run(folder: Path, flush_every: float) -> Path:
     return tmp
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("flush_every", "chunks"), [(0.0, 3), (30.0, 1)])
 def test_a_killed_run_leaves_no_final_file_and_its_flushed_chunks_can_be_recovered(tmp_path, flush_every, chunks):
     tmp = killed_run(tmp_path, flush_every)
@@ -85,6 +86,7 @@ def tmp(tmp_path, left_behind) -> Path:
     return path
 
 
+@pytest.mark.thorough
 def test_a_final_file_is_not_overwritten_unless_it_is_named(tmp_path, tmp):
     (tmp_path / "run.h5").write_text("precious")
     with pytest.raises(ResultError, match="exists; give another file"):
@@ -152,6 +154,7 @@ def test_a_finished_result_needs_no_recovery(tmp_path, states):
         recover(tmp_path / "x.h5", tmp_path / "y.h5")
 
 
+@pytest.mark.thorough
 def test_a_run_that_still_writes_is_left_alone(tmp_path, states, rows_of):
     with ResultFile(tmp_path / "x.h5", states, {"truth": True}) as file:
         file.write("truth", rows_of("truth", 70_000))

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from wsnsim.base.errors import ResultError
@@ -40,6 +40,7 @@ def test_every_table_comes_back_as_it_was_written(tmp_path, states, rows_of):
             np.testing.assert_array_equal(read[column.name], rows[column.name])
 
 
+@pytest.mark.thorough
 def test_rows_written_in_pieces_keep_their_order_over_chunks(tmp_path, states, rows_of):
     rows = rows_of("events", 150_000)
     rows["frame"] = np.arange(150_000, dtype="u4")
@@ -65,7 +66,7 @@ def test_whole_chunks_reach_the_disk_while_the_run_goes_on(tmp_path, states, row
         assert not (tmp_path / "x.h5").exists()
 
 
-@settings(max_examples=40)
+@pytest.mark.thorough
 @given(
     st.lists(
         st.lists(
@@ -317,6 +318,7 @@ except ResultError as error:
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("limit", [100, 10_000, 100_000])
 def test_a_full_disk_is_an_error_with_its_reason_and_leaves_nothing(tmp_path, limit):
     command = [sys.executable, "-c", FILLS_THE_DISK, str(tmp_path / "x.h5"), str(limit)]
@@ -326,6 +328,7 @@ def test_a_full_disk_is_an_error_with_its_reason_and_leaves_nothing(tmp_path, li
     assert names_in(tmp_path) == []
 
 
+@pytest.mark.thorough
 def test_two_processes_write_one_name_at_a_time_and_the_last_to_end_stays(tmp_path, states, rows_of):
     script = f"""
 from pathlib import Path

@@ -5,22 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wsnsim import experiment, read
+from tests.helpers.recordings import recording
+from wsnsim import read
 from wsnsim.report import replay, replay_clusters, replay_encoding
-from wsnsim.scenario import load
 
 from .page_reader import decoded, rows_at
 from .synthetic_results import CLUSTER_EVENTS, ON_A_LINE, write_result
 
 
 @pytest.fixture(scope="module")
-def two(tmp_path_factory):
+def two():
     """A simulated run of two targets whose clusters share nodes."""
-    path = tmp_path_factory.mktemp("two") / "two.h5"
-    experiment.run(load("two_targets", ["duration=2.4 s", "tracker.particles=40"]), out=path)
-    return path
+    return recording("two_targets")
 
 
+@pytest.mark.thorough
 def test_places_are_those_of_the_tables_to_a_rounding(real):
     header, at = decoded(replay.encode(real, 0, 10**7).text)
     left, bottom, right, top = header["box"]
@@ -151,6 +150,7 @@ def test_clusters_and_states_are_what_a_loop_over_the_log_gives(tmp_path):
     assert several  # a node is of several clusters
 
 
+@pytest.mark.thorough(fast=["real"])
 @pytest.mark.parametrize("name", ["real", "two"])
 def test_members_are_as_many_as_the_estimates_say_and_no_head_or_member_rests(name, request):
     path = request.getfixturevalue(name)
@@ -203,6 +203,7 @@ def test_particles_are_where_the_table_has_them(real):
         assert np.abs(cloud.px - x).min() < 0.51 * side * width / 255 + 1e-4
 
 
+@pytest.mark.thorough
 def test_what_has_no_room_is_thinned_and_said(tmp_path):
     path = write_result(tmp_path / "x.h5", events=True, steps=200, nodes=100)
     whole = replay.encode(path, 0, 10**6)
@@ -225,6 +226,7 @@ def test_what_is_kept_is_spread_evenly():
     assert replay_encoding.evenly(0, 5).size == 0 and replay_encoding.evenly(3, 5).all()
 
 
+@pytest.mark.thorough
 def test_a_log_without_nodes_draws_nothing_between_them(tmp_path):
     path = write_result(tmp_path / "x.h5", events=True, without=("nodes",))
     assert not {"link_count", "membership_count", "node_x"} & decoded(replay.encode(path, 0, 10**6).text)[1].keys()

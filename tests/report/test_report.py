@@ -31,13 +31,14 @@ def cells_of(table):
 
 
 @pytest.fixture(scope="module")
-def page(real):
+def page(real, tmp_path_factory):
     """The page of a simulated result."""
-    out = real.with_suffix(".html")
+    out = tmp_path_factory.mktemp("page") / "real.html"
     html_page.write([real], out)
     return out.read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_a_page_is_whole_and_asks_for_nothing(page):
     read_page = PageReader(page)
     tags = [tag for tag, _ in read_page.tags]
@@ -53,6 +54,7 @@ def test_a_page_is_whole_and_asks_for_nothing(page):
     assert used and {a or b for a, b in used} <= set(read_page.ids)
 
 
+@pytest.mark.thorough
 def test_the_summary_has_the_means_the_intervals_and_what_was_published(tmp_path):
     path = write_result(tmp_path / "x.h5", runs=8)
     table = summary_table.summary_table([path], ["x"], lambda scenario: ({"energy": 1.82}, "Jiang 2013"))
@@ -69,6 +71,7 @@ def test_the_summary_has_the_means_the_intervals_and_what_was_published(tmp_path
     )
 
 
+@pytest.mark.thorough
 def test_the_same_result_gives_the_same_bytes(tmp_path):
     path = write_result(tmp_path / "x.h5", events=True, **ON_A_LINE)
     for name in ("a.html", "b.html"):
@@ -77,6 +80,7 @@ def test_the_same_result_gives_the_same_bytes(tmp_path):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.html", "b.html", "x.h5"]
 
 
+@pytest.mark.thorough
 def test_every_text_of_a_scenario_is_escaped(tmp_path):
     states = ((f"px{HOSTILE.replace('/', '')}", f"m{HOSTILE}"), ("vx", "m/s"))  # no column has a '/' in its name
     path = write_result(tmp_path / "<b>'\".h5", states, (0,), name=HOSTILE)
@@ -90,6 +94,7 @@ def test_every_text_of_a_scenario_is_escaped(tmp_path):
     assert HOSTILE in header["axes"][1]
 
 
+@pytest.mark.thorough(fast=["told5-True-There is nothing to replay"])
 @pytest.mark.parametrize(
     ("told", "drawn", "word"),
     [
@@ -125,6 +130,7 @@ def test_a_hundred_thousand_nodes_fit_and_a_small_page_is_kept_to(tmp_path, monk
         assert all(note in (tmp_path / "x.html").read_text() for note in thinned)
 
 
+@pytest.mark.thorough
 def test_several_results_stand_side_by_side_and_share_the_room(real, tmp_path, monkeypatch):
     monkeypatch.setattr(html_page, "svg_figures", no_figures)
     other = write_result(tmp_path / "y.h5", events=True)
@@ -140,6 +146,7 @@ def test_several_results_stand_side_by_side_and_share_the_room(real, tmp_path, m
     assert decoded(replays_in(text)[1])[0]["last"] == 100
 
 
+@pytest.mark.thorough
 def test_figures_name_their_targets_and_say_whose_are_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr(svg_figures, "MAX_TARGETS", 2)
     drawn, left_out = svg_figures.svg_figures(write_result(tmp_path / "x.h5", targets=3, **ON_A_LINE), 0)
@@ -150,6 +157,7 @@ def test_figures_name_their_targets_and_say_whose_are_left_out(tmp_path, monkeyp
     assert "only the tracks of the first 2 of 3 targets are drawn" in left_out
 
 
+@pytest.mark.thorough
 def test_of_several_results_the_least_important_figures_are_left_out_first(tmp_path, monkeypatch):
     sizes = {"x": (40_000, 9_000, 9_000), "y": (20_000, 30_000, 10_000)}
 
@@ -178,6 +186,7 @@ def test_results_of_one_name_are_told_apart_by_as_many_folders_as_differ(tmp_pat
     assert named == ["a, one/b/r0.h5", "a, two/b/r0.h5", "c", "d, x.h5", "d, y.h5", "e, z", "e, z"]
 
 
+@pytest.mark.thorough
 def test_a_file_whose_first_replicate_is_another_gives_a_page_of_that_one(tmp_path, monkeypatch):
     monkeypatch.setattr(html_page, "svg_figures", no_figures)
     path = write_result(tmp_path / "x.h5", runs=2, first=145)
@@ -189,6 +198,7 @@ def test_a_file_whose_first_replicate_is_another_gives_a_page_of_that_one(tmp_pa
     assert "is replayed" not in (tmp_path / "y.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_a_direction_of_writing_stays_within_its_name(tmp_path, monkeypatch):
     monkeypatch.setattr(html_page, "svg_figures", no_figures)
     name = "\u202egnp.exe"
@@ -203,6 +213,7 @@ def test_only_the_ids_of_a_figure_are_renamed_not_what_it_says():
     assert 'href="#f0-a"' in made and '<text>id="a" url(#a)</text>' in made
 
 
+@pytest.mark.thorough
 def test_another_replicate_is_replayed_and_one_that_is_not_there_is_refused(real, tmp_path):
     one, other = (decoded(replay.encode(real, run, 10**7).text)[1]["truth_x"] for run in (0, 1))
     assert not np.array_equal(one, other)
@@ -211,6 +222,7 @@ def test_another_replicate_is_replayed_and_one_that_is_not_there_is_refused(real
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.thorough
 def test_a_page_that_cannot_be_written_leaves_nothing(real, tmp_path, monkeypatch):
     monkeypatch.setattr(html_page, "svg_figures", no_figures)
     with pytest.raises(ResultError, match=r"x\.html: cannot be written: No such file"):
@@ -230,6 +242,7 @@ def test_every_row_of_the_summary_is_explained_and_few_are_shown_unfolded(real):
     assert explained["time-averaged RMSE"] == QUANTITIES["rmse"].definition
 
 
+@pytest.mark.thorough
 def test_the_bounds_are_shown_only_on_request(real):
     for bounds in (False, True):
         shown = cells_of(summary_table.summary_table([real], ["x"], bounds=bounds))
@@ -248,6 +261,7 @@ def test_the_legend_explains_marks_in_the_words_of_the_glossary():
         assert said[key].split(";")[0] == meanings[term].split(";")[0], key
 
 
+@pytest.mark.thorough
 def test_several_results_have_an_answer_each_under_their_names(real, tmp_path, monkeypatch):
     monkeypatch.setattr(html_page, "svg_figures", no_figures)
     html_page.write([real, real], tmp_path / "x.html")

@@ -30,6 +30,7 @@ def wsnsim(tmp_path, monkeypatch, capsys):
     return run
 
 
+@pytest.mark.thorough
 def test_the_command_writes_beside_the_result_or_where_it_is_told(wsnsim, real):
     write_result(Path("x.h5"))
     code, out, err = wsnsim("x.h5")
@@ -39,6 +40,7 @@ def test_the_command_writes_beside_the_result_or_where_it_is_told(wsnsim, real):
     assert Path("y.html").stat().st_size <= 500_000
 
 
+@pytest.mark.thorough
 def test_the_command_refuses_what_it_cannot_do_in_one_line(wsnsim):
     write_result(Path("x.h5"))
     Path("text.h5").write_text("no result")
@@ -56,6 +58,7 @@ def test_the_command_refuses_what_it_cannot_do_in_one_line(wsnsim):
     assert sorted(file.name for file in Path().iterdir()) == ["text.h5", "x.h5"]
 
 
+@pytest.mark.thorough
 def test_a_page_is_written_although_nothing_can_be_printed_on_stderr(wsnsim, real, monkeypatch):
     monkeypatch.setattr("wsnsim.cli.end_stderr", lambda: None)  # it would close the stderr of these tests
     monkeypatch.setattr("sys.stderr", FullDisk())

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.helpers.calls import counted_calls
@@ -215,7 +215,6 @@ def test_as_many_points_as_are_allowed_are_made() -> None:
     assert len(axes.grid(axes_of({"a": list(range(200)), "b": {"range": [1, 100], "step": 1}}))) == 20_000
 
 
-@settings(max_examples=25)
 @given(st.integers(1, 40), st.integers(0, 40), st.integers(0, 2**32))
 def test_a_longer_random_draw_begins_with_the_shorter_one(count: int, more: int, seed: int) -> None:
     over = {"a": {"range": [0.0, 1.0]}, "b": {"range": [1, 9]}, "c": ["x", "y", "z"], "d": {"log_range": [1.0, 1e3]}}
@@ -247,7 +246,6 @@ def test_a_draw_depends_on_its_seed_alone(how: Any) -> None:
     assert not set(drawn(how, 9, 5, **over)) & set(drawn(how, 9, 6, **over))
 
 
-@settings(max_examples=25)
 @given(st.integers(1, 60), st.integers(0, 2**32))
 def test_a_latin_hypercube_has_one_point_in_each_slice_of_each_axis(count: int, seed: int) -> None:
     found = drawn(axes.latin_hypercube, count, seed, a={"range": [2.0, 3.0]}, b={"log_range": [1.0, 1e3]})

@@ -71,10 +71,14 @@ def _written(value: float) -> str:
     return ".inf" if value == math.inf else "-.inf" if value == -math.inf else repr(value)
 
 
+NUMBERS = list(_numbers())
 EXTREMES = [1e300, 1e200, 1e100, 1e30, 5e-324, 1e-300, 1e-100, -1e-300, -1e300, math.inf, -math.inf]
 
 
-@pytest.mark.parametrize(("role", "kind", "name"), list(_numbers()))
+@pytest.mark.parametrize(
+    ("role", "kind", "name"),
+    [*NUMBERS[::5], *(pytest.param(*one, marks=pytest.mark.thorough) for i, one in enumerate(NUMBERS) if i % 5)],
+)
 @settings(max_examples=len(EXTREMES) if THOROUGH else 4)
 @given(st.sampled_from(EXTREMES))
 def test_no_number_of_a_model_ends_as_an_internal_error(role: str, kind: str, name: str, value: float) -> None:

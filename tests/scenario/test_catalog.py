@@ -172,6 +172,7 @@ def installed(tmp_path: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(here)])}
 
 
+@pytest.mark.thorough
 def test_an_installed_package_adds_a_tracker(installed: dict[str, str]) -> None:
     done = subprocess.run(
         [sys.executable, "-c", PROBE], input=json.dumps(base_scenario()), env=installed, capture_output=True, text=True
@@ -189,6 +190,7 @@ def test_an_installed_package_adds_a_tracker(installed: dict[str, str]) -> None:
     )
 
 
+@pytest.mark.thorough
 def test_the_schema_knows_every_kind_with_its_fields_and_units() -> None:
     schema = json.loads(json.dumps(json_schema(), allow_nan=False))
     disk = schema["$defs"]["Disk"]
@@ -205,6 +207,7 @@ def test_the_schema_knows_every_kind_with_its_fields_and_units() -> None:
         assert {schema["$defs"][name]["properties"]["kind"]["const"] for name in names} == set(kinds(role))
 
 
+@pytest.mark.thorough
 def test_the_schema_demands_keys_only_of_files_that_extend_nothing() -> None:
     schema = json_schema()
     assert "required" not in schema
@@ -223,6 +226,7 @@ def test_the_schema_demands_keys_only_of_files_that_extend_nothing() -> None:
     assert kinds_of_deploy["file"] == ["kind", "path"]
 
 
+@pytest.mark.thorough
 def test_the_schema_takes_a_data_sheet_by_its_name_or_by_its_fields() -> None:
     schema = json_schema()
     fields, name = schema["$defs"]["States"]["properties"]["radio"]["anyOf"]
@@ -259,6 +263,7 @@ def test_a_new_scenario_is_a_good_one(tmp_path: Path, bench: bool) -> None:
     assert scenario.load(path).name == "fresh"
 
 
+@pytest.mark.thorough(fast=["beacons"])
 @pytest.mark.parametrize("path", scenario.shipped().values(), ids=scenario.shipped())
 def test_every_shipped_scenario_that_names_itself_is_a_good_one(path: Path) -> None:
     faults = faults_of(path)

@@ -60,6 +60,7 @@ ALLOWED = [
 ]
 
 
+@pytest.mark.thorough(fast=["gmtt-changes0"])
 @pytest.mark.parametrize(("name", "changes"), ALLOWED)
 def test_what_can_be_combined_runs(name, changes):
     assert simulate_run(load(name, [*changes, "duration=4 s"])).run["frames_sent"] > 0

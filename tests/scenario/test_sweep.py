@@ -267,6 +267,7 @@ def test_points_share_a_world_if_they_differ_in_what_the_strategy_does_alone() -
         assert world(change) != own
 
 
+@pytest.mark.thorough
 @given(st.permutations([(PARTICLES, [1, 2, 3]), ("seed", [4, 5]), ("sensor.reach", ["60 m", "70 m"])]))
 def test_the_order_of_axes_changes_the_order_of_points_only(items: list[tuple[str, list]]) -> None:
     expected = sorted(itertools.product([1, 2, 3], [4, 5], [60.0, 70.0]))
@@ -561,6 +562,7 @@ def test_a_name_that_nobody_has_is_told_with_the_nearest() -> None:
     assert len(faults_of("n" * 5000)) == 1
 
 
+@pytest.mark.thorough
 def test_every_shipped_sweep_is_a_plan() -> None:
     for name in shipped_sweeps():
         plan = load_sweep(name)

@@ -55,6 +55,7 @@ def test_it_foresees_nothing_and_hands_over_the_last_fix() -> None:
     assert chase.drive(tracker.hand_over(belief, chase.scene(6), 7), silent)[0] is None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sensor", [Range(), Range(sd=50.0), Rssi(), Rssi(sd=30.0)])
 def test_the_rules_of_the_seam_are_kept(sensor) -> None:
     check_tracker(AwakeOnly(), sensor=sensor)

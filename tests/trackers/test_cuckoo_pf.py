@@ -162,13 +162,15 @@ PLANS = {
 }
 
 
-@pytest.mark.parametrize(("particles", "clouds"), [(5, 1500), pytest.param(20_000, 1, marks=pytest.mark.thorough)])
+@pytest.mark.thorough
+@pytest.mark.parametrize(("particles", "clouds"), [(5, 1500), (20_000, 1)])
 @pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
 def test_the_walk_leaves_the_product_of_the_targets_as_it_is(plan: Search, particles: int, clouds: int) -> None:
     """Seven p-values, the least of them: below 1e-3 in seven of a thousand seeds at most, and this is one seed."""
     assert least_p(whitened_after_a_walk(plan, particles, clouds)) > 1e-3
 
 
+@pytest.mark.thorough(fast=["20000-1"])
 @pytest.mark.parametrize(("particles", "clouds"), [(20_000, 1), (5, 1500)])
 def test_that_check_would_notice_a_missing_hastings_ratio(
     monkeypatch: pytest.MonkeyPatch, particles: int, clouds: int
@@ -194,6 +196,7 @@ def test_that_check_would_notice_a_best_nest_that_depends_on_who_moves(monkeypat
     assert least_p(whitened_after_a_walk(PLANS["fixed"], 5, 1500)) < 1e-9
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "tracker",
     [
@@ -209,6 +212,7 @@ def test_with_metropolis_it_is_the_kalman_filter_on_a_linear_gaussian_model_but_
     assert np.median(ratios) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.thorough
 def test_the_greedy_search_is_no_sampler() -> None:
     """What the paper's filter makes of a linear Gaussian model: a far larger error than a plain particle filter's.
 
@@ -321,6 +325,7 @@ def test_it_keeps_the_rules_of_the_seam(kind, particles, fields) -> None:
     check_tracker(kind(particles=particles, **fields))
 
 
+@pytest.mark.thorough
 def test_a_fixed_step_keeps_the_rules_of_the_seam() -> None:
     check_tracker(CuckooPf(alpha="fixed", length=0.5, keep=0.0))
 

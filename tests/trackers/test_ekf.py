@@ -122,6 +122,7 @@ def test_a_handover_sends_the_moments_and_a_step_costs_what_is_counted() -> None
         assert heard.cycles == {cluster.head: 4 * 64 + 2 * 16 + readings * a_reading}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tracker", EVERY, ids=["all", "nearest"])
 def test_it_keeps_the_rules_of_the_seam(tracker) -> None:
     check_tracker(tracker)

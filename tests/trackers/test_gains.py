@@ -125,6 +125,7 @@ def test_gains_that_are_known_to_be_zero_change_nothing() -> None:
         assert belief.mean == pytest.approx(mean, rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.thorough(fast=["gpf"])
 @pytest.mark.parametrize("tracker", EVERY, ids=NAMES)
 def test_trackers_that_estimate_gains_keep_the_rules_of_the_interface(tracker: Any) -> None:
     check_tracker(tracker, MOTION, ESTIMATING)
@@ -170,6 +171,7 @@ def scenario(tracker: str, gains: str, **changed: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tracker", NAMES)
 def test_gains_are_recovered_and_errors_are_smaller_and_nearer_to_what_is_claimed(tracker: str, tmp_path: Any) -> None:
     """In the median of five runs gains of 4 dB are known to less than 2 dB; most errors are as claimed."""

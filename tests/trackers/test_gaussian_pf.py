@@ -267,12 +267,14 @@ def test_a_covariance_without_full_rank_is_drawn_from_all_the_same(kind, given, 
     assert np.linalg.eigvalsh(belief.cov)[0] >= -1e-9 * np.trace(belief.cov)
 
 
+@pytest.mark.thorough
 @EVERY
 @pytest.mark.parametrize("particles", [1, 25, *thorough((2, 3))])
 def test_the_rules_of_the_seam_are_kept(kind, given, particles) -> None:
     check_tracker(kind(particles=particles, **given))
 
 
+@pytest.mark.thorough
 @EVERY
 def test_a_target_on_a_line_and_one_in_a_room_are_tracked_by_the_same_rules(kind, given) -> None:
     tracker = kind(particles=10, **given)

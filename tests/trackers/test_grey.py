@@ -205,6 +205,7 @@ def test_it_needs_ranges_and_a_plane() -> None:
     assert issue.path == ("tracker", "kind") and "two columns" in issue.message
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sensor", [Range(), Range(sd=50.0), Rssi(), Rssi(sd=30.0)])
 @pytest.mark.parametrize(
     "tracker", [GreyTracking(), GreyTracking(window=4, shift=0.0, report="prediction", predictor="linear")]

@@ -278,6 +278,7 @@ def test_a_motion_of_more_than_one_column_is_a_fault_and_so_is_a_grid_that_is_up
     assert issue.path == ("tracker", "high") and "from low (1) up to high (-1)" in issue.message
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("cells", [2, 400])
 def test_it_keeps_the_rules_of_the_seam(cells) -> None:
     for motion, sensor in ((Walk(), Gauge()), (Walk(bend=3.0), Gauge(fold=True))):

@@ -26,6 +26,7 @@ EVERY = [
 ]
 
 
+@pytest.mark.thorough(fast=["cloud"])
 @pytest.mark.parametrize(
     ("tracker", "noise_scale", "tolerance"),
     [
@@ -93,6 +94,7 @@ def test_the_weights_of_the_cloud_proposal_are_those_of_its_predictive_density_b
         belief = after
 
 
+@pytest.mark.thorough
 def test_the_cloud_proposal_follows_the_papers_target_with_nearly_all_of_its_particles() -> None:
     """In the third case the extended Kalman filter diverges at its first step, and so must its update as a proposal."""
     tracker, errors, effective = InformationPf(proposal="cloud"), [], []

@@ -212,6 +212,7 @@ def test_models_that_do_not_fit_are_refused_with_the_reason(said: str, message: 
         scenario.build(scenario.load("jiang_field", [f"tracker={{kind: imm, {said}}}"]))
 
 
+@pytest.mark.thorough
 def test_a_scenario_in_which_the_models_have_no_position_in_common_is_refused() -> None:
     with pytest.raises(ScenarioError, match="lacks py, vy of the scenario's motion"):
         scenario.build(scenario.load("jiang_field", ["tracker={kind: imm, models: [{kind: constant_acceleration}]}"]))
@@ -219,6 +220,7 @@ def test_a_scenario_in_which_the_models_have_no_position_in_common_is_refused() 
     check_tracker(line, ConstantAcceleration(), Range())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("tracker", "motion"),
     [
@@ -235,6 +237,7 @@ def test_it_keeps_the_rules_of_the_interface(tracker, motion) -> None:
         check_tracker(tracker, motion, AcousticEnergy())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("extra", [(), ("network=none",)], ids=["in a network", "standalone"])
 def test_the_mode_probabilities_follow_the_turns_and_the_error_is_below_that_of_one_filter(extra) -> None:
     memory = Memory({**RECORDED_BY_DEFAULT, "tracker_state": True})
@@ -250,6 +253,7 @@ def test_the_mode_probabilities_follow_the_turns_and_the_error_is_below_that_of_
     assert rmse < 0.9 * alone
 
 
+@pytest.mark.thorough
 def test_listed_models_are_stored_set_and_swept(tmp_path) -> None:
     loaded = scenario.load("imm", ["tracker.models.1.q=0.3", "duration=1 s"])
     kept = scenario.resolved(loaded)["tracker"]["models"]

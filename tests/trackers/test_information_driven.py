@@ -319,6 +319,7 @@ def test_where_nobody_sends_no_reading_counts_and_the_track_is_lost_in_time(monk
     assert not estimates["readings"][estimates["step"] * 0.04 < lost[0]].any()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("every", [1, 3])
 def test_every_packet_is_billed(tmp_path, every) -> None:
     changes = ["duration=4 s", f"tracker.kind={__name__}:Counted", f"tracker.every={every}", "seed=1000"]

@@ -137,6 +137,7 @@ def test_it_is_less_sure_than_the_kalman_filter_of_all_readings_but_still_a_filt
     assert np.sqrt(np.mean(errors**2)) < 10.0
 
 
+@pytest.mark.thorough
 def test_on_the_papers_line_its_position_error_is_below_that_of_the_relaying_filter() -> None:
     """Figure 1, in the median over twelve truths."""
     errors = {}
@@ -276,6 +277,7 @@ def test_a_step_sends_one_reading_per_active_member_but_the_head_and_costs_what_
     assert heard.packets == [] and heard.cycles == {cluster.head: prediction}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "tracker", [*EVERY, InteractingKalman(stay=1.0), InteractingKalman(stay=0.0, mixing="printed")], ids=repr
 )

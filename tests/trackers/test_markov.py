@@ -64,6 +64,7 @@ def test_a_step_costs_its_fix_and_a_displacement() -> None:
     assert [ask.cycles for ask in asks if isinstance(ask, Compute)] == [2.0]
 
 
+@pytest.mark.thorough
 def test_it_needs_a_plane_and_keeps_the_rules_of_the_seam() -> None:
     (issue,) = TwoPhase().check(SimpleNamespace(filter_motions=(ConstantAcceleration(),)))
     assert issue.path == ("tracker", "kind")

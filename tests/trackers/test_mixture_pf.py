@@ -234,6 +234,7 @@ def test_it_needs_ranges_and_its_own_state() -> None:
         chase.drive(tracker.start(chase.prior, chase.scene(0)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sensor", [Range(), Rssi(), *thorough((Range(sd=50.0), Range(sd=1e-3), Rssi(sd=30.0)))])
 @pytest.mark.parametrize("tracker", [MixturePf(particles=60), MixturePf(particles=1, turn_time=0.1)])
 def test_the_rules_of_the_seam_are_kept(tracker, sensor) -> None:

@@ -67,6 +67,7 @@ def filtered_by_hand(cloud, log_weights, member, scene, tracker):
     return x, np.ones(count), True
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("prior_fit", ["unweighted", "weighted"])
 @pytest.mark.parametrize("ranking", ["likelihood", "weight"])
 def test_a_step_is_the_papers_by_hand_with_the_same_noise(prior_fit: str, ranking: str) -> None:

@@ -255,6 +255,7 @@ def test_the_joint_update_of_one_sensor_is_the_step_of_a_chain_of_one() -> None:
         assert found == pytest.approx(value, rel=1e-12)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tracker", [*EVERY, RelayKalman(stay=1.0), RelayKalman(stay=0.0)], ids=repr)
 def test_it_keeps_the_rules_of_the_seam(tracker) -> None:
     check_tracker(tracker)

@@ -236,6 +236,7 @@ def test_points_so_near_that_rounding_counts_are_refused() -> None:
     scenario.build(scenario.load("jiang_field", ["tracker={kind: ukf, alpha: 0.001}"]))
 
 
+@pytest.mark.thorough
 @UKF_CKF
 def test_it_keeps_the_rules_of_the_interface(tracker) -> None:
     check_tracker(tracker)

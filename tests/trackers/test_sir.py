@@ -61,6 +61,7 @@ def test_where_nothing_is_likely_all_particles_go_on_and_none_is_effective(thres
     assert np.unique(after.pool.cloud[0]).size == 20
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("particles", [1, 2, 3, 100])
 def test_it_keeps_the_rules_of_the_seam(particles: int) -> None:
     check_tracker(Sir(particles=particles))

@@ -193,6 +193,7 @@ def test_it_needs_ranges_and_a_plane() -> None:
     assert issue.path == ("tracker", "kind") and "two columns" in issue.message
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sensor", [Range(), Range(sd=50.0), Rssi(), Rssi(sd=30.0)])
 def test_the_rules_of_the_seam_are_kept(sensor) -> None:
     check_tracker(Trilateration(), sensor=sensor)

@@ -56,6 +56,7 @@ def without_point(folder, number):
     return lambda: [path.write_bytes(content) for path, content in taken]
 
 
+@pytest.mark.thorough
 def test_runs_appear_with_their_curves(folder, ask):
     put_back = without_point(folder, 1)
     with CampaignView(folder) as view:
@@ -75,6 +76,7 @@ def test_runs_appear_with_their_curves(folder, ask):
             assert ask(view.url, name)[0] == 404
 
 
+@pytest.mark.thorough
 def test_a_campaign_that_this_process_runs_is_followed_in_a_thread(folder, ask):
     put_back = without_point(folder, 1)
     with CampaignView(folder) as view:
@@ -98,6 +100,7 @@ def test_what_cannot_be_shown_of_a_campaign_is_said_and_does_not_disturb_it(fold
                 assert time.monotonic() < until
 
 
+@pytest.mark.thorough
 def test_nothing_in_the_folder_changes_but_what_reading_keeps(folder):
     before = folder.state()
     with CampaignView(folder) as view:

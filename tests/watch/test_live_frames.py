@@ -52,6 +52,7 @@ def clusters_of(columns, frames):
     return shown
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scenario", ["pso_mhpf", "two_targets"])
 def test_portions_put_together_are_the_replay_of_the_result(tmp_path, scenario):
     frames, portions = watched(tmp_path / "x.h5", scenario, SHORT)
@@ -84,6 +85,7 @@ def test_portions_put_together_are_the_replay_of_the_result(tmp_path, scenario):
         np.testing.assert_array_equal(shown[of_target < known], whole[name][of_target < known])
 
 
+@pytest.mark.thorough
 def test_error_and_energy_so_far_approach_those_of_the_result(tmp_path):
     frames, _ = watched(tmp_path / "x.h5", "pso_mhpf", SHORT, look_every=1)
     runs, energy = read(tmp_path / "x.h5", "runs"), read(tmp_path / "x.h5", "energy")

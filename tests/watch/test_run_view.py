@@ -24,6 +24,7 @@ RUNS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scenario", RUNS)
 def test_a_run_that_is_looked_at_in_every_step_has_the_same_result(tmp_path, ask, scenario):
     loaded, ended = load(scenario, RUNS[scenario]), threading.Event()
@@ -68,6 +69,7 @@ def test_a_tab_gets_each_text_once_and_another_one_gets_all(tmp_path, ask):
     assert 0 < first["rmse"] < 20 and sum(first["joules"].values()) > 0
 
 
+@pytest.mark.thorough
 def test_an_answer_is_limited_and_the_rest_comes_with_the_next(tmp_path, ask, monkeypatch):
     monkeypatch.setattr(run_view, "MOST_SENT", 5000)
     with RunView("x", interval=0.0) as view:

@@ -57,6 +57,7 @@ def state_of(ask, addresses):
     return json.loads(ask(addresses[0], "state")[2])
 
 
+@pytest.mark.thorough
 def test_watch_and_run_write_the_same_result_and_print_the_same_summary(capsys, tmp_path):
     assert main(["run", "pso_mhpf", *QUICK[:-1], "-o", "a.h5"]) == 0
     told = capsys.readouterr().out
@@ -69,6 +70,7 @@ def test_watch_and_run_write_the_same_result_and_print_the_same_summary(capsys, 
     assert differ(tmp_path / "a.h5", tmp_path / "b.h5").same
 
 
+@pytest.mark.thorough
 def test_ctrl_c_during_the_run_ends_it_as_usual_and_closes_the_server(interrupted, capsys, tmp_path, ask):
     addresses = interrupted(signal.SIGINT, lambda: any(tmp_path.glob("*.tmp")))
     assert main(["watch", "pso_mhpf", *ENDLESS, "-o", "x.h5"]) == 130
@@ -78,6 +80,7 @@ def test_ctrl_c_during_the_run_ends_it_as_usual_and_closes_the_server(interrupte
         ask(addresses[0])
 
 
+@pytest.mark.thorough(fast=["15-143"])
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
 def test_after_the_run_the_result_is_shown_until_a_signal_comes(
     interrupted, monkeypatch, capsys, tmp_path, ask, number, code
@@ -95,6 +98,7 @@ SWEEP = ["rkf", "--set", "duration=5 s", "--replicates", "4", "-q", "-j", "1"]
 SWEEPS = [["sweep", *SWEEP, "--vary", "tracker.stay=0.9,0.95"], ["compare", *SWEEP, "--trackers", "rkf,ekf"]]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("words", SWEEPS, ids=["sweep", "compare"])
 def test_a_campaign_is_shown_while_it_computes_and_has_the_rows_of_any_other(interrupted, capsys, tmp_path, ask, words):
     assert main([*words, "-o", "alone"]) == 0
@@ -114,6 +118,7 @@ def test_a_campaign_is_shown_while_it_computes_and_has_the_rows_of_any_other(int
         ask(addresses[0])
 
 
+@pytest.mark.thorough
 def test_ctrl_c_during_a_watched_campaign_ends_it_as_usual_and_closes_the_server(interrupted, capsys, tmp_path, ask):
     addresses = interrupted(signal.SIGINT, lambda: state_of(ask, addresses)["running"])
     words = ["sweep", "pso_mhpf", "--vary", "tracker.particles=200,400", "--set", "duration=60 s", "-q", "-j", "1"]
