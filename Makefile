@@ -4,9 +4,12 @@ SCENARIO ?= scenarios/pso_mhpf.yaml
 ARGS     ?=
 PYTHON   ?=
 
+# Tests of the suite that `make test` and `make coverage` run; TIER= runs all.
+TIER     ?= not thorough
+
 # Folders of tests that are targets of their own.
 APART    := documentation campaign_cluster browser
-SUITE    := -n 2 --dist worksteal -m "not thorough" $(APART:%=--ignore=tests/%)
+SUITE    = -n 2 --dist worksteal -m "$(TIER)" $(APART:%=--ignore=tests/%)
 
 # What `make matrix` tries; `make lowest` takes the first that is installed.
 PYTHONS  ?= 3.11 3.12 3.13 3.14
@@ -34,7 +37,7 @@ CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run test thorough verify docs documentation cluster browser fuzz wheel matrix lowest peers check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
+.PHONY: help run test thorough verify docs documentation cluster browser fuzz wheel matrix lowest peers check interpreted coverage format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -86,6 +89,13 @@ check: format lint types imports test thorough verify docs documentation cluster
 
 interpreted: $(READY)  ## run the kernels' tests without compilation, for debugging and coverage
 	@NUMBA_DISABLE_JIT=1 $(PY) -m pytest -n 2 -W ignore::RuntimeWarning tests/kernels $(ARGS)
+
+coverage: $(READY)  ## measure the lines and branches that the fast tests cover; TIER= for all tests
+	@rm -f .coverage .coverage.*
+	@$(PY) -m coverage run -m pytest $(SUITE) $(ARGS)
+	@NUMBA_DISABLE_JIT=1 $(PY) -m coverage run -m pytest -n 2 -W ignore::RuntimeWarning tests/kernels $(ARGS)
+	@$(PY) -m coverage combine --quiet
+	@$(PY) -m coverage report --precision=2 --skip-covered --sort=miss | tail -n 60
 
 format: $(READY)  ## check that the code is formatted
 	@$(PY) -m ruff format --check .
