@@ -89,7 +89,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
     """A test of the fast tier that costs more than it may fails."""
     yield
-    if item.get_closest_marker("thorough") is None and (above := excess(item.stash[_before])):
+    if not THOROUGH and item.get_closest_marker("thorough") is None and (above := excess(item.stash[_before])):
         pytest.fail(f"is no test of the fast tier: {', '.join(above)}; mark it with thorough", pytrace=False)
 
 
