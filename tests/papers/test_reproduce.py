@@ -24,7 +24,7 @@ from wsnsim.base import metrics
 from wsnsim.base.errors import UsageError
 from wsnsim.bounds import crlb
 from wsnsim.cli import main
-from wsnsim.papers import digest, measures, reproduce, table
+from wsnsim.papers import digest, measures, reasons, reproduce, table
 from wsnsim.papers.paper import paper
 from wsnsim.papers.reproduction import Claim, ClaimRow, Experiment, Losses, Variant
 from wsnsim.papers.verdicts import RULE, AstrayShare, Judgement
@@ -294,6 +294,14 @@ def test_a_row_shows_its_statistic_its_runs_the_share_astray_and_what_it_rests_o
         f"  {word}" in said
         for word in ("mean: mean over runs", "(reconstruction):", "runs:", "astray:", "lost:", "compatible:")
     )
+
+
+def test_a_value_that_no_run_has_is_said_to_be_unknown_in_its_row_and_in_reasons():
+    nowhere = row(measured=NAN, low=NAN, high=NAN, replicates=0, lost_fraction=1.0, judgement=Judgement("too few runs"))
+    found = dict(zip(table.HEADS, table.cells(nowhere), strict=True))
+    assert found["measured [95 %]"] == "no run has one" and found["lost"] == "100 %" and found["runs"] == "0"
+    words = reasons.rendered("{x[a].measured:.1f} m against {row.measured:.1f} m", nowhere, {"x": {"a": row()}})
+    assert words == "1.5 m against unknown m"
 
 
 def test_rows_are_counted_by_what_they_rest_on():

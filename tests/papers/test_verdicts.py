@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from wsnsim.papers import paper
+from wsnsim.papers import answers, paper, resampling
 from wsnsim.papers.resampling import (
     MEAN,
     MEDIAN,
@@ -17,6 +17,8 @@ from wsnsim.papers.resampling import (
     TIME_MEAN_RMSE,
     Compared,
     Sample,
+    Statistic,
+    known,
     median_of_runs,
     value,
     weights,
@@ -26,6 +28,7 @@ from wsnsim.papers.verdicts import (
     Judgement,
     PublishedValue,
     astray,
+    interval,
     judged_order,
     judged_value,
     ratio_interval,
@@ -151,7 +154,6 @@ def test_a_value_without_a_ratio_reproduces_only_what_it_equals():
     assert judged_value(sample([0.0] * 9), PublishedValue(0.0)).verdict == "reproduces"
     assert judged_value(sample([0.0, 0.1] * 300), PublishedValue(0.0, 50)).verdict == "does not reproduce"
     assert judged_value(sample([-1.0, -2.0] * 300), PublishedValue(1.0, 50)).verdict == "does not reproduce"
-    assert judged_value(sample(np.empty((0, 1))), PublishedValue(1.0, 50)).verdict == "does not reproduce"
 
 
 def test_a_ratio_of_rivals_has_to_be_on_the_published_side_of_one():
@@ -210,6 +212,37 @@ def test_resampling_by_weights_is_resampling_of_runs(statistic):
     slow = [_slowly(rows[np.repeat(np.arange(7), count.astype(int))], statistic) for count in drawn]
     assert found == pytest.approx(np.array(slow), rel=1e-12)
     assert (drawn.sum(axis=1) == 9).all()
+
+
+STATISTICS = [each for each in vars(resampling).values() if isinstance(each, Statistic)]
+OF_ERRORS = (TIME_MEAN_RMSE, POOLED_RMSE, PER_RUN_RMSE)
+NOTHING = {
+    "no run": ((0, 2), (0, 2, 5)),
+    "no target": ((6, 0), (6, 0, 5)),
+    "no step": ((6, 0), (6, 1, 0)),
+    "no run has a value": ((6, 2), (6, 2, 5)),
+    "the only run has none": ((1, 1), (1, 1, 5)),
+}
+
+
+@pytest.mark.parametrize("statistic", STATISTICS, ids=lambda one: one.key)
+@pytest.mark.parametrize("shapes", NOTHING.values(), ids=NOTHING.keys())
+def test_a_statistic_of_nothing_is_unknown_and_too_few_runs_for_any_verdict(shapes, statistic):
+    found = sample(np.full(shapes[statistic in OF_ERRORS], NAN), statistic)
+    for unknown in (found, known(found), median_of_runs(found), less(found, found), over(found, known(found))):
+        assert np.isnan([value(unknown), *interval(unknown), *answers.interval(answers.resamples(unknown))]).all()
+        assert np.isnan(unknown.per_run).all() and np.isnan(astray(unknown.per_run)).all()
+        for exact in (False, True):
+            published = PublishedValue(1.0, 50, exact=exact)
+            assert judged_order(unknown, exact).verdict == judged_value(unknown, published).verdict == "too few runs"
+
+
+@pytest.mark.parametrize("statistic", STATISTICS, ids=lambda one: one.key)
+def test_a_statistic_of_one_run_is_that_run_without_an_interval(statistic):
+    found = sample(np.full((1, 1, 5) if statistic in OF_ERRORS else (1, 1), 2.0), statistic)
+    assert value(found) == value(median_of_runs(found)) == found.per_run == 2.0
+    assert np.isnan(interval(found)).all()
+    assert judged_value(found, PublishedValue(2.0, 50)).verdict == "too few runs"
 
 
 def _slowly(rows, statistic):

@@ -3,7 +3,7 @@
 write_figure(draw, out, size) -> out      a figure that draw(figure) puts axes on
 figure_of(panels) -> Figure               a figure with a panel for each of these functions of Axes
 save(figure, out)                         writes a figure so that the same figure gives the same bytes
-band(axes, x, rows, label, ...)           median over runs with the band between quartiles
+band(axes, x, rows, label, ...)           median over runs with the band between quartiles(rows)
 rmse_band(axes, x, rows, label, ...)      RMSE over runs with its 95 % confidence band
 rmse_interval(rows) -> (low, high)        this confidence band
 runs_text(runs, whose) -> str             the number of runs, for a title
@@ -126,11 +126,20 @@ def suffix_of(out: Path) -> str:
 
 def band(axes: Axes, x: Floats, rows: Floats, label: str, colour: str) -> Axes:
     """Draw the median over the rows (runs, len(x)) and the band between their quartiles; the label counts the runs."""
-    low, middle, high = np.nanquantile(rows, [0.25, 0.5, 0.75], axis=0)
+    low, middle, high = quartiles(rows)
     runs = f"{len(rows)} runs" if len(rows) > 1 else "one run"
     axes.plot(x, middle, color=colour, linewidth=1.2, label=f"{label} (median and quartiles of {runs})")
     axes.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
     return axes
+
+
+def quartiles(rows: Floats) -> Floats:
+    """(3, steps) the quartiles over the rows (runs, steps); NaN at steps without an estimate."""
+    known = np.isfinite(rows).any(axis=0)
+    result = np.full((3, rows.shape[1]), np.nan)
+    if known.any():
+        result[:, known] = np.nanquantile(rows[:, known], [0.25, 0.5, 0.75], axis=0)
+    return result
 
 
 def rmse_band(

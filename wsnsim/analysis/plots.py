@@ -29,6 +29,7 @@ from wsnsim.analysis.figure_style import (
     SKY,
     VERMILLION,
     YELLOW,
+    quartiles,
 )
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.plot_data import Columns, StateLayout, bracketed
@@ -85,7 +86,7 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     mean = metrics.per_step_rmse(rows)
     shown = mean
     if len(rows) > 1:
-        low, middle, high = _quartiles(rows)
+        low, middle, high = quartiles(rows)
         axes.fill_between(times, low, high, color=SKY, alpha=0.4, linewidth=0, label=f"quartiles of {of_runs}")
         axes.plot(times, middle, color=BLUE, linewidth=1.0, label="median", **_marks(middle))
         shown = np.concatenate([mean, middle])
@@ -235,15 +236,6 @@ def _over_time(axes: Axes, plan: StateLayout, column: str, truth: Columns, guess
     axes.plot(guess["time"], guess[column], color=ORANGE, linewidth=1.0, label="estimate", **_marks(guess[column]))
     axes.set_xlabel("time [s]")
     axes.set_ylabel(plan.label(column))
-
-
-def _quartiles(rows: Floats) -> Floats:
-    """The quartiles over tracks, (3, steps), NaN at steps without an estimate."""
-    known = np.isfinite(rows).any(axis=0)
-    result = np.full((3, rows.shape[1]), np.nan)
-    if known.any():
-        result[:, known] = np.nanquantile(rows[:, known], [0.25, 0.5, 0.75], axis=0)
-    return result
 
 
 def _scaled(axes: Axes, shown: Floats) -> None:

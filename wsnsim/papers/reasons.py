@@ -6,6 +6,7 @@ rendered(reason, row, rows) -> str                once the rows are measured
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Iterator, Mapping
 from string import Formatter
@@ -44,4 +45,11 @@ def problems(reason: str, keys: Mapping[str, Collection[str]]) -> Iterator[str]:
 
 def rendered(reason: str, row: ClaimRow, rows: Mapping[str, Mapping[str, ClaimRow]]) -> str:
     """The reason of a row with the numbers of the rows that it names, by id and key."""
-    return reason.format_map({"row": row, **rows})
+    return _Numbers().vformat(reason, (), {"row": row, **rows})
+
+
+class _Numbers(Formatter):
+    """Formats numbers; those that no run has are unknown."""
+
+    def format_field(self, value: float, spec: str) -> str:
+        return "unknown" if math.isnan(value) else format(value, spec)

@@ -5,7 +5,7 @@
     Compared(one, other, Compared.ratio).at(...)    the same of two samples of the same runs, resampled together
 
 Equal numbers of runs give equal weights, so that everything compared is resampled alike. The runs of a sample may have
-several tracks, of which a resample takes all or none. Unknown values (NaN) are left out.
+several tracks, of which a resample takes all or none. Unknown values (NaN) are left out; a statistic of nothing is NaN.
 """
 
 from __future__ import annotations
@@ -182,17 +182,17 @@ class Compared:
 def weights(of: int, size: int, published: bool = False) -> Floats:
     """(DRAWS, of) how often each of `of` runs is drawn in resamples of `size` runs with replacement.
 
-    Those that stand for the published runs are independent of the others.
+    Those that stand for the published runs are independent of the others. Without runs nothing is drawn.
     """
     rng = np.random.Generator(np.random.Philox(key=[2 * of + published, size]))
-    drawn = rng.multinomial(size, np.full(of, 1.0 / of), size=DRAWS).astype(np.float64)
+    drawn = rng.multinomial(size, np.full(of, 1.0 / of), size=DRAWS).astype(np.float64) if of else np.empty((DRAWS, 0))
     drawn.flags.writeable = False
     return drawn
 
 
 def value(sample: Resampled) -> float:
     """The statistic of the runs as they are; NaN without runs."""
-    return float(sample.at(np.ones((1, len(sample.runs))))[0]) if len(sample.runs) else NAN
+    return float(sample.at(np.ones((1, len(sample.runs))))[0])
 
 
 def known(sample: Resampled) -> Resampled:
@@ -274,7 +274,7 @@ def _rmse_of_each(rows: Floats) -> Floats:
 
 def _steps_in_line(rows: Floats) -> Floats:
     """(n, targets x steps, ...) rows with targets and steps on one axis."""
-    return rows.reshape(len(rows), -1, *rows.shape[3:])
+    return rows.reshape(len(rows), rows.shape[1] * rows.shape[2], *rows.shape[3:])
 
 
 def _mean_of_rmse(rows: Floats, weights: Floats) -> Floats:

@@ -13,7 +13,7 @@ from typing import Final
 
 from wsnsim.analysis.phrases import aligned
 from wsnsim.papers.reproduction import BASES, ClaimRow
-from wsnsim.papers.verdicts import ASTRAY, RULE
+from wsnsim.papers.verdicts import ASTRAY, RULE, AstrayShare
 
 KINDS: Final = {"unconditional": "u", "per_trajectory": "t", "active": "active", "arrived": "arrived"}
 MARKS: Final = (
@@ -22,6 +22,7 @@ MARKS: Final = (
 )
 UNCOUNTED: Final = " *"
 READ: Final = "about"
+NOWHERE: Final = "no run has one"
 WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
 WORDS_UNCOUNTED: Final = "on a repair or on another reading of the paper; not counted among its claims"
 WORDS_RUNS: Final = "ours / those behind the published value"
@@ -99,11 +100,11 @@ def cells(row: ClaimRow) -> tuple[str, ...]:
         row.quantity,
         row.variant,
         f"{READ} {_number(row.published)}" if row.read and math.isfinite(row.published) else _number(row.published),
-        _number(row.measured) + _interval(row.low, row.high) + _median(row),
+        _measured(row),
         row.short or "-",
         _bound(row),
         f"{row.replicates} / {row.published_runs}" if row.published_runs else str(row.replicates),
-        _percent(row.astray.value) + (_interval(100 * row.astray.low, 100 * row.astray.high, ".2g")),
+        _astray(row.astray),
         _lost(row),
         _verdict(row),
     )
@@ -119,6 +120,13 @@ def _verdict(row: ClaimRow) -> str:
     return row.verdict + factor + basis + ("" if row.literal else UNCOUNTED)
 
 
+def _measured(row: ClaimRow) -> str:
+    """The measured value with its interval, or that no run has one."""
+    if not row.replicates and math.isnan(row.measured):
+        return NOWHERE
+    return _number(row.measured) + _interval(row.low, row.high) + _median(row)
+
+
 def _median(row: ClaimRow) -> str:
     """The median of the runs beside a mean that too few runs give."""
     value, low, high = row.median
@@ -132,12 +140,24 @@ def _lost(row: ClaimRow) -> str:
     return _percent(row.lost_fraction) + again
 
 
+def _astray(found: AstrayShare) -> str:
+    """The share of runs astray with its interval, in per cent."""
+    if not math.isfinite(found.value):
+        return "-"
+    return f"{_percent(found.value)} [{_hundredfold(found.low)}, {_hundredfold(found.high)}]"
+
+
 def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if math.isfinite(share) else "-"
+    return f"{_hundredfold(share)} %" if math.isfinite(share) else "-"
 
 
-def _interval(low: float, high: float, form: str = ".4g") -> str:
-    return f" [{low:{form}}, {high:{form}}]" if math.isfinite(low) else ""
+def _hundredfold(share: float) -> str:
+    """A share in per cent with two digits, and 100 without an exponent."""
+    return f"{float(f'{100 * share:.2g}'):g}"
+
+
+def _interval(low: float, high: float) -> str:
+    return f" [{low:.4g}, {high:.4g}]" if math.isfinite(low) else ""
 
 
 def _bound(row: ClaimRow) -> str:

@@ -154,13 +154,12 @@ def judged_value(sample: Resampled, published: PublishedValue) -> Judgement:
     """The judgement on a published value.
 
     Args:
-        sample: our runs, each with a known value.
+        sample: our runs, each with a known value; without any, there are too few.
         published: the published value.
     """
-    count = len(sample.runs)
-    if not count:
-        return Judgement("does not reproduce")
-    now = value(sample)
+    count, now = len(sample.runs), value(sample)
+    if np.isnan(now):
+        return Judgement("too few runs")
     if published.exact or is_exact(sample.per_run) or not (now > 0.0 and published.value > 0.0):
         return _judged_exactly(now, published.value)
     if count < LEAST:
@@ -216,9 +215,9 @@ def verdict_on_order(low: float, high: float) -> Verdict:
 
 
 def interval(sample: Resampled) -> tuple[float, float]:
-    """The 95 % bootstrap interval of a statistic; NaN with fewer than five runs."""
+    """The 95 % bootstrap interval of a statistic; NaN with fewer than five runs, and if none has a value."""
     count = len(sample.runs)
-    if count < 5:
+    if count < 5 or np.isnan(value(sample)):
         return NAN, NAN
     low, high = np.nanquantile(sample.at(weights(count, count)), [TAIL, 1.0 - TAIL])
     return float(low), float(high)
@@ -231,9 +230,10 @@ def judged_order(difference: Resampled, exact: bool = False) -> Judgement:
         difference: the published statistic of the one less that of the other.
         exact: whether the values are not random.
     """
-    count, per_run = len(difference.runs), difference.per_run
-    now = value(difference)
-    if exact or (count and (is_exact(per_run) or not per_run.any())):
+    count, per_run, now = len(difference.runs), difference.per_run, value(difference)
+    if np.isnan(now):
+        return Judgement("too few runs")
+    if exact or is_exact(per_run) or not per_run.any():
         return Judgement(verdict_on_order(now, now))
     if count < (LEAST if difference.robust else ENOUGH):
         return Judgement("too few runs")

@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsnsim.analysis.figure_style import COLOURS
+from wsnsim.analysis.figure_style import COLOURS, quartiles
 from wsnsim.papers.li2012.measures import MIDDLE, STEPS, delays, efficient_errors, errors, report_delays
 from wsnsim.papers.measures import Data, measured
 from wsnsim.papers.plotting import Drawings, legend_below, plain_numbers, published_level
@@ -131,7 +131,7 @@ def _over_nodes(axes: Axes, data: Data, measure: str, trackers: tuple[str, ...])
 def _band(axes: Axes, rows: pd.DataFrame, name: str) -> None:
     """The median over runs and the quartiles, at the steps with a value in any run."""
     known = rows.notna().any().to_numpy()
-    low, middle, high = np.nanquantile(rows.to_numpy()[:, known], [0.25, 0.5, 0.75], axis=0)
+    low, middle, high = quartiles(rows.to_numpy()[:, known])
     x = 1 + np.flatnonzero(known)
     axes.plot(x, middle, linewidth=1.4, color=LOOK[name]["color"],
               label=f"{SAID[name]}: median and quartiles")  # fmt: skip
