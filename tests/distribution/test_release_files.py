@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -72,3 +75,23 @@ def test_classifiers_name_the_versions_that_are_tested(project: dict[str, Any]) 
     named = [line.removeprefix(prefix) for line in project["classifiers"] if line.startswith(prefix)]
     assert named == [str(minor) for _, minor in SUPPORTED]
     assert project["requires-python"] == f">=3.{SUPPORTED[0][1]}"
+
+
+def conflict_markers(folder: Path) -> list[str]:
+    """FILE:LINE:TEXT of each line in a tracked file that a merge left behind. Underlined headings are none."""
+    command = ["git", "-C", str(folder), "grep", "-nIE", "^(<{7}|>{7}|[|]{7}) "]
+    found = subprocess.run(command, capture_output=True, text=True)
+    assert found.returncode == int(not found.stdout), found.stderr
+    return found.stdout.splitlines()
+
+
+@pytest.mark.skipif(shutil.which("git") is None or not (HOME / ".git").exists(), reason="this is no clone")
+def test_no_tracked_file_has_the_markers_of_a_merge(tmp_path: Path) -> None:
+    assert conflict_markers(HOME) == []
+    page = "Heading\n=======\n" + "".join(f"{mark * 7} HEAD\nwords\n" for mark in "<|>")
+    (tmp_path / "page.rst").write_text(page, encoding="utf-8")
+    for arguments in (("init", "-q"), ("add", "page.rst")):
+        subprocess.run(["git", "-C", str(tmp_path), *arguments], check=True)
+    assert conflict_markers(tmp_path) == [
+        f"page.rst:{line}:{mark * 7} HEAD" for line, mark in zip((3, 5, 7), "<|>", strict=True)
+    ]
