@@ -1,7 +1,10 @@
-"""Commands of wsnsim, run in this process: their exit code and what they print."""
+"""Commands of wsnsim, run in this process or in one of their own: their exit code and what they print."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -23,3 +26,10 @@ def run_command(capsys: pytest.CaptureFixture[str], *arguments: str) -> Answer:
     code = main(list(arguments))
     printed = capsys.readouterr()
     return Answer(code, printed.out, printed.err)
+
+
+def run_process(folder: Path, *arguments: str) -> Answer:
+    """Run a command line as a process in a folder, as a shell does."""
+    command = [sys.executable, "-m", "wsnsim", *arguments]
+    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return Answer(ended.returncode, ended.stdout, ended.stderr)

@@ -254,3 +254,13 @@ def test_errors_and_bounds_of_a_run_stand_at_the_same_steps(monkeypatch):
     np.testing.assert_array_equal(found.bounds, [[1.0, NAN, 9.0], [NAN, 25.0, NAN]])
     assert against_bound.over_bound(data, "v").tolist() == pytest.approx([np.sqrt(1.3), 0.8])
     assert against_bound.rmse_after(data, "v", 0.6).tolist() == pytest.approx([3.0, 4.0])
+
+
+def test_what_no_strategy_or_run_shows_is_undecided():
+    nobody = [Strategy(f"{radio}: {name}", NAN, NAN, NAN, NAN, 1.0, 0.0)
+              for radio in ("ideal", "slots") for name in ("ekf, fair", "information_driven, fair")]  # fmt: skip
+    found = hypotheses.of_strategies(nobody, 1.0, REGISTERED)
+    for answer in found[:2]:
+        assert "(none follows the target)" in answer.words and str(answer).endswith(": undecided, unknown")
+    nothing = squared([[NAN] * 3] * 5, 1.0)
+    assert np.isnan([*pooled(nothing), *of_medians(nothing)]).all()

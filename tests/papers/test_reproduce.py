@@ -189,6 +189,8 @@ def test_in_words_there_are_reasons_verdicts_and_the_rule(done, papers, capsys):
     shutil.copytree(done, "results/reproduce/quick")
     assert main(["reproduce", "liu2012", "--progress", "none"]) == 0
     said = capsys.readouterr()
+    what, where = "1 experiment of liu2012: 18 runs", "folder results/reproduce/quick"
+    assert f"wsnsim: {what}, 18 of them on disk; {where}\n" in said.err
     assert "1 of 1: liu2012, small: two filters along a line, for tests\n" in said.err
     assert "      because\n" in said.out and f"  too few runs: {RULE['too few runs']}" in said.out
     assert "liu2012: 5 claims: " in said.out and "liu2012: 1 not counted, repairs and other readings: " in said.out

@@ -84,6 +84,7 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
     where = out / ("quick" if quick else "full")
     session = _ReproductionSession(where, jobs, not quick, batch, quiet, progress, figures)
     session.begin_all(chosen, accept_code_change)
+    session.announce(chosen)
     code = session.run_all(chosen, interrupts)
     if not interrupts.number:
         session.print_answer(as_json, markdown)
@@ -110,6 +111,19 @@ class _ReproductionSession:
 
         for paper, experiment in chosen:
             reproducing.begin(paper, experiment, self.where, self.full, accept_code_change)
+
+    def announce(self, chosen: Sequence[tuple[str, Experiment]]) -> None:
+        """Print what will be run: experiments, their papers, runs, those that are on disk, and where."""
+        from wsnsim.analysis.phrases import counted
+        from wsnsim.papers import reproduce as reproducing
+
+        if self.quiet or self.progress == "json":
+            return
+        wanted, missing = reproducing.run_counts(chosen, self.where)
+        names = ", ".join(dict.fromkeys(paper for paper, _ in chosen))
+        there = f", {wanted - missing:,} of them on disk" if missing < wanted else ""
+        echo(f"wsnsim: {counted(len(chosen), 'experiment')} of {names}: {counted(wanted, 'run')}{there}; "
+             f"folder {self.where}", err=True)  # fmt: skip
 
     def run_all(self, chosen: Sequence[tuple[str, Experiment]], interrupts: Interrupts) -> int:
         """Run the experiments one after the other and return the exit code."""

@@ -29,7 +29,7 @@ class Interval(NamedTuple):
     high: float
 
     def __str__(self) -> str:
-        return f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
+        return "unknown" if np.isnan(self.value) else f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
 
     def above(self, threshold: float) -> bool | None:
         """Whether the whole interval is above a threshold, or below it; None if it is neither, or unknown."""
@@ -41,6 +41,9 @@ class Interval(NamedTuple):
         """Whether the whole interval is below a threshold, or above it; None if it is neither, or unknown."""
         above = self.above(threshold)
         return None if above is None else not above
+
+
+UNKNOWN: Final = Interval(float("nan"), float("nan"), float("nan"))
 
 
 class Answer(NamedTuple):

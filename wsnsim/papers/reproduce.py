@@ -103,6 +103,16 @@ def begin(
     return campaign.prepare(plan(paper, experiment, full), folder, by=(VARIANT,), accept_code_change=accept_code_change)
 
 
+def run_counts(chosen: Sequence[tuple[str, Experiment]], where: Path) -> tuple[int, int]:
+    """The number of runs of (paper, experiment) that were begun, and of those that are missing."""
+    wanted = missing = 0
+    for folder in (Folder(folder_of(where, paper, experiment)) for paper, experiment in chosen):
+        for point in folder.manifest().points:
+            wanted += point.replicates
+            missing += len(folder.missing(point.id, point.replicates))
+    return wanted, missing
+
+
 def run(  # noqa: PLR0913
     paper: str,
     experiment: Experiment,

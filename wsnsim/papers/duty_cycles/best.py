@@ -13,14 +13,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.papers.answers import TAIL, Interval
+from wsnsim.papers.answers import TAIL, UNKNOWN, Interval
 from wsnsim.papers.duty_cycles.points import REFERENCE, intervals, statistic
 from wsnsim.papers.measures import Data
 
 ENERGY: Final = "mean:energy"
 ERROR: Final = "median:error"
 IN_TIME: Final = "mean:tracked"
-UNKNOWN: Final = Interval(float("nan"), float("nan"), float("nan"))
 
 
 class Best(NamedTuple):
@@ -58,7 +57,7 @@ def usable(data: Data, tracker: str, variants: list[str]) -> Bools:
     wanted, reference = data.published["registered"]["usable"], f"{tracker}, {REFERENCE}"
     in_time = np.array([statistic(data, variant, IN_TIME) for variant in variants])
     errors = np.array([statistic(data, variant, ERROR) for variant in [*variants, reference]])
-    least = np.nanmin(errors, axis=0)
+    least = np.fmin.reduce(errors, axis=0)  # NaN where all are
     fit: Bools = (errors[:-1] <= wanted["error"] * least) & (
         in_time >= wanted["in_time"] * statistic(data, reference, IN_TIME)
     )

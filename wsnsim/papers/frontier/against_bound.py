@@ -91,7 +91,8 @@ def rmse_of_runs(squared: Floats) -> Floats:
 
 def of_medians(found: Squares) -> Interval:
     """The median RMSE of a run, divided by the median over the runs of the bound."""
-    return interval(medians(rmse_of_runs(found.errors)) / medians(rmse_of_runs(found.bounds)))
+    with np.errstate(invalid="ignore"):  # in half of a resample's runs there may be no estimate at all
+        return interval(medians(rmse_of_runs(found.errors)) / medians(rmse_of_runs(found.bounds)))
 
 
 def medians(values: Floats) -> Floats:

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
-from wsnsim.papers.answers import Answer, Interval, both, interval, word
+from wsnsim.papers.answers import UNKNOWN, Answer, Interval, both, interval, word
 from wsnsim.papers.frontier.against_bound import SETTLED, medians, of_medians, pooled, resampled, squares
 from wsnsim.papers.frontier.consistency import DIMENSIONS, Of, mean_nees
 from wsnsim.papers.frontier.settings import stored
@@ -79,7 +79,7 @@ def _consistent(data: Data, variant: str, of: Of) -> Answer:
     """Away from walls, the interval of the mean NEES contains the dimension."""
     found, size = mean_nees(data, variant, False, of), DIMENSIONS[of]
     words = f"4 ({last_word(variant)}): away from walls, the interval of the mean NEES of the {of} contains {size}"
-    return Answer(words, (found,), word(bool(found.low <= size <= found.high)))
+    return Answer(words, (found,), word(None if np.isnan(found.low) else bool(found.low <= size <= found.high)))
 
 
 def _near_walls(data: Data, variant: str) -> Answer:
@@ -124,7 +124,7 @@ def of_losses(lost: Mapping[str, pd.Series], timely: Interval, least: float) -> 
     for rival in lost:
         if rival != ours:
             excess = (lost[rival] - lost[ours]).dropna().to_numpy()
-            less = interval(resampled(len(excess)) @ excess / len(excess))
+            less = interval(resampled(len(excess)) @ excess / len(excess)) if len(excess) else UNKNOWN
             words = f"8: {ours} loses the target in a smaller share of runs than {rival} (share less its own)"
             found.append(Answer(words, (less,), word(less.above(0.0))))
     return [*found, Answer(f"8: it has an estimate in time in >= {least:.0%} of the steps", (timely,),
@@ -170,9 +170,10 @@ def of_pairs(data: Data, given: Sequence[Strategy]) -> list[Answer]:
 def _within_reach(found: Mapping[str, Strategy], bound: float, least: float) -> list[Answer]:
     """12: with fair settings another strategy comes within 1.5 times the bound, and none within a smaller multiple."""
     others = [one for one in found.values() if one.radio == RADIOS[0] and strategy_of(one.variant) != OURS]
-    best = min((one for one in others if one.follows and APPOINTED not in one.variant), key=lambda one: one.rmse)
-    ratio = Interval(best.rmse / bound, best.low / bound, best.high / bound)
-    name = f"the best other strategy on the ideal radio ({best.variant})"
+    those = [one for one in others if one.follows and APPOINTED not in one.variant]
+    best = min(those, key=lambda one: one.rmse, default=None)
+    ratio = Interval(best.rmse / bound, best.low / bound, best.high / bound) if best else UNKNOWN
+    name = f"the best other strategy on the ideal radio ({best.variant if best else 'none follows the target'})"
     return [
         Answer(f"12: {name} is within {NEAR:g} x the bound", (ratio,), word(ratio.below(NEAR))),
         Answer(f"12: {name} is above {least:g} x the bound", (ratio,), word(ratio.above(least))),

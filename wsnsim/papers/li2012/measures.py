@@ -90,9 +90,8 @@ def fix_bound(data: Data, variant: str) -> pd.Series:
 
     Steps with fewer than three nodes in reach do not count. A filter that uses earlier ranges may do better.
     """
-    return pd.Series(
-        {number: np.sqrt(np.nanmean(np.trace(found, axis1=1, axis2=2))) for number, found in _fixes(data, variant)}
-    )
+    squares = {number: pd.Series(np.trace(found, axis1=1, axis2=2)) for number, found in _fixes(data, variant)}
+    return pd.Series({number: np.sqrt(each.mean()) for number, each in squares.items()})
 
 
 def efficient_errors(data: Data, variant: str) -> Floats:
@@ -102,7 +101,8 @@ def efficient_errors(data: Data, variant: str) -> Floats:
     spreads = np.sqrt(np.linalg.eigvalsh(np.nan_to_num(found)))
     drawn = np.linalg.norm(spreads[:, :, None, :] * normal, axis=-1)
     known = np.isfinite(found[:, :, 0, 0])
-    return np.array([np.median(drawn[known[:, step], step]) for step in range(drawn.shape[1])])
+    steps = range(drawn.shape[1])
+    return np.array([metrics.median_error(drawn[known[:, step], step]) for step in steps])
 
 
 def errors(data: Data, variant: str) -> pd.DataFrame:

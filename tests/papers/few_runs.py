@@ -1,0 +1,22 @@
+"""The command line of wsnsim with one run of each variant in a quick reproduction: few_runs.py reproduce frontier."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+from wsnsim.cli import main
+from wsnsim.papers import reproduce
+from wsnsim.papers.reproduction import Experiment
+
+experiments = reproduce.experiments
+
+
+def with_few_runs(paper: str) -> tuple[Experiment, ...]:
+    """The experiments of a paper with one run of each variant."""
+    return tuple(replace(one, quick=1) for one in experiments(paper))
+
+
+if __name__ == "__main__":
+    reproduce.experiments = with_few_runs
+    sys.exit(main())

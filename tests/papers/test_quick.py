@@ -1,0 +1,66 @@
+"""`wsnsim reproduce --quick` of every paper and study, as a process in the shell of a user."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.papers import few_runs
+from wsnsim.papers import reproduce, table
+from wsnsim.papers.measures import Data
+from wsnsim.papers.paper import PAGES, PAPERS
+
+WHOLE = ("liu2012",)
+"""Papers whose quick reproduction takes less than half a minute of processor time. Others have one run of a variant."""
+
+
+def without_estimates(self: Data, name: str) -> pd.DataFrame:
+    """A table of a campaign in which no run has an estimate and nothing that follows from one."""
+    frame = reproduced(self, name)
+    if name in ("estimates", "tracks", "runs"):
+        kept = {"time", "cycles", "energy", "cpu_seconds", "lost", "losses"}
+        unknown = [column for column in frame.select_dtypes("float").columns if column not in kept]
+        frame = frame.assign(**dict.fromkeys(unknown, np.nan))
+    return frame
+
+
+reproduced = Data._table
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_is_reproduced_and_what_no_run_has_is_unknown(page, fresh_folder, monkeypatch):
+    start = ["-m", "wsnsim"] if page in WHOLE else [few_runs.__file__]
+    command = [sys.executable, *start, "reproduce", page, "--quick", "--figures", "figures"]
+    ended = subprocess.run(
+        command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONWARNINGS": "error"}
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert not re.search("Traceback|internal error|Warning", ended.stderr)
+    assert f"of {page}: " in ended.stderr and not re.search(r"\bnan\b", ended.stdout)
+    figures = [figure for experiment in reproduce.experiments(page) for figure in experiment.figures]
+    assert {path.name for path in Path("figures").iterdir()} == {f"{page}_{figure.name}.png" for figure in figures}
+    monkeypatch.setattr(Data, "_table", without_estimates)
+    for experiment in reproduce.experiments(page):
+        folder = reproduce.folder_of(Path("results/reproduce/quick"), page, experiment)
+        said = [table.text(reproduce.rows(page, experiment, folder)), *reproduce.summary(page, experiment, folder)]
+        assert not re.search(r"\bnan\b", "\n".join(said))
+        reproduce.draw(page, experiment, folder, Path("unknown"))
+
+
+@pytest.mark.thorough
+def test_without_a_name_all_papers_are_reproduced_and_the_first_line_says_so(fresh_folder):
+    """The command is stopped there: what follows is what the tests above run."""
+    command = [sys.executable, "-m", "wsnsim", "reproduce"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        first = process.stderr.readline()
+        process.terminate()
+    assert first.startswith("wsnsim: ") and f" of {', '.join(PAPERS)}: " in first
+    assert first.endswith("; folder results/reproduce/quick\n")
