@@ -149,7 +149,7 @@ def _scale(axes: Axes, found: Sequence[Strategy], bound: float) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlim(energies.min() / 1.5, energies.max() * 1.9)
-    axes.set_ylim(bound / 1.3, errors.max() * 1.6)
+    axes.set_ylim(bound / 1.3, errors.max(initial=bound) * 1.6)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter("{x:g}")

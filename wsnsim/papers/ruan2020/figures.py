@@ -63,7 +63,7 @@ def _extent(data: Data) -> tuple[Floats, Floats]:
         *(plotting.first_run(data, name, "estimates") for name in PRINTED | OTHERS),
     ]
     places = np.concatenate([table[["px", "py"]].to_numpy(dtype=np.float64) for table in tables])
-    return places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
+    return np.fmin.reduce(places) - MARGIN, np.fmax.reduce(places) + MARGIN
 
 
 def _errors(figure: Figure, data: Data, published: bool) -> None:
