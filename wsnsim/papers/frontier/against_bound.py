@@ -91,8 +91,13 @@ def rmse_of_runs(squared: Floats) -> Floats:
 
 def of_medians(found: Squares) -> Interval:
     """The median RMSE of a run, divided by the median over the runs of the bound."""
-    with np.errstate(invalid="ignore"):  # in half of a resample's runs there may be no estimate at all
-        return interval(medians(rmse_of_runs(found.errors)) / medians(rmse_of_runs(found.bounds)))
+    return ratio_of_medians(rmse_of_runs(found.errors), rmse_of_runs(found.bounds))
+
+
+def ratio_of_medians(values: Floats, others: Floats) -> Interval:
+    """The median of the runs' values divided by that of others, resampled together; unknown if most are."""
+    with np.errstate(invalid="ignore"):
+        return interval(medians(values) / medians(others))
 
 
 def medians(values: Floats) -> Floats:

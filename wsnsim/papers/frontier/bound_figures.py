@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wsnsim.analysis.figure_style import BLUE, BOUND, VERMILLION
+from wsnsim.base import metrics
 from wsnsim.papers.frontier.against_bound import squares
 from wsnsim.papers.frontier.consistency import DIMENSIONS, nees_of_steps, true_positions
 from wsnsim.papers.measures import Data
@@ -32,9 +33,7 @@ def _errors(axes: Axes, data: Data) -> None:
     found = squares(data, variant)
     for values, look in ((found.errors, {"color": BLUE, "label": "information_driven"}),
                          (found.bounds, {**BOUND, "label": "bound for all readings in range"})):  # fmt: skip
-        known = np.isfinite(values)
-        mean = np.where(known, values, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        axes.plot(found.times, np.sqrt(mean), **look)
+        axes.plot(found.times, metrics.per_step_rmse(np.sqrt(values)), **look)
     axes.set(yscale="log", xlabel="time [s]", ylabel="RMSE over runs [m]", xlim=(0.0, None))
     axes.set_title(f"{variant}, {len(found.runs)} runs", loc="left")
     axes.legend(frameon=False)

@@ -17,7 +17,7 @@ import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.papers.answers import UNKNOWN, Answer, Interval, both, interval, word
-from wsnsim.papers.frontier.against_bound import SETTLED, medians, of_medians, pooled, resampled, squares
+from wsnsim.papers.frontier.against_bound import SETTLED, of_medians, pooled, ratio_of_medians, resampled, squares
 from wsnsim.papers.frontier.consistency import DIMENSIONS, Of, mean_nees
 from wsnsim.papers.frontier.settings import stored
 from wsnsim.papers.frontier.strategies import NEAR, OURS, RADIOS, Strategy, cheapest, front, limit, strategies
@@ -249,7 +249,7 @@ def _fair(usual: str, found: Mapping[str, Strategy]) -> str:
 def _ratio(data: Data, one: str, other: str) -> Interval:
     """The median RMSE of a variant over that of another, of the runs that both have, resampled together."""
     errors, others = data.of_runs(one, "rmse").align(data.of_runs(other, "rmse"), join="inner")
-    return interval(medians(errors.to_numpy()) / medians(others.to_numpy()))
+    return ratio_of_medians(errors.to_numpy(), others.to_numpy())
 
 
 def mean_of_runs(data: Data, variant: str, column: str) -> Interval:
