@@ -154,7 +154,11 @@ def test_a_sweep_of_a_script_without_a_main_guard_is_one_error_at_once(tmp_path:
         ("if __name__ != '__main__':\n    raise SystemExit\nsweep()", 3, True),
         ("if True:\n    sweep()", 2, False),
         ("def f():\n    pass\nfor x in y:\n    sweep()", 4, False),
-        ("def", 1, True),
+        ("if (lambda: {1: 2}[1:])() or __name__ == '__main__':\n    sweep()", 2, True),
+        ("if True: print(__name__)\nsweep()", 2, False),
+        ("def f():\n    if __name__ == '__main__':\n        pass\nsweep()", 4, False),
+        ("sweep()\nif __name__ == '__main__':\n    pass", 1, False),
+        ("(", 1, True),
     ],
 )
 def test_what_is_a_main_guard(content: str, line: int, guarded: bool) -> None:

@@ -86,6 +86,25 @@ def test_a_module_of_a_folder_without_init_file_counts_with_what_it_imports_by_a
     ]
 
 
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("import one as x, two.inner", "one two"),
+        ("from one import (  # import three\n    x,\n    y as z,\n)\nfrom . import two", "one two"),
+        ("if x: import one\nelse: y = {1: 2}; from .two.inner import z; import \\\n three", "one two three"),
+        ("def f(x: int = 1):\n    def g(): from one import x", "one"),
+        ("\ufefftry:\n\tfrom two import*\nexcept ValueError:\n\tfrom.one import(x)", "one two"),
+        ("def f():\n    yield from one\nraise ValueError from two", ""),
+        ('"""\nimport one\n"""\nx = "import two"', ""),
+        ("import one\nx = '\\d' is 'x'\n" + "-" * 20000, "one"),  # a parser would warn, or end with MemoryError
+    ],
+)
+def test_what_a_file_imports_is_what_its_statements_say(place: Path, text: str, found: str) -> None:
+    files = {"mine_f.py": text, "one.py": "", "two.py": "", "three.py": ""}
+    write(place, files)
+    assert set(module_digests("mine_f")) == {"mine_f.py", *(f"{name}.py" for name in found.split())}
+
+
 @pytest.mark.parametrize("module", ["no_such_module", "sys", "_thread", "no..name", "\0"])
 def test_what_has_no_file_has_no_digests(module: str) -> None:
     assert module_digests(module) == {}

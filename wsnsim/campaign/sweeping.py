@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from wsnsim.base.errors import UsageError
+from wsnsim.base.python_statements import NOT_PYTHON, statements
 from wsnsim.campaign.engines import Engine
 from wsnsim.campaign.folders import prepare
 from wsnsim.campaign.runner import run_campaign
@@ -102,11 +102,11 @@ def _demand_main_guard() -> None:
 def is_guarded(script: str, line: int) -> bool:
     """Whether a script tests `__name__` at or before a line, outside of functions; also if it cannot be read."""
     try:
-        statements = ast.parse(script).body
-    except (SyntaxError, ValueError):
+        found = [one for one in statements(script.encode()) if one[0].start[0] <= line]
+    except NOT_PYTHON:
         return True
-    tests = [one.test for one in statements if isinstance(one, ast.If) and one.lineno <= line]
-    return any(isinstance(node, ast.Name) and node.id == "__name__" for test in tests for node in ast.walk(test))
+    tests = [one for one in found if one[0].string == "if" and one[0].start[1] == 0]
+    return any(token.string == "__name__" for test in tests for token in test)
 
 
 def _text(file: str) -> str:

@@ -9,7 +9,6 @@ Nothing is imported: a plug-in's files are found on Python's path.
 
 from __future__ import annotations
 
-import ast
 import contextlib
 import functools
 import hashlib
@@ -18,6 +17,8 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
+
+from wsnsim.base.python_statements import NOT_PYTHON, statements
 
 PACKAGE: Final = "wsnsim"
 NOT_IN_A_RUN: Final = (
@@ -140,14 +141,25 @@ def _imported(path: Path) -> Iterator[tuple[int, list[str]]]:
     """The modules that a file imports, as (dots before a relative name, names), and what it imports from them."""
     if path.suffix != ".py":
         return
-    try:
-        tree = ast.parse(path.read_bytes())
-    except (SyntaxError, ValueError):
-        return
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from ((0, name.name.split(".")) for name in node.names if name.name.partition(".")[0] != PACKAGE)
-        elif isinstance(node, ast.ImportFrom):
-            module = node.module.split(".") if node.module else []
-            if node.level or module[0] != PACKAGE:
-                yield from ((node.level, [*module, name.name]) for name in node.names)
+    with contextlib.suppress(*NOT_PYTHON):
+        for statement in statements(path.read_bytes()):
+            yield from _imports(statement[0].string, " ".join(token.string for token in statement[1:]))
+
+
+def _imports(keyword: str, rest: str) -> Iterator[tuple[int, list[str]]]:
+    """The same for one statement, whose tokens after the first have a space between them."""
+    if keyword == "import":
+        yield from ((0, name.split(".")) for name in _names(rest) if name.partition(".")[0] != PACKAGE)
+    elif keyword == "from":
+        source, _, names = rest.partition(" import ")
+        dotted = source.replace(" ", "")
+        module = dotted.lstrip(".")
+        level = len(dotted) - len(module)
+        if level or module.partition(".")[0] != PACKAGE:
+            yield from ((level, [*module.split("."), name] if module else [name]) for name in _names(names))
+
+
+def _names(listed: str) -> list[str]:
+    """["a.b", "c"] of "a . b as x , c", without brackets around it."""
+    names = (name.partition(" as ")[0] for name in listed.strip("() ").split(","))
+    return [name.replace(" ", "") for name in names if name.strip()]

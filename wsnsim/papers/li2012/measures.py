@@ -131,7 +131,8 @@ def _fixes(data: Data, variant: str) -> Iterator[tuple[int, Floats]]:
     """
     sensor = data.scenario(variant)["sensor"]
     nodes = data.of(variant, "nodes").groupby("replicate")
-    for number, truth in data.of(variant, "truth").query("step > 0").groupby("replicate"):
+    truths = data.of(variant, "truth")
+    for number, truth in truths[truths["step"] > 0].groupby("replicate"):
         places = nodes.get_group(number)[["x", "y"]].to_numpy()
         offsets = places[None] - truth.sort_values("step")[["px", "py"]].to_numpy()[:, None]
         yield int(number), np.array([_covariance(each, sensor["reach"], sensor["sd"]) for each in offsets])
