@@ -1,4 +1,4 @@
-"""Campaigns on a Dask scheduler with two workers in this process. What needs processes is in `campaign_cluster`."""
+"""Campaigns on a Dask scheduler in this process, with two workers. What kills processes is in `campaign_cluster`."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ HERE = WorkerRequirements(wsnsim.__version__, np.__version__, "")
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a scheduler with two workers, which can import the slow tracker."""
+    """The address of a scheduler with two workers, processes of one thread each that can import the slow tracker."""
     distributed = pytest.importorskip("distributed")
     lab = tmp_path_factory.mktemp("lab")
     (lab / "mylab_odd.py").write_text(ODD)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(lab))
         cluster = distributed.LocalCluster(
-            n_workers=2, processes=False, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1",
+            n_workers=2, processes=True, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1",
             protocol="tcp", local_directory=str(lab), silence_logs=False,
         )  # fmt: skip
         yield cluster.scheduler_address
