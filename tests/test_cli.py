@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -436,7 +437,7 @@ def test_plain_progress_is_a_line_every_tenth_or_half_minute(capsys: pytest.Capt
     lines.close()
     assert capsys.readouterr().err.splitlines() == [
         "wsnsim: 10 % (run 1 of 2, 2 of 10 s, 1 × real time, about 18 s left)",
-        "wsnsim: 16 % (run 1 of 2, 3.1 of 10 s, 0.0775 × real time, about 218 s left)",
+        "wsnsim: 16 % (run 1 of 2, 3.1 of 10 s, 0.0775 × real time, about 4 min left)",
         "wsnsim: 100 % (run 2 of 2, 10 of 10 s, 0.4 × real time, about 0 s left)",
     ]
 
@@ -445,7 +446,7 @@ def test_json_progress_is_one_object_a_line(capsys: pytest.CaptureFixture[str]) 
     lines = display("json", RUN)
     lines.step(report(1, 5.0, 3.0))
     assert json.loads(capsys.readouterr().err) == {
-        "replicate": 1, "replicates": 2, "time": 5.0, "duration": 10.0, "wall": 3.0, "share": 0.75,
+        "replicate": 1, "replicates": 2, "time": 5.0, "duration": 10.0, "wall": 3.0, "left": 1.0, "share": 0.75,
     }  # fmt: skip
 
 
@@ -456,7 +457,15 @@ def test_the_bar_shows_simulated_time_and_speed(capsys: pytest.CaptureFixture[st
     bar.close()
     drawn = capsys.readouterr().err
     assert "20.0/20.0 s simulated" in drawn
-    assert "5 × real time" in drawn
+    assert ", 5 × real time, about 0 s left]" in drawn
+
+
+def test_what_was_compiled_is_no_part_of_the_speed_and_of_the_time_left(capsys: pytest.CaptureFixture[str]) -> None:
+    for mode in ("plain", "bar"):
+        shown = display(mode, RUN)
+        shown.step(replace(report(0, 2.0, 34.0), overhead=30.0))
+        shown.close()
+        assert "0.5 × real time, about 36 s left" in capsys.readouterr().err
 
 
 def test_without_progress_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -40,7 +40,7 @@ from wsnsim.base.run_numbers import run_numbers
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.table_layout import TableLayout, table_layout
 from wsnsim.base.tables import Memory
-from wsnsim.models.compilation import announced, compilation_seconds, time_without_compilation
+from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation
 from wsnsim.models.coverage import coverage_of_living
 from wsnsim.network.network import Sensors
 from wsnsim.network.result_rows import network_result, write_tables
@@ -272,7 +272,12 @@ def _performed(
         file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
         batches = Batches(setup, file, time_without_compilation) if task.batch else None
         recorder = task.watched(file) if task.watched else file
-        summaries = _made(setup, chosen, recorder, batches, lambda first: throttled(progress, first, task.began))
+        prepared = time.monotonic() - task.began - compilation_wall()
+
+        def reporting(first: Progress) -> OnTime | None:
+            return throttled(progress, first, task.began, lambda: prepared + compilation_wall())
+
+        summaries = _made(setup, chosen, recorder, batches, reporting)
         if batches and batches.used:
             file.set_text("provenance_json", json.dumps({**made_by, "engine": "batch"}))
     wall, compiled = time.monotonic() - task.began, compilation_seconds() - task.compiled

@@ -9,6 +9,7 @@ import random
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -423,6 +424,19 @@ def test_progress_counts_replicates_up_to_all_of_this_part(folder: Folder) -> No
     assert told[-1].left == 0.0
     run_campaign(folder, Pool(folder), on_progress=told.append)
     assert (told[-1].done, told[-1].failed, told[-1].total) == (12, 0, 12)
+
+
+def test_the_time_left_does_not_count_what_workers_compiled(folder: Folder) -> None:
+    class Compiling(Pool):
+        def _write(self, task: Task) -> TaskOutcome:
+            return replace(super()._write(task), seconds=10.0, compiling=9.0)
+
+    told: list[CampaignProgress] = []
+    run_campaign(folder, Compiling(folder), on_progress=told.append)
+    estimated = [p for p in told if p.done]
+    assert len(estimated) > 3
+    for p in estimated:
+        assert p.left == pytest.approx(0.1 * p.wall / p.done * (p.total - p.done))
 
 
 def test_a_session_is_named_after_its_process_and_no_two_alike(folder: Folder) -> None:

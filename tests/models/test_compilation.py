@@ -60,9 +60,10 @@ def test_the_first_compilation_is_announced_and_only_while_somebody_wants_to_kno
 
 @pytest.mark.thorough
 def test_a_run_counts_and_announces_what_it_compiles_and_leaves_it_out_of_its_cpu_time(tmp_path):
-    said = []
+    said, seen = [], []
 
     def compile_something(progress: Progress) -> None:
+        seen.append(progress)
         if not said:
             compiled(0.3)
 
@@ -75,3 +76,5 @@ def test_a_run_counts_and_announces_what_it_compiles_and_leaves_it_out_of_its_cp
     taken = time.process_time() - began
     assert said == ["compiling"] and report.compiled >= 0.3
     assert 0.0 < report.summaries[0].run["cpu_seconds"] <= taken - report.compiled
+    assert 0.0 < seen[0].overhead <= seen[-1].overhead - 0.3 and seen[-1].overhead < seen[-1].wall
+    assert (seen[0].left, seen[-1].left) == (pytest.approx(seen[0].wall - seen[0].overhead), 0.0)

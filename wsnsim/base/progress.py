@@ -1,6 +1,6 @@
 """Progress of simulations and of other work, reported at most ten times a second.
 
-throttled(progress, first, began)                for a simulation
+throttled(progress, first, began, overhead)      for a simulation
 for file in tracked(files, "files read"): ...    for other work; `watching(report)` says who is told
 """
 
@@ -23,7 +23,8 @@ OnTime: TypeAlias = Callable[[float], None]
 class Progress:
     """The progress of `run`: simulated `time` of `duration` seconds in one of the runs, after `wall` seconds.
 
-    `replicate` counts the runs of this call from 0.
+    `replicate` counts the runs of this call from 0. `overhead`: the seconds of `wall` that do not grow with the
+    simulated time: those before the first run, and those in which kernels were compiled, which happens once.
     """
 
     replicate: int
@@ -31,15 +32,32 @@ class Progress:
     time: float
     duration: float
     wall: float
+    overhead: float = 0.0
+
+    @property
+    def simulated(self) -> float:
+        """Simulated seconds of all runs until now."""
+        return self.replicate * self.duration + self.time
+
+    @property
+    def left(self) -> float | None:
+        """Estimated seconds until the end, None while there is no estimate."""
+        if not self.simulated:
+            return None
+        remaining = self.replicates * self.duration - self.simulated
+        return (self.wall - self.overhead) * remaining / self.simulated
 
 
-def throttled(progress: Callable[[Progress], None] | None, first: Progress, began: float) -> OnTime | None:
+def throttled(
+    progress: Callable[[Progress], None] | None, first: Progress, began: float, overhead: Callable[[], float]
+) -> OnTime | None:
     """A function of the simulated time that calls `progress` at most ten times a second, and at the end.
 
     Args:
         progress: Gets the progress; None reports nothing.
         first: The progress at the start of the run.
-        began: When the first run began, as `time.monotonic` gives it.
+        began: When the work began, as `time.monotonic` gives it.
+        overhead: Returns the overhead (s) until now, see `Progress`.
     """
     if progress is None:
         return None
@@ -50,7 +68,7 @@ def throttled(progress: Callable[[Progress], None] | None, first: Progress, bega
         wall = time.monotonic()
         if wall - reported >= 0.1 or now >= first.duration:
             reported = wall
-            progress(replace(first, time=min(now, first.duration), wall=wall - began))
+            progress(replace(first, time=min(now, first.duration), wall=wall - began, overhead=overhead()))
 
     return on_time
 

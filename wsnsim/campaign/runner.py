@@ -96,6 +96,8 @@ class _CampaignRunner:
     stopped: str = ""
     done: int = 0
     found: int = 0
+    worked: float = 0.0
+    compiled: float = 0.0
 
     def __post_init__(self) -> None:
         self.started_at = time.monotonic()
@@ -201,6 +203,7 @@ class _CampaignRunner:
         elif outcome.status == "failed":
             self.give_up(task, outcome.reason)
         else:
+            self.worked, self.compiled = self.worked + outcome.seconds, self.compiled + outcome.compiling
             self.finish(task)
 
     def finish(self, task: Task) -> None:
@@ -292,10 +295,11 @@ class _CampaignRunner:
             self.report_progress()
 
     def report_progress(self) -> None:
-        """Report the progress."""
+        """Report the progress. What workers compiled once is no part of the time that other tasks will take."""
         wall, unfinished = time.monotonic() - self.started_at, self.unfinished.total()
         total = self.found + self.done + unfinished
-        left = wall / self.done * (unfinished - len(self.failed)) if self.done else None
+        working = wall * (1.0 - self.compiled / self.worked) if self.worked else wall
+        left = working / self.done * (unfinished - len(self.failed)) if self.done else None
         self.on_progress(CampaignProgress(self.found + self.done, len(self.failed), total, wall, left))
 
     def outcome(self) -> CampaignOutcome:

@@ -87,7 +87,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class TaskOutcome:
-    """How a task ended: status, reason of a failure, duration (s) and size of its file (bytes).
+    """How a task ended: status, reason of a failure, duration (s), size of its file (bytes), and compilation (s).
 
     The statuses:
         done: the file was written.
@@ -103,6 +103,7 @@ class TaskOutcome:
     reason: str = ""
     seconds: float = 0.0
     size: int = 0
+    compiling: float = 0.0
 
 
 class OtherCodeError(UsageError):
@@ -125,8 +126,8 @@ def perform(task: Task) -> TaskOutcome:
             return outcome
         _check_free_space(path)
         with _marker_kept(folder, task) as marker:
-            _run(folder, task, path, marker)
-        return TaskOutcome("done", seconds=time.monotonic() - began, size=path.stat().st_size)
+            compiling = _run(folder, task, path, marker)
+        return TaskOutcome("done", "", time.monotonic() - began, path.stat().st_size, compiling)
     except StorageError as error:
         return TaskOutcome("storage", describe_error(error))
     except OtherCodeError as error:
@@ -168,9 +169,13 @@ def failure_report(task: Task, settings: Mapping[str, Any], reason: str, details
     return "\n".join([reason, where, details[:MAX_MARKER]]).strip() + "\n"
 
 
-def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> None:
+def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> float:
+    """Make the runs of a task. Return for how long (s) kernels were compiled."""
     _set_timeout(task, marker, IMPORT_TIME)
     import wsnsim.experiment as experiment
+    from wsnsim.models.compilation import compilation_wall
+
+    before = compilation_wall()
 
     scenario = _scenario(folder.scenario(task.point), task.access)
     _demand_code(task.folder, task.code)
@@ -192,6 +197,7 @@ def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> None:
         batch=task.batch and not 0.0 < (task.timeout or 0.0) < LEAST_TIMEOUT,
         code=task.code,
     )
+    return compilation_wall() - before
 
 
 def _check_free_space(path: Path) -> None:

@@ -1,8 +1,9 @@
 """Progress on stderr: a bar, a line from time to time, or JSON lines.
 
 `display(mode, of)` gives an object with `step(progress)` and `close()`. The progress of a run has `replicate` (from
-0), `replicates`, `time` and `duration` (simulated, s) and `wall` (s since the start). The progress of a campaign has
-`done`, `failed` and `total` (runs), `wall` and `left` (estimated s until the end, or None). Other work has a `WorkBar`.
+0), `replicates`, `time` and `duration` (simulated, s), `wall` (s since the start) and `left` (estimated s until the
+end, or None). The progress of a campaign has `done`, `failed` and `total` (runs), `wall` and `left`. Other work has a
+`WorkBar`.
 Progress that cannot be shown, because stderr is full or closed, is left out.
 """
 
@@ -146,28 +147,29 @@ class _NoProgress:
         """Nothing to remove."""
 
 
-def _simulated(progress: Any) -> float:
-    """Simulated seconds that are done."""
-    return float(progress.replicate * progress.duration + progress.time)
-
-
 def _speed(progress: Any) -> str:
-    return f"{_simulated(progress) / max(progress.wall, 1e-9):.3g} × real time"
+    return f"{progress.simulated / max(progress.wall - progress.overhead, 1e-9):.3g} × real time"
+
+
+def _left(progress: Any) -> str:
+    return "" if progress.left is None else f"about {duration(progress.left)} left"
+
+
+def _listed(*notes: str) -> str:
+    return ", ".join(note for note in notes if note)
 
 
 def _run_line(progress: Any) -> str:
-    share = RUN.share(progress)
-    left = f", about {progress.wall / share - progress.wall:.0f} s left" if share else ""
-    runs = f"run {progress.replicate + 1} of {progress.replicates}, " if progress.replicates > 1 else ""
+    runs = f"run {progress.replicate + 1} of {progress.replicates}" if progress.replicates > 1 else ""
     time = f"{progress.time:.4g} of {progress.duration:.4g} s"
-    return f"wsnsim: {100 * share:.0f} % ({runs}{time}, {_speed(progress)}{left})"
+    notes = _listed(runs, time, _speed(progress), _left(progress))
+    return f"wsnsim: {100 * RUN.share(progress):.0f} % ({notes})"
 
 
 def _campaign_line(progress: Any) -> str:
-    has_end = progress.left is not None and progress.done < progress.total
-    left = f", about {duration(progress.left)} left" if has_end else ""
+    left = _left(progress) if progress.done < progress.total else ""
     counts = f"{progress.done} of {progress.total} runs done, {progress.failed} failed"
-    return f"wsnsim: {100 * CAMPAIGN.share(progress):.0f} % ({counts}, {duration(progress.wall)}{left})"
+    return f"wsnsim: {100 * CAMPAIGN.share(progress):.0f} % ({_listed(counts, duration(progress.wall), left)})"
 
 
 def duration(seconds: float) -> str:
@@ -181,18 +183,18 @@ def duration(seconds: float) -> str:
 
 
 RUN: Final = ProgressFormat(
-    done=_simulated,
+    done=lambda p: p.simulated,
     total=lambda p: p.replicates * p.duration,
-    postfix=_speed,
-    bar="{desc} {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s simulated [{elapsed}<{remaining}{postfix}]",
-    fields=("replicate", "replicates", "time", "duration", "wall"),
+    postfix=lambda p: _listed(_speed(p), _left(p)),
+    bar="{desc} {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s simulated [{elapsed}{postfix}]",
+    fields=("replicate", "replicates", "time", "duration", "wall", "left"),
     line=_run_line,
 )
 CAMPAIGN: Final = ProgressFormat(
     done=lambda p: p.done,
     total=lambda p: p.total,
-    postfix=lambda p: f", {p.failed} failed" if p.failed else "",
-    bar="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} runs [{elapsed}<{remaining}{postfix}]",
+    postfix=lambda p: _listed(f"{p.failed} failed" if p.failed else "", _left(p)),
+    bar="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} runs [{elapsed}{postfix}]",
     fields=("done", "failed", "total", "wall", "left"),
     line=_campaign_line,
 )
@@ -201,7 +203,7 @@ CAMPAIGN: Final = ProgressFormat(
 WORK: Final = ProgressFormat(
     done=lambda p: p.done,
     total=lambda p: p.total,
-    postfix=lambda p: f", {p.what}",
+    postfix=lambda p: p.what,
     bar="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} [{elapsed}<{remaining}{postfix}]",
     fields=("what", "done", "total", "wall"),
     line=lambda p: f"wsnsim: {p.done} of {p.total} {p.what}",

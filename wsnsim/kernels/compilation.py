@@ -148,19 +148,20 @@ class CompilationTime(event.Listener):
 
     Attributes:
         seconds: Processor time (s) until now.
+        wall: Real time (s) until now.
         announce: Called when a compilation begins.
     """
 
     def __init__(self) -> None:
-        self.seconds = 0.0
+        self.seconds = self.wall = 0.0
         self.announce: Callable[[], None] | None = None
         self._depth = 0
-        self._began = 0.0
+        self._began = self._began_wall = 0.0
 
     def on_start(self, event: event.Event) -> None:
         """A kernel is compiled, perhaps because another one that is being compiled calls it."""
         if not self._depth:
-            self._began = time.process_time()
+            self._began, self._began_wall = time.process_time(), time.monotonic()
             if self.announce is not None:
                 self.announce()
         self._depth += 1
@@ -170,6 +171,7 @@ class CompilationTime(event.Listener):
         self._depth -= 1
         if not self._depth:
             self.seconds += time.process_time() - self._began
+            self.wall += time.monotonic() - self._began_wall
 
 
 COMPILATION_TIME: Final = CompilationTime()

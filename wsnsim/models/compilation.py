@@ -1,6 +1,6 @@
 """How long this process has compiled kernels. It happens once on a machine, and is no part of a run.
 
-time_without_compilation() -> s      compilation_seconds() -> s      with announced(call): ...
+time_without_compilation() -> s     compilation_seconds() -> s     compilation_wall() -> s     with announced(call): ...
 """
 
 from __future__ import annotations
@@ -15,6 +15,11 @@ from wsnsim.kernels.compilation import COMPILATION_TIME
 def compilation_seconds() -> float:
     """The processor time (s) in which this process has compiled kernels. Loading a cached one is not compiling."""
     return COMPILATION_TIME.seconds
+
+
+def compilation_wall() -> float:
+    """The real time (s) in which this process has compiled kernels."""
+    return COMPILATION_TIME.wall
 
 
 def time_without_compilation() -> float:
