@@ -8,16 +8,21 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from wsnsim.base.version import __version__
+from wsnsim.kernels import compilation
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system has no owners of files")
 
@@ -146,18 +151,20 @@ def test_another_user_for_whom_nothing_can_be_written_runs_kernels(place: Path) 
     assert (folder.stat().st_uid, folder.stat().st_mode & 0o777) == (nobody.pw_uid, 0o700)
 
 
+def negative_kernel() -> Any:
+    """A kernel of this process that was not compiled yet."""
+
+    @compilation.kernel
+    def negative(x: int) -> int:
+        return -x
+
+    return negative
+
+
 def test_a_full_disk_and_a_damaged_cache_end_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    compilation = pytest.importorskip("wsnsim.kernels.compilation")
     if compilation.config.DISABLE_JIT:
         pytest.skip("nothing is compiled")
     monkeypatch.setattr(compilation.config, "CACHE_DIR", str(tmp_path))
-
-    def made() -> Any:
-        @compilation.kernel
-        def negative(x: int) -> int:
-            return -x
-
-        return negative
 
     with monkeypatch.context() as patched:
 
@@ -165,10 +172,59 @@ def test_a_full_disk_and_a_damaged_cache_end_no_run(tmp_path: Path, monkeypatch:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
         patched.setattr("numba.core.caching.IndexDataCacheFile._save_data", full)
-        assert made()(3) == -3
+        assert negative_kernel()(3) == -3
     for damage in (b"", b"\x80\x04", b"no pickle"):
         for file in tmp_path.rglob("*.nb*"):
             file.write_bytes(damage)
-        assert made()(3) == -3
-    again = made()
+        assert negative_kernel()(3) == -3
+    again = negative_kernel()
     assert again(3) == -3 and sum(again.stats.cache_hits.values()) == 1
+
+
+@pytest.mark.skipif(compilation.config.DISABLE_JIT, reason="nothing is compiled")
+def test_a_kernel_that_another_process_compiles_is_waited_for_and_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fcntl = pytest.importorskip("fcntl")
+    monkeypatch.setattr(compilation.config, "CACHE_DIR", str(tmp_path / "other"))
+    assert negative_kernel()(3) == -3
+    monkeypatch.setattr(compilation.config, "CACHE_DIR", str(tmp_path / "here"))
+    waiting, waited = negative_kernel(), compilation.COMPILATION_TIME.wall
+    [lock] = (tmp_path / "other").rglob("*.lock")
+    lock = tmp_path / "here" / lock.relative_to(tmp_path / "other")
+    asked = threading.Event()
+
+    def sleep(seconds: float) -> None:
+        asked.set()
+        time.sleep(seconds)
+
+    monkeypatch.setattr(compilation, "time", SimpleNamespace(**{**vars(time), "sleep": sleep}))
+    with lock.open("wb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        thread = threading.Thread(target=waiting, args=(3,))
+        thread.start()
+        assert asked.wait(60.0) and not waiting.signatures
+        time.sleep(0.05)
+        shutil.copytree(tmp_path / "other", tmp_path / "here", dirs_exist_ok=True)
+    thread.join()
+    assert waiting(3) == -3 and sum(waiting.stats.cache_hits.values()) == 1
+    assert compilation.COMPILATION_TIME.wall >= waited + 0.05
+
+
+@pytest.mark.skipif(compilation.config.DISABLE_JIT, reason="nothing is compiled")
+def test_a_kernel_is_compiled_where_waiting_takes_too_long_or_nothing_can_be_locked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fcntl = pytest.importorskip("fcntl")
+    monkeypatch.setattr(compilation.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(compilation, "PATIENCE", 0.05)
+    assert negative_kernel()(3) == -3
+    [lock] = tmp_path.rglob("*.lock")
+    for file in tmp_path.rglob("*.nb*"):
+        file.unlink()
+    with lock.open("wb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        assert negative_kernel()(3) == -3
+    lock.unlink()
+    lock.mkdir()
+    assert negative_kernel()(3) == -3 and not compilation._HELD

@@ -13,6 +13,7 @@ Division follows NumPy: the checks that Numba makes by default prevent vectorisa
 NaN and infinity. Functions that only kernels call have no wrapper for Python: it would take longer to compile than the
 function itself.
 
+A kernel that several processes need at the same time is compiled by one of them; the others wait, and load it.
 Numba keeps compiled kernels beside the sources, or in the user's cache. Where it can write neither, they are kept in a
 private folder of the temporary directory, or not at all. WSNSIM_CACHE names another folder.
 """
@@ -27,17 +28,22 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final, TypeVar, final
+from typing import Any, BinaryIO, Final, TypeVar, final
 
 from numba import config, njit
 from numba.core import event
 from numba.core.caching import FunctionCache
+from numba.core.compiler_lock import global_compiler_lock
 
 from wsnsim.base.caches import VARIABLE, CacheWarning, private_folder, reason, wished_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 BLAS: Final = "scipy.linalg.cython_blas"
 USER_CACHE: Final = "XDG_CACHE_HOME"
+PATIENCE: Final = 60.0
+"""Seconds for which a process waits at most while another one compiles a kernel. Ours take two at most."""
+POLL: Final = 0.02
+"""Seconds between two looks whether it has."""
 
 
 def _import_without_scipy() -> None:
@@ -148,7 +154,7 @@ class CompilationTime(event.Listener):
 
     Attributes:
         seconds: Processor time (s) until now.
-        wall: Real time (s) until now.
+        wall: Real time (s) until now, also while other processes compiled what this one needs.
         announce: Called when a compilation begins.
     """
 
@@ -165,6 +171,11 @@ class CompilationTime(event.Listener):
             if self.announce is not None:
                 self.announce()
         self._depth += 1
+
+    def add_wait(self, seconds: float) -> None:
+        """Another process has compiled a kernel, for so long that this one had to wait."""
+        if not self._depth:
+            self.wall += seconds
 
     def on_end(self, event: event.Event) -> None:
         """A kernel is compiled, or cannot be."""
@@ -243,4 +254,38 @@ def _compiled(function: F, options: Mapping[str, Any]) -> F:
     cache = getattr(compiled, "_cache", None)
     if type(cache) is FunctionCache:
         cache.__class__ = _ForgivingCache  # making another one would look for the folder a second time
+        lock = Path(cache._cache_file._index_path).with_suffix(".lock")
+        compiled.compile = functools.partial(_compiled_once, lock, compiled.compile)  # type: ignore[attr-defined]
     return compiled
+
+
+_HELD: Final[set[Path]] = set()
+"""The locks that this process holds: each for a kernel that calls the next one."""
+
+
+def _compiled_once(lock: Path, compile_: Callable[[Any], Any], signature: Any) -> Any:
+    """Compile a kernel or load it, unless another process does so: then wait until it is there to be loaded.
+
+    Processes never wait for each other in a circle, because kernels do not call each other in circles.
+    """
+    with global_compiler_lock, contextlib.ExitStack() as held:
+        if lock not in _HELD:
+            with contextlib.suppress(ImportError, OSError):  # systems, folders and file systems without locks
+                _acquire(held.enter_context(lock.open("wb")))
+            _HELD.add(lock)
+            held.callback(_HELD.remove, lock)
+        return compile_(signature)
+
+
+def _acquire(file: BinaryIO) -> None:
+    """Lock a file until it is closed, or give up when patience ends."""
+    import fcntl
+
+    began = time.monotonic()
+    while time.monotonic() - began < PATIENCE:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        except BlockingIOError:
+            time.sleep(POLL)
+    COMPILATION_TIME.add_wait(time.monotonic() - began)
