@@ -82,7 +82,7 @@ def charge(count: int) -> tuple[Any, ...]:
 
 def busy(count: int) -> tuple[Any, ...]:
     """The arguments of `mark_busy` for every second of many nodes."""
-    modes = (np.arange(2 * count) % 5).astype(np.int8)
+    modes = (np.arange(2 * count) % 5).astype(np.int16)
     law = np.linspace(0.1, 0.3, 5), np.arange(5) % 2, np.zeros(2)
     return np.arange(0, 2 * count, 2), 0.5, np.zeros(2 * count), modes, np.zeros(5, np.int64), *law
 

@@ -342,3 +342,11 @@ def test_a_run_of_too_many_periods_is_an_issue():
     assert path == ("sleep", "period")
     assert "1e+11 periods" in message and "10,000,000" in message
     assert not issues_of(RandomIndependent(), steps=1000, dt=1e5)
+
+
+@pytest.mark.parametrize("time", [0, 0.0, np.zeros(2, dtype=np.int64)], ids=["int", "float", "array"])
+def test_a_schedule_needs_one_compilation_of_its_kernel_whatever_number_the_time_is(monkeypatch, time):
+    types = []
+    monkeypatch.setattr("wsnsim.models.sleep.period_spans", lambda keys, times, *rest: types.append(times.dtype))
+    DutyCycle().state(KEYS[:2], time)
+    assert types == [np.float64]

@@ -116,10 +116,11 @@ class ScheduledDutyCycles(DutyCycles):
 
         A radio that is receiving when its schedule ends receives the frame to its end.
         """
-        hears, held = np.empty(ids.size, dtype=np.bool_), (self._held, self._since)
-        if listening(ids, since, living, self._awake, self._from, self._until, *held, hears):
-            self._ask(ids, since)
-            listening(ids, since, living, self._awake, self._from, self._until, *held, hears)
+        hears, time = np.empty(ids.size, dtype=np.bool_), float(since)  # the integer 0 would be another compilation
+        schedules = (living, self._awake, self._from, self._until, self._held, self._since, hears)
+        if listening(ids, time, *schedules):
+            self._ask(ids, time)
+            listening(ids, time, *schedules)
         return hears
 
     def _ask(self, ids: Ints, time: float) -> None:
