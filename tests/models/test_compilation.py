@@ -64,7 +64,7 @@ def test_a_run_counts_and_announces_what_it_compiles_and_leaves_it_out_of_its_cp
 
     def compile_something(progress: Progress) -> None:
         seen.append(progress)
-        if not said:
+        if len(seen) == 1:  # kernels may have been compiled before, where the cache is empty
             compiled(0.3)
 
     out = tmp_path / "x.h5"
