@@ -13,9 +13,9 @@ A block opened by ```` ```{code-block} ```` or in another language is not execut
 
 from __future__ import annotations
 
-import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -24,12 +24,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from tests.documentation.example_server import ROOT, SECONDS, SETTINGS, server
+
 FENCE = re.compile(r"^( *)(`{3,}|~{3,})(.*)$")
 FILE = re.compile(r"# file: (\S+)$")
 RUNS = ("wsnsim", "python")
-SECONDS = 300.0
-"""A command that takes longer than this is stopped."""
+SHELL = re.compile(r"[|&;<>$`(){}*?~#]")
+"""Characters that mean something to a shell."""
 
 
 class ExampleError(AssertionError):
@@ -125,59 +126,8 @@ def environment(folder: Path) -> dict[str, str]:
     return {
         **os.environ,
         "PATH": os.pathsep.join([str(programs), os.environ["PATH"]]),
-        "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]),
-        "PYTHONWARNINGS": "error::DeprecationWarning:__main__",
-        "MPLBACKEND": "agg",
-        "COLUMNS": "120",
+        **SETTINGS,
     }
-
-
-class Interpreter:
-    """A Python process that executes blocks of code one after the other, in one namespace."""
-
-    PROGRAM = """
-import json, os, sys, traceback
-replies = os.fdopen(int(sys.argv.pop()), "w")
-names = {"__name__": "__main__"}
-for line in sys.stdin:
-    code, where = json.loads(line)
-    try:
-        exec(compile(code, where, "exec"), names)
-        reply = ""
-    except BaseException:
-        reply = traceback.format_exc()
-    sys.stdout.flush()
-    print(json.dumps(reply), file=replies, flush=True)
-"""
-
-    def __init__(self, folder: Path, env: dict[str, str]) -> None:
-        read, write = os.pipe()
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", self.PROGRAM, str(write)],
-            cwd=folder,
-            env=env,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            pass_fds=[write],
-            text=True,
-        )
-        os.close(write)
-        self.replies = os.fdopen(read)
-
-    def run(self, code: str, where: str) -> str:
-        """Execute code, and return the traceback if it fails, else nothing."""
-        assert self.process.stdin is not None
-        self.process.stdin.write(json.dumps([code, where]) + "\n")
-        self.process.stdin.flush()
-        reply = self.replies.readline()
-        return str(json.loads(reply)) if reply else "the Python process ended"
-
-    def close(self) -> None:
-        """End the process."""
-        assert self.process.stdin is not None
-        self.process.stdin.close()
-        self.process.wait(timeout=SECONDS)
-        self.replies.close()
 
 
 def run_page(page: Path, folder: Path) -> int:
@@ -187,7 +137,7 @@ def run_page(page: Path, folder: Path) -> int:
         ExampleError: an example fails or prints something else; the message names page, line and difference.
     """
     name = page.relative_to(ROOT) if page.is_relative_to(ROOT) else page
-    env, count, interpreter = environment(folder), 0, None
+    env, count = environment(folder), 0
     try:
         for block in blocks(page.read_text(encoding="utf-8")):
             if title := named_file(block):
@@ -199,13 +149,12 @@ def run_page(page: Path, folder: Path) -> int:
                     run_command(command, name, folder, env)
                     count += 1
             elif block.language == "python":
-                interpreter = interpreter or Interpreter(folder, env)
-                if error := interpreter.run("\n" * (block.first - 1) + "\n".join(block.lines), str(name)):
+                code = "\n" * (block.first - 1) + "\n".join(block.lines)
+                if error := server().block(code, str(name), folder):
                     raise ExampleError(f"{name}:{block.first}: a Python block fails:\n{error}")
                 count += 1
     finally:
-        if interpreter is not None:
-            interpreter.close()
+        server().end_page()
     return count
 
 
@@ -215,10 +164,13 @@ def named_file(block: Block) -> str | None:
     return title[1] if title else None
 
 
-def run_command(command: Command, page: Path, folder: Path, env: dict[str, str]) -> None:
-    """Run a command and compare its output; it may fail only if the page shows an error or an exit code."""
+def outcome(text: str, folder: Path, env: dict[str, str]) -> tuple[int, str]:
+    """The exit code of a command and what it prints; what only a shell can do is done by one."""
+    words = shlex.split(text.replace("\\\n", " "))
+    if not SHELL.search(text) and (words[0] == "wsnsim" or words[1].endswith(".py")):
+        return server().command(words, folder)
     done = subprocess.run(
-        ["bash", "-c", command.text],
+        ["bash", "-c", text],
         cwd=folder,
         env=env,
         capture_output=True,
@@ -227,10 +179,16 @@ def run_command(command: Command, page: Path, folder: Path, env: dict[str, str])
         stdin=subprocess.DEVNULL,
         check=False,
     )
-    output = f"{done.stdout}{done.stderr}\nexit code {done.returncode}"
+    return done.returncode, f"{done.stdout}{done.stderr}"
+
+
+def run_command(command: Command, page: Path, folder: Path, env: dict[str, str]) -> None:
+    """Run a command and compare its output; it may fail only if the page shows an error or an exit code."""
+    code, printed = outcome(command.text, folder, env)
+    output = f"{printed}\nexit code {code}"
     shows_failure = any("error:" in line or line.startswith("exit code") for line in command.printed)
     where = f"{page}:{command.line}: $ {command.text}\n"
-    if done.returncode and not shows_failure:
+    if code and not shows_failure:
         raise ExampleError(f"{where}fails:\n{output}")
     if (missing := first_missing(command.printed, output)) is not None:
         raise ExampleError(f"{where}does not print, at all or in this order:\n{missing}\nIt prints:\n{output}")
