@@ -58,7 +58,8 @@ verify: $(READY)  ## run every shipped scenario and compare it with tests/golden
 	@$(PY) -m tests.golden $(ARGS)
 
 docs: $(DOCS)  ## build the documentation into build/docs, every example executed; warnings are errors
-	@$(PY) -m sphinx -W --keep-going -q -b html docs build/docs $(ARGS)
+	@NUMBA_CACHE_DIR="$$($(PY) -m tests.helpers.kernel_cache)" \
+	    $(PY) -m sphinx -j 2 -W --keep-going -q -b html docs build/docs $(ARGS)
 	@echo "build/docs/index.html"
 
 documentation: $(DOCS)  ## test that the documents say what is so and that their examples run

@@ -27,3 +27,7 @@ def kernel_cache(root: Path, environment: Path) -> Path:
             shutil.rmtree(former, ignore_errors=True)
     folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+if __name__ == "__main__":  # for programs that are no tests
+    print(kernel_cache(Path(__file__).parents[2], Path(sys.prefix)))
