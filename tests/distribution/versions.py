@@ -82,7 +82,7 @@ def installed(python: str, name: str, lines: Iterable[str]) -> Path:
         subprocess.run([python, "-m", "venv", "--clear", str(folder)], check=True)
         wanted = folder / "requirements.txt"
         wanted.write_text(text, encoding="utf-8")
-        _install(own, "--only-binary", ":all:", "-r", str(wanted))
+        _install(own, "--only-binary", ":all:", "--no-compile", "-r", str(wanted))  # most modules are never imported
         _install(own, "--no-deps", "--no-build-isolation", "-e", str(HOME))
         mark.write_text(digest, encoding="utf-8")  # last, so that an interrupted installation is repeated
     return own
