@@ -84,6 +84,22 @@ def test_a_command_may_fail_where_the_page_shows_the_error(outcome):
     assert outcome(page) == 1
 
 
+def test_an_example_finds_nothing_that_another_page_has_changed_and_may_end_its_process(outcome):
+    change = "import os, sys\nsys.modules['mine'], os.environ['MINE'] = sys, '1'"
+    assert outcome(f"```python\n{change}\nassert 'mine' in sys.modules\n```\n") == 1
+    with pytest.raises(ExampleError, match=r"page.md:2: .*\nthe Python process ended"):
+        outcome(f"```python\n{change}\nos._exit(0)\n```\n")
+    check = "import os, sys\nassert 'mine' not in sys.modules and 'MINE' not in os.environ"
+    assert outcome(f"```python\n{check}\n```\n") == 1
+
+
+def test_a_command_and_a_script_have_their_exit_code_arguments_and_folder(outcome):
+    script = "import sys\nprint(sys.argv, __name__)\nprint(open('mine.py').read()[:10])\nsys.exit(4)"
+    page = f"```python\n# file: mine.py\n{script}\n```\n"
+    page += "```console\n$ python mine.py 'a b'\n['mine.py', 'a b'] __main__\nimport sys\nexit code 4\n"
+    assert outcome(f"{page}$ wsnsim check none.yaml\n... none.yaml ...\nexit code 2\n```\n") == 2
+
+
 def test_a_command_goes_on_in_the_next_line_after_a_backslash():
     (block,) = blocks("```console\n$ wsnsim run x \\\n    --quiet\nsaid\n```\n")
     (command,) = commands(block)
