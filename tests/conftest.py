@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from tests.helpers.costs import count_examples, excess, spent, start_counting
+from tests.helpers.costs import APART, count_examples, excess, spent, start_counting
 from tests.helpers.kernel_cache import kernel_cache
 from tests.helpers.recordings import FOLDER as RECORDINGS
 from tests.helpers.thorough import THOROUGH, keep_fast_cases
@@ -89,7 +89,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
     """A test of the fast tier that costs more than it may fails."""
     yield
-    if not THOROUGH and item.get_closest_marker("thorough") is None and (above := excess(item.stash[_before])):
+    if _in_fast_tier(item) and (above := excess(item.stash[_before])):
         pytest.fail(f"is no test of the fast tier: {', '.join(above)}; mark it with thorough", pytrace=False)
 
 
@@ -109,6 +109,12 @@ def pytest_unconfigure() -> None:
     if not folder.is_relative_to(sys.prefix):
         shutil.rmtree(folder, ignore_errors=True)
     shutil.rmtree(os.environ[RECORDINGS], ignore_errors=True)
+
+
+def _in_fast_tier(item: pytest.Item) -> bool:
+    """Whether `make test` runs a test with so many examples."""
+    folder = item.path.relative_to(Path(__file__).parent).parts[0]
+    return not THOROUGH and folder not in APART and item.get_closest_marker("thorough") is None
 
 
 @pytest.fixture

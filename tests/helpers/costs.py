@@ -15,6 +15,8 @@ from typing import Any, Final
 
 LIMITS: Final = {"node-steps": 250_000, "particle-steps": 100_000, "processes": 2, "examples": 50}
 """Nodes times steps of all simulated runs; particles times steps and runs; processes started; Hypothesis examples."""
+APART: Final = ("documentation", "campaign_cluster", "browser")
+"""Folders of tests that are targets of the Makefile of their own."""
 
 _counts: Counter[str] = Counter()
 _counted: set[Any] = set()
