@@ -15,7 +15,7 @@ import pytest
 
 import wsnsim
 from wsnsim.recording import provenance
-from wsnsim.recording.provenance import _checkout
+from wsnsim.recording.provenance import SETTINGS, _checkout, cpu_features
 
 
 def test_it_names_versions_seed_command_and_start():
@@ -26,6 +26,14 @@ def test_it_names_versions_seed_command_and_start():
     assert None not in made["packages"].values()
     assert datetime.fromisoformat(made["start"]).utcoffset().total_seconds() == 0
     assert json.loads(json.dumps(made)) == made
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_features_differ_where_a_setting_chooses_other_machine_code(name, monkeypatch):
+    monkeypatch.delenv(name, raising=False)
+    plain = cpu_features.__wrapped__()
+    monkeypatch.setenv(name, "generic")
+    assert cpu_features.__wrapped__() == (*plain, f"{name}=generic"), "the processor itself is named too"
 
 
 def test_it_holds_no_path_user_or_host():

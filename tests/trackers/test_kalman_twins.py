@@ -89,7 +89,7 @@ def cubature(before: Moments, step: Step) -> Moments:
     for _ in range(step.steps):
         points = np.array([slope(point) @ point for point in sigma_points(mean, cov, np.sqrt(size))[1:]])
         mean = points.mean(axis=0)
-        cov = points.T @ points / (2 * size) - np.outer(mean, mean) + PROCESS
+        cov = (points - mean).T @ (points - mean) / (2 * size) + PROCESS
     if not len(step.readings):
         return Moments(mean, cov)
     points = np.array(sigma_points(mean, cov, np.sqrt(size))[1:])

@@ -20,6 +20,11 @@ PACKAGES: Final = (
     "wsnsim", "numpy", "scipy", "numba", "llvmlite", "simpy", "networkx", "h5py", "pandas", "pydantic", "pyyaml",
 )  # fmt: skip
 
+SETTINGS: Final = (
+    "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX", "NUMBA_OPT", "NUMBA_DISABLE_JIT", "OPENBLAS_CORETYPE",
+)  # fmt: skip
+"""Variables of the environment that choose machine code, and therefore last bits, on the same processor."""
+
 
 def provenance(
     command_line: str, seed: int, plugins: Sequence[str] = (), overrides: Sequence[str] = ()
@@ -28,9 +33,9 @@ def provenance(
 
     It holds versions, the git commit if wsnsim runs from a checkout, seed, command line, plug-ins, the assignments that
     changed the scenario's text, platform and start time (UTC). `cpu_features` are the instruction sets that NumPy
-    found, and the processor that kernels are compiled for: log, exp and sums differ in the last bit between processors,
-    so equal bits are guaranteed for equal features only. No path, user or host name is stored, except those in the
-    command line and in the assignments.
+    uses, the processor, and settings of the environment that choose others: log, exp and sums differ in the last bit
+    between them, so equal bits are guaranteed for equal features only. No path, user or host name is stored, except
+    those in the command line and in the assignments.
     """
     return {
         "command_line": command_line,
@@ -49,21 +54,19 @@ def provenance(
 
 @functools.cache
 def cpu_features() -> tuple[str, ...]:
-    """The instruction sets of this machine that NumPy uses, then the processor that kernels are compiled for."""
-    config = np.show_config(mode="dicts")
-    extensions = config.get("SIMD Extensions", {}) if config else {}
-    return (*extensions.get("baseline", []), *extensions.get("found", []), compiled_for())
+    """What decides the last bits of results on this machine, besides the versions of the packages.
 
-
-def compiled_for() -> str:
-    """The name of the processor that kernels are compiled for, such as 'znver4', as LLVM and Numba know it.
-
-    Processors with the same instruction sets have different names if LLVM orders or joins operations differently for
-    them, which changes last bits.
+    First the instruction sets that NumPy uses, without those that NPY_DISABLE_CPU_FEATURES switches off. Then the name
+    of the processor, such as 'znver4', as LLVM knows it: processors with the same instruction sets have different names
+    if LLVM orders or joins operations differently for them, and libraries choose their code by the processor even where
+    kernels are compiled for another one. Last come the environment's settings in `SETTINGS`, as 'NAME=value'.
     """
     from llvmlite import binding
 
-    return os.environ.get("NUMBA_CPU_NAME") or str(binding.get_host_cpu_name())
+    config = np.show_config(mode="dicts")
+    extensions = config.get("SIMD Extensions", {}) if config else {}
+    settings = (f"{name}={os.environ[name]}" for name in SETTINGS if name in os.environ)
+    return (*extensions.get("baseline", []), *extensions.get("found", []), str(binding.get_host_cpu_name()), *settings)
 
 
 @functools.cache
