@@ -11,6 +11,13 @@ TIER     ?= not thorough
 APART    := documentation campaign_cluster browser
 SUITE    = -n 2 --dist worksteal -m "$(TIER)" $(APART:%=--ignore=tests/%)
 
+# Numerical tests that `make processors` repeats in each of its settings.
+NUMERICAL := kernels models trackers bounds offline base/test_metrics.py base/test_cell_grid.py \
+             $(addprefix analysis/test_,statistics.py consistency.py summary.py comparison.py) \
+             $(addprefix network/test_,batteries.py clocks.py consumption.py ledger.py local_schedules.py tsch_energy.py)
+NO_NUMBERS := kernels/test_cache_folder.py kernels/test_compilation.py kernels/test_kernel_cache.py \
+              models/test_compilation.py models/test_csvfile.py models/test_k7file.py
+
 # What `make matrix` tries; `make lowest` takes the first that is installed.
 PYTHONS  ?= 3.11 3.12 3.13 3.14
 
@@ -37,7 +44,7 @@ CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run test thorough verify docs documentation cluster browser fuzz wheel matrix lowest peers check interpreted coverage format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
+.PHONY: help run test thorough verify docs documentation cluster browser fuzz wheel matrix lowest processors peers check interpreted coverage format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -82,6 +89,10 @@ matrix: $(READY)  ## run the suite with every installed Python of PYTHONS='3.11 
 
 lowest: $(READY)  ## run the suite with the lowest versions of the packages that pyproject.toml allows
 	@$(PY) -m tests.distribution.versions lowest $(PYTHONS) -- $(SUITE) $(ARGS)
+
+processors: $(READY)  ## run numerical tests with fewer instruction sets in NumPy, kernels for a generic processor, and both
+	@$(PY) -m tests.distribution.processors -n 2 --dist worksteal -m "not thorough" $(NUMERICAL:%=tests/%) \
+	    $(NO_NUMBERS:%=--ignore=tests/%) $(ARGS)
 
 peers: $(READY)  ## compare filters with those of Stone Soup and FilterPy, in an environment of its own
 	@$(PY) -m tests.distribution.versions peers $(PYTHONS) -- tests/trackers/test_peers.py tests/interop/test_stonesoup.py $(ARGS)
