@@ -35,7 +35,7 @@ def weighed_twin(predicted, logs, heard):
 def rkf_by_the_book(
     mean, cov, probabilities, expected, gradients, variances, readings, heard, place, stay, spread
 ):  # fmt: skip
-    """Eqs. 8-14, 18-20 as they are printed."""
+    """Eqs. 8-14, 18-20 as they are printed; the spread of the means about theirs, which does not cancel."""
     slopes = np.zeros((len(readings), mean.size))
     slopes[:, place] = gradients
     widths = np.einsum("id,de,ie->i", slopes, cov, slopes) + variances
@@ -47,7 +47,8 @@ def rkf_by_the_book(
     shift = gains @ (shares * surprises)
     after = cov - (gains * shares) @ slopes @ cov
     if spread:
-        after = after + (gains * shares * surprises**2) @ gains.T - np.outer(shift, shift)
+        apart = gains * surprises - shift[:, None]
+        after = after + (apart * updated) @ apart.T
     return mean + shift, after, updated
 
 
