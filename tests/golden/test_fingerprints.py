@@ -66,6 +66,13 @@ def test_on_another_machine_or_with_other_versions_metrics_are_close(folder: Pat
     assert differences("one", before, changed(energy=1.0), machine) == ["energy: None -> 1.0"]
 
 
+def test_on_another_machine_the_nees_of_a_collapsed_cloud_is_not_compared(folder: Path) -> None:
+    record([("one", changed(nees=1e38))], HERE, 1, lambda _: None, folder)
+    before = stored("one", folder)
+    assert differences("one", before, changed(nees=2e38), ELSEWHERE) == []
+    assert differences("one", before, changed(nees=4.0), ELSEWHERE) == ["nees: 1e+38 -> 4.0"]
+
+
 def test_what_differs_is_said_and_counted(folder: Path) -> None:
     said: list[str] = []
     found = [("one", changed(rmse=3.0)), ("two", FOUND)]
