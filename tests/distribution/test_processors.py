@@ -36,6 +36,7 @@ def probed(environment: dict[str, str]) -> Any:
     return json.loads(done.stdout)
 
 
+@pytest.mark.thorough
 def test_what_a_setting_switches_off_is_off_and_results_say_so() -> None:
     wanted = {name: environment for name, environment in settings_here().items() if environment}
     features, processor, ours = probed({})
