@@ -47,6 +47,7 @@ def wsnsim(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
 # what it imports
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "words", ["--help", "--version", "run --help", "plot --help", "list", "list trackers", "list scenarios", "rnu"]
 )
@@ -218,6 +219,7 @@ def test_a_page_that_has_no_place_is_refused_before_anything_runs(capsys: pytest
         assert message in said.err and said.out == "" and not Path(out).exists()
 
 
+@pytest.mark.thorough
 def test_a_run_as_json_is_one_object_without_nan(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "pso_mhpf", *QUICK, "--json", "--quiet", "--seed", "7", "-o", "x.h5"]) == 0
     said = capsys.readouterr()
@@ -396,6 +398,7 @@ def with_ctrl_c() -> None:
         signal.signal(number, signal.SIG_DFL)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("number", "code", "message"),
     [

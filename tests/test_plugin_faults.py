@@ -118,6 +118,7 @@ def test_an_error_while_it_is_imported_is_a_finding_of_the_scenario(capsys: pyte
         assert f"error: broken:X cannot be imported: {said}\n" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_check_reports_an_error_of_a_plugin(capfd: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "lab.yaml", "--set", "tracker.kind=faulty:Checks", "--quiet"]) == 1
     assert capfd.readouterr().err == f"lab.yaml: error: faulty.py:29: KeyError: 'missing'{HINT}"

@@ -282,6 +282,7 @@ CHEATS = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("cheat", "demand", "reason"), CHEATS, ids=lambda value: type(value).__name__)
 def test_a_cheat_that_some_arrived_parcel_covers_is_caught(cheat, demand, reason):
     with pytest.raises(AssertionError, match=rf"demand '{demand}.*({reason})"):

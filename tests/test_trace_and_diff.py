@@ -49,6 +49,7 @@ def test_a_step_is_told_with_its_sensing_nodes_its_messages_and_its_cost(results
     assert "members sent their estimate to cluster head" in said and "the network spent" in said
 
 
+@pytest.mark.thorough
 def test_the_cost_in_json_is_that_of_the_events(results, capsys) -> None:
     assert main(["trace", str(results["one"]), "--step", "3", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -28,6 +28,7 @@ def rows(report):
     }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("link", [{"kind": "disk", "reach": 75}, *thorough([{"kind": "log_normal", "exponent": 2.1}])])
 def test_the_figures_are_those_of_the_event_log(tmp_path, link):
     report = played(tmp_path, link=link)

@@ -367,6 +367,7 @@ def test_a_replicate_that_stands_in_two_files_is_read_once_and_one_that_nobody_a
     assert frame["replicate"].tolist() == [0, 1, 2]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("settings", "dtype", "expected"),
     [

@@ -199,6 +199,7 @@ def test_nodes_that_were_not_recorded_are_not_drawn(write):
     assert labels(plots.track(axes_of(), write(without=("nodes",)))) == ["ground truth", "estimate"]
 
 
+@pytest.mark.thorough
 @LAYOUTS
 def test_the_error_at_each_step_is_the_rmse_and_the_quartiles_over_the_runs(write, layout):
     path = write(layout, runs=7)

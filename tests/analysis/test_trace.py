@@ -188,6 +188,7 @@ def test_overhearing_is_summed_over_the_step(made):
     assert sentences(made(rows)) == ["3 nodes overheard frames for other nodes (5 receptions) (5 uJ)"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("row", "said"),
     [

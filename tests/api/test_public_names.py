@@ -32,6 +32,7 @@ def test_errors_checks_and_the_recorder_are_at_the_root():
     assert wsnsim.build(wsnsim.load("rkf")).tracker == wsnsim.trackers.Rkf()
 
 
+@pytest.mark.thorough
 def test_plot_and_bound_are_at_the_root(tmp_path):
     from wsnsim.bounds import bound
 

@@ -408,6 +408,7 @@ def test_a_folder_that_takes_nothing_is_refused(
     assert main(["collect", str(place / "c"), "-o", "copy"]) == 0
 
 
+@pytest.mark.thorough
 def test_what_a_killed_campaign_with_a_rule_has_done_is_shown_and_what_it_lacks_is_known(
     sweep: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -102,6 +102,7 @@ def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done
     assert not list(folder.path.rglob("*.tmp")) and not list(folder.path.glob("running/*"))
 
 
+@pytest.mark.thorough
 def test_a_worker_that_cannot_begin_is_not_the_tasks_fault(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local_engine, "_start", importlib.import_module("moody").die_at_once)
     monkeypatch.setattr(local_engine, "MAX_BROKEN_POOLS", 2)

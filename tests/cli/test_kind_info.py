@@ -51,6 +51,7 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return capsys.readouterr().out
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("role", "kind"), ROWS, ids=NAMES)
 def test_every_kind_and_parameter_is_described_with_units_and_sources(role: str, kind: str) -> None:
     found = kind_info(role, kind)

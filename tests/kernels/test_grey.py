@@ -85,6 +85,7 @@ def test_equal_intervals_are_numpys_interpolation_and_a_forecast_for_a_time_uses
         assert asked == pytest.approx(forecast(found, ahead, 500.0), rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("correction", CORRECTIONS)
 @pytest.mark.parametrize("count", [4, 5, 9, 64])
 def test_noisy_tracks_are_those_of_the_twin(count: int, correction: str) -> None:

@@ -170,6 +170,7 @@ def test_a_reading_that_is_no_number_makes_every_point_impossible(law: ranging.L
     assert np.all(np.isneginf(joint_log_likelihood(x, y, readings, positions, law)))
 
 
+@pytest.mark.thorough
 @each_law
 def test_linearisation_agrees_with_its_twin(law: ranging.Law) -> None:
     x, y, positions, _ = scene(law)

@@ -128,6 +128,7 @@ def test_members_out_of_sensing_range_tell_nothing_and_a_target_out_of_all_range
     assert not Appointed().must_appoint(outlook(positions, state=far))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(8))
 def test_the_head_whose_neighbours_would_tell_most_leads_next(seed):
     positions, policy = scattered(seed), Appointed(share=1.0)

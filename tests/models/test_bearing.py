@@ -119,6 +119,7 @@ def test_what_is_not_finite_has_no_likelihood_and_no_slope(sensor):
     assert (nothing == 0.0).all() and nothing.shape == (30,)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sensor", SENSORS, ids=repr)
 def test_information_is_the_covariance_of_the_score_of_sampled_readings(sensor):
     traits, point = sensor.draw_traits(5, np.random.default_rng(2)), POINTS[:, :1]

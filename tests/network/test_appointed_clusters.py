@@ -104,6 +104,7 @@ def test_what_a_tracker_announces_is_billed_and_lands_in_the_inboxes_of_the_new_
         assert delivery.payload.shape == (4,) and (node not in heads or step > 0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("at", np.linspace(0.0, 1.9, 12))
 def test_a_track_goes_on_after_its_head_crashes_at_any_time(at):
     run = along(steps=60, faults=(Crash(at=float(at), head=0),))

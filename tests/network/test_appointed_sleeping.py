@@ -70,6 +70,7 @@ def test_a_head_knows_only_of_those_from_which_a_packet_has_arrived_that_they_ne
     assert all(needed for nodes, answered, needed in first.values() if nodes - answered)
 
 
+@pytest.mark.thorough
 def test_no_member_sends_a_reading_twice_and_memories_stand_when_a_track_starts_again(monkeypatch):
     started: list[bool] = []
 

@@ -187,6 +187,7 @@ def test_saturated_throughput_is_what_the_renewal_analysis_says(nodes, payload):
     assert given_up / (clean + spoilt + given_up) == pytest.approx(share, abs=0.035)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("nodes", "payload"), CELLS)
 def test_saturated_throughput_is_that_of_a_second_simulation_within_monte_carlo_error(nodes, payload):
     """Means over seconds differ by less than 4 standard errors; seconds are almost independent of each other."""

@@ -117,6 +117,7 @@ def test_with_a_deadline_of_less_than_a_step_estimates_come_in_time(mac, within)
     assert issued.size == len(run.punctual) and issued.max() < within + 1e-3, "computing takes less than 1 ms"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("mac", "within"), RADIOS)
 def test_the_delays_of_a_real_run_are_those_of_its_event_log(mac, within) -> None:
     run = real_run(mac, within)

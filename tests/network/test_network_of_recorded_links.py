@@ -112,6 +112,7 @@ def test_what_was_not_heard_in_a_round_is_not_delivered_in_it(mac: str, burstine
     assert any(pairs - ratios.keys() for pairs in delivered for ratios in rounds)
 
 
+@pytest.mark.thorough
 def test_a_row_of_the_table_of_links_is_about_all_rounds() -> None:
     table = beacons(60.0, 2.0, link={"channel": 22, "round_length": 20.0}).table("links")
     rounds = of_the_file(22)[:3]

@@ -54,6 +54,7 @@ def test_a_node_that_forwards_a_message_is_nearer_to_the_prediction_than_its_sen
     assert checked > 20
 
 
+@pytest.mark.thorough
 def test_no_node_forwards_a_message_twice(floods):
     for run in floods:
         forwards = [(row["node"], row["sequence"]) for row in run.events("relay", what="track")]
@@ -287,6 +288,7 @@ def test_a_message_that_expires_on_the_way_is_dropped_and_counted():
     assert {(row["node"], row["time"]) for row in dropped} <= called
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("at", [10.0, 10.01, 11.0, *thorough((10.001, 10.004, 10.02, 10.03, 10.05, 11.999))])
 def test_a_run_continues_after_a_moving_head_crashes_at_any_time(at):
     run = Run(scenario(duration=40.0, sleep={"kind": "ris", "probability": 0.7},

@@ -63,6 +63,7 @@ def test_all_points_of_a_field_are_of_one_world_and_say_what_is_run(experiment):
         assert one["duration"] == 100.0
 
 
+@pytest.mark.thorough
 def test_the_reference_on_lis_field_is_the_shipped_scenario_and_gives_its_results():
     reference = scenarios_of("li")
     for name in ("gmtt", "tsstp", "cluster", "ris"):
@@ -78,6 +79,7 @@ def test_the_reference_on_lis_field_is_the_shipped_scenario_and_gives_its_result
     assert one == other
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("first", "again"), [(LI, LI_AGAIN), (JIANG, JIANG_AGAIN), (FOUND, FOUND_AGAIN)],
                          ids=lambda each: each.name)  # fmt: skip
 def test_the_replication_has_the_points_of_the_first_study_on_another_seed(first, again):

@@ -44,6 +44,7 @@ def test_every_variant_is_a_scenario_that_builds_and_all_are_of_one_world(quick)
         scenario.build(scenario.load(one))
 
 
+@pytest.mark.thorough
 def test_a_full_run_is_as_long_as_a_run_of_the_paper_and_a_quick_one_half_as_long(quick):
     few = replace(EXPERIMENT, variants={name: EXPERIMENT.variants[name] for name in SMALL})
     full = reproduce.plan("frontier", few, full=True)

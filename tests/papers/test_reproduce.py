@@ -132,6 +132,7 @@ def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_s
     assert bool(speed.caution) != strict and speed.bound > 1e-9
 
 
+@pytest.mark.thorough
 def test_a_measure_that_is_none_is_named(done):
     data = measures.Data(measures.Folder(reproduce.folder_of(done, "liu2012", SMALL)))
     with pytest.raises(KeyError, match="no measure is called 'rmsee'"):
@@ -228,6 +229,7 @@ def test_what_cannot_be_is_refused_before_anything_runs(arguments, words, monkey
     assert not list(tmp_path.rglob("*.h5"))
 
 
+@pytest.mark.thorough
 def test_a_run_that_fails_leaves_its_experiment_out_and_the_exit_code_says_so(papers, tmp_path, capsys, monkeypatch):
     write_moody_tracker(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))

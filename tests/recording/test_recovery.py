@@ -96,6 +96,7 @@ def test_a_final_file_is_not_overwritten_unless_it_is_named(tmp_path, tmp):
     assert tables(tmp_path / "run.h5")["events"].rows == 3 * 65_536
 
 
+@pytest.mark.thorough
 def test_a_column_that_fell_behind_shortens_the_others(tmp_path, tmp):
     with h5py.File(tmp, "r+") as file:
         file["events/peer"].resize((2 * 65_536 + 5,))

@@ -75,6 +75,7 @@ NUMBERS = list(_numbers())
 EXTREMES = [1e300, 1e200, 1e100, 1e30, 5e-324, 1e-300, 1e-100, -1e-300, -1e300, math.inf, -math.inf]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("role", "kind", "name"),
     [*NUMBERS[::5], *(pytest.param(*one, marks=pytest.mark.thorough) for i, one in enumerate(NUMBERS) if i % 5)],

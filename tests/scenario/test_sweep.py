@@ -355,6 +355,7 @@ PLACES = [
 ]  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("written", "mark", "message"), PLACES)
 def test_a_fault_of_a_file_stands_at_its_place_with_a_caret(written: str, mark: str, message: str) -> None:
     content = f"scenario: small\n{written}\n"

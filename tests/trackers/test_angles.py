@@ -101,6 +101,7 @@ def mean_error(means: np.ndarray, table: Table) -> float:
 CASES = [*((kind, 1) for kind in WITH_ANGLES), *((kind, 2) for kind in WITH_COMPONENTS)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "components"), CASES)
 def test_whole_turns_of_every_bearing_change_no_estimate(kind: str, components: int) -> None:
     sensor, motion = sensor_of(components), BoundedVelocity()
@@ -115,6 +116,7 @@ def test_whole_turns_change_no_estimate_of_the_grid_filter() -> None:
     np.testing.assert_allclose(means_of("grid", shifted), means_of("grid", Table(motion, sensor, 3)), atol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "components"), CASES)
 def test_a_target_is_tracked_across_the_cut_as_well_as_in_the_turned_geometry(kind: str, components: int) -> None:
     sensor, motion = sensor_of(components), BoundedVelocity()

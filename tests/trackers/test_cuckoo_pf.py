@@ -301,6 +301,7 @@ def test_metropolis_refuses_a_process_noise_without_a_density() -> None:
         assert list(kind().check(parts("g_only"))) == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", BOTH)
 @pytest.mark.parametrize(
     ("particles", "fields"),
@@ -349,6 +350,7 @@ def rmse_on_the_growth_model(tracker: Any, steps: int, seed: int) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", BOTH)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_on_the_growth_model_the_error_is_below_the_states_own_spread(kind, variant) -> None:

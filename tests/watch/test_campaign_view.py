@@ -91,6 +91,7 @@ def test_a_campaign_that_this_process_runs_is_followed_in_a_thread(folder, ask):
     assert not any(thread.name == "watch campaign" for thread in threading.enumerate())
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_shown_of_a_campaign_is_said_and_does_not_disturb_it(folder, ask, monkeypatch):
     with CampaignView(folder) as view:
         monkeypatch.setattr(campaign_view, "campaign_state", lambda folder: 1 / 0)
