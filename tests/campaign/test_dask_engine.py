@@ -96,6 +96,7 @@ def test_a_task_and_its_outcome_are_small_and_nothing_of_them_stays(begun: Begun
     assert not list(folder.path.glob("running/*"))
 
 
+@pytest.mark.thorough
 def test_what_no_worker_has_begun_is_taken_back(begun: Begun, engine_of: Any) -> None:
     folder = begun(grid={"tracker.sleep": [0.5]}, replicates=6)
     engine = engine_of(folder)
@@ -162,6 +163,7 @@ def test_without_dask_it_is_said_what_to_install(tmp_path: Path, monkeypatch: py
         DaskEngine(tmp_path, "tcp://127.0.0.1:1")
 
 
+@pytest.mark.thorough
 def test_a_worker_that_does_not_see_the_folder_is_refused(begun: Begun, address: str, tmp_path: Path) -> None:
     folder = begun(replicates=1)
     engine = DaskEngine(folder.path, address)
@@ -191,6 +193,7 @@ def test_a_worker_that_joins_and_cannot_run_the_campaign_is_left_out(
     assert ended.left_out == {late.address: "has 2 threads: start workers with --nthreads 1"}
 
 
+@pytest.mark.thorough
 def test_where_no_worker_can_run_the_campaign_it_ends_with_the_reason(
     begun: Begun, engine_of: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -202,6 +205,7 @@ def test_where_no_worker_can_run_the_campaign_it_ends_with_the_reason(
     assert not ended.complete and not ended.failed and len(ended.left_out) == 2
 
 
+@pytest.mark.thorough
 def test_tasks_for_workers_that_have_gone_are_sent_to_others(begun: Begun, engine_of: Any) -> None:
     folder = begun(grid={"tracker.sleep": [0.05]}, replicates=3)
     engine = engine_of(folder)
@@ -234,6 +238,7 @@ def left(address: str, worker: Any) -> None:
         client.retire_workers([worker.address])
 
 
+@pytest.mark.thorough
 def test_a_scheduler_that_ends_is_said_to_be_gone(begun: Begun, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     folder = begun(replicates=1)

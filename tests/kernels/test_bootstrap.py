@@ -72,7 +72,7 @@ def problem(particles, steps, sensors=10, seed=0):
     return truth, (start, readings, positions, gains, LAW, DRIFT, ROOT, 0.5)
 
 
-@pytest.mark.thorough(fast=["2"])
+@pytest.mark.thorough
 @pytest.mark.parametrize("sensors", [1, 2, 7, 10, 23])
 def test_a_run_equals_its_numpy_twin(sensors):
     _, arguments = problem(100, 20, sensors)
