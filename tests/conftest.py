@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import secrets
@@ -12,12 +13,14 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Generator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
-from tests.helpers.costs import APART, count_examples, excess, spent, start_counting
+from tests.helpers.costs import APART, count_examples, excess, shared_by_all_tests, spent, start_counting
 from tests.helpers.kernel_cache import kernel_cache
 from tests.helpers.recordings import FOLDER as RECORDINGS
 from tests.helpers.thorough import THOROUGH, keep_fast_cases
@@ -34,11 +37,13 @@ for _library in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # started in the background of a shell; processes inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Hypothesis also tries constants of the modules that happen to be loaded: other examples in another order of tests.
+providers.is_local_module_file = lambda _: False
 settings.register_profile("wsnsim", deadline=None, database=None, derandomize=True, max_examples=20)
 settings.register_profile("thorough", deadline=None, database=None, max_examples=100, print_blob=True)
 settings.load_profile("thorough" if THOROUGH else "wsnsim")
 
-_before: pytest.StashKey[Counter[str]] = pytest.StashKey()
+_spent: pytest.StashKey[Counter[str]] = pytest.StashKey()
 
 STATES = (("px", "m"), ("vx", "m/s"), ("py", "m"), ("vy", "m/s"))
 Rows = dict[str, np.ndarray]
@@ -80,17 +85,27 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Remember what has been spent before the test."""
-    item.stash[_before] = spent()
+    item.stash[_spent] = spent()
     if isinstance(item, pytest.Function):
         count_examples(item.obj)
 
 
 @pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef: pytest.FixtureDef[Any]) -> Generator[None, Any, Any]:
+    """What a fixture makes for several tests counts for none of them: which one comes first depends on the worker."""
+    with contextlib.nullcontext() if fixturedef.scope == "function" else shared_by_all_tests():
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
-    """A test of the fast tier that costs more than it may fails."""
+    """Fail a test of the fast tier that costs more than it may."""
     yield
-    if _in_fast_tier(item) and (above := excess(item.stash[_before])):
-        pytest.fail(f"is no test of the fast tier: {', '.join(above)}; mark it with thorough", pytrace=False)
+    if _in_fast_tier(item) and (above := excess(item.stash[_spent])):
+        pytest.fail(
+            f"costs too much for the fast tier: {', '.join(above)}; make it smaller or mark it @pytest.mark.thorough",
+            pytrace=False,
+        )
 
 
 def pytest_collection_finish() -> None:
@@ -112,7 +127,7 @@ def pytest_unconfigure() -> None:
 
 
 def _in_fast_tier(item: pytest.Item) -> bool:
-    """Whether `make test` runs a test with so many examples."""
+    """Whether this test belongs to the fast tier of this run."""
     folder = item.path.relative_to(Path(__file__).parent).parts[0]
     return not THOROUGH and folder not in APART and item.get_closest_marker("thorough") is None
 

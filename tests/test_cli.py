@@ -47,7 +47,7 @@ def wsnsim(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
 # what it imports
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough(fast=["--help"])
 @pytest.mark.parametrize(
     "words", ["--help", "--version", "run --help", "plot --help", "list", "list trackers", "list scenarios", "rnu"]
 )
@@ -189,7 +189,6 @@ def test_an_impossible_value_is_one_fault_and_exit_code_2(
 # runs
 
 
-@pytest.mark.thorough
 def test_a_run_writes_its_result_and_prints_its_summary(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "pso_mhpf", *QUICK]) == 0
     said = capsys.readouterr()
@@ -198,7 +197,6 @@ def test_a_run_writes_its_result_and_prints_its_summary(result: Path, capsys: py
     assert "100 %" in said.err
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("scenario", ["pso_mhpf", *thorough(["beacons"])])
 def test_a_run_writes_its_page_too_where_it_is_asked_for(scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
     short = QUICK if scenario == "pso_mhpf" else ("--set", "duration=2 s")
@@ -219,7 +217,6 @@ def test_a_page_that_has_no_place_is_refused_before_anything_runs(capsys: pytest
         assert message in said.err and said.out == "" and not Path(out).exists()
 
 
-@pytest.mark.thorough
 def test_a_run_as_json_is_one_object_without_nan(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "pso_mhpf", *QUICK, "--json", "--quiet", "--seed", "7", "-o", "x.h5"]) == 0
     said = capsys.readouterr()

@@ -50,24 +50,24 @@ def start_counting() -> None:
     from wsnsim.offline.offline_run import OfflineRun
 
     for world in (World, WorkloadWorld):
-        _before(world, "run", lambda self, *_: _count_run(self._setup, len(self._nodes.positions)))
-    _before(OfflineRun, "run", lambda self, *_: _count_run(self._setup, len(self._conditions.positions)))
-    _before(batch, "_followed", lambda setup, number, conditions, *_: [
+        _count_before(world, "run", lambda self, *_: _count_run(self._setup, len(self._nodes.positions)))
+    _count_before(OfflineRun, "run", lambda self, *_: _count_run(self._setup, len(self._conditions.positions)))
+    _count_before(batch, "_followed", lambda setup, number, conditions, *_: [
         _count_run(setup, len(each.positions)) for each in conditions if number == 0
     ])  # fmt: skip
-    _before(subprocess.Popen, "__init__", _count_command)
-    _before(multiprocessing.process.BaseProcess, "start", lambda *_: _counts.update(processes=1))
+    _count_before(subprocess.Popen, "__init__", _count_command)
+    _count_before(multiprocessing.process.BaseProcess, "start", lambda *_: _counts.update(processes=1))
 
 
 def count_examples(test: Any) -> None:
     """Count the examples of a test, if it is a property."""
     handle = getattr(test, "hypothesis", None)
     if handle is not None and handle.inner_test not in _counted:
-        _before(handle, "inner_test", lambda *_: _counts.update(examples=1))
+        _count_before(handle, "inner_test", lambda *_: _counts.update(examples=1))
         _counted.add(handle.inner_test)
 
 
-def _count_command(_: Any, command: Any, *__: Any) -> None:
+def _count_command(_: Any, command: Any = (), *__: Any) -> None:
     """Count a process, unless it is git, which takes milliseconds."""
     _counts["processes"] += not (isinstance(command, list) and command[0] == "git")
 
@@ -78,7 +78,7 @@ def _count_run(setup: Any, nodes: int) -> None:
     _counts["particle-steps"] += setup.steps * (particles if isinstance(particles, int) else 0)
 
 
-def _before(owner: Any, name: str, count: Callable[..., Any]) -> None:
+def _count_before(owner: Any, name: str, count: Callable[..., Any]) -> None:
     """Call `count` with the positional arguments before each call of owner.name."""
     original = getattr(owner, name)
 

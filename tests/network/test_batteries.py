@@ -86,7 +86,6 @@ SCHEDULES = st.one_of(
 )  # fmt: skip
 
 
-@pytest.mark.thorough
 @given(st.builds(FirstOrder, idle=WATTS, sleep=WATTS, switch=JOULES, battery=BATTERIES), SCHEDULES)
 @example(FirstOrder(battery=0.1, sleep=0.05), DutyCycle(period=1.0, awake_share=0.3))
 @example(FirstOrder(battery=0.1, idle=0.01, sleep=0.05), DutyCycle(period=1.0, awake_share=0.3))

@@ -34,6 +34,23 @@ def assert_valid_run(memory: Memory, summary: experiment.Summary) -> None:
     assert known.mean() > 0.5 and np.isfinite(estimates["error"][known]).all()
 
 
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [*(("jiang_field", kind) for kind in PLANE), *((kind, kind) for kind in ("gmtt", "tsstp", "cluster", "ris")),
+     ("ungm_grid", "grid"), ("range_anchors", "trilateration")],
+)  # fmt: skip
+def test_in_a_few_steps_estimates_are_finite_and_the_ledger_closes(name: str, kind: str) -> None:
+    few = ["tracker.particles=20"] if name == "jiang_field" and kind not in GAUSSIAN else []
+    step = scenario.load(name).step
+    memory, summary = simulated(name, f"tracker.kind={kind}", f"duration={10 * step} s", *few)
+    error = memory.table("estimates")["error"]
+    assert len(error) and np.isfinite(error).any() and not np.isinf(error).any()
+    if summary.joules:
+        nodes = memory.table("nodes")
+        spent = (nodes["energy_initial"] - nodes["energy_left"]).sum()
+        assert sum(summary.joules.values()) == pytest.approx(spent, rel=1e-9) == summary.run["energy"]
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", PLANE)
 def test_on_jiangs_field_with_a_lossy_radio(kind: str) -> None:

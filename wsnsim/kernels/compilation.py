@@ -28,7 +28,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO, Final, TypeVar, final
+from typing import Any, Final, TypeVar, final
 
 from numba import config, njit
 from numba.core import event
@@ -41,9 +41,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 BLAS: Final = "scipy.linalg.cython_blas"
 USER_CACHE: Final = "XDG_CACHE_HOME"
 PATIENCE: Final = 60.0
-"""Seconds for which a process waits at most while another one compiles a kernel. Ours take two at most."""
+"""Seconds for which a process waits at most while another one compiles a kernel. Our kernels compile within 2 s."""
 POLL: Final = 0.02
-"""Seconds between two looks whether it has."""
+"""Seconds between two attempts to take the lock."""
 
 
 def _import_without_scipy() -> None:
@@ -134,6 +134,16 @@ class _ForgivingCache(FunctionCache):
     """Compiled code on disk, without which a kernel is compiled: a damaged file or a full disk ends no run."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled kernel; None if this process must compile it. If another one does so, wait for it."""
+        found = self._load(sig, target_context)
+        lock = Path(self._cache_file._index_path).with_suffix(".lock")
+        if found is None and _CALLS and lock not in _HELD:
+            with contextlib.suppress(ImportError, OSError):
+                _acquire(lock, _CALLS[-1])
+                found = self._load(sig, target_context)
+        return found
+
+    def _load(self, sig: Any, target_context: Any) -> Any:
         """The compiled kernel; None if there is none, or if it cannot be read."""
         try:
             return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
@@ -173,7 +183,7 @@ class CompilationTime(event.Listener):
         self._depth += 1
 
     def add_wait(self, seconds: float) -> None:
-        """Another process has compiled a kernel, for so long that this one had to wait."""
+        """Add the seconds spent waiting for another process's compilation."""
         if not self._depth:
             self.wall += seconds
 
@@ -254,38 +264,46 @@ def _compiled(function: F, options: Mapping[str, Any]) -> F:
     cache = getattr(compiled, "_cache", None)
     if type(cache) is FunctionCache:
         cache.__class__ = _ForgivingCache  # making another one would look for the folder a second time
-        lock = Path(cache._cache_file._index_path).with_suffix(".lock")
-        compiled.compile = functools.partial(_compiled_once, lock, compiled.compile)  # type: ignore[attr-defined]
+        compiled.compile = functools.partial(_compiled_once, compiled.compile)  # type: ignore[attr-defined]
     return compiled
 
 
 _HELD: Final[set[Path]] = set()
-"""The locks that this process holds: each for a kernel that calls the next one."""
+"""Lock files that this process holds while nested kernels are compiled."""
+_CALLS: Final[list[contextlib.ExitStack]] = []
+"""What each call of `compile` that is going on releases at its end; a kernel compiles those that it calls."""
 
 
-def _compiled_once(lock: Path, compile_: Callable[[Any], Any], signature: Any) -> Any:
-    """Compile a kernel or load it, unless another process does so: then wait until it is there to be loaded.
+def _compiled_once(compile_: Callable[[Any], Any], signature: Any) -> Any:
+    """Load a kernel, or compile it unless another process does so: then wait until it is there to be loaded.
 
     Processes never wait for each other in a circle, because kernels do not call each other in circles.
     """
     with global_compiler_lock, contextlib.ExitStack() as held:
-        if lock not in _HELD:
-            with contextlib.suppress(ImportError, OSError):  # systems, folders and file systems without locks
-                _acquire(held.enter_context(lock.open("wb")))
-            _HELD.add(lock)
-            held.callback(_HELD.remove, lock)
+        _CALLS.append(held)
+        held.callback(_CALLS.pop)
         return compile_(signature)
 
 
-def _acquire(file: BinaryIO) -> None:
-    """Lock a file until it is closed, or give up when patience ends."""
+def _acquire(lock: Path, held: contextlib.ExitStack) -> None:
+    """Lock the file until `held` ends; after PATIENCE seconds return without the lock.
+
+    Raises:
+        ImportError: the system has no such locks.
+        OSError: the folder cannot be written, or its file system has no locks.
+    """
     import fcntl
 
     began = time.monotonic()
+    file = held.enter_context(lock.open("wb"))
     while time.monotonic() - began < PATIENCE:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            break
         except BlockingIOError:
             time.sleep(POLL)
+        else:
+            held.callback(fcntl.flock, file, fcntl.LOCK_UN)  # a process that was forked meanwhile keeps the file open
+            break
+    _HELD.add(lock)
+    held.callback(_HELD.remove, lock)
     COMPILATION_TIME.add_wait(time.monotonic() - began)
