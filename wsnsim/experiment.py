@@ -293,15 +293,14 @@ def _made(
 ) -> list[Summary]:
     """Make all runs, in blocks while there are `batches` of them, else one by one."""
     summaries: list[Summary] = []
-    duration = setup.steps * setup.dt
     while len(summaries) < len(replicates):
         left = replicates[len(summaries) :]
         block = batches.next(left) if batches else []
         number = len(summaries) + max(len(block), 1) - 1
-        on_time = reporting(Progress(number, len(replicates), 0.0, duration, 0.0))
+        on_time = reporting(Progress(number, len(replicates), 0.0, setup.duration, 0.0))
         summaries += block or [replicate_of(setup, left[0], recorder, on_time)]
-        if block and on_time:
-            on_time(duration)
+        if on_time:
+            on_time(setup.duration)
     return summaries
 
 

@@ -78,8 +78,8 @@ class RunSize(NamedTuple):
 
 def run_size(setup: Setup, replicates: int, batch: bool = True) -> RunSize:
     """The estimated size of the runs of a scenario. `batch`: standalone runs may be made many at once."""
-    targets = len(setup.motions) if isinstance(setup, TrackingSetup) else 1
-    steps, nodes = setup.steps * targets, _nodes(setup)
+    steps = setup.steps * len(setup.motions) if isinstance(setup, TrackingSetup) else setup.steps + 1
+    nodes = _nodes(setup)
     members = _within(setup, setup.sensor.reach) if isinstance(setup, TrackingSetup) else 0.0
     neighbours = _within(setup, setup.link.reach) if isinstance(setup, RadioSetup) else 0.0
     if isinstance(setup, BeaconSetup):
@@ -165,7 +165,7 @@ def _nodes(setup: Setup) -> int:
 def _periods(setup: BeaconSetup) -> float:
     """How often each node sends in a run."""
     period: Any = getattr(setup.workload, "period", None)
-    return setup.steps * setup.dt / period if period else 0.0
+    return setup.duration / period if period else 0.0
 
 
 def _particles(setup: Setup) -> float:

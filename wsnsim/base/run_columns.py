@@ -9,7 +9,7 @@ from wsnsim.base.columns import REPLICATE, STATUSES, TARGET, column, position_co
 RUNS: Final = (
     REPLICATE,
     column("status", "u1", "", "how the run ended", STATUSES),
-    column("steps", "u4", "1", "number of simulated steps after the start"),
+    column("steps", "u4", "1", "number of simulated steps after that of the start; without targets, of all steps"),
     position_column("rmse", "root mean square position error over steps and targets"),
     position_column("median_error", "median position error over steps and targets"),
     column("lost", "u1", "1", "lost at the end: 1 if a track is lost in its last window of steps"),

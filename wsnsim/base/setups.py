@@ -47,7 +47,7 @@ class Setup:
     Attributes:
         name: of the scenario.
         seed: of every random stream.
-        steps: the number of steps after the start.
+        steps: the number of the last instant. Instants are 0, 1, ..., `steps`, each owns the step that begins at it.
         dt: the length of a step in s.
         deploy: where the nodes stand.
         record: {table: whether it is recorded}.
@@ -59,6 +59,11 @@ class Setup:
     dt: float
     deploy: Deployment
     record: Mapping[str, bool] = field(default_factory=dict)
+
+    @property
+    def duration(self) -> float:
+        """The simulated time in s: from instant 0 to the end of the step of the last instant."""
+        return (self.steps + 1) * self.dt
 
     @property
     def position_error(self) -> float:

@@ -119,7 +119,7 @@ def _trial(point: Point, block: int, batch: bool) -> tuple[float, float]:
     started_at = time.monotonic()
 
     def cut_if_long(progress: experiment.Progress) -> None:
-        if progress.wall > TRIAL_TIMEOUT and progress.time > 0.0:
+        if progress.wall > TRIAL_TIMEOUT and 0.0 < progress.time < progress.duration:
             raise _TrialCut(progress.time / progress.duration)
 
     with tempfile.TemporaryDirectory() as folder:

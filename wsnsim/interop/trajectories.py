@@ -200,7 +200,7 @@ def _scenario_text(
 # Trajectories from {_comment(source)}. The origin of this scenario is the place ({x:.10g}, {y:.10g}) m of that file.
 # Nodes, sensor, radio and tracker are a beginning: replace them by yours.
 name: {_name(name)}
-duration: {steps * STEP:g} s
+duration: {(steps + 1) * STEP:g} s
 step: {STEP:g} s
 prior: {{sd: [5, 5, 5, 5]}}
 {_deployment(tracks, nodes)}

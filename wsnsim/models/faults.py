@@ -45,9 +45,9 @@ class Aimed:
     ] = None
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield issues for a time after the end of the run, and for nodes not given exactly once or not there."""
-        if self.at > setup.steps * setup.dt:
-            yield _fault("at", f"{self.at:g} s is after the end of the run at {setup.steps * setup.dt:g} s")
+        """Yield issues for a time that is not before the end of the run, and for nodes not given exactly once or not there."""
+        if self.at >= setup.duration:
+            yield _fault("at", f"{self.at:g} s is not before the end of the run at {setup.duration:g} s")
         aims = [name for name in SELECTORS if getattr(self, name) is not None]
         if len(aims) != 1:
             given = f"nodes given by {' and '.join(aims)}" if aims else "no nodes given"

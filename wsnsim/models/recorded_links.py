@@ -187,10 +187,10 @@ class RecordedLinks:
             )
             return
         lasts = float(self._lengths()[self.start :].sum())
-        if not self.wrap and setup.steps * setup.dt > lasts:
+        if not self.wrap and setup.duration > lasts:
             yield Issue(
                 ("link", "wrap"),
-                f"the run of {setup.steps * setup.dt:g} s is longer than the {rounds - self.start} rounds from "
+                f"the run of {setup.duration:g} s is longer than the {rounds - self.start} rounds from "
                 f"link.start on, which last {lasts:g} s; give wrap: true, or a longer round_length",
             )
 

@@ -117,7 +117,7 @@ class _PeriodicSchedule:
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if a node has too many periods in a run, or if an awake part is too short for two frames."""
-        lasts = setup.steps * setup.dt
+        lasts = setup.duration
         if lasts > MOST_PERIODS * self.period:
             yield Issue(
                 ("sleep", "period"),

@@ -100,11 +100,11 @@ class RandomWaypoint(Straight):
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if there are more legs than can be sampled in reasonable time."""
-        legs = setup.steps * setup.dt / (self.mean_leg() / self.mean_speed() + sum(self.pause) / 2.0)
+        legs = setup.duration / (self.mean_leg() / self.mean_speed() + sum(self.pause) / 2.0)
         if legs > MOST_LEGS:
             yield Issue(
                 ("motion", "speed"),
-                f"about {legs:.2g} legs in {setup.steps * setup.dt:g} s are too many (at most {MOST_LEGS:g}); "
+                f"about {legs:.2g} legs in {setup.duration:g} s are too many (at most {MOST_LEGS:g}); "
                 "lower it, enlarge the area, or pause",
             )
 

@@ -80,7 +80,7 @@ def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float =
     joules = {cause: total for cause, total in zip(CAUSES, outcome.nodes.ledger.totals, strict=True) if total}
     totals = _totals(outcome, coverage)
     if not isinstance(setup, NetworkSetup):
-        return RunResult(setup.steps, (), totals, joules)
+        return RunResult(outcome.steps + 1, (), totals, joules)
     tracks = [TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(t)) for t in outcome.tracks]
     clusters = sum(len(track.clusters) for track in outcome.tracks)
     return RunResult(outcome.steps, tracks, totals, joules, clusters, setup.due_reports(outcome.steps))

@@ -66,7 +66,7 @@ class ReplayPortions:
         setup = start.setup
         self._run = run = _tables_at_start(start)
         stride = max(1, -(-setup.steps // MAX_FRAMES))
-        self._last = run.last if run.truth else setup.steps - 1
+        self._last = run.last if run.truth else setup.steps
         detail = DetailLevel(stride, particles=400, levels=LEVELS)
         self._whole = replace(ReplayEncoder.empty(run, detail), frames=-(-self._last // stride) + 1)
         self._battery = float(setup.energy.battery) if isinstance(setup, RadioSetup) else np.inf

@@ -46,6 +46,7 @@ def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
 
     demand_loaded(scenario)
     components, issues = _built(scenario)
+    issues += _too_short(scenario)
     if issues:
         raise ScenarioError(in_order(issues))
     setup = _setup(scenario, components)
@@ -117,6 +118,16 @@ def _built(scenario: Scenario) -> tuple[dict[Keys, Any], list[Issue]]:
     return components, issues
 
 
+def _too_short(scenario: Scenario) -> Iterator[Issue]:
+    """Yield an issue if a run that tracks ends before the first estimate."""
+    if scenario.scope.targets and scenario.steps < 2:
+        message = (
+            f"{scenario.duration:g} s is one step of {scenario.step:g} s, that of the start: a run that tracks has an "
+            f"estimate from its second step on; give at least {2 * scenario.step:g} s, or a shorter step"
+        )
+        yield scenario.spot(("duration",)).issue(("duration",), message)
+
+
 def _setup(scenario: Scenario, components: dict[Keys, Any]) -> TrackingSetup | BeaconSetup:
     from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 
@@ -124,7 +135,7 @@ def _setup(scenario: Scenario, components: dict[Keys, Any]) -> TrackingSetup | B
     common = {
         "name": scenario.name,
         "seed": scenario.seed,
-        "steps": scenario.steps,
+        "steps": scenario.steps - 1,
         "dt": scenario.step,
         "record": scenario.model_dump()["record"],
     }

@@ -96,7 +96,7 @@ def make_nodes(
         model = NoPower()
     if model is not None and (_costs_over_time(model) or searching or duties):
         table = PowerTable(model, duties, searching, _standby_power(setup, model))
-        consumption = BackgroundConsumption(env, table, duty_cycles, len(positions), (setup.steps + 1) * setup.dt)
+        consumption = BackgroundConsumption(env, table, duty_cycles, len(positions), setup.duration)
     nodes = Nodes(positions, traits, setup.energy.battery, setup.link.reach, duty_cycles, consumption)
     if nodes.follows_schedules:
         clocks.on_step.append(nodes.note_clock)

@@ -102,7 +102,7 @@ class WorkloadWorld(Network):
         return self._run_until(self._env.process(self._run_steps(progress)))
 
     def _run_steps(self, progress: OnTime | None) -> Steps:
-        for step in range(self._setup.steps):
+        for step in range(self._setup.steps + 1):
             self._begin_step(step)
             if progress:
                 progress(self._env.now)

@@ -105,7 +105,7 @@ def _figure_6(figure: Figure, data: Data) -> None:
     """Unnecessary wake-ups in 20 steps, and in 20 reports where these are more, over the number of nodes."""
     shown = {"ineffective_twenty": "in 20 steps"}
     scenario = data.scenario(data.variants[0])
-    if scenario["duration"] == STEPS * scenario["sink"]["every"] != 20 * scenario["step"]:
+    if scenario["duration"] - scenario["step"] == STEPS * scenario["sink"]["every"] != 20 * scenario["step"]:
         shown["ineffective"] = "in 20 reports"
     for axes, (column, words) in zip(figure.subplots(1, len(shown), squeeze=False)[0], shown.items(), strict=True):
         _over_nodes(axes, data, f"tracks_mean:{column}", tuple(name for name in LOOK if name != "ris"))

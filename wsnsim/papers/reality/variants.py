@@ -53,7 +53,7 @@ def _words(found: TrackFolder, registered: Mapping[str, Any]) -> Iterator[tuple[
         common = [
             SCENARIO,
             f"step={step}",
-            f"duration={math.floor(track.seconds / step) * step:g}",
+            f"duration={(math.floor(track.seconds / step) + 1) * step:g}",
             _setting("deploy", deploy),
             _setting("motion", {"kind": "recorded_track", "path": str(track.path), "skip_bad_rows": True}),
         ]
