@@ -79,7 +79,7 @@ def test_instants_begin_at_0_and_end_a_step_before_the_end(change: dict[str, Any
 
 def test_a_run_that_tracks_has_at_least_two_steps() -> None:
     for change in ({}, {"network": "none"}):
-        with pytest.raises(ScenarioError, match="duration: error: 2 s is one step of 2 s.* give at least 4 s"):
+        with pytest.raises(ScenarioError, match=r"duration: error: 2 s is one step of 2 s.* give at least 4 s"):
             wsnsim.simulate("liu_network", duration=2, step=2, **change)
         assert len(wsnsim.simulate("liu_network", duration=4, step=2, **change).estimates) == 1
     assert joules(**WORKLOAD, duration=20, step=20) == pytest.approx(joules(**WORKLOAD, duration=20, step=2), rel=1e-9)
@@ -93,7 +93,7 @@ BEFORE = {
     "two_targets": (0.4, 0.04, 3.8443840331146326, 0.04823430172967803),
     "recorded_network": (5, 0.5, 1.8201274235004965, 4.091311571219375),
 }
-"""(duration, step, RMSE, joules) of scenarios, as wsnsim 0.2.0 gave them. On one machine, fingerprints are equal too."""
+"""(duration, step, RMSE, joules) of scenarios, as wsnsim 0.2.0 gave them."""
 
 
 @pytest.mark.parametrize("name", BEFORE)

@@ -45,7 +45,7 @@ class Aimed:
     ] = None
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield issues for a time that is not before the end of the run, and for nodes not given exactly once or not there."""
+        """Yield issues for a time that is not in the run, and for nodes not given exactly once or not there."""
         if self.at >= setup.duration:
             yield _fault("at", f"{self.at:g} s is not before the end of the run at {setup.duration:g} s")
         aims = [name for name in SELECTORS if getattr(self, name) is not None]

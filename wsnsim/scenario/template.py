@@ -9,7 +9,7 @@ TEMPLATE = """\
 name: {name}                     # also names the result: results/{name}.h5
 seed: 1                          # same seed, same run
 replicates: 1                    # Monte Carlo runs with independent random numbers
-duration: 28 s                   # a whole number of steps
+duration: 28 s                   # a whole number of steps, the first is the start
 step: 0.04 s                     # time between measurements
 
 prior:                           # initial distribution given to every filter
@@ -63,7 +63,7 @@ name: {name}                     # also names the result: results/{name}.h5
 network: none                    # with a network: remove this line and add energy, link ...
 seed: 1                          # same seed, same run
 replicates: 20                   # Monte Carlo runs with independent random numbers
-duration: 30 s                   # a whole number of steps
+duration: 30 s                   # a whole number of steps, the first is the start
 step: 1 s                        # time between measurements
 lost: {{window: 1, limit: 20 m}}   # a track whose final error is larger is lost
 
