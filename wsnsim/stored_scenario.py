@@ -53,7 +53,7 @@ def rerun_source(path: Path) -> dict[str, Any]:
 
 
 def _of_today(path: Path, resolved: dict[str, Any]) -> dict[str, Any]:
-    """The scenario that makes the same runs today: until wsnsim 0.2.0, runs that track had a step after the duration."""
+    """The scenario that makes the same runs today: until wsnsim 0.2.0, runs that track had one step more."""
     step, duration = (resolved.get(key) for key in ("step", "duration"))
     size = tables(path).get("runs")
     numbers = isinstance(step, int | float) and isinstance(duration, int | float)

@@ -52,7 +52,7 @@ def measured(name: str, repeats: int) -> dict[str, float]:
         "seconds": cost,
         "timeouts": cost / statistics.median(seconds_of_a_timeout() for _ in range(5)),
         "nodes": len(memory.table("nodes").get("node", ())),
-        "simulated": parts.steps * parts.dt,
+        "simulated": parts.duration,
         "steps": int(run["steps"]),
         "frames": int(run["frames_sent"]),
     }

@@ -60,7 +60,7 @@ class Run:
     @cached_property
     def end(self) -> float:
         """The time at which the run ends, in s."""
-        return self.setup.steps * self.setup.dt
+        return self.setup.duration
 
     def rows(self, *kinds: str) -> np.ndarray:
         """(R,) the rows of the events of these kinds."""

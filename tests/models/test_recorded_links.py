@@ -35,7 +35,7 @@ def second_half(folder: Path) -> str:
 
 
 def setup(nodes: int = 3, duration: float = 100.0) -> Any:
-    return SimpleNamespace(deploy=Grid(nodes=nodes, width=10.0, height=10.0), steps=10, dt=duration / 10)
+    return SimpleNamespace(deploy=Grid(nodes=nodes, width=10.0, height=10.0), duration=duration)
 
 
 def ratios(link: RecordedLinks, number: int, source: int) -> dict[int, float]:
@@ -140,7 +140,7 @@ def test_a_scenario_that_the_recording_does_not_fit_is_refused(tmp_path: Path) -
         (("link", "map", 1), f"{path} has no node 7 (known: 0, 1, 2)"),
     ]
     assert said(setup(), path=str(tmp_path / "none.k7"))[0][0] == ("link", "path")
-    made = SimpleNamespace(deploy=Anchors(places=((0.0, 0.0),)), steps=1, dt=1.0)
+    made = SimpleNamespace(deploy=Anchors(places=((0.0, 0.0),)), duration=1.0)
     assert [path for path, _ in said(made)] == [("link", "map")]
 
 

@@ -38,7 +38,7 @@ def beacon_setup(**changes):
     values = {
         "name": "beacons",
         "seed": 3,
-        "steps": 20,
+        "steps": 19,
         "dt": 1.0,
         "deploy": Uniform(nodes=400, width=800.0, height=800.0),
         "energy": FirstOrder(),
@@ -174,7 +174,7 @@ def test_a_radio_with_a_datasheet_consumes_its_power_in_every_second():
 
 
 def test_without_contention_every_beacon_reaches_all_nodes_in_range():
-    run = run_of(beacon_setup(mac=IdealMac(), steps=5))
+    run = run_of(beacon_setup(mac=IdealMac(), steps=4))
     counters = run.outcome.counters
     assert counters.delivered == counters.in_range == 5 * in_range(run).sum()
     assert counters.collided == counters.access_failures == counters.frames_lost == 0
@@ -195,7 +195,7 @@ def test_a_node_that_is_down_sends_no_beacons_and_keeps_its_phase():
 
 
 def test_a_crash_and_a_restart_are_one_row_each():
-    run = run_of(small_network(steps=5, faults=(Crash(at=1.0, duration=2.0, nodes=(3, 4)),)))
+    run = run_of(small_network(steps=4, faults=(Crash(at=1.0, duration=2.0, nodes=(3, 4)),)))
     for kind, time in (("crash", 1.0), ("restart", 3.0)):
         rows = events_of_kind(run, KIND[kind])
         assert (rows["time"].tolist(), rows["node"].tolist()) == ([time, time], [3, 4])

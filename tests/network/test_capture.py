@@ -66,7 +66,7 @@ def test_a_receiver_that_begins_to_send_loses_its_frame_and_may_lock_on_another_
 def overlapping_receptions(seed: int) -> tuple[int, int]:
     """Receptions of a beacon run, and pairs of them at one node that overlap in time."""
     made = beacon_setup(
-        seed=seed, steps=1, deploy=Uniform(nodes=30, width=130.0, height=130.0), workload=Periodic(period=0.03),
+        seed=seed, steps=0, deploy=Uniform(nodes=30, width=130.0, height=130.0), workload=Periodic(period=0.03),
         link=LogNormal(interference="sinr", cca_mode=1),
     )  # fmt: skip
     log = run_of(made).log

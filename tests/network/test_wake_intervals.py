@@ -101,7 +101,7 @@ def test_the_share_of_time_at_the_short_interval_is_that_of_what_nodes_were_told
     name, changes = NEAR["standing"]
     run = played(name, *changes, LATE.format(0.125), "mac.near=31.25 ms")
     near: dict[int, float] = {}
-    seconds, end = 0.0, (run.setup.steps + 1) * run.setup.dt
+    seconds, end = 0.0, run.setup.duration
     for now, nodes, until in run.hurried:
         for node in nodes:
             seconds += max(min(until, end) - max(near.get(node, 0.0), now), 0.0)

@@ -60,7 +60,7 @@ def test_all_points_of_a_field_are_of_one_world_and_say_what_is_run(experiment):
     for name, one in scenarios_of(experiment.name).items():
         assert one["tracker"]["kind"] == points.tracker_of(name)
         assert one["mac"]["kind"] == points.mac_of(name).partition(" ")[0].removesuffix(",")
-        assert one["duration"] == 100.0
+        assert one["duration"] == 100.0 + one["step"], "100 s after the step of the start"
 
 
 @pytest.mark.thorough

@@ -64,7 +64,7 @@ def test_a_tracker_that_the_paper_does_not_have_has_no_figures():
     ],
 )
 def test_nor_beside_a_world_in_which_more_happens_than_in_the_papers(more):
-    old = {**SET_UP, "tracker": {"kind": "ipf", "particles": 400}, "step": 0.04, "duration": 28.0}
+    old = {**SET_UP, "tracker": {"kind": "ipf", "particles": 400}, "step": 0.04, "duration": 28.04}
     nothing = {
         "cpu": {"kind": "processor", "rate": None, "cycles_per_flop": 1.0},
         "sink": {"kind": "none"},

@@ -24,9 +24,9 @@ def test_every_experiment_is_a_campaign_of_scenarios_that_load(name, full):
     assert len(points) == len(experiment.variants)
     assert (experiment.full if full else experiment.quick) >= 5
     found = {(one["step"], one["duration"]) for one in points}
-    once_a_report = {(10.0, 1000.0 if full else 200.0)}
-    steps = {"every_10_s": once_a_report, "straight_motion": {(2.0, 12.0), (10.0, 60.0)}}
-    assert found == steps.get(name, {(2.0, 200.0)})
+    once_a_report = {(10.0, 1010.0 if full else 210.0)}
+    steps = {"every_10_s": once_a_report, "straight_motion": {(2.0, 14.0), (10.0, 70.0)}}
+    assert found == steps.get(name, {(2.0, 202.0)})
     assert {one["sink"]["every"] for one in points} == {10.0}
 
 

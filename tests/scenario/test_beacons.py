@@ -20,7 +20,7 @@ def test_beacons_need_no_target_and_nothing_that_follows_one() -> None:
     assert parts.workload == scenario_components.Beaconing()
     assert parts.link == scenario_components.Link(reach=75.0)
     assert parts.faults == (scenario_components.Trouble(at=2.0),)
-    assert (parts.name, parts.seed, parts.steps, parts.dt) == ("small", 1, 4, 1.0)
+    assert (parts.name, parts.seed, parts.steps, parts.dt) == ("small", 1, 3, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -115,5 +115,5 @@ def test_beacons_with_the_parts_that_come_with_wsnsim_are_built() -> None:
         "mac": {"kind": "csma"}, "workload": {"kind": "beacons", "period": "1 s"},
     }  # fmt: skip
     parts = scenario.build(scenario.load(source))
-    assert (type(parts), parts.steps, parts.workload.period) == (BeaconSetup, 20, 1.0)
+    assert (type(parts), parts.steps, parts.workload.period) == (BeaconSetup, 19, 1.0)
     assert set(scenario.resolved(scenario.load(source))).isdisjoint({*OF_TARGETS, "lost", "until"})

@@ -20,7 +20,7 @@ from wsnsim.scenario.build import _checked
 
 def test_parts_are_the_classes_of_the_kinds_with_the_values_of_the_scenario() -> None:
     parts = scenario.build(scenario.load(base_scenario(seed=5, link={"kind": kind("Link"), "reach": "80 m"})))
-    assert (parts.name, parts.seed, parts.steps, parts.dt) == ("small", 5, 100, 0.04)
+    assert (parts.name, parts.seed, parts.steps, parts.dt) == ("small", 5, 99, 0.04)
     assert parts.link == scenario_components.Link(reach=80.0)
     assert parts.motions == (scenario_components.Motion(),)
     assert parts.until_clusters is None
