@@ -35,14 +35,14 @@ def notes(name: Any, *overrides: str) -> list[str]:
         ("beacons", ["link.reach=0.001 m"], "run 0: no node is within the communication range of 0.001 m of another"),
         ("pso_mhpf", ["sink={kind: node, x: 1000 m}"], "sink: (1000, 0) m is 800 m outside the field"),
         ("gmtt", ["lost.window=101"], "lost.window: 101 steps are more than the 100 steps of the run"),
-        ("gmtt", ["sleep.period=300 s"], "sleep.period: 300 s is longer than the run of 200 s: no node changes"),
-        ("gmtt", ["sink.every=300 s"], "sink.every: 300 s is longer than the run of 200 s: no report is sent"),
-        ("beacons", ["workload.period=30 s"], "workload.period: 30 s is longer than the run of 20 s: no node sends"),
+        ("gmtt", ["sleep.period=300 s"], "sleep.period: 300 s is too long for the run of 202 s: no node changes"),
+        ("gmtt", ["sink.every=202 s"], "sink.every: 202 s is too long for the run of 202 s: no report is sent"),
+        ("beacons", ["workload.period=30 s"], "workload.period: 30 s is too long for the run of 20 s: no node sends"),
         ("ekf_real", [LATE], "step: steps of 40 ms are out of reach of mac: late: a unicast waits up to 0.129 s"),
-        ("ekf_real", ["mac.idle_slots=kept", "step=20 ms"], "mac.idle_slots: about 18 nodes are within sensing range"),
+        ("ekf_real", ["mac.idle_slots=kept", "step=20 ms", "duration=4 s"], "mac.idle_slots: about 18 nodes are within sensing range"),
         ("gmtt", [LATE_0_6, WINDOW], "wakeup: over mac: late readings take up to 1.2 s and a message of two"),
         ("collection", [XMAC], "routing.i_min: over mac: xmac a beacon takes up to 0.14 s"),
-        ("pso_mhpf", [LATE, "step=1 s"], "mac: late turns radios off, and by energy: listening costs nothing"),
+        ("pso_mhpf", [LATE, "step=1 s", "duration=28 s"], "mac: late turns radios off, and by energy: listening costs nothing"),
     ],
 )  # fmt: skip
 def test_values_that_are_hardly_meant_are_said_with_their_figures(name, overrides, starts):
@@ -72,6 +72,8 @@ def test_sleep_that_costs_more_than_it_saves_is_said(prices, says):
         ("ekf_real", ["mac.idle_slots=kept"]),
         ("pso_mhpf", ["sink={kind: node, x: 210 m}"]),
         ("gmtt", ["lost.window=100"]),
+        ("gmtt", ["sink.every=200 s"]),
+        ("gmtt", ["sleep.period=202 s"]),
         ("gmtt", ["motion.speed=[100, 200]"]),
         ("pso_mhpf", ["duration=0.4 s"]),
         ("collection", [XMAC, "routing.i_min=3 s"]),
@@ -91,7 +93,7 @@ def test_a_run_says_it_before_it_starts_and_check_says_the_same(capsys, tmp_path
     long = ["--set", "duration=5 s", "--set", "lost.window=50"]
     assert main(["check", "ungm_pf", *long]) == 0
     said = [line.removeprefix("  note: ") for line in capsys.readouterr().out.splitlines()[1:]]
-    assert len(said) == 1 and said[0].startswith("lost.window: 50 steps are more than the 5 steps")
+    assert len(said) == 1 and said[0].startswith("lost.window: 50 steps are more than the 4 steps")
     assert main(["run", "ungm_pf", *long, "--replicates", "1", "--progress", "plain", "-o", "x.h5"]) == 0
     assert capsys.readouterr().err.splitlines()[0] == f"wsnsim: note: {said[0]}"
     assert main(["run", "ungm_pf", *long, "--replicates", "1", "--quiet", "-o", "x.h5"]) == 0

@@ -115,7 +115,7 @@ def test_it_is_added_to_the_same_readings_with_a_network_and_without_one(tmp_pat
         conditions = sample_initial_conditions(setup, run)
         added = PathShadowing(setup.sensor, conditions.truths[0][:, [0, 2]], derive(Streams(3, run).key("sense"), 0))
         difference = (alone - without).loc[run, 0].unstack().to_numpy()
-        assert difference == pytest.approx(table(added, 41, np.arange(12))[-len(difference) :], abs=1e-9)
+        assert difference == pytest.approx(table(added, setup.steps + 1, np.arange(12))[-len(difference) :], abs=1e-9)
 
 
 def test_a_batch_has_the_readings_of_single_runs(tmp_path: Any) -> None:

@@ -245,7 +245,7 @@ def _plan(replicates: int) -> Any:
     from wsnsim.scenario.sweep import load_sweep
 
     return load_sweep(
-        {"name": "bench", "scenario": "ungm_pf", "set": {"duration": 1}, "block": 1, "replicates": replicates}
+        {"name": "bench", "scenario": "ungm_pf", "set": {"duration": 2}, "block": 1, "replicates": replicates}
     )
 
 

@@ -11,7 +11,7 @@ import pytest
 from wsnsim.cli import main
 
 ROOT = Path(__file__).parents[2]
-TINY = "extends: rkf\nduration: 1 s\n"
+TINY = "extends: rkf\nduration: 2 s\n"
 
 
 @pytest.fixture(autouse=True)

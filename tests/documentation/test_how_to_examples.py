@@ -79,7 +79,8 @@ def test_the_lines_of_appointed_clusters_run_with_any_scenario_whose_tracker_is_
 def test_the_lines_of_a_network_that_sleeps_run_with_any_scenario_whose_tracker_is_in_the_head(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(f"extends: pso_mhpf\nname: mine\n{one('docs/how-to/sleep.md', 'directed_flood')}")
-    run = wsnsim.experiment.simulate_run(wsnsim.load(path, ["step=1 s", "tracker.kind=ekf", "motion.noise=q_only"]))
+    slow = ["step=1 s", "duration=29 s", "tracker.kind=ekf"]
+    run = wsnsim.experiment.simulate_run(wsnsim.load(path, [*slow, "motion.noise=q_only"]))
     assert 0.25 < run.run["awake"] < 0.6 and run.tracks[0]["woken"] > 0
 
 

@@ -152,7 +152,7 @@ def killing(place: Path, seed: int, tasks: int, dask: bool) -> Iterator[Killing]
     write_moody_tracker(place)
     if tasks:  # runs that can be made many at once, so that the truth takes less than what is tested
         grid = {"tracker.particles": [10 + n for n in range(10)]}
-        sweep = {"name": "many", "scenario": "ungm_pf", "set": {"duration": "1 s"}, "grid": grid, "block": 1}
+        sweep = {"name": "many", "scenario": "ungm_pf", "set": {"duration": "2 s"}, "grid": grid, "block": 1}
         sweep |= {"replicates": tasks // len(grid["tracker.particles"])}
     else:
         sweep = sweep_of([{"pause": pause} for pause in POINTS], 12, block=1)

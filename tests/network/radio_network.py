@@ -39,7 +39,9 @@ class RadioNetwork:
             "mac": Csma(), "link": Disk(reach=75.0), "energy": FirstOrder(), "packing": NoPacking(),
             "clock": PerfectClock(), "sync": NoSync(), "sleep": EventWake(),
         }  # fmt: skip
-        setup: Any = SimpleNamespace(**defaults | components, steps=1, dt=horizon, duration=2.0 * horizon, sink_points=())
+        setup: Any = SimpleNamespace(
+            **defaults | components, steps=1, dt=horizon, duration=2.0 * horizon, sink_points=()
+        )
         points = np.array(positions, dtype=np.float64)
         traits = np.ones((len(points), 1))
         stack = make_radio_stack(setup, points, traits, Streams(seed, 0), self.log, count_links)

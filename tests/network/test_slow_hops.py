@@ -97,7 +97,7 @@ def test_a_join_that_arrives_after_the_head_has_gone_on_makes_a_member_all_the_s
 
 
 def test_few_candidates_broadcast_where_a_broadcast_takes_long():
-    changes = (*CALM[1:], "step=1 s", "duration=1 s")
+    changes = (*CALM[1:], "step=1 s", "duration=2 s")
     late, prompt = (
         played("ekf_real", *changes, mac) for mac in (LATE.format(0.125), "mac={kind: csma, rate: 250 kbit/s}")
     )

@@ -26,7 +26,7 @@ def test_each_papers_figures_stand_beside_its_own_set_up():
         ("range_pf", "sensor.sd=2"),
         ("range_pf", "tracker.particles=100"),
         ("indoor_pf", "sensor.sd=1"),
-        ("indoor_pf", "step=1"),
+        ("indoor_pf", "step=3.1"),
         ("indoor_surrogate", "seed=1"),
         ("ungm_grid", "seed=1"),
         ("ungm_pf", "deploy.places=[[0, 0], [1, 0], [2, 0]]"),

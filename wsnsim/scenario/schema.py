@@ -191,9 +191,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     step: Annotated[float, Number(Quantity("s", ge=1e-6, le=1e6))] = Field(
         0.04, description="time between measurements [s]"
     )
-    duration: Annotated[float, Number(Quantity("s", gt=0), finite=True)] = Field(
-        description="simulated time, a whole number of steps; its last instant is one step before the end [s]"
-    )
+    duration: Annotated[float, Number(Quantity("s", gt=0), finite=True)] = Field(description="simulated time [s]")
     network: Literal["none"] | None = Field(
         None, description="none: the tracker runs offline, without a network; roles of the network are not used"
     )
