@@ -232,7 +232,7 @@ def test_a_result_can_be_run_again_checked_described_and_verified(
 ) -> None:
     assert main(["run", str(result), "--out", "again.h5", "--json", "--quiet"]) == 0
     again = json.loads(capsys.readouterr().out)
-    assert (again["name"], again["replicates"], again["steps"]) == ("pso_mhpf", 2, 10)
+    assert (again["name"], again["replicates"], again["steps"]) == ("pso_mhpf", 2, 9)
     assert main(["check", str(result)]) == 0
     assert main(["info", str(result)]) == 0
     assert "pso_mhpf" in capsys.readouterr().out

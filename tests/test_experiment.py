@@ -160,8 +160,8 @@ def test_a_plain_dict_is_a_scenario(files):
     }
     memory = Memory()
     result = wsnsim.experiment.simulate_run(smallest, recorder=memory)
-    assert result.run["steps"] == 25
-    assert len(memory.table("estimates")["error"]) == 25
+    assert result.run["steps"] == 24
+    assert len(memory.table("estimates")["error"]) == 24
 
 
 @pytest.mark.thorough

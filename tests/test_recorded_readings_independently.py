@@ -106,7 +106,7 @@ def scenario(track, tracker, readings=None, **changes):
         "name": track,
         "network": "none",
         "step": STEP,
-        "duration": STEP * (len(truth) - 1),
+        "duration": STEP * len(truth),
         "prior": {"mean": start(track).tolist(), "sd": PRIOR_SD.tolist()},
         "deploy": {"kind": "file", "path": str(BLE / "receivers.csv"), "columns": {"id": "receiver"}, "cover": False},
         "motion": {"kind": "recorded_track", "path": path, "q": INTENSITY, "skip_bad_rows": True},

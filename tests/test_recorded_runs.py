@@ -44,7 +44,7 @@ def world(folder: Path, silent: set[tuple[int, str]] | None = None, **changed: f
     (folder / "track.csv").write_text("time,x,y\n0,-2,1\n10,2,1\n")
     (folder / "nodes.csv").write_text("id,x,y\n" + "".join(f"{n},{x},{y}\n" for n, (x, y) in PLACES.items()))
     return {
-        "name": "recorded", "network": "none", "seed": 1, "duration": STEPS * DT, "step": DT,
+        "name": "recorded", "network": "none", "seed": 1, "duration": (STEPS + 1) * DT, "step": DT,
         "prior": {"sd": [0.5, 0.2, 0.5, 0.2]},
         "deploy": {"kind": "file", "path": str(folder / "nodes.csv"), "width": 40, "height": 40, "cover": False},
         "motion": {"kind": "recorded_track", "path": str(folder / "track.csv"), "q": 0.01},

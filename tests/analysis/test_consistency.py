@@ -29,7 +29,7 @@ from wsnsim.scenario import build, load
 
 STEPS, SEEDS, SENSORS, VARIANCE = 3, 1000, 3, 4.0
 LINEAR: dict[str, Any] = {
-    "name": "linear", "seed": 17, "network": "none", "step": "1 s", "duration": f"{STEPS} s",
+    "name": "linear", "seed": 17, "network": "none", "step": "1 s", "duration": f"{STEPS + 1} s",
     "prior": {"sd": [3, 1, 3, 1]},
     "deploy": {"kind": "anchors", "places": [[0, 0], [100, 0], [0, 100]]},
     "motion": {"kind": "constant_velocity", "variances": [0.5]},

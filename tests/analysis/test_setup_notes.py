@@ -39,10 +39,12 @@ def notes(name: Any, *overrides: str) -> list[str]:
         ("gmtt", ["sink.every=202 s"], "sink.every: 202 s is too long for the run of 202 s: no report is sent"),
         ("beacons", ["workload.period=30 s"], "workload.period: 30 s is too long for the run of 20 s: no node sends"),
         ("ekf_real", [LATE], "step: steps of 40 ms are out of reach of mac: late: a unicast waits up to 0.129 s"),
-        ("ekf_real", ["mac.idle_slots=kept", "step=20 ms", "duration=4 s"], "mac.idle_slots: about 18 nodes are within sensing range"),
+        ("ekf_real", ["mac.idle_slots=kept", "step=20 ms", "duration=4 s"],
+         "mac.idle_slots: about 18 nodes are within sensing range"),
         ("gmtt", [LATE_0_6, WINDOW], "wakeup: over mac: late readings take up to 1.2 s and a message of two"),
         ("collection", [XMAC], "routing.i_min: over mac: xmac a beacon takes up to 0.14 s"),
-        ("pso_mhpf", [LATE, "step=1 s", "duration=28 s"], "mac: late turns radios off, and by energy: listening costs nothing"),
+        ("pso_mhpf", [LATE, "step=1 s", "duration=9 s"],
+         "mac: late turns radios off, and by energy: listening costs nothing"),
     ],
 )  # fmt: skip
 def test_values_that_are_hardly_meant_are_said_with_their_figures(name, overrides, starts):

@@ -28,7 +28,7 @@ def test_errors_checks_and_the_recorder_are_at_the_root():
     assert issubclass(wsnsim.ScenarioError, wsnsim.WsnsimError)
     memory = wsnsim.Memory()
     wsnsim.experiment.simulate_run(wsnsim.load("rkf", {"duration": 2}), 0, memory)
-    assert len(memory.table("estimates")["error"]) == 2
+    assert len(memory.table("estimates")["error"]) == 1
     assert wsnsim.build(wsnsim.load("rkf")).tracker == wsnsim.trackers.Rkf()
 
 

@@ -17,7 +17,7 @@ from wsnsim.experiment import run, simulate_run
 from wsnsim.scenario import build, load, resolved, shipped
 
 ON_THE_LINE = {
-    "name": "line", "seed": 3, "network": "none", "step": 0.5, "duration": 20,
+    "name": "line", "seed": 3, "network": "none", "step": 0.5, "duration": 20.5,
     "prior": {"sd": [2.0, 1.0, 0.1]},
     "deploy": {"kind": "anchors", "places": [[-1000, 0], [2000, 0]]},
     "motion": {"kind": "constant_acceleration", "q": 1e-3, "start": [1, 0.5, 0.01]},
@@ -25,7 +25,7 @@ ON_THE_LINE = {
     "tracker": {"kind": "ekf"},
 }  # fmt: skip
 RECEIVERS = {
-    "name": "receivers", "seed": 3, "network": "none", "step": 1, "duration": 20,
+    "name": "receivers", "seed": 3, "network": "none", "step": 1, "duration": 21,
     "prior": {"sd": [1.0, 0.5, 1.0, 0.5]},
     "deploy": {"kind": "anchors", "places": [[0, 0], [20, 0], [0, 20], [20, 20], [10, 10]]},
     "motion": {"kind": "constant_velocity", "noise_input": "diagonal", "variances": [0.02], "start": [4, 0.5, 5, 0.4]},

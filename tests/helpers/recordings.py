@@ -18,9 +18,9 @@ FOLDER: Final = "WSNSIM_TEST_RECORDINGS"
 """The environment variable with the folder of the recordings, which all workers share."""
 CHANGES: Final = {
     "pso_mhpf": ["record.particles=true"],
-    "two_targets": ["duration=2.4 s"],
+    "two_targets": ["duration=2.44 s"],
 }
-"""{scenario: what differs from a run of 4 s}"""
+"""{scenario: what differs from a run of 100 steps}"""
 
 
 def recording(name: str) -> Path:
@@ -38,4 +38,4 @@ def recording(name: str) -> Path:
 def short(name: str) -> Any:
     """The scenario of a recording."""
     few = ["tracker.particles=40"] if hasattr(getattr(load(name), "tracker", None), "particles") else []
-    return load(name, ["duration=4 s", *few, *CHANGES.get(name, ())])
+    return load(name, ["duration=4.04 s", *few, *CHANGES.get(name, ())])

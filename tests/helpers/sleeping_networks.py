@@ -24,7 +24,7 @@ def scenario(tracker: str = "gmtt", **changes: Any) -> dict[str, Any]:
     said = {
         "name": "asleep",
         "seed": 5,
-        "duration": 60.0,
+        "duration": 62.0,
         "step": 2.0,
         "lost": {"window": 10},
         "deploy": {"kind": "uniform", "nodes": 200, "width": 400.0, "height": 400.0, "cover": False},

@@ -32,7 +32,7 @@ def scenario_of(folder: Path, origin: tuple[float, float], tracker: dict[str, An
     points = [(0.0, 10.0, 20.0), (6.0, 90.0, 60.0), (12.0, 180.0, 120.0)]
     track.write_text("time,x,y\n" + "".join(f"{t},{x + origin[0]!r},{y + origin[1]!r}\n" for t, x, y in points))
     return {
-        "name": "grid", "seed": 4, "duration": 12.0, "step": 0.5, "prior": {"sd": [4.0, 2.0, 4.0, 2.0]},
+        "name": "grid", "seed": 4, "duration": 12.5, "step": 0.5, "prior": {"sd": [4.0, 2.0, 4.0, 2.0]},
         "deploy": {"kind": "file", "path": nodes_file(folder, origin), "fit": True, "margin": 10.0, "cover": False},
         "motion": {"kind": "recorded_track", "path": str(track), "q": 1.0},
         "sensor": {"kind": "range", "sd": 1.0, "reach": 70.0}, "energy": {"kind": "first_order"},

@@ -142,19 +142,19 @@ def test_standing_clusters_sleep_and_wake_nodes_ahead_too(wakeup):
 @pytest.mark.thorough
 def test_the_awake_share_is_that_of_the_schedules_and_events():
     """An independent account: every node's awake time from its schedule, scanned, and from its wake and sleep rows."""
-    run, steps, dt = Run(scenario(duration=20.0)), 10, 2.0
+    run, end = Run(scenario(duration=20.0)), 20.0
     setup = scenarios.build(scenarios.load(scenario(duration=20.0)))
     keys = derive_all(Streams(5, 0).key("sleep"), np.arange(200))
-    ticks = (np.arange(0, (steps + 1) * dt, 0.004) + 0.002).tolist()
+    ticks = (np.arange(0, end, 0.004) + 0.002).tolist()
     held: dict[int, list[tuple[float, float]]] = {}
     for row in run.events("wake", "stay", "sleep", "resume"):
         spells = held.setdefault(row["node"], [])
         if row["kind"] in (KIND["wake"], KIND["stay"]):
-            spells.append((row["time"], (steps + 1) * dt))
+            spells.append((row["time"], end))
         else:
             spells[-1] = spells[-1][0], row["time"]
     sink = int(np.argmin((places(run) ** 2).sum(axis=1)))
-    held[sink] = [(0.0, (steps + 1) * dt)]
+    held[sink] = [(0.0, end)]
     awake = np.zeros(200)
     for time in ticks:
         now = setup.sleep.awake(keys, time)

@@ -21,7 +21,7 @@ GROWTH = {
     "name": "growth",
     "network": "none",
     "step": 1,
-    "duration": 20,
+    "duration": 21,
     "prior": {"sd": [1]},
     "motion": {"kind": "ungm"},
     "sensor": {"kind": "squared"},
@@ -80,10 +80,10 @@ def test_with_all_sensors_in_one_cluster_the_network_gives_the_benchs_estimates(
 
 
 def test_on_the_bench_all_readings_arrive_and_are_counted_as_a_network_would_carry_them():
-    _, summary = ran("rkf", "duration=10 s")
+    _, summary = ran("rkf", "duration=11 s")
     assert (summary.run["frames_sent"], summary.run["packets_sent"]) == (70, 70)  # seven sensors besides the head
     assert summary.run["cycles"] > 0
-    memory, _ = ran("rkf", "duration=10 s", "sensor.beyond=silent", "tracker.kind=ekf")
+    memory, _ = ran("rkf", "duration=11 s", "sensor.beyond=silent", "tracker.kind=ekf")
     assert set(memory.table("estimates")["readings"].tolist()) == {3}  # those within 400 m of the start
 
 
