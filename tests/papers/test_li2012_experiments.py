@@ -210,7 +210,7 @@ def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path, monke
     shown = [dataclasses.replace(claim, reason="") for claim in whole.claims if claim.shown]
     kept = [claim for claim in shown if {claim.variant, claim.other or names[0]} <= set(names)]
     tiny = dataclasses.replace(whole, variants={name: whole.variants[name] for name in names}, claims=tuple(kept),
-                               quick=2, quick_sets=("duration=20 s",))  # fmt: skip
+                               quick=2, quick_sets=("duration=22 s",))  # fmt: skip
     assert reproduce.run("li2012", tiny, tmp_path, 1).complete
     folder = reproduce.folder_of(tmp_path, "li2012", tiny)
     found = [row for row in reproduce.rows("li2012", tiny, folder) if not row.paired]
