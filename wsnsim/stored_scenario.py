@@ -54,10 +54,10 @@ def rerun_source(path: Path) -> dict[str, Any]:
 
 def _of_today(path: Path, resolved: dict[str, Any]) -> dict[str, Any]:
     """The scenario that makes the same runs today: until wsnsim 0.2.0, runs that track had one step more."""
-    step, duration = (resolved.get(key) for key in ("step", "duration"))
-    size = tables(path).get("runs")
-    numbers = isinstance(step, int | float) and isinstance(duration, int | float)
-    if "tracker" not in resolved or not numbers or size is None or not size.rows:
+    step, duration, size = resolved.get("step"), resolved.get("duration"), tables(path).get("runs")
+    if not (isinstance(step, int | float) and isinstance(duration, int | float) and "tracker" in resolved):
+        return resolved
+    if size is None or not size.rows:
         return resolved
     after_start = int(read_table(path, "runs", ["steps"])["steps"].max())
     return resolved | {"duration": duration + step} if abs(after_start * step - duration) < step / 2 else resolved

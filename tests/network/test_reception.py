@@ -23,7 +23,7 @@ LINKS = {
     "log-normal, exponent 2.13": LogNormal(exponent=2.13),
     "sinr": LogNormal(interference="sinr"),
 }
-STATES = build(load("gmtt", ["duration=2 s"])).energy
+STATES = build(load("gmtt", ["duration=4 s"])).energy
 SLEEPS = {"awake": EventWake(), "asleep at times": RandomIndependent(period=0.05, probability=0.6)}
 
 

@@ -145,7 +145,7 @@ class World(Network):
                 self._tick(track)
             if progress:
                 progress(env.now)
-            for poll in range(1, setup.polls if step < setup.steps else 1):  # no search after the end
+            for poll in range(1, setup.polls if step < setup.steps else 1):  # no search after the last instant
                 yield env.timeout((step + poll / setup.polls) * setup.dt - env.now)
                 for track in self._tracks:
                     self._coordination.fill_vacancy(track, poll)
