@@ -72,3 +72,11 @@ def test_it_can_be_read_together_with_a_new_file(path, tmp_path):
     wsnsim.run(wsnsim.load("rkf", ["duration=10 s"]), replicates=1, out=folder / "b.h5")
     joined = wsnsim.read(folder / "*.h5", "runs", ["replicate", "rmse"])
     assert len(joined) >= 2 and joined["rmse"].notna().all()
+
+
+def test_its_scenario_is_that_of_a_run_of_today_which_is_a_step_longer(path):
+    with h5py.File(path) as file:
+        held = json.loads(file["scenario/resolved_json"][()])
+    assert wsnsim.load(path).duration == pytest.approx(held["duration"] + held["step"])
+    fresh = wsnsim.run(path, replicates=1, out=path.with_name("fresh.h5")).out
+    assert wsnsim.load(fresh).duration == wsnsim.load(path).duration, "which is read as it is"
