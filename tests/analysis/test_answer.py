@@ -37,10 +37,10 @@ SHIPPED = [
      f"The target was lost and not found again (for # % of the steps), with {BOUND};"
      " the network spent # mJ, of which # mJ is transmission;"
      " the first node died after # s, and # are alive at the end."),
-    ("li_xmac", 1, ["duration=30 s"],
+    ("li_xmac", 1, ["duration=32 s"],
      f"The target was followed throughout the run, with {ERROR}; {SINK};"
      " the network spent # J, of which # J is idle listening."),
-    ("gmtt", 2, ["duration=30 s"],
+    ("gmtt", 2, ["duration=32 s"],
      f"The target was followed in both runs, with {ERROR}; {SINK};"
      " the network spent # J a run, of which # J is idle listening."),
     ("information_driven_asleep", 1, ["duration=4 s"],

@@ -17,7 +17,7 @@ FAR = (
 )
 HOPELESS = ["duration=1 s", "tracker.kind=ekf", FAR]
 LEAVES = [
-    "duration=10 s",
+    "duration=11 s",
     "step=1 s",
     "tracker.kind=ekf",
     "motion={kind: waypoints, points: [[0, -90, 0], [10, 310, 0]]}",

@@ -208,7 +208,7 @@ def test_runs_without_any_estimate_are_passed_over_and_none_at_all_is_nan():
 def ran(tmp_path_factory):
     """A short run of the bench, and its file."""
     path = tmp_path_factory.mktemp("ran") / "x.h5"
-    loaded = scenario.load("rkf", ["duration=20 s", "tracker.kind=ekf", "sensor.beyond=silent"])
+    loaded = scenario.load("rkf", ["duration=21 s", "tracker.kind=ekf", "sensor.beyond=silent"])
     return experiment.run(loaded, replicates=6, out=path), path
 
 

@@ -169,7 +169,7 @@ def test_cautions_say_why_a_bound_is_not_strict():
 
 
 def test_two_targets_have_a_bound_each_and_both_enter_the_mean():
-    two = {"extends": "scenarios/two_targets.yaml", "duration": "1 s"}
+    two = {"extends": "scenarios/two_targets.yaml", "duration": "1.04 s"}
     for kind, count in zip(KINDS, (1, 2), strict=True):
         found = bound(two, range(2), kind)
         assert found.each.shape == (count, 2, 25) and found.columns.shape == (25, 4)

@@ -31,7 +31,7 @@ class HoldsOneAwake(IdealMac):
 def deaths(*changes: str) -> tuple[list[tuple[float, int]], np.ndarray]:
     """(time, node) of the deaths in the event log of a sleeping network; and the times of death of the nodes."""
     memory = Memory()
-    changes = ("duration=2 s", "record.events=true", SWITCHING_KILLS, ASLEEP, *changes)
+    changes = ("duration=4 s", "record.events=true", SWITCHING_KILLS, ASLEEP, *changes)
     experiment.simulate_run(scenario.load("gmtt", changes), 0, memory)
     events = memory.table("events")
     died = events["kind"] == KIND["death"]

@@ -98,7 +98,7 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
     "name", ["pso_mhpf_real", *thorough(["ipf_real"]), "ppf_real", "central_pf_real", "pso_mhpf_packed"]
 )
 def test_estimates_on_a_contended_radio_are_late_or_missing_and_the_delay_is_reported(name):
-    run, memory = simulated(name, "duration=3 s")
+    run, memory = simulated(name, "duration=3.04 s")
     estimates, (track,) = memory.table("estimates"), run.tracks
     issued = np.isfinite(estimates["issued"])
     assert len(issued) == 75 and track["reports"] == issued.sum()
