@@ -224,7 +224,7 @@ def test_several_targets_each_have_their_track():
 
 def test_particles_are_recorded_where_they_are_wanted():
     memory = Memory({"particles": True})
-    experiment.simulate_run(scenario.load(short("pso_mhpf"), ["duration=0.4 s"]), recorder=memory)
+    experiment.simulate_run(scenario.load(short("pso_mhpf"), ["duration=0.44 s"]), recorder=memory)
     table = memory.table("particles")
     for step in range(1, 11):
         weights = table["weight"][table["step"] == step]
@@ -278,7 +278,7 @@ def sleeping():
     made = {}
     for name in ("gmtt", "ris"):
         memory = Memory()
-        experiment.simulate_run(scenario.load(name, ["duration=60 s"]), recorder=memory)
+        experiment.simulate_run(scenario.load(name, ["duration=62 s"]), recorder=memory)
         made[name] = memory
     return made
 

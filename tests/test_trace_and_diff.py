@@ -12,7 +12,7 @@ import pytest
 import wsnsim
 from wsnsim.cli import main
 
-QUICK = ("--set", "duration=0.4 s", "--set", "tracker.particles=40", "--quiet")
+QUICK = ("--set", "duration=0.44 s", "--set", "tracker.particles=40", "--quiet")
 
 
 @pytest.fixture(autouse=True)

@@ -14,7 +14,7 @@ from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.pso_mhpf import PsoMhpf
 from wsnsim.trackers.relay_kalman import RelayKalman
 
-IN_A_NETWORK = ("duration=40 s", "link.reach=2000", "sensor.reach=3000", "clusters.kind=central")
+IN_A_NETWORK = ("duration=41 s", "link.reach=2000", "sensor.reach=3000", "clusters.kind=central")
 
 
 @wsnsim.part
@@ -46,7 +46,7 @@ def test_the_table_is_off_by_default_and_does_not_change_the_run():
     assert not RECORDED_BY_DEFAULT["tracker_state"]
     quiet, recorded = Memory(), Memory({**RECORDED_BY_DEFAULT, "tracker_state": True})
     prints = [
-        wsnsim.experiment.simulate_run(wsnsim.load("rkf", ["duration=10 s"]), 0, memory).run["fingerprint"]
+        wsnsim.experiment.simulate_run(wsnsim.load("rkf", ["duration=11 s"]), 0, memory).run["fingerprint"]
         for memory in (quiet, recorded)
     ]
     assert prints[0] == prints[1]
@@ -55,7 +55,7 @@ def test_the_table_is_off_by_default_and_does_not_change_the_run():
 
 
 def test_names_of_any_tracker_reach_the_file_and_a_tracker_that_has_nothing_to_report_writes_no_row(tmp_path):
-    changes = ("duration=10 s", "record.tracker_state=true")
+    changes = ("duration=11 s", "record.tracker_state=true")
     source = wsnsim.load("rkf", [*changes, f"tracker.kind={__name__}:Growing"])
     table = wsnsim.read(wsnsim.experiment.run(source, replicates=1, out=tmp_path / "x.h5").out, "tracker_state")
     assert set(table["name"]) == {"mean", "spread_of_x"}
