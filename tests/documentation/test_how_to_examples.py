@@ -30,7 +30,7 @@ def folder(tmp_path_factory):
     """A folder with the scenario of the guide, shortened, and its result."""
     folder = tmp_path_factory.mktemp("guide")
     (folder / "results").mkdir()
-    (folder / "pso_mhpf.yaml").write_text(SCENARIO.replace("duration: 28.04 s", "duration: 1 s"))
+    (folder / "pso_mhpf.yaml").write_text(SCENARIO.replace("duration: 28.04 s", "duration: 1.04 s"))
     wsnsim.run(folder / "pso_mhpf.yaml", out=folder / "results" / "pso_mhpf.h5")
     return folder
 
