@@ -42,7 +42,7 @@ def assert_valid_run(memory: Memory, summary: experiment.Summary) -> None:
 def test_in_a_few_steps_estimates_are_finite_and_the_ledger_closes(name: str, kind: str) -> None:
     few = ["tracker.particles=20"] if name == "jiang_field" and kind not in GAUSSIAN else []
     step = scenario.load(name).step
-    memory, summary = simulated(name, f"tracker.kind={kind}", f"duration={10 * step} s", *few)
+    memory, summary = simulated(name, f"tracker.kind={kind}", f"duration={11 * step} s", *few)
     error = memory.table("estimates")["error"]
     assert len(error) and np.isfinite(error).any() and not np.isinf(error).any()
     if summary.joules:
