@@ -172,6 +172,45 @@ def test_a_loop_is_repaired_as_soon_as_there_is_a_way():
     assert late.arrived and late.hops == 3 and network.ends[0].triggered and lost.hops <= 255
 
 
+def test_nodes_behind_a_dead_bridge_count_to_the_largest_cost_and_then_send_no_data():
+    """TEP 123, section 3: routes that cost more than a constant are not considered. 4,600 frames in 20 s without it."""
+    network = tree([(0, 0), (60, 0), (120, 0), (160, 20), (160, -20)], horizon=100.0)
+    network.run(20.0)
+    network.crash(1)
+    before = network.counters.transmissions
+    reports = []
+    for i in range(30):
+        network.at(20.1 + i / 3.0, lambda i=i: reports.append(network.report(2 + i % 3)))
+    network.run(40.0)
+    assert network.counters.transmissions - before < 2000
+    assert network.parents()[2:] == [-1, -1, -1], "the count has ended"
+    network.run(41.0)
+    assert not [row for row in network.rows("send", "relay") if row["time"] > 35.0 and row["peer"] >= 0]
+    assert len(reports) == len(network.drops()) == 30, "each is dropped once"
+    network.restart(1)
+    late = [network.report(node) for node in (2, 3, 4)]
+    network.run(50.0)
+    assert all(report.arrived for report in late)
+
+
+@pytest.mark.parametrize("upwards", [True, False], ids=["to a sink", "by position"])
+def test_a_copy_that_is_dropped_while_another_goes_on_is_no_dropped_datagram(upwards):
+    network = tree(routing=CollectionTreeProtocol(retries=0, candidates=1), mac=Csma(max_retries=0))
+    network.run(5.0)
+    channel, transmit, lost = network.mac.channel, network.mac.channel.transmit, []
+
+    def losing(source, frame, on_end, asleep=None):
+        if frame.packets == 0 and not lost:
+            lost.append(frame)
+            return transmit(source, frame, lambda t, r: on_end(t, False), asleep)
+        return transmit(source, frame, on_end, asleep)
+
+    channel.transmit = losing
+    datagram = network.report(4) if upwards else network.send(4, 0)
+    network.run(8.0)
+    assert lost and datagram.arrived and network.drops() == []
+
+
 def test_a_report_whose_acknowledgement_is_lost_arrives_once():
     network = tree()
     network.run(5.0)

@@ -36,6 +36,10 @@ class TreeRouting(Routing, Protocol):
         """By how many transmissions a route must be cheaper than that over the parent."""
 
     @property
+    def largest_cost(self) -> float:
+        """The cost in transmissions from which on a route is not considered."""
+
+    @property
     def table(self) -> int:
         """The number of neighbours whose routes a node keeps."""
 

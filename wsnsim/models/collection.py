@@ -51,15 +51,18 @@ class CollectionTreeProtocol:
     Every node broadcasts routing beacons with the cost of its route to a sink, its ETX: the expected number of
     transmissions. It learns the ETX of its links from beacons and acknowledgements, and takes the cheapest route.
     Beacons are sent when a Trickle timer says so, often at first and after a change, and rarely later (its redundancy
-    constant is infinite, so that none is suppressed). Data frames carry the cost of their senders, which shows loops. A
-    network starts without a tree. A datagram to another node than a sink, such as a handover over several hops, goes to
-    neighbours nearer to the destination, by the positions in beacons. Between a head and members in range there is one
-    hop. To see what finding routes costs, compare with `kind: minimum_hop`, for which nodes know all links for nothing.
+    constant is infinite, so that none is suppressed). Data frames carry the cost of their senders, which shows loops.
+    Nodes that are cut off from all sinks are in loops, too, and the costs of their routes rise until they reach
+    `largest_cost`. A network starts without a tree. A datagram to another node than a sink, such as a handover over
+    several hops, goes to neighbours nearer to the destination, by the positions in beacons. Between a head and
+    members in range there is one hop. To see what finding routes costs, compare with `kind: minimum_hop`, for which
+    nodes know all links for nothing.
 
     Source: Gnawali, Fonseca, Jamieson, Moss, Levis (2009), "Collection tree protocol", SenSys: 32 retransmissions; TEP
     123; Trickle: RFC 6206. The intervals, the table of 10, the queue of 12, the hysteresis of 1.5 and 7 ms are those of
     TinyOS 2.1 for a CC2420 that always listens; over a duty-cycled MAC, where a beacon takes a wake interval, `i_min`
-    should be some seconds. `patience`, `places` and `candidates` are ours.
+    should be some seconds. TEP 123 leaves `largest_cost` to the implementation, and TinyOS has none: 64 is that of
+    Contiki's collection protocol (COLLECT_MAX_DEPTH). `patience`, `places` and `candidates` are ours.
     """
 
     weight: ClassVar[str] = "etx"
@@ -72,6 +75,9 @@ class CollectionTreeProtocol:
     hysteresis: Annotated[
         float, Quantity("", ge=0.0, le=100.0), "ETX by which a route must be better than that over the parent"
     ] = 1.5
+    largest_cost: Annotated[
+        float, Quantity("", gt=0.0), "ETX from which on a route is not considered: nodes that are cut off have none"
+    ] = 64.0
     table: Annotated[int, Quantity("", ge=1, le=1000), "neighbours whose routes and links a node keeps"] = 10
     queue: Annotated[int, Quantity("", ge=1, le=1000), "datagrams for sinks that a node holds"] = 12
     packet_time: Annotated[

@@ -98,7 +98,8 @@ class GeographicForwarding:
             to = self._next(journey, node, heard, tried)
             if to is None or bursts >= self._most:
                 reason = "retry_limit" if bursts else "void"
-                self._hops.drop(journey.datagram, node, journey.target, reason, copy.sequence)
+                if journey.is_last_copy:
+                    self._hops.drop(journey.datagram, node, journey.target, reason, copy.sequence)
                 break
             waking = self._hops.waking(node, to, journey.target) if to == journey.datagram.to else None
             if waking is not None:

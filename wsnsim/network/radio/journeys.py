@@ -56,6 +56,11 @@ class Journey:
         if self._copies == 0 and not self.ended.triggered:
             self._end()
 
+    @property
+    def is_last_copy(self) -> bool:
+        """Whether the datagram is lost with the next copy that is dropped: a drop that is logged."""
+        return self._copies == 1 and not self.ended.triggered
+
     def arrive(self, at: int, hop: Burst, hops: int) -> None:
         """A copy has arrived at the destination, with all packets or some. The last one that brings any is noted."""
         if self.ended.triggered or not (hop.mask & ~self._mask).any():

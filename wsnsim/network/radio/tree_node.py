@@ -1,7 +1,8 @@
 """One node of a collection tree: what it heard of its neighbours' routes, its parent, and the cost of its route.
 
 The cost of a route is the sum of the ETX of its links; that of a sink, the root of a tree, is 0. A node takes the
-neighbour over which the route costs least, but leaves its parent only for one that is cheaper by `hysteresis`.
+neighbour over which the route costs least, but leaves its parent only for one that is cheaper by `hysteresis`. A route
+that costs `largest` or more is none: nodes that are cut off from all sinks form loops, whose costs only rise.
 
 Source: Gnawali, Fonseca, Jamieson, Moss, Levis (2009), "Collection tree protocol", SenSys; TinyOS TEP 123; the rules of
 TinyOS 2.1.2 (lib/net/ctp; older versions differ in the limit on links and in the beacon after a large drop). As
@@ -56,19 +57,21 @@ class TreeNode:
         root: Whether it is a sink.
         links: Its links; nobody else changes them.
         hysteresis: By how much a route must be cheaper than that over the parent.
+        largest: The cost from which on a route is not considered (TEP 123, section 3).
 
     Attributes:
         parent: The next hop; the node itself if it is a sink; NOBODY without a route.
         changes: How often the parent changed.
     """
 
-    __slots__ = ("_advertised", "_hysteresis", "_root", "changes", "links", "node", "parent")
+    __slots__ = ("_advertised", "_hysteresis", "_largest", "_root", "changes", "links", "node", "parent")
 
-    def __init__(self, node: int, root: bool, links: LinkTable, hysteresis: float) -> None:
+    def __init__(self, node: int, root: bool, links: LinkTable, hysteresis: float, largest: float = inf) -> None:
         self.node = node
         self._root = root
         self.links = links
         self._hysteresis = hysteresis
+        self._largest = largest
         self._advertised: dict[int, tuple[int, float]] = {}
         self.parent = node if root else NOBODY
         self.changes = 0
@@ -129,6 +132,7 @@ class TreeNode:
             self.links.pin(parent)
 
     def _over(self, neighbour: int) -> float:
-        """The cost of the route over a neighbour; infinity if there is none, or if it leads back to this node."""
+        """The cost of the route over a neighbour; infinity if there is none, it leads back here or costs too much."""
         parent, cost = self._advertised.get(neighbour, (NOBODY, inf))
-        return inf if parent in (NOBODY, self.node) else cost + self.links.etx(neighbour)
+        total = inf if parent in (NOBODY, self.node) else cost + self.links.etx(neighbour)
+        return total if total < self._largest else inf

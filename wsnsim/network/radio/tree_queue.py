@@ -172,5 +172,6 @@ class TreeQueue:
 
     def _drop(self, copy: Copy, reason: str) -> None:
         journey = copy.journey
-        self._hops.drop(journey.datagram, self._route.node, journey.target, reason, copy.sequence)
+        if journey.is_last_copy:
+            self._hops.drop(journey.datagram, self._route.node, journey.target, reason, copy.sequence)
         journey.end_copy()
