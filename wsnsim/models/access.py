@@ -55,6 +55,9 @@ class Framed:
     macAckWaitDuration (54 symbols) and macMaxFrameRetries 7.4.2.
     """
 
+    in_symbols: ClassVar[tuple[str, ...]] = ("ack_wait", "sifs", "lifs")
+    """Durations that are a number of symbols: with a datasheet of another rate, their defaults are as many there."""
+
     rate: Annotated[float, RATE, "bit rate on the air"] = 250e3
     phy_overhead: Annotated[
         int, Quantity("", ge=0, le=127, label="byte"), "bytes before the PSDU: preamble, delimiter, length"
@@ -141,6 +144,7 @@ class Csma(Framed):
     """
 
     mechanism: ClassVar[str] = "csma"
+    in_symbols: ClassVar[tuple[str, ...]] = (*Framed.in_symbols, "backoff", "cca")
 
     backoff: Annotated[float, TICK, "aUnitBackoffPeriod: one backoff period"] = 320e-6
     min_be: Annotated[int, Quantity("", ge=0, le=16), "macMinBE: first backoff exponent"] = 3
@@ -191,6 +195,7 @@ class Tdma(Csma):
     """
 
     mechanism: ClassVar[str] = "tdma"
+    in_symbols: ClassVar[tuple[str, ...]] = (*Csma.in_symbols, "contention")
 
     acks: Annotated[bool, "whether the receiver acknowledges a unicast in a slot; outside slots it always does"] = False
     max_be: Annotated[int, Quantity("", ge=0, le=16), "largest backoff exponent"] = 8

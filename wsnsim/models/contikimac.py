@@ -47,6 +47,7 @@ class ContikiMac(LowPowerListening):
     """
 
     mechanism: ClassVar[str] = "contikimac"
+    in_symbols: ClassVar[tuple[str, ...]] = (*LowPowerListening.in_symbols, "cca", "cca_gap", "frame_gap")
 
     cca: Annotated[float, TICK, "t_r: duration of a clear channel assessment"] = 192e-6
     cca_gap: Annotated[float, TICK, "t_c: between the two assessments of a wake-up"] = 500e-6

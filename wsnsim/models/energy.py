@@ -137,6 +137,10 @@ class States:
     E_tx = P_tx k / rate at the level of the output power, E_rx = P_rx k / rate, E_cpu = P_run N_c / f. A datasheet does
     not separate electronics and amplifier: sending is booked as electronics, at any distance.
 
+    In a scenario, sensitivity and modulation of the link, bit rate and turnaround of the MAC are those of the radio if
+    nothing is written; durations that the MAC counts in symbols are as many symbols of 4 bits at that rate (our choice
+    for radios that do not follow IEEE 802.15.4). The output powers of link and energy model follow each other.
+
     A dormant node listens while its processor sleeps; asleep, the radio is in its `sleep_state` too. The power of a
     processor that wakes is that of one that runs (our choice); crashing and restarting cost nothing (our choice).
 

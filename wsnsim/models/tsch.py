@@ -55,6 +55,9 @@ class Tsch(Framed):
     """
 
     mechanism: ClassVar[str] = "tsch"
+    in_symbols: ClassVar[tuple[str, ...]] = (
+        *Framed.in_symbols, "slot", "tx_offset", "rx_wait", "tx_ack_delay", "rx_ack_delay",
+    )  # fmt: skip
 
     slotframe: Annotated[int, Quantity("", ge=1, le=10_000), "slots in a slotframe"] = 101
     slot: Annotated[float, OFFSET, "macTsTimeslotLength: length of a slot"] = 10e-3

@@ -42,6 +42,7 @@ class XMac(LowPowerListening):
     """
 
     mechanism: ClassVar[str] = "xmac"
+    in_symbols: ClassVar[tuple[str, ...]] = (*LowPowerListening.in_symbols, "cca")
 
     strobe_bytes: Annotated[
         int, Quantity("", ge=1, le=133, label="byte"), "bytes of a strobe on the air: S_p is their airtime"

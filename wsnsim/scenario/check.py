@@ -36,6 +36,7 @@ from wsnsim.scenario.located_values import (
 )
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.plugin_access import is_missing, not_found, permit
+from wsnsim.scenario.radio_defaults import with_radio
 from wsnsim.scenario.registry import kinds
 from wsnsim.scenario.roles import Role, Scope
 from wsnsim.scenario.schema import (
@@ -70,7 +71,7 @@ def validate(tree: LocatedValue) -> tuple[Scenario | None, list[Issue]]:
         if key not in dict(chosen):
             data.pop(key, None)
     try:
-        scenario = model.model_validate(data)
+        scenario = with_radio(model.model_validate(data))
     except ValidationError as error:
         return None, issues + issues_of(error, model, tree)
     scenario._tree = tree
