@@ -21,6 +21,7 @@ class Node(Sender):
     """A node with ContikiMAC."""
 
     ASSESSMENT = ASSESSMENT
+    OFF = 0.244e-3
 
     def __init__(self, air: Air, interval: float, draw: random.Random, locks: bool, phase: float, first: float) -> None:
         super().__init__(air, interval, draw, phase, first)
@@ -95,13 +96,13 @@ class Node(Sender):
         """Wait for a random time, or until shortly before the receiver wakes."""
         self.state, self.ends, wait = "pause", float("inf"), self.draw.random()
         if self.known is None:
-            self.later(wait * self.first, self.listen)
+            self.rest(wait * self.first)
             return
         early = GUARD * (1.0 + wait) + ASSESSMENT + TURN + PERIOD
         turns = ceil((self.air.now + early - self.known) / self.interval)
         expected = self.known + turns * self.interval
         self.ends = expected + PERIOD + GUARD
-        self.later(expected - early - self.air.now, self.listen)
+        self.rest(expected - early - self.air.now)
 
     def assess(self) -> None:
         if self.air.was_busy(self, self.air.now - ASSESSMENT):

@@ -19,11 +19,13 @@ RETRIES, TRIES = 3, 8
 class Sender(Radio):
     """A node with a queue. `delivered` is the number of frames whose sender knows that they arrived.
 
-    The class of a MAC says how long a sender first listens (`ASSESSMENT`), and what it does when its radio wakes
-    (`wake`), after it has listened (`assess`), and with a further frame for the same destination (`follow`).
+    The class of a MAC says how long a sender first listens (`ASSESSMENT`), how long its radio takes to stop and start
+    (`OFF`), and what it does when its radio wakes (`wake`), after it has listened (`assess`), and with a further frame
+    for the same destination (`follow`).
     """
 
     ASSESSMENT: ClassVar[float]
+    OFF: ClassVar[float]
 
     def __init__(self, air: Air, interval: float, draw: random.Random, phase: float, first: float) -> None:
         super().__init__(air)
@@ -71,7 +73,12 @@ class Sender(Radio):
 
     def pause(self) -> None:
         self.state = "pause"
-        self.later(self.draw.random() * self.first, self.listen)
+        self.rest(self.draw.random() * self.first)
+
+    def rest(self, seconds: float) -> None:
+        """Listen after some time; a radio that is off, or on for a channel check only, stops and starts before."""
+        held = self.needs - {"window", "check"}
+        self.later(max(seconds, 0.0 if held else self.OFF), self.listen)
 
     def listen(self) -> None:
         self.state = "listen"

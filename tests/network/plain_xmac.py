@@ -21,6 +21,7 @@ class Node(Sender):
     """A node with X-MAC."""
 
     ASSESSMENT = ASSESSMENT
+    OFF = 1.104e-3
 
     def __init__(self, air: Air, interval: float, draw: random.Random, phase: float, first: float) -> None:
         super().__init__(air, interval, draw, phase, first)

@@ -8,12 +8,10 @@ import pytest
 from tests.network.low_power import (
     ACK,
     IDLE_PROCESSOR,
+    IN_IDLE,
     LISTEN,
     PAIR,
     SEND,
-    SLEEP,
-    START,
-    START_TIME,
     STOP,
     STOP_TIME,
     TURNAROUND,
@@ -28,6 +26,9 @@ from wsnsim.models.contikimac import ContikiMac
 
 T_R, T_C, T_I = 192e-6, 500e-6, 400e-6
 FRAME = 29 * 8 / 250e3
+SLEEP, START_TIME, START = IN_IDLE.sleep, IN_IDLE.wake, IN_IDLE.wake * IN_IDLE.wake_power
+OFF_TIME = START_TIME + STOP_TIME
+"""A sender listens at the earliest when its radio has stopped and started."""
 PERIOD, ASSESSMENT, INTERVAL, SPACING = FRAME + T_I, T_C + 2 * T_R, 0.125, 640e-6
 UNLOCKED = ContikiMac(first_backoff=0.0, phase_lock=False)
 LOCKED = ContikiMac(first_backoff=0.0)
@@ -72,7 +73,7 @@ def test_a_unicast_without_phase_lock_takes_half_an_interval_and_the_next_copy()
         begin, before = (3 * i + 1 + (i + 0.5) / count) * INTERVAL, network.counters.transmissions
         network.env.run(until=begin)
         burst = network.unicast(0, 1)
-        first = begin + ASSESSMENT + TURNAROUND
+        first = begin + OFF_TIME + ASSESSMENT + TURNAROUND
         _, copy = woken_at(phase, first)
         assert network.counters.transmissions - before == copy + 2, "the first copy that is heard whole is answered"
         assert burst.heard_at == pytest.approx(first + copy * PERIOD + FRAME, abs=1e-9)
@@ -166,11 +167,11 @@ def test_the_energy_of_a_unicast_is_what_its_copies_say():
     assert joules(network, "tx_electronics", 0) == pytest.approx(count * FRAME * SEND, rel=1e-9)
     assert joules(network, "rx", 0) == pytest.approx(ACK * LISTEN, rel=1e-9)
     on = ASSESSMENT + count * PERIOD - T_I + TURNAROUND + TURNAROUND + ACK + SPACING
-    missed = sum(0 <= phases(network)[0] + i * INTERVAL <= on for i in range(16))
+    missed = sum(0 <= phases(network)[0] + i * INTERVAL - OFF_TIME <= on for i in range(16))
     idle = on - count * FRAME - ACK - 2 * count * TURNAROUND - 2 * missed * T_R
     extra = joules(network, "idle", 0) - joules(quiet, "idle", 0)
     assert extra == pytest.approx(idle * LISTEN, rel=0.01)
-    first = ASSESSMENT + TURNAROUND
+    first = OFF_TIME + ASSESSMENT + TURNAROUND
     wakes, copy = woken_at(phases(network)[1], first)
     assert count == copy + 1
     received = first + (count - 1) * PERIOD + FRAME
@@ -195,7 +196,7 @@ def test_an_acknowledgement_is_detected_that_is_too_weak_for_the_assessment_of_t
 def test_a_node_that_two_hidden_senders_wake_is_on_for_no_longer_than_it_pays_for():
     """Long copies of one sender and short ones of the other overlap at the node between them, at any of its phases."""
     places, law = [(0, 0), (60, 0), (-60, 0)], 0.06 * 2 * T_R / INTERVAL
-    for phase in np.arange(0.024, 0.03, 0.0004):
+    for phase in np.arange(0.024, 0.03, 0.0004) + OFF_TIME:
         network, released = low_power(UNLOCKED, places, horizon=0.06), []
         for node, bits in ((1, 928), (2, 96)):
             network.mac.send([full_burst(node, EVERYONE, Parcel("payload", 1, bits, "test"), 0)])

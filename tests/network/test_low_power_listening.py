@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.network.low_power import CC2420, LISTEN, PAIR, PROCESSOR, joules, low_power, phases, spent
+from tests.network.low_power import CC2420, IN_IDLE, LISTEN, PAIR, PROCESSOR, joules, low_power, phases, spent
 from wsnsim.base.frames import EVERYONE, full_burst
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.models.contikimac import ContikiMac
@@ -38,6 +38,17 @@ def test_several_frames_for_one_destination_need_one_train(kind):
     assert more in (8, 9, 10, 11, 12), "four frames and their acknowledgements, and a copy now and then"
     five.env.run(until=five.env.now + 0.1)
     assert radios_off(five)
+
+
+@BOTH
+def test_a_sender_listens_when_its_radio_can_have_started(kind):
+    """A CC2420 stops and starts in 1.1 ms from power-down, and in 0.24 ms from idle mode."""
+    network = low_power(kind(first_backoff=0.0))
+    held, hold = [], network.mac._radios.hold
+    network.mac._radios.hold = lambda *given: held.append(network.env.now) or hold(*given)
+    network.env.run(until=1.0)
+    network.unicast(0, 1)
+    assert held[0] - 1.0 == pytest.approx(1.104e-3 if kind is XMac else 0.244e-3)
 
 
 @BOTH
@@ -176,7 +187,7 @@ def test_whatever_happens_bursts_end_ledgers_add_up_and_radios_are_turned_off(
     draw = np.random.default_rng(seed)
     model = FirstOrder(battery=battery / 10, idle=0.06, sleep=1e-4, switch=1e-6)
     if energy == "states":
-        model = States(radio=CC2420, processor=PROCESSOR, battery=battery)
+        model = States(radio=CC2420 if kind is XMac else IN_IDLE, processor=PROCESSOR, battery=battery)
     mac = kind(interval=float(draw.choice([0.05, 0.125])), near=0.025 if draw.random() < 0.3 else None)
     mac = mac if mac.near is None else kind(interval=0.05, near=0.025)
     network = low_power(mac, draw.uniform(0, 90, (7, 2)), energy=model, link=link, sleep=schedule, clock=clock,

@@ -9,6 +9,7 @@ from tests.network.low_power import (
     ACK,
     IDLE_PROCESSOR,
     LISTEN,
+    OFF_TIME,
     PAIR,
     SEND,
     SLEEP,
@@ -76,7 +77,7 @@ def test_a_unicast_takes_half_an_interval_on_average_and_the_exchange():
         begin, before = (3 * i + 1 + (i + 0.5) / count) * INTERVAL, network.counters.transmissions
         network.env.run(until=begin)
         burst = network.unicast(0, 1)
-        first = begin + ASSESSMENT + TURNAROUND
+        first = begin + OFF_TIME + ASSESSMENT + TURNAROUND
         expected = strobes_before(phase, first)
         assert network.counters.transmissions - before == expected + 1 + 3, "and two acknowledgements, and the data"
         assert burst.heard_at == pytest.approx(first + expected * PERIOD + exchange, abs=1e-9)
@@ -100,7 +101,8 @@ def test_a_broadcast_has_strobes_for_a_whole_interval_and_then_one_frame():
     assert strobes_of(network) == floor(INTERVAL / PERIOD) + 2
     frames = [row for row in network.rows("send") if row["packets"]]
     assert len(frames) == 1 and network.counters.frames_sent == 1 and network.counters.delivered == 3
-    assert network.env.now == pytest.approx(AT_ONCE.latency(96).broadcast, abs=1e-9), "the longest that it may take"
+    longest = OFF_TIME + AT_ONCE.latency(96).broadcast
+    assert network.env.now == pytest.approx(longest, abs=1e-9), "the radio starts, and it takes as long as it may"
 
 
 def test_the_energy_of_a_unicast_is_what_its_exchange_says():
@@ -158,7 +160,7 @@ def test_a_sender_that_hears_strobes_to_somebody_else_waits_with_its_radio_off()
     bursts = [full_burst(node, to, Parcel("payload", 1, PACKET_BITS, "test"), 0) for node, to in ((0, 1), (2, 3))]
     for late, burst in zip((0.0, 0.01), bursts, strict=True):
         network.at(begin + late, lambda burst=burst: network.mac.send([burst]))
-    network.env.run(until=begin + 0.01 + ASSESSMENT + WINDOW + 1e-6)
+    network.env.run(until=begin + 0.01 + OFF_TIME + ASSESSMENT + WINDOW + 1e-6)
     assert not network.mac._radios.is_held(2) and strobes_of(network, 2) == 0
     network.env.run(until=begin + 2.0)
     assert bursts[0].packets == bursts[1].packets == 1 and bursts[1].heard_at > bursts[0].heard_at
@@ -210,10 +212,30 @@ def test_receivers_turn_the_radio_on_for_a_broadcast_although_its_sender_has_die
 
     network = low_power(AT_ONCE)
     broadcast_until(network, INTERVAL - 1e-3, crash)
-    network.env.run(until=AT_ONCE.latency(96).broadcast - 1e-3)
+    network.env.run(until=OFF_TIME + AT_ONCE.latency(96).broadcast - 1e-3)
     assert network.mac._radios.is_held(1)
     network.env.run(until=INTERVAL + 0.05)
     assert not network.mac._radios.is_held(1) and not network.rows("receive")[-1]["packets"]
+
+
+@pytest.mark.parametrize(("strobes", "stays"), [(1, True), (2, False)])
+def test_a_receiver_turns_off_for_a_broadcast_only_if_it_can_be_on_again_in_time(strobes, stays):
+    """After the last strobe a broadcast begins in 0.86 ms; a CC2420 needs 1.1 ms to turn off and on from power-down."""
+    network = low_power(AT_ONCE)
+    train = OFF_TIME + ASSESSMENT + TURNAROUND + (AT_ONCE.strobes - 1 - strobes) * PERIOD
+    network.mac._radios._phases[1] = (train + PERIOD / 2) % INTERVAL
+
+    def forget(network):
+        network.nodes.crash(1)
+        network.mac.silence(1)
+        network.nodes.restart(1, network.env.now)
+
+    broadcast_until(network, 0.05, forget)  # the strobe that it has heard in its window before
+    heard = train + PERIOD + STROBE
+    network.env.run(until=heard + 1e-5)
+    assert network.mac._radios.is_held(1) == stays
+    network.env.run(until=heard + 0.1)
+    assert any(row["packets"] for row in network.rows("receive"))
 
 
 def test_a_receiver_that_crashed_has_forgotten_that_a_broadcast_follows():

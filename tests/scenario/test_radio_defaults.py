@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from wsnsim.base.errors import ScenarioError
+from wsnsim.base.radio_duty import off_time
 from wsnsim.models.access import Csma
 from wsnsim.scenario.build import build, resolved
 from wsnsim.scenario.datasheets import datasheet
@@ -82,3 +83,43 @@ def test_the_output_powers_of_link_and_energy_model_follow_each_other():
     ]
     ((_, message),) = issues("cc2420", {"kind": "log_normal", "power": "-4 dBm"})
     assert message.startswith("-4 dBm is not an output power of CC2420")
+
+
+STATES = [None, "idle", "power_down", "regulator_off"]
+SLOW = {("contikimac", "power_down"), ("contikimac", "regulator_off"), ("tdma", "regulator_off")}
+
+
+@pytest.mark.parametrize("mac", list(kinds("mac")))
+@pytest.mark.parametrize("state", STATES)
+def test_no_mac_turns_a_radio_off_for_less_time_than_it_takes_to_stop_and_start(mac, state):
+    energy = {} if state is None else {"off_state": state}
+    if (mac, state) in SLOW:
+        ((path, message),) = issues("cc2420", "disk", mac, energy=energy)
+        assert path == "energy.off_state" and f"from {state}: choose an off_state that is left sooner" in message
+        return
+    setup = build(scenario("cc2420", "disk", mac, energy=energy))
+    assert getattr(setup.mac, "shortest_off", 1.0) >= off_time(setup.energy) > 0.0
+
+
+def test_contikimac_keeps_the_crystal_of_a_cc2420_on_unless_its_channel_checks_are_far_apart():
+    """Contiki's driver only switches the receiver off: idle mode, from which the radio starts in 0.194 ms."""
+    energy = build(scenario("cc2420", "disk", "contikimac")).energy
+    assert (energy.off_state, energy.sleep_state) == ("idle", None), "nodes that sleep by a schedule are in power-down"
+    apart = {"kind": "contikimac", "cca_gap": "1.2 ms", "shortest": 50}
+    assert build(scenario("cc2420", "disk", apart)).energy.off_state is None, "power-down"
+    short = {"kind": "contikimac", "frame_gap": "360 us", "cca_gap": "0.2 ms"}
+    assert "mac.cca_gap" in [path for path, _ in issues("cc2420", "disk", short)]
+
+
+@pytest.mark.parametrize(("key", "mac", "energy", "more"), [
+    ("mac.slot", {"kind": "tsch", "slot": "3 ms", "rx_wait": "2.2 ms", "max_psdu": 20}, {}, {}),
+    ("mac.interval", {"kind": "xmac", "interval": "3.5 ms"}, {"off_state": "regulator_off"}, {}),
+    ("sleep.period", "csma", {}, {"sleep": {"kind": "duty_cycle", "period": "20 ms", "awake_share": 0.96}}),
+])  # fmt: skip
+def test_what_leaves_a_radio_no_time_to_start_is_refused(key, mac, energy, more):
+    assert key in [path for path, _ in issues("cc2420", "disk", mac, energy=energy, **more)]
+
+
+def test_a_wake_up_call_lasts_until_the_radio_of_the_called_node_is_on():
+    with pytest.raises(ScenarioError, match=r"wakeup\.call: error: nodes would be called for 0\.001 s"):
+        build(load("gmtt", ["wakeup.call=1 ms"]))

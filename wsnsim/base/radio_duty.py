@@ -39,7 +39,8 @@ class DutyCycledMac(Protocol):
 class SwitchesRadio(Protocol):
     """Optional port of an energy model: what it costs to switch the radio alone. Without it, nothing.
 
-    The processor time of a wake-up is not charged.
+    A radio that is off has the power of a sleeping one, or that of a member `radio_off() -> W`, if there is one. The
+    processor time of a wake-up is not charged.
     """
 
     def radio_start(self) -> tuple[float, float]:
@@ -47,6 +48,11 @@ class SwitchesRadio(Protocol):
 
     def radio_stop(self) -> tuple[float, float]:
         """(s, J) of the radio from listening to its sleep state."""
+
+
+def off_time(energy: object) -> float:
+    """Return the seconds for which a radio is off at least: its stop and its start; 0 if the model does not know."""
+    return energy.radio_stop()[0] + energy.radio_start()[0] if isinstance(energy, SwitchesRadio) else 0.0
 
 
 class Latency(NamedTuple):

@@ -8,12 +8,12 @@ Defaults: IEEE 802.15.4-2006 at 2.4 GHz, 62.5 ksymbol/s, two symbols per byte (a
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import ceil
+from math import ceil, inf
 from typing import Annotated, ClassVar, Final, Literal
 
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.radio_duty import Latency
+from wsnsim.base.radio_duty import Latency, off_time
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup
 
@@ -57,6 +57,8 @@ class Framed:
 
     in_symbols: ClassVar[tuple[str, ...]] = ("ack_wait", "sifs", "lifs")
     """Durations that are a number of symbols: with a datasheet of another rate, their defaults are as many there."""
+    off_key: ClassVar[str] = ""
+    """The parameter that says for how long radios are off: see `shortest_off`."""
 
     rate: Annotated[float, RATE, "bit rate on the air"] = 250e3
     phy_overhead: Annotated[
@@ -80,6 +82,11 @@ class Framed:
     sifs_bytes: Annotated[
         int, Quantity("", ge=0, le=127, label="byte"), "bytes of the largest PSDU of a short frame"
     ] = 18
+
+    @property
+    def shortest_off(self) -> float:
+        """The shortest time in s for which radios are off between two uses that are planned; infinity: never."""
+        return inf
 
     @property
     def payload_bits(self) -> int:
@@ -109,6 +116,19 @@ class Framed:
         if self.acks:
             yield from self._short_wait("or acks: false")
         yield from _other_rate(self.rate, setup)
+        yield from self._slow_radio(setup)
+
+    def _slow_radio(self, setup: Setup) -> Iterator[Issue]:
+        """Yield an issue if the radio would have to be on again before it can be."""
+        energy = getattr(setup, "energy", None)
+        state, least = getattr(energy, "off_state", None), off_time(energy)
+        if 0.0 <= self.shortest_off < least:
+            yield Issue(
+                ("energy", "off_state") if state else ("mac", self.off_key),
+                f"radios would be off for {self.shortest_off:g} s at a time, and to turn off and on again takes "
+                f"{least:g} s{f' from {state}' if state else ''}: choose an off_state that is left sooner, or a "
+                f"longer mac.{self.off_key}",
+            )
 
     def _short_wait(self, otherwise: str) -> Iterator[Issue]:
         """Yield an issue if an acknowledgement arrives after the wait for it."""
@@ -196,6 +216,7 @@ class Tdma(Csma):
 
     mechanism: ClassVar[str] = "tdma"
     in_symbols: ClassVar[tuple[str, ...]] = (*Csma.in_symbols, "contention")
+    off_key: ClassVar[str] = "slot"
 
     acks: Annotated[bool, "whether the receiver acknowledges a unicast in a slot; outside slots it always does"] = False
     max_be: Annotated[int, Quantity("", ge=0, le=16), "largest backoff exponent"] = 8
@@ -219,13 +240,16 @@ class Tdma(Csma):
         "slots of members with nothing to send: left out as if all knew it, or as long as others",
     ] = "skipped"
 
+    @property
+    def shortest_off(self) -> float:
+        """The slot of another member, in s."""
+        return self.slot_needed(self.bits(PACKET_BITS)) if self.slot is None else self.slot
+
     def turns(self, members: int) -> float:
         """Seconds of a schedule and a round with a slot for each of this number of members; 0: slots are skipped."""
         if self.idle_slots == "skipped":
             return 0.0
-        packet = self.bits(PACKET_BITS)
-        slot = self.slot_needed(packet) if self.slot is None else self.slot
-        return self.latency(PACKET_BITS).broadcast + members * slot
+        return self.latency(PACKET_BITS).broadcast + members * self.shortest_off
 
     def slot_needed(self, bits: float) -> float:
         """Seconds of a slot for a frame of this length on the air: guards, airtime, acknowledgement if any."""
@@ -246,7 +270,7 @@ class Tdma(Csma):
                 f"{needed:g} s are needed; left out, slots are as long as needed",
             )
         if self.idle_slots == "kept":
-            yield from self._round_too_long(setup, needed if self.slot is None else self.slot)
+            yield from self._round_too_long(setup, self.shortest_off)
 
     def _round_too_long(self, setup: Setup, slot: float) -> Iterator[Issue]:
         """Yield an issue if kept slots leave a step no time, or if heads gather one packet after the other."""

@@ -40,6 +40,10 @@ class ContikiMac(LowPowerListening):
     While a sender has another frame for the same destination, it says so in the frame: the receiver then stays on for
     up to `linger` seconds, and the next frame follows at once.
 
+    Between the two assessments the radio is off for t_c. A CC2420 in power-down needs 1.1 ms to turn off and on again:
+    with the default t_c it stays in idle mode, as under Contiki, whose driver leaves crystal and regulator on. With
+    `cca_gap: 1.2 ms` and `shortest: 50` it is in power-down.
+
     Source: Dunkels (2011), "The ContikiMAC radio duty cycling protocol", SICS T2011:13, sections 2 and 3; `linger` and
     the values of t_r, t_c and t_i as in Contiki 2.5 and its report. That an assessment hears what is on the air at its
     end, that a sender listens for t_c + 2 t_r without a pause before it sends, and `guard` are our choice (Contiki has
@@ -48,6 +52,7 @@ class ContikiMac(LowPowerListening):
 
     mechanism: ClassVar[str] = "contikimac"
     in_symbols: ClassVar[tuple[str, ...]] = (*LowPowerListening.in_symbols, "cca", "cca_gap", "frame_gap")
+    off_key: ClassVar[str] = "cca_gap"
 
     cca: Annotated[float, TICK, "t_r: duration of a clear channel assessment"] = 192e-6
     cca_gap: Annotated[float, TICK, "t_c: between the two assessments of a wake-up"] = 500e-6
@@ -63,6 +68,11 @@ class ContikiMac(LowPowerListening):
     phase_lock: Annotated[bool, "whether senders learn when their destinations wake"] = True
     guard: Annotated[float, Quantity("s", ge=0.0, le=1.0), "how long before a known wake-up a sender begins"] = 2e-3
     linger: Annotated[float, SHORT, "how long a receiver waits for a further frame that was announced"] = 31.25e-3
+
+    @property
+    def shortest_off(self) -> float:
+        """The pause between two assessments, in s."""
+        return self.cca_gap
 
     def bits(self, payload_bits: int) -> int:
         """Bits on the air of a frame with this payload, padded to the shortest frame."""

@@ -36,7 +36,7 @@ class RadioSheet:
     levels: Annotated[tuple[float, ...], LEVEL, "output powers that can be selected"]
     transmit: Annotated[tuple[float, ...], WATTS, "power while sending, at each of the output powers"]
     sleep: Annotated[float, WATTS, "power while asleep"]
-    wake: Annotated[float, SECONDS, "time from asleep to listening, which costs energy and no delay (our choice)"]
+    wake: Annotated[float, SECONDS, "time from asleep to listening"]
     wake_power: Annotated[float, WATTS, "mean power from asleep to listening"]
     doze: Annotated[float, SECONDS, "time from listening to asleep"]
     doze_power: Annotated[float, WATTS, "power from listening to asleep"]

@@ -141,7 +141,9 @@ class States:
     nothing is written; durations that the MAC counts in symbols are as many symbols of 4 bits at that rate (our choice
     for radios that do not follow IEEE 802.15.4). The output powers of link and energy model follow each other.
 
-    A dormant node listens while its processor sleeps; asleep, the radio is in its `sleep_state` too. The power of a
+    A dormant node listens while its processor sleeps; asleep, the radio is in its `sleep_state` too. A radio that the
+    MAC of an awake node turns off is in its `off_state`: the same, or the one with the least power that the radio can
+    leave in time. So a CC2420 with ContikiMAC is in idle mode between its channel checks. The power of a
     processor that wakes is that of one that runs (our choice); crashing and restarting cost nothing (our choice).
 
     The battery is two AA cells: 18,720 J, as in Castalia 3.
@@ -154,6 +156,10 @@ class States:
     sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "energy of one reading"] = 0.0
     sleep_state: Annotated[
         str | None, "sleep state of the radio, one of its `sleep_states`; left out: the one that its `sleep` belongs to"
+    ] = None
+    off_state: Annotated[
+        str | None,
+        "sleep state of a radio that the MAC turns off; left out: `sleep_state`, or what the MAC has time for",
     ] = None
 
     def transmit(self, bits: float, distance: float) -> tuple[float, float]:
@@ -195,12 +201,16 @@ class States:
         return joules
 
     def radio_start(self) -> tuple[float, float]:
-        """(s, J) of the radio from its sleep state to listening."""
-        return self._sleep.wake, self._sleep.wake * self._sleep.wake_power
+        """(s, J) of the radio from its `off_state` to listening."""
+        return self._off.wake, self._off.wake * self._off.wake_power
 
     def radio_stop(self) -> tuple[float, float]:
-        """(s, J) of the radio from listening to its sleep state."""
+        """(s, J) of the radio from listening to its `off_state`."""
         return self.radio.doze, self.radio.doze * self.radio.doze_power
+
+    def radio_off(self) -> float:
+        """W of a radio in its `off_state`."""
+        return self._off.power
 
     def turnaround(self) -> float:
         """Joules of one change of the radio between receiving and sending."""
@@ -225,18 +235,34 @@ class States:
             yield Issue(
                 ("energy", "power"), f"{self.power:g} dBm is not link.power = {link.power:g} dBm: they must agree"
             )
-        yield from self._unknown_sleep_state()
+        unknown = list(self._unknown_sleep_states())
+        yield from unknown or self._late_starts(setup)
         yield from self._other_radio(setup)
 
-    def _unknown_sleep_state(self) -> Iterator[Issue]:
-        """Yield an issue for a sleep state that the radio lacks."""
+    def _unknown_sleep_states(self) -> Iterator[Issue]:
+        """Yield an issue for each sleep state that the radio lacks."""
         states, name = self.radio.sleep_states, self.radio.name
-        if self.sleep_state is None or self.sleep_state in states:
-            return
-        message = f"{name} has no sleep states to select: leave it out"
-        if states:
-            message = f"'{self.sleep_state}' is not a sleep state of {name} ({did_you_mean(self.sleep_state, states)})"
-        yield Issue(("energy", "sleep_state"), message)
+        for key in ("sleep_state", "off_state"):
+            state = getattr(self, key)
+            if state is not None and state not in states:
+                message = f"{name} has no sleep states to select: leave it out"
+                if states:
+                    message = f"'{state}' is not a sleep state of {name} ({did_you_mean(state, states)})"
+                yield Issue(("energy", key), message)
+
+    def _late_starts(self, setup: Setup) -> Iterator[Issue]:
+        """Yield issues if sleeping nodes have to listen before their radios have stopped and started."""
+        least = self.radio.doze + self._sleep.wake
+        spans = (
+            ("sleep", "period", getattr(getattr(setup, "sleep", None), "shortest_sleep", math.inf), "asleep at a time"),
+            ("wakeup", "call", getattr(getattr(setup, "wakeup", None), "call", 0.0) or math.inf, "called"),
+        )
+        for role, key, seconds, what in spans:
+            if seconds < least:
+                yield Issue(
+                    (role, key),
+                    f"nodes would be {what} for {seconds:g} s; to turn {self.radio.name} off and on takes {least:g} s",
+                )
 
     def _other_radio(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue for each value of the link or the MAC that differs from the datasheet."""
@@ -258,6 +284,11 @@ class States:
     def _sleep(self) -> RadioSleep:
         """The sleep state of the radio."""
         return self.radio.sleeping(self.sleep_state)
+
+    @cached_property
+    def _off(self) -> RadioSleep:
+        """The sleep state of a radio that a MAC turns off."""
+        return self._sleep if self.off_state is None else self.radio.sleeping(self.off_state)
 
     @cached_property
     def _per_bit(self) -> float:

@@ -13,7 +13,8 @@ from typing import Annotated, Final
 
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.setups import RadioSetup, Setup
+from wsnsim.base.radio_duty import off_time
+from wsnsim.base.setups import Setup
 from wsnsim.models.access import Framed
 
 INTERVAL: Final = Quantity("s", ge=1e-3, le=60.0)
@@ -26,12 +27,13 @@ ROUNDING: Final = 1e-12
 class LowPowerListening(Framed):
     """What both protocols share: the wake interval, and how a sender gets the channel.
 
-    A node with a frame waits for a random time below `first_backoff`, turns the radio on and listens for so long that
-    it hears any train of strobes under way. If the channel is busy, it waits for a random time below `backoff` with the
-    radio off, and listens again. After `max_backoffs` more attempts the frame is dropped. A frame without
-    acknowledgement is sent again after such a wait, up to `max_retries` times. These waits are our choice: the papers
-    leave them to the layer above. Contiki's CSMA layer also waits for times in the order of the wake interval;
-    10 ms is the initial back-off of TinyOS on a CC2420.
+    A node with a frame waits for a random time below `first_backoff`, or for as long as its radio takes to turn off
+    and on again if that is longer and the radio is off (our choice: the stop counts in any case). It listens for so
+    long that it hears any train of strobes under way. If the channel is busy, it waits for a random time below
+    `backoff` with the radio off, and listens again. After `max_backoffs` more attempts the frame is dropped. A frame
+    without acknowledgement is sent again after such a wait, up to `max_retries` times. These waits are our choice:
+    the papers leave them to the layer above. Contiki's CSMA layer also waits for times in the order of the wake
+    interval; 10 ms is the initial back-off of TinyOS on a CC2420.
     """
 
     interval: Annotated[float, INTERVAL, "wake interval: from one wake-up of a node to the next"] = 0.125
@@ -74,11 +76,10 @@ class LowPowerListening(Framed):
 
     def too_short(self, on: float, what: str, setup: Setup) -> Iterator[Issue]:
         """Yield an issue for each interval that leaves no time between wake-ups of `on` seconds."""
-        radio = getattr(setup.energy, "radio", None) if isinstance(setup, RadioSetup) else None
-        start = 0.0 if radio is None else float(getattr(radio, "wake", 0.0))
+        start = off_time(getattr(setup, "energy", None))
         for key, interval in zip(("interval", "near"), self.intervals(), strict=False):
             if interval <= on + start:
-                turning_on = f" and turning the radio on ({start:g} s)" if start else ""
+                turning_on = f" and turning the radio off and on ({start:g} s)" if start else ""
                 yield Issue(
                     ("mac", key),
                     f"{interval:g} s is not longer than {what} of {on:g} s{turning_on}: the radio would never be off",

@@ -168,6 +168,11 @@ class _PeriodicSchedule:
         raise NotImplementedError
 
     @property
+    def shortest_sleep(self) -> float:
+        """Seconds that a node is asleep at a time, at least."""
+        return self.period - self.awake_part or self.period
+
+    @property
     def awake_part(self) -> float:
         """Seconds that a node is awake at a time, at least."""
         return self._law[1]

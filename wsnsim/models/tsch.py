@@ -58,6 +58,7 @@ class Tsch(Framed):
     in_symbols: ClassVar[tuple[str, ...]] = (
         *Framed.in_symbols, "slot", "tx_offset", "rx_wait", "tx_ack_delay", "rx_ack_delay",
     )  # fmt: skip
+    off_key: ClassVar[str] = "slot"
 
     slotframe: Annotated[int, Quantity("", ge=1, le=10_000), "slots in a slotframe"] = 101
     slot: Annotated[float, OFFSET, "macTsTimeslotLength: length of a slot"] = 10e-3
@@ -106,6 +107,12 @@ class Tsch(Framed):
     def rx_offset(self) -> float:
         """Seconds from the start of a slot until a receiver listens (macTsRxOffset)."""
         return self.tx_offset - self.guard
+
+    @property
+    def shortest_off(self) -> float:
+        """The shortest time in s between two cells, whether they are used or not, or until a frame begins."""
+        after_frame = self.slot - self.slot_needed(self.bits(self.payload_bits)) + self.rx_offset
+        return min(self.slot - self.rx_wait, after_frame, self.tx_offset)
 
     @property
     def interval(self) -> float:

@@ -24,7 +24,7 @@ from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals
-from wsnsim.network.energy.power_table import ASLEEP, HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable
+from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable
 from wsnsim.network.energy.radio_levels import RadioLevels
 
 
@@ -163,7 +163,7 @@ class BackgroundConsumption(Consumption):
 
     def sleep_radio(self, node: int, seconds: float) -> Charges:
         """Return the charges of a radio that sleeps for this time, which the caller has marked as busy."""
-        joules = self._radio[ASLEEP] * seconds
+        joules = self._table.off_power * seconds
         if not joules:
             return ()
         self._grand[SLEEP] += joules

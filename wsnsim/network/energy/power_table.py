@@ -53,6 +53,7 @@ class PowerTable:
         scheduled: Whether the mode is SCHEDULED.
         start, stop: Joules of switching a radio on, and off.
         listen: W of listening.
+        off_power: W of a radio that the MAC of an awake node has turned off, and of its wake-up receiver.
     """
 
     def __init__(
@@ -70,7 +71,9 @@ class PowerTable:
         self.duties = tuple(duties)
         levels: list[RadioDuty | None] = [*self.duties[:1], None, *self.duties[1:]]
         self._switch_time, self.start, self.stop = _switching(model)
-        self._sleep = float(model.mode_power(Mode.ASLEEP).radio)
+        asleep = float(model.mode_power(Mode.ASLEEP).radio)
+        self._off = float(model.radio_off()) if hasattr(model, "radio_off") else asleep
+        self.off_power = self._off + standby
         self.listen = float(model.mode_power(Mode.AWAKE).radio)
         self.radio: list[float] = []
         self.share: list[float] = []
@@ -99,7 +102,7 @@ class PowerTable:
             on, rate = duty.on / duty.interval, duty.starts / duty.interval
             share = max(1.0 - on - rate * self._switch_time, 0.0)
             listening, switching = radio * on, rate * (self.start + self.stop)
-            radio, cause = self._sleep if share else 0.0, SLEEP
+            radio, cause = self._off if share else 0.0, SLEEP
         self.radio.append(radio)
         self.radio_cause.append(cause)
         self.share.append(share)

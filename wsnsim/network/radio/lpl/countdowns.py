@@ -15,6 +15,7 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.low_power_macs import StrobingMac
+from wsnsim.base.radio_duty import off_time
 from wsnsim.network.radio.lpl.radios import EXPECTS, LowPowerRadios
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
@@ -29,14 +30,18 @@ class Countdowns:
         self._radios = radios
         self._longest = mac.turnaround + mac.airtime(mac.bits(mac.payload_bits)) + mac.turnaround
         """For how long a receiver waits for the end of a broadcast, in s"""
+        self._off_time = off_time(services.radio.energy)
         self._expected: dict[int, set[int]] = {}
         """{node: senders of the broadcasts that it expects}"""
 
     def hear(self, source: int, receivers: Ints, seconds: float) -> None:
-        """Nodes (n,) hear after how many seconds a broadcast begins."""
+        """Nodes (n,) hear after how many seconds a broadcast begins; they stay on if that is too soon to turn off."""
         new = [node for node in receivers.tolist() if source not in self._expected.get(node, ())]
         for node in new:
             self._expected.setdefault(node, set()).add(source)
+            if seconds < self._off_time:
+                now = self._env.now
+                self._radios.hold_until(node, EXPECTS, now + seconds + self._longest, since=now)
         if new:
             self._env.timeout(seconds, (source, new)).callbacks.append(self._turn_on)
 

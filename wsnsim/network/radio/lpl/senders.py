@@ -17,6 +17,7 @@ import simpy
 
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.base.low_power_macs import LowPowerMac
+from wsnsim.base.radio_duty import off_time
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.lpl.copies import CopyTrain
@@ -107,6 +108,7 @@ class Senders(SenderQueues[RepeatingSender]):
         self._channel = channel
         self._protocol = protocol
         self._key = services.key("mac")
+        self._off_time = off_time(services.radio.energy)
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: its queue is lost, its transmission is cut, its radio is off."""
@@ -161,8 +163,9 @@ class Senders(SenderQueues[RepeatingSender]):
             self._begin(sender)
 
     def _begin(self, sender: RepeatingSender) -> None:
-        """Wait as the protocol wants, then assess the channel."""
-        self.after(sender, self._protocol.delay(sender), self._listen)
+        """Wait as the protocol wants, and until a radio that is off can be on again, then assess the channel."""
+        least = 0.0 if self._radios.is_held(sender.node) else self._off_time
+        self.after(sender, max(self._protocol.delay(sender), least), self._listen)
 
     def _listen(self, sender: RepeatingSender) -> None:
         """Turn the radio on and assess the channel."""
