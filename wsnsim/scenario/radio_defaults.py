@@ -29,14 +29,16 @@ def with_radio(scenario: Scenario) -> Scenario:
     """
     energy, link, mac = (getattr(scenario, role, None) for role in ("energy", "link", "mac"))
     radio = getattr(energy, "radio", None)
-    if energy is None or link is None or mac is None or not isinstance(radio, PartModel):
+    rate = getattr(radio, "rate", None)
+    if energy is None or link is None or mac is None or not isinstance(rate, float) or rate <= 0.0:
         return scenario
     link = _filled(link, {name: getattr(radio, name, None) for name in LINK})
     mac = _filled(mac, {name: getattr(radio, name, None) for name in MAC})
     link = _filled(link, {"power": getattr(energy, "power", None)})
     energy = _filled(energy, {"power": getattr(link, "power", None)})
-    longer = STANDARD_RATE / getattr(radio, "rate", STANDARD_RATE)
-    mac = _filled(mac, {name: longer * getattr(mac, name) for name in getattr(mac.part, "in_symbols", ())})
+    mac = _filled(
+        mac, {name: STANDARD_RATE / rate * getattr(mac, name) for name in getattr(mac.part, "in_symbols", ())}
+    )
     energy = _in_time(energy, radio, mac)
     return scenario.model_copy(update={"energy": energy, "link": link, "mac": mac})
 
