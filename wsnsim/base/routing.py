@@ -17,7 +17,10 @@ class Routing(Protocol):
 
 
 class TreeRouting(Routing, Protocol):
-    """Routing over a collection tree, whose `weight` is 'etx': the expected number of transmissions."""
+    """Routing over a collection tree, whose `weight` is 'etx': the expected number of transmissions.
+
+    A member `largest_cost` is the cost from which on a route is not considered; without it, there is none.
+    """
 
     @property
     def i_min(self) -> float:
@@ -34,10 +37,6 @@ class TreeRouting(Routing, Protocol):
     @property
     def hysteresis(self) -> float:
         """By how many transmissions a route must be cheaper than that over the parent."""
-
-    @property
-    def largest_cost(self) -> float:
-        """The cost in transmissions from which on a route is not considered."""
 
     @property
     def table(self) -> int:

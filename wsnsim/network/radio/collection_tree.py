@@ -9,6 +9,7 @@ datagrams go up the tree, `geographic_forwarding` for datagrams to other nodes.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Final
 
 import numpy as np
@@ -156,7 +157,11 @@ class CollectionTree:
     def _begin(self, node: int) -> None:
         routing, uniform = self._routing, node_random(self._key, node)
         route = TreeNode(
-            node, node in self._sinks, LinkTable(routing.table, uniform), routing.hysteresis, routing.largest_cost
+            node,
+            node in self._sinks,
+            LinkTable(routing.table, uniform),
+            routing.hysteresis,
+            getattr(routing, "largest_cost", inf),
         )
         queue = TreeQueue(self._env, route, self._rules_of(node), self, self._hops, uniform)
         places = self._places[node] = HeardPlaces(routing.places, uniform)
