@@ -296,3 +296,19 @@ def test_a_long_trace_is_read_in_pieces(tmp_path: Path) -> None:
     finally:
         tracemalloc.stop()
     assert len(track) == 600 and peak < path.stat().st_size / 2
+
+
+@pytest.mark.parametrize("ids", [[], ["0"]])
+def test_the_entries_that_are_kept_and_the_names_of_a_trace_have_limits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ids: list[str]
+) -> None:
+    monkeypatch.setattr(traces, "MOST_KEPT", 2)
+    samples = "t id x y\n" + "".join(f"{time} 0 1 2\n" for time in range(3))
+    with pytest.raises(RunError, match=r":4: more than 2 entries of the chosen nodes: split it$"):
+        traces.read(written(tmp_path, "a.txt", samples), sumo, ids)
+    names = "t id x y\n" + "".join(f"0 {name} 1 2\n" for name in range(3))
+    with pytest.raises(RunError, match=r":4: more than 2 different names: split it$"):
+        traces.summarised(written(tmp_path, "b.txt", names), sumo)
+    long = f"t id x y\n0 {'a' * 201} 1 2\n"
+    with pytest.raises(RunError, match=r":2: a name must have at most 200 characters, has 201$"):
+        traces.read(written(tmp_path, "c.txt", long), sumo, ids)

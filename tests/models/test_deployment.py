@@ -130,10 +130,10 @@ def test_positions_come_from_a_file_in_its_order(tmp_path):
         ("", "nodes.csv:1: the header must name the columns x and y"),
         ("x;y\n1;2\n", "nodes.csv:1: the header must name"),
         ("x,y\n", "nodes.csv: contains no positions"),
-        ("x,y\n1,2\n3,four\n", "nodes.csv:3: x and y must be numbers, got '3' and 'four'"),
-        ("x,y\n1,2\n3\n", "nodes.csv:3: x and y must be numbers, got '3' and ''"),
+        ("x,y\n1,2\n3,four\n", "nodes.csv:3: y must be a finite number, is 'four'"),
+        ("x,y\n1,2\n3\n", "nodes.csv:3: y must be a finite number, is ''"),
         ("x,y\n1,2\n\n0,201\n", "nodes.csv:4: (0, 201) m is outside the field of 400 m by 400 m"),
-        ("x,y\nnan,0\n", "nodes.csv:2: (nan, 0) m is outside the field"),
+        ("x,y\nnan,0\n", "nodes.csv:2: x must be a finite number, is 'nan'"),
     ],
 )
 def test_a_faulty_file_is_named_with_its_line(tmp_path, text, said):

@@ -251,8 +251,8 @@ def test_a_file_gives_the_way_of_its_columns_whatever_their_order(tmp_path: Path
 
 BAD = {
     "t,x\n0,0\n": r":1: .*header must name .*t, x and y",
-    "t,x,y\n0,1,2\n1,z,3\n": r":3: .*must be numbers, got '1', 'z' and '3'",
-    "t,x,y\n0,1\n1,2,3\n": r":2: .*must be numbers",
+    "t,x,y\n0,1,2\n1,z,3\n": r":3: x must be a finite number, is 'z'",
+    "t,x,y\n0,1\n1,2,3\n": r":2: y must be a finite number",
     "t,x,y\n5,1,2\n\n5,1,3\n": r":4: .*5 s must be later than .*5 s",
     "t,x,y\n0,1,2\n": r"at least two points are needed",
     "t,x,y\n": r"contains no waypoints",

@@ -6,9 +6,9 @@ read_sample(files, nodes, form, options) -> LocatedReadings
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import compress
+from itertools import chain
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from wsnsim.base.content_digests import content_digest
 from wsnsim.base.errors import RunError, UsageError, did_you_mean
 from wsnsim.fitting.laws import LawForm
 from wsnsim.fitting.located_readings import DataFile, LocatedReadings, NodeTable
-from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, open_text, read_rows
+from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, first_of_equal, limited, open_text, read_rows
 from wsnsim.models.recorded_track import recorded_points
 
 NAMES: Final[Mapping[str, tuple[str, ...]]] = {
@@ -77,15 +77,15 @@ def read_nodes(path: str, columns: Mapping[str, str]) -> NodeTable:
     names = names_in(path, columns, ("reading",))
     wanted = Wanted({"id": names["id"]}, {axis: names[axis] for axis in "xyz"}, ("z",))
     rows = read_rows(path, wanted, "nodes")
-    seen: dict[str, int] = {}
-    bad = list(rows.bad)
-    for line, name in zip(rows.lines.tolist(), rows.texts["id"], strict=True):
-        if name in seen:
-            bad.append(BadRow(line, f"node '{name}' is in line {seen[name]} already"))
-        seen.setdefault(name, line)
-    if bad:
+    ids, codes = rows.texts["id"]
+    first = first_of_equal(np.ones(len(codes), dtype=np.bool_), codes)
+    repeated = (
+        BadRow(int(rows.lines[row]), f"node '{ids[codes[row]]}' is in line {rows.lines[first[row]]} already")
+        for row in np.flatnonzero(first != np.arange(len(codes))).tolist()
+    )
+    if bad := limited(path, chain(rows.bad, repeated)):
         raise RunError(bad_rows_text(path, bad, len(rows.lines) + len(rows.bad)))
-    return NodeTable(tuple(rows.texts["id"]), _points(rows))
+    return NodeTable(ids, _points(rows))
 
 
 def read_sample(files: Sequence[str], nodes: NodeTable, form: LawForm, options: ReadingOptions) -> LocatedReadings:
@@ -126,51 +126,56 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
     )
     rows = read_rows(path, wanted, "readings")
     points, known, skipped = _places_of(rows, track, options)
-    good, bad = _checked(rows, nodes, form, known)
-    every = sorted([*rows.bad, *bad], key=lambda row: row.line)
+    index = {name: number for number, name in enumerate(nodes.ids)}
+    ids, codes = rows.texts["node"]
+    found = np.array([index.get(name, -1) for name in ids], dtype=np.int64)[codes]
+    every = limited(path, chain(rows.bad, _unusable(rows, found, nodes, form, known)))
+    good = ~np.isin(rows.lines, [row.line for row in every])
     total = len(rows.lines) + len(rows.bad)
     if every and not options.skip_bad_rows:
         raise RunError(bad_rows_text(path, every, total, REMEDY))
     if not good.any():
         raise RunError(f"{path}: none of its {total} rows can be used")
-    if len(targets := set(compress(rows.texts.get("target", ()), good.tolist()))) > 1:
-        first, second, *_ = sorted(targets)
+    named = rows.texts.get("target")
+    if named and len(targets := np.unique(named.codes[good])) > 1:
+        first, second, *_ = sorted(named.names[target] for target in targets)
         raise RunError(
             f"{path}: has readings of {len(targets)} targets, such as '{first}' and '{second}': give a file for each"
         )
-    index = {name: number for number, name in enumerate(nodes.ids)}
-    found = np.array([index.get(name, -1) for name in rows.texts["node"]])
     notes = tuple(f"{name}:{row.line}: {row.reason}" for name, own in ((path, every), (track, skipped)) for row in own)
     file = DataFile(path, digest_of(path), int(good.sum()), notes)
     numbers = rows.numbers
     return _Rows(numbers["time"][good], found[good], numbers["reading"][good], points[good], file)
 
 
-def _checked(rows: CsvRows, nodes: NodeTable, form: LawForm, known: Bools) -> tuple[Bools, list[BadRow]]:
-    """Which rows can be used, and what is wrong with the others."""
-    bad: list[BadRow] = []
-    good = np.ones(len(rows.lines), dtype=np.bool_)
-    ids = set(nodes.ids)
-    seen: dict[tuple[float, str, str], int] = {}
-    targets = rows.texts.get("target", [""] * len(good))
-    columns = zip(rows.lines.tolist(), rows.texts["node"], targets, strict=True)
-    for i, (line, node, target) in enumerate(columns):
-        time, reading = float(rows.numbers["time"][i]), float(rows.numbers["reading"][i])
-        key = (time, node, target)
-        if node not in ids:
-            reason = f"unknown node '{node}' ({did_you_mean(node, nodes.ids)})"
-        elif not form.least <= reading <= form.greatest:
-            reason = f"reading {reading:g} {form.reading_unit} must be between {form.least:g} and {form.greatest:g}"
-        elif key in seen:
-            reason = f"node '{node}' has a reading at {time:g} s in line {seen[key]} already"
-        elif not known[i]:
-            reason = f"the trajectory does not reach {time:g} s"
+def _unusable(rows: CsvRows, found: Ints, nodes: NodeTable, form: LawForm, known: Bools) -> Iterator[BadRow]:
+    """Yield the rows that cannot be used.
+
+    Args:
+        rows: The rows of the file.
+        found: (n,) the number of each row's node; -1 for an unknown one.
+        nodes: The nodes.
+        form: The form of the law.
+        known: (n,) whether the place of the target is known.
+    """
+    times, readings, lines = rows.numbers["time"], rows.numbers["reading"], rows.lines
+    names, codes = rows.texts["node"]
+    within = (form.least <= readings) & (readings <= form.greatest)
+    good = (found >= 0) & within & known
+    keys = [times, codes, *([rows.texts["target"].codes] if "target" in rows.texts else [])]
+    first = first_of_equal(good, *keys)
+    for row in np.flatnonzero(~good | (first != np.arange(len(lines)))).tolist():
+        name, time = names[codes[row]], f"{times[row]:g} s"
+        if found[row] < 0:
+            reason = f"unknown node '{name}' ({did_you_mean(name, nodes.ids)})"
+        elif not within[row]:
+            allowed = f"between {form.least:g} and {form.greatest:g}"
+            reason = f"reading {readings[row]:g} {form.reading_unit} must be {allowed}"
+        elif not known[row]:
+            reason = f"the trajectory does not reach {time}"
         else:
-            seen[key] = line
-            continue
-        good[i] = False
-        bad.append(BadRow(line, reason))
-    return good, bad
+            reason = f"node '{name}' has a reading at {time} in line {lines[first[row]]} already"
+        yield BadRow(int(lines[row]), reason)
 
 
 def _places_of(rows: CsvRows, track: str, options: ReadingOptions) -> tuple[Floats, Bools, tuple[BadRow, ...]]:

@@ -17,9 +17,12 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import MOST_PRINTED, RunError, UsageError, did_you_mean
+from wsnsim.models.csvfile import LONGEST_NAME
 
 MOST_LISTED = 10
 """Nodes that a message about a missing choice names."""
+MOST_KEPT = 1_000_000
+"""Entries of the chosen nodes, and nodes of a file (our choice)."""
 
 
 class TraceEntry(NamedTuple):
@@ -80,7 +83,7 @@ def summarised(path: str, format_: TraceFormat) -> dict[str, NodeSummary]:
     """A summary of every node of a file. Raises RunError with file and line if it cannot be read."""
     nodes: dict[str, NodeSummary] = {}
     for entry in format_.entries(path):
-        _count(nodes, entry)
+        _count(nodes, entry, path)
     if not nodes:
         raise RunError(f"{path}: contains no positions")
     return nodes
@@ -95,8 +98,12 @@ def read(path: str, format_: TraceFormat, ids: Collection[str] = ()) -> Trace:
     """
     nodes: dict[str, NodeSummary] = {}
     kept: dict[str, list[TraceEntry]] = {node: [] for node in ids}
+    total = 0
     for entry in format_.entries(path):
-        _count(nodes, entry)
+        _count(nodes, entry, path)
+        total += entry.node in ids or not ids
+        if total > MOST_KEPT and (ids or len(nodes) == 1):
+            raise RunError(f"{path}:{entry.line}: more than {MOST_KEPT:,} entries of the chosen nodes: split it")
         if not ids and len(nodes) == 1:
             kept.setdefault(entry.node, []).append(entry)
         elif entry.node in kept and ids:
@@ -108,11 +115,17 @@ def read(path: str, format_: TraceFormat, ids: Collection[str] = ()) -> Trace:
     return Trace(path, {node: format_.track(path, entries, end) for node, entries in kept.items()}, nodes)
 
 
-def _count(nodes: dict[str, NodeSummary], entry: TraceEntry) -> None:
-    """Add an entry to the summary of its node."""
+def _count(nodes: dict[str, NodeSummary], entry: TraceEntry, path: str) -> None:
+    """Add an entry to the summary of its node. Raises RunError for a name that is too long, and too many nodes."""
     time = 0.0 if entry.time != entry.time else entry.time
     known = nodes.get(entry.node)
     if known is None:
+        if len(entry.node) > LONGEST_NAME:
+            raise RunError(
+                f"{path}:{entry.line}: a name must have at most {LONGEST_NAME} characters, has {len(entry.node):,}"
+            )
+        if len(nodes) == MOST_KEPT:
+            raise RunError(f"{path}:{entry.line}: more than {MOST_KEPT:,} different names: split it")
         nodes[entry.node] = NodeSummary(1, time, time)
         return
     known.entries += 1

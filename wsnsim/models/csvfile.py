@@ -1,8 +1,10 @@
 """Readers of CSV files, plain or compressed with gzip, whose header names their columns.
 
-read_columns(path, ("x", "y"), "positions") -> [(place, (x, y)), ...]      place: 'file:line', for messages
-read_rows(path, wanted, "readings") -> CsvRows                              columns of texts and numbers, bad rows apart
-open_text(path) -> a text file                                              for other formats, with the same messages
+read_rows(path, wanted, "readings") -> CsvRows      columns of texts and numbers, bad rows apart
+only_rows(path, wanted, "positions") -> CsvRows     the same, where no row may be bad
+open_text(path) -> a text file                      for other formats, with the same limits and messages
+
+Rows become arrays while they are read, so that memory is that of the numbers.
 """
 
 from __future__ import annotations
@@ -11,22 +13,31 @@ import contextlib
 import csv
 import gzip
 import io
+import itertools
 import math
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple, final
 
 import numpy as np
 
 from wsnsim.base import gzip_content
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import MOST_PRINTED, RunError
 from wsnsim.base.regular_files import file_digest, why_not_regular
 
-Row = tuple[str, tuple[float, ...]]
-
+MOST_ROWS: Final = 8_000_000
+"""Rows of one file (our choice): readings of 100 nodes, once a second for 22 hours."""
+MOST_BAD: Final = 100_000
+"""Rows of one file that may be left out because they cannot be used (our choice)."""
+LONGEST_LINE: Final = 1_000_000
+"""Characters of a line."""
+LONGEST_NAME: Final = 200
+"""Characters of a text, such as the name of a node (our choice)."""
+LONGEST_SHOWN: Final = 60
+"""Characters of a cell in a message."""
 SKIPPING: Final = "skip_bad_rows: true leaves them out, and the result names them"
 """What helps a scenario whose file has bad rows."""
 DELIMITERS: Final = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
@@ -55,6 +66,13 @@ class Wanted:
     optional: Sequence[str] = ()
 
 
+class TextColumn(NamedTuple):
+    """(n,) texts, each of which is kept once: `names[codes[i]]` is that of row i. Names are in the file's order."""
+
+    names: tuple[str, ...]
+    codes: Ints
+
+
 @dataclass(frozen=True, slots=True)
 class CsvRows:
     """The rows of a file, by our names of the columns, in the file's order.
@@ -69,52 +87,53 @@ class CsvRows:
 
     path: str
     lines: Ints
-    texts: Mapping[str, list[str]]
+    texts: Mapping[str, TextColumn]
     numbers: Mapping[str, Floats]
     bad: tuple[BadRow, ...]
-
-
-def read_columns(path: str, names: tuple[str, ...], what: str) -> list[Row]:
-    """The named columns of every non-empty line, in the file's order; other columns are ignored.
-
-    Raises:
-        RunError: the file cannot be read, lacks a column or is empty, or a cell is not a number. The message names
-            file and line.
-    """
-    with open_text(path) as file:
-        found = list(_rows(path, csv.reader(file), names))
-    if not found:
-        raise RunError(f"{path}: contains no {what}")
-    return found
 
 
 def read_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
     """The wanted columns of every non-empty line; rows in which a cell is missing or not a finite number are apart.
 
     Raises:
-        RunError: the file cannot be read, lacks a column, or has no row.
+        RunError: the file cannot be read, lacks a column, has no row, or more than `MOST_ROWS` rows or `MOST_BAD` bad
+            ones.
     """
-    good: list[tuple[int, list[str], list[float]]] = []
     bad: list[BadRow] = []
     with open_text(path) as file:
         rows = csv.reader(file)
         texts, numbers = _present(path, rows, wanted)
-        for row in rows:
-            if any(cell.strip() for cell in row):
-                read = _cells(row, texts, numbers)
-                if isinstance(read, str):
-                    bad.append(BadRow(rows.line_num, read))
-                else:
-                    good.append((rows.line_num, *read))
-    if not good and not bad:
+        codes: list[dict[str, int]] = [{} for _ in texts]
+        columns = [("line", np.int64), *((name, np.int64) for name in texts), *((name, np.float64) for name in numbers)]
+        table = np.fromiter(_good_rows(path, rows, texts, numbers, codes, bad), dtype=columns)
+    if not table.size and not bad:
         raise RunError(f"{path}: contains no {what}")
-    return CsvRows(
-        path,
-        np.array([line for line, *_ in good], dtype=np.int64),
-        {name: [words[i] for _, words, _ in good] for i, name in enumerate(texts)},
-        {name: np.array([values[i] for *_, values in good], dtype=np.float64) for i, name in enumerate(numbers)},
-        tuple(bad),
-    )
+    column = {name: np.ascontiguousarray(table[name]) for name, _ in columns}
+    named = {name: TextColumn(tuple(known), column[name]) for name, known in zip(texts, codes, strict=True)}
+    return CsvRows(path, column["line"], named, {name: column[name] for name in numbers}, tuple(bad))
+
+
+def only_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
+    """As `read_rows`, for files in which a row left out would shift the others.
+
+    Raises:
+        RunError: as there, or a row cannot be used. The message names file and line.
+    """
+    rows = read_rows(path, wanted, what)
+    if rows.bad:
+        raise RunError(f"{path}:{rows.bad[0].line}: {rows.bad[0].reason}")
+    return rows
+
+
+def first_of_equal(among: Bools, *keys: Floats | Ints) -> Ints:
+    """(n,) the index of the first row with the same keys (n,), of those `among` which it is sought; else its own."""
+    first = np.arange(len(among))
+    rows = np.flatnonzero(among)
+    order = rows[np.lexsort([key[rows] for key in keys])]  # stable: the first of equal rows comes first
+    starts = np.ones(len(order), dtype=np.bool_)
+    starts[1:] = np.any([key[order[1:]] != key[order[:-1]] for key in keys], axis=0)
+    first[order] = order[np.maximum.accumulate(np.where(starts, np.arange(len(order)), 0))]
+    return first
 
 
 @contextlib.contextmanager
@@ -128,7 +147,7 @@ def open_text(path: str) -> Iterator[Any]:
         raise RunError(f"{path}: cannot be read: {irregular}")
     try:
         with Path(path).open("rb") as file, _decompressed(path, file) as content:
-            yield io.TextIOWrapper(content, encoding="utf-8-sig", newline="")
+            yield _Lines(content, encoding="utf-8-sig", newline="")
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise RunError(f"{path}: cannot be read: its gzip data is damaged or cut off ({error})") from error
     except OSError as error:
@@ -165,6 +184,15 @@ def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int, remedy: str = "")
     return "\n  ".join([f"{path}: {len(bad)} of {rows} rows cannot be used:", *listed, *rest])
 
 
+def limited(path: str, bad: Iterable[BadRow]) -> list[BadRow]:
+    """The bad rows of a file, ascending. Raises RunError where there are more than `MOST_BAD`."""
+    rows = sorted(itertools.islice(bad, MOST_BAD + 1), key=lambda row: row.line)
+    if len(rows) > MOST_BAD:
+        listed = row_texts(path, rows[:MOST_PRINTED])
+        raise RunError("\n  ".join([f"{path}: more than {MOST_BAD:,} rows cannot be used:", *listed, "and more"]))
+    return rows
+
+
 def row_texts(path: str, bad: Sequence[BadRow]) -> list[str]:
     """Bad rows, a text each with file, line and reason, without the file's folder."""
     return [f"{Path(path).name}:{row.line}: {row.reason}" for row in bad]
@@ -181,14 +209,42 @@ def _decompressed(path: str, file: Any) -> Any:
     return file
 
 
-def _rows(path: str, rows: Any, names: tuple[str, ...]) -> Iterator[Row]:
-    header = _header(rows)
-    if not set(names) <= set(header):
-        raise _without_columns(path, header, names)
+@final
+class _Lines(io.TextIOWrapper):
+    """A text whose lines have a greatest length, so that none takes all memory."""
+
+    def readline(self, size: int = -1, /) -> str:  # type: ignore[override]
+        """The next line. Raises OSError if it has more than `LONGEST_LINE` characters."""
+        line = super().readline(LONGEST_LINE + 1)
+        if len(line) > LONGEST_LINE:
+            raise OSError(f"a line has more than {LONGEST_LINE:,} characters")
+        return line
+
+
+def _good_rows(
+    path: str,
+    rows: Any,
+    texts: Mapping[str, int],
+    numbers: Mapping[str, tuple[int, str]],
+    codes: Sequence[dict[str, int]],
+    bad: list[BadRow],
+) -> Iterator[tuple[float, ...]]:
+    """Yield line, codes of the texts and numbers of each row that can be used; add to `codes` and `bad`."""
+    count = 0
     for row in rows:
-        if any(cell.strip() for cell in row):
-            place = f"{path}:{rows.line_num}"
-            yield place, _numbers(place, dict(zip(header, row, strict=False)), names)
+        if not any(map(str.strip, row)):
+            continue
+        count += 1
+        if count > MOST_ROWS:
+            raise RunError(f"{path}:{rows.line_num}: has more than {MOST_ROWS:,} rows: split it, or thin it out")
+        read = _cells(row, texts, numbers)
+        if isinstance(read, str):
+            bad.append(BadRow(rows.line_num, read))
+            if len(bad) > MOST_BAD:
+                limited(path, bad)
+        else:
+            words = [known.setdefault(word, len(known)) for known, word in zip(codes, read[0], strict=True)]
+            yield rows.line_num, *words, *read[1]
 
 
 def _header(rows: Any) -> list[str]:
@@ -223,12 +279,14 @@ def _cells(
     words = [row[i].strip() if i < len(row) else "" for i in texts.values()]
     if not all(words):
         return f"{_listed([name for name, word in zip(texts, words, strict=True) if not word])} must not be empty"
+    if long := [name for name, word in zip(texts, words, strict=True) if len(word) > LONGEST_NAME]:
+        return f"{_listed(long)} must have at most {LONGEST_NAME} characters"
     values = []
     for i, name in numbers.values():
         cell = row[i] if i < len(row) else ""
         value = _number(cell)
         if not math.isfinite(value):
-            return f"{name} must be a finite number, is {cell.strip()!r}"
+            return f"{name} must be a finite number, is {cell.strip()[:LONGEST_SHOWN]!r}"
         values.append(value)
     return words, values
 
@@ -239,14 +297,6 @@ def _number(cell: str) -> float:
         return float(cell.replace("_", "no digit"))
     except ValueError:
         return math.nan
-
-
-def _numbers(place: str, row: dict[str, str], names: tuple[str, ...]) -> tuple[float, ...]:
-    try:
-        return tuple(float(row.get(name, "").replace("_", "no digit")) for name in names)
-    except ValueError:
-        got = _listed([repr(row.get(name, "")) for name in names])
-        raise RunError(f"{place}: {_listed(names)} must be numbers, got {got}") from None
 
 
 def _listed(words: Any) -> str:

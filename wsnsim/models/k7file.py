@@ -16,15 +16,28 @@ import csv
 import functools
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+
+from wsnsim.base.arrays import Bools
 from wsnsim.base.errors import RunError
-from wsnsim.models.csvfile import BadRow, bad_rows_text, open_text
+from wsnsim.models.csvfile import (
+    LONGEST_NAME,
+    LONGEST_SHOWN,
+    MOST_BAD,
+    MOST_ROWS,
+    BadRow,
+    bad_rows_text,
+    limited,
+    open_text,
+)
 from wsnsim.models.link_bursts import Bursts, LinkRow
-from wsnsim.models.link_recording import LinkRecording, link_recording
+from wsnsim.models.link_recording import LinkRecording, LinkTable, link_recording
 
 COLUMNS: Final = ("datetime", "src", "dst", "channel", "mean_rssi", "pdr")
 """The columns that a file must have; `tx_count` may be missing, others are ignored."""
@@ -33,6 +46,10 @@ LEVELS: Final = (-150.0, 30.0)
 """The powers in dBm that a radio can report."""
 SLACK: Final = 2.0
 """Times are whole seconds: rows of one burst may be farther apart than its length by this many s."""
+LONGEST_BURST: Final = 1e9
+"""s: the longest burst (our choice)."""
+TYPES: Final = dict(zip(LinkRow._fields, ("i8", "f8", "i8", "i8", "i8", "f8", "f8", "i8"), strict=True))
+"""The fields of rows, and their types in an array."""
 KEPT: Final = 4
 """Recordings that a process keeps."""
 
@@ -73,24 +90,30 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
     """The content of one version of a file."""
     with open_text(path) as file:
         header = _header(path, file.readline())
-        rows, bad = _rows(path, csv.reader(file), header)
+        (rows, names), bad = _rows(path, csv.reader(file), header)
     total = len(rows) + len(bad)
-    rows.sort(key=lambda row: row.time)
+    rows = rows[np.argsort(rows["time"], kind="stable")]
     bursts = Bursts(header.burst + SLACK)
-    kept = []
-    for row in rows:
-        if said := bursts.add(row):
-            bad.append(BadRow(row.line, said))
-        else:
-            kept.append(row)
-    bad.sort(key=lambda row: row.line)
+    repeated = np.zeros(len(rows), dtype=np.bool_)
+    bad = limited(path, chain(bad, _repeated(rows, names, bursts, repeated)))
     if bad and not skip_bad_rows:
         raise RunError(bad_rows_text(path, bad, total))
-    if not kept:
+    kept = rows[~repeated]
+    if not kept.size:
         raise RunError(f"{path}: contains no row that can be used")
     longest = header.burst + SLACK
-    cut = kept[0].time > header.begins + longest, kept[-1].time < header.ends - longest
-    return link_recording(path, kept, bursts, _names(kept, header.nodes), tuple(bad), cut)
+    cut = kept["time"][0] > header.begins + longest, kept["time"][-1] < header.ends - longest
+    table = LinkTable(kept, names)
+    return link_recording(path, table, bursts, _names(table, header.nodes), tuple(bad), cut)
+
+
+def _repeated(rows: Any, names: Sequence[str], bursts: Bursts, repeated: Bools) -> Iterator[BadRow]:
+    """Add rows, which are in the order of their times, to bursts; mark and yield those that a burst has already."""
+    for i, row in enumerate(rows):
+        line, time, source, receiver, *values = row.tolist()
+        if said := bursts.add(LinkRow(line, time, names[source], names[receiver], *values)):
+            repeated[i] = True
+            yield BadRow(line, said)
 
 
 def _header(path: str, line: str) -> _Header:
@@ -108,9 +131,11 @@ def _header(path: str, line: str) -> _Header:
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
         what = f"{error.args[0]} is missing" if isinstance(error, KeyError) else f"is {line.strip()[:80]!r}"
         raise RunError(f"{path}:1: {wanted}: packets of a burst, and ms between them; {what}") from error
-    burst = packets * interval / 1000.0
-    if packets < 1 or not 0.0 < burst < math.inf:
-        raise RunError(f"{path}:1: tx_length and interframe_duration must be positive, are {packets} and {interval:g}")
+    most = LONGEST_BURST
+    if not (1 <= packets <= most and interval > 0.0) or (burst := packets * (interval / 1000.0)) > most:
+        found = f"{str(packets)[:LONGEST_SHOWN]} and {interval:g}"
+        wanted = f"tx_length and interframe_duration must be positive, are {found}"
+        raise RunError(f"{path}:1: {wanted}; a burst lasts {most:g} s at most")
     begins, ends = _date(path, said, "start_date", math.inf), _date(path, said, "stop_date", -math.inf)
     return _Header(packets, burst, channels, nodes, begins, ends)
 
@@ -125,41 +150,57 @@ def _date(path: str, said: Mapping[str, Any], name: str, missing: float) -> floa
         raise RunError(f"{path}:1: {error}") from error
 
 
-def _rows(path: str, lines: Any, header: _Header) -> tuple[list[LinkRow], list[BadRow]]:
+def _rows(path: str, lines: Any, header: _Header) -> tuple[LinkTable, list[BadRow]]:
     """The rows in the order of the file, and those that cannot be used."""
-    names = [name.strip() for name in next(lines, [])]
-    if missing := [name for name in COLUMNS if name not in names]:
+    columns = [name.strip() for name in next(lines, [])]
+    if missing := [name for name in COLUMNS if name not in columns]:
         wanted = ",".join((*COLUMNS, "tx_count"))
         raise RunError(
-            f"{path}:2: the columns must be '{wanted}'; {', '.join(missing)} not found in '{','.join(names)[:200]}'"
+            f"{path}:2: the columns must be '{wanted}'; {', '.join(missing)} not found in '{','.join(columns)[:200]}'"
         )
-    at = [names.index(name) for name in COLUMNS]
-    counted = names.index("tx_count") if "tx_count" in names else len(names)
-    good, bad = [], []
-    for cells in lines:
-        if not any(cells):
-            continue
+    codes: dict[str, int] = {}
+    bad: list[BadRow] = []
+    rows = np.fromiter(_good_rows(path, lines, columns, header, codes, bad), dtype=list(TYPES.items()))
+    if not rows.size and not bad:
+        raise RunError(f"{path}: contains no links, only the two lines at its top")
+    return LinkTable(rows, tuple(codes)), bad
+
+
+def _good_rows(
+    path: str, lines: Any, columns: Sequence[str], header: _Header, codes: dict[str, int], bad: list[BadRow]
+) -> Iterator[tuple[Any, ...]]:
+    """Yield the values of each row that can be used, nodes as codes; add to `codes` and `bad`."""
+    at = [columns.index(name) for name in COLUMNS]
+    counted = columns.index("tx_count") if "tx_count" in columns else len(columns)
+    for number, cells in enumerate(filter(any, lines)):
         line = lines.line_num + 1
+        if number >= MOST_ROWS:
+            raise RunError(f"{path}:{line}: has more than {MOST_ROWS:,} rows: split it")
         try:
             packets = cells[counted].strip() if len(cells) > counted else ""
-            good.append(_row(line, [cells[i].strip() for i in at], packets, header))
-        except IndexError:
-            bad.append(BadRow(line, f"must have {len(names)} columns, has {len(cells)}"))
-        except ValueError as error:
-            bad.append(BadRow(line, str(error)))
-    if not good and not bad:
-        raise RunError(f"{path}: contains no links, only the two lines at its top")
-    return good, bad
+            row = _row(line, [cells[i].strip() for i in at], packets, header)
+        except (IndexError, ValueError) as error:
+            columns_missing = f"must have {len(columns)} columns, has {len(cells)}"
+            bad.append(BadRow(line, columns_missing if isinstance(error, IndexError) else str(error)))
+            if len(bad) > MOST_BAD:
+                limited(path, bad)
+        else:
+            nodes = [codes.setdefault(name, len(codes)) for name in (row.source, row.receiver)]
+            yield row.line, row.time, *nodes, *row[4:]
 
 
 def _row(line: int, cells: Sequence[str], packets: str, header: _Header) -> LinkRow:
     """One row. Raises ValueError with what is wrong and what is allowed."""
     when, source, receiver, channel, power, ratio = cells
     if not source or not receiver or source == receiver:
-        raise ValueError(f"src and dst must name two nodes, are {source!r} and {receiver!r}")
+        pair = f"{source[:LONGEST_SHOWN]!r} and {receiver[:LONGEST_SHOWN]!r}"
+        raise ValueError(f"src and dst must name two nodes, are {pair}")
+    if max(len(source), len(receiver)) > LONGEST_NAME:
+        raise ValueError(f"src and dst must have at most {LONGEST_NAME} characters")
     number = _number("channel", channel, 0, HIGHEST_CHANNEL)
     if number != int(number) or (header.channels and int(number) not in header.channels):
-        raise ValueError(f"channel must be one of those of the first line, {_listed(header.channels)}, is {channel!r}")
+        allowed = f"channel must be one of those of the first line, {_listed(header.channels)}"
+        raise ValueError(f"{allowed}, is {channel[:LONGEST_SHOWN]!r}")
     share = _number("pdr", ratio, 0.0, 1.0)
     level = _number("mean_rssi", power, *LEVELS) if share else math.nan
     count = _number("tx_count", packets, 1, 1e9) if packets else header.packets
@@ -172,7 +213,7 @@ def _number(name: str, cell: str, least: float, most: float) -> float:
     except ValueError:
         value = math.nan
     if not least <= value <= most:
-        raise ValueError(f"{name} must be a number from {least:g} to {most:g}, is {cell!r}")
+        raise ValueError(f"{name} must be a number from {least:g} to {most:g}, is {cell[:LONGEST_SHOWN]!r}")
     return value
 
 
@@ -181,13 +222,13 @@ def _seconds(cell: str, name: str = "datetime") -> float:
     try:
         moment = datetime.fromisoformat(cell)
     except ValueError:
-        raise ValueError(f"{name} must be a time such as 2018-01-11T16:32:22, is {cell!r}") from None
+        raise ValueError(f"{name} must be a time such as 2018-01-11T16:32:22, is {cell[:LONGEST_SHOWN]!r}") from None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def _names(rows: Sequence[LinkRow], count: int) -> tuple[str, ...]:
+def _names(table: LinkTable, count: int) -> tuple[str, ...]:
     """The names of all nodes: 0, 1, ... if the first line counts so many and no row names another; else those named."""
-    found = {row.source for row in rows} | {row.receiver for row in rows}
+    found = {table.names[code] for code in np.union1d(table.rows["source"], table.rows["receiver"])}
     numbered = [str(node) for node in range(min(count, 10 * len(found)))]
     if found <= set(numbered):
         return tuple(numbered)

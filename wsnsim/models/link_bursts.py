@@ -10,6 +10,7 @@ half the usual time between two bursts of a sender.
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -45,8 +46,8 @@ class Bursts:
     def __init__(self, longest: float) -> None:
         self._longest = longest
         self._last: dict[tuple[str, int], int] = {}
-        self._lines: dict[tuple[int, str], int] = {}
-        self.of_rows: list[int] = []
+        self._lines: dict[tuple[str, int], dict[str, int]] = {}
+        self.of_rows = array("q")
         self.sources: list[str] = []
         self.channels: list[int] = []
         self.starts: list[float] = []
@@ -56,11 +57,12 @@ class Bursts:
         sender = (row.source, row.channel)
         burst = self._last.get(sender, -1)
         if burst < 0 or row.time > self.starts[burst] + self._longest:
-            burst = self._last[sender] = len(self.starts)
+            burst, self._lines[sender] = len(self.starts), {}
+            self._last[sender] = burst
             self.sources.append(row.source)
             self.channels.append(row.channel)
             self.starts.append(row.time)
-        first = self._lines.setdefault((burst, row.receiver), row.line)
+        first = self._lines[sender].setdefault(row.receiver, row.line)
         if first != row.line:
             return (
                 f"a burst has one row for each receiver, but line {first} has what {row.receiver} heard of "

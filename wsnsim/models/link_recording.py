@@ -1,18 +1,19 @@
 """The recorded links between nodes: what was heard, in which rounds, and which rounds are complete.
 
-link_recording(path, rows, bursts, names, bad, cut) -> LinkRecording
+link_recording(path, table, bursts, names, bad, cut) -> LinkRecording
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.models.csvfile import BadRow
-from wsnsim.models.link_bursts import Bursts, LinkRow
+from wsnsim.models.link_bursts import Bursts
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,9 +60,16 @@ class LinkRecording:
     bad: tuple[BadRow, ...]
 
 
+class LinkTable(NamedTuple):
+    """Rows of links: a structured array (n,) with the fields of `LinkRow`, whose nodes are indices into `names`."""
+
+    rows: Any
+    names: tuple[str, ...]
+
+
 def link_recording(
     path: str,
-    rows: Sequence[LinkRow],
+    table: LinkTable,
     bursts: Bursts,
     names: tuple[str, ...],
     bad: tuple[BadRow, ...],
@@ -71,35 +79,35 @@ def link_recording(
 
     Args:
         path: The file.
-        rows: The rows that can be used, in the order of their times.
+        table: The rows that can be used, in the order of their times.
         bursts: The bursts of these rows.
         names: The names of all nodes.
         bad: Rows that were skipped.
         cut: Whether the first and the last burst of the file may be cut.
     """
     index = {name: i for i, name in enumerate(names)}
+    rows, codes = table.rows, np.array([index.get(name, -1) for name in table.names])
+    origin = float(rows["time"][0])
     channels, numbers = np.array(bursts.channels), bursts.rounds()
     starts, senders = np.array(bursts.starts), np.array([index[name] for name in bursts.sources])
     begin, sent = {}, {}
     for channel in np.unique(channels).tolist():
         on = channels == channel
-        begin[channel] = (
-            np.array([starts[on & (numbers == i)].min() for i in range(numbers[on].max() + 1)]) - rows[0].time
-        )
+        begin[channel] = np.array([starts[on & (numbers == i)].min() for i in range(numbers[on].max() + 1)]) - origin
         sent[channel] = np.zeros((begin[channel].size, len(names)), dtype=np.bool_)
         sent[channel][numbers[on], senders[on]] = True
     return LinkRecording(
         path=path,
         nodes=names,
-        origin=rows[0].time,
-        times=np.array([row.time for row in rows]) - rows[0].time,
-        sources=np.array([index[row.source] for row in rows], dtype=np.int64),
-        receivers=np.array([index[row.receiver] for row in rows], dtype=np.int64),
-        channels=np.array([row.channel for row in rows], dtype=np.int64),
+        origin=origin,
+        times=rows["time"] - origin,
+        sources=codes[rows["source"]],
+        receivers=codes[rows["receiver"]],
+        channels=np.ascontiguousarray(rows["channel"]),
         rounds=numbers[np.array(bursts.of_rows)],
-        powers=np.array([row.power for row in rows]),
-        ratios=np.array([row.ratio for row in rows]),
-        packets=np.array([row.packets for row in rows], dtype=np.int64),
+        powers=np.ascontiguousarray(rows["power"]),
+        ratios=np.ascontiguousarray(rows["ratio"]),
+        packets=np.ascontiguousarray(rows["packets"]),
         starts=begin,
         sent=sent,
         complete=_complete(sent, [(bursts.channels[i], int(numbers[i]), cut[i]) for i in (0, -1)]),

@@ -16,7 +16,7 @@ from wsnsim.base.ports import Field
 from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.base.traits import HEIGHT
 from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
-from wsnsim.models.csvfile import CsvRows, Wanted, read_columns, read_rows
+from wsnsim.models.csvfile import Wanted, first_of_equal, only_rows
 from wsnsim.models.deploy_issues import ASSUMED, outside, too_few_for_a_cluster, uncovered
 
 MARGIN: Final = Quantity("m", ge=0, le=1e6)
@@ -89,14 +89,15 @@ class FromFile:
                 line.
         """
         wanted = Wanted({"id": self.columns.id}, {"x": self.columns.x}, optional=("id",))
-        rows = self._rows(wanted)
+        rows = only_rows(self.path, wanted, "positions")
         if "id" not in rows.texts:
             return tuple(str(node) for node in range(len(rows.lines)))
-        first: dict[str, int] = {}
-        for line, name in zip(rows.lines.tolist(), rows.texts["id"], strict=True):
-            if first.setdefault(name, line) != line:
-                raise RunError(f"{self.path}:{line}: the node '{name}' stands in line {first[name]} already")
-        return tuple(first)
+        names, codes = rows.texts["id"]
+        first = first_of_equal(np.ones(len(codes), dtype=np.bool_), codes)
+        for row in np.flatnonzero(first != np.arange(len(codes)))[:1].tolist():
+            taken = f"the node '{names[codes[row]]}' stands in line {rows.lines[first[row]]} already"
+            raise RunError(f"{self.path}:{rows.lines[row]}: {taken}")
+        return names
 
     @property
     def heights(self) -> Floats | None:
@@ -106,7 +107,7 @@ class FromFile:
             RunError: the file cannot be read, or a height is not a finite number. The message names file and line.
         """
         wanted = Wanted(numbers={"x": self.columns.x, "z": self.columns.z}, optional=("z",))
-        return self._rows(wanted).numbers.get("z")
+        return only_rows(self.path, wanted, "positions").numbers.get("z")
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions in the file's order. Raises RunError with file and line if it cannot be read."""
@@ -117,13 +118,6 @@ class FromFile:
     def _places(self) -> Floats:
         """(N, 2) positions, wherever they are. Raises RunError with file and line if the file cannot be read."""
         return read_positions(self.path, EVERYWHERE, (self.columns.x, self.columns.y))
-
-    def _rows(self, wanted: Wanted) -> CsvRows:
-        """The rows of the file. Raises RunError with file and line if one cannot be used: it would shift the others."""
-        rows = read_rows(self.path, wanted, "positions")
-        if rows.bad:
-            raise RunError(f"{self.path}:{rows.bad[0].line}: {rows.bad[0].reason}")
-        return rows
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be read, or its nodes are too few or do not cover the field."""
@@ -153,9 +147,9 @@ def read_positions(path: str, field: Field, columns: tuple[str, str] = ("x", "y"
     Raises:
         RunError: the file cannot be read, or a position is outside the field. The message names file and line.
     """
-    positions = []
-    for place, (x, y) in read_columns(path, columns, "positions"):
-        if not field.contains(np.array([[x, y]]))[0]:
-            raise RunError(f"{place}: {outside((x, y), field)}")
-        positions.append((x, y))
-    return np.array(positions)
+    rows = only_rows(path, Wanted(numbers={"x": columns[0], "y": columns[1]}), "positions")
+    positions = np.column_stack([rows.numbers["x"], rows.numbers["y"]])
+    for row in np.flatnonzero(~field.contains(positions))[:1].tolist():
+        x, y = positions[row].tolist()
+        raise RunError(f"{path}:{rows.lines[row]}: {outside((x, y), field)}")
+    return positions

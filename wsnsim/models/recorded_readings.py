@@ -5,10 +5,11 @@ recordings(names, targets, steps, dt) -> one Recording per target, (steps + 1, N
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,18 @@ from wsnsim.base.ports import LimitsReadings, Recording, Replays, SensorModel
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.traits import recorded_traits
 from wsnsim.base.vector_readings import near
-from wsnsim.models.csvfile import SKIPPING, BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
+from wsnsim.models.csvfile import (
+    SKIPPING,
+    BadRow,
+    CsvRows,
+    Wanted,
+    bad_rows_text,
+    demand_digest,
+    first_of_equal,
+    limited,
+    read_rows,
+    row_texts,
+)
 from wsnsim.models.recorded_issues import recorded_issues
 from wsnsim.models.repeated_readings import RepeatedReadings
 
@@ -188,15 +200,17 @@ class RecordedSensor:
 
     def _bad(self, names: Sequence[str], targets: int) -> list[BadRow]:
         """All rows that cannot be used, ascending: those of unknown nodes and targets too."""
+        return limited(self.path, itertools.chain(self._table.bad, self._strangers(names, targets)))
+
+    def _strangers(self, names: Sequence[str], targets: int) -> Iterator[BadRow]:
+        """Yield the rows of nodes and targets that the scenario does not have."""
         table, known = self._table, ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
-        bad = list(table.bad)
         for row in np.flatnonzero(self._nodes(names) < 0).tolist():
             reason = f"the deployment has no node '{table.names[table.codes[row]]}' (its nodes: {known})"
-            bad.append(BadRow(int(table.lines[row]), reason))
+            yield BadRow(int(table.lines[row]), reason)
         for row in np.flatnonzero((table.targets < 0) | (table.targets >= targets)).tolist():
             reason = f"there is no target {table.targets[row]}: allowed are 0 to {targets - 1}"
-            bad.append(BadRow(int(table.lines[row]), reason))
-        return sorted(bad, key=lambda one: one.line)
+            yield BadRow(int(table.lines[row]), reason)
 
     @cached_property
     def _table(self) -> _ReadingRows:
@@ -205,30 +219,29 @@ class RecordedSensor:
         names = self.columns
         numbers = {"time": names.time, "reading": names.reading, "target": names.target}
         rows = read_rows(self.path, Wanted({"node": names.node}, numbers, optional=("target",)), "readings")
-        kinds, codes = np.unique(np.array(rows.texts["node"], dtype=object), return_inverse=True)
+        kinds, codes = rows.texts["node"]
         targets = rows.numbers.get("target", np.zeros(len(rows.lines)))
-        bad = {row.line: row for row in self._refused(rows, codes, targets)}
-        good = np.array([line not in bad for line in rows.lines.tolist()], dtype=np.bool_)
+        every = tuple(limited(self.path, itertools.chain(rows.bad, self._refused(rows, codes, targets))))
+        good = ~np.isin(rows.lines, [row.line for row in every])
         order = np.flatnonzero(good)[np.argsort(rows.numbers["time"][good], kind="stable")]
         if not order.size:
-            raise RunError(bad_rows_text(self.path, [*rows.bad, *bad.values()], len(rows.lines) + len(rows.bad)))
-        every = tuple(sorted([*rows.bad, *bad.values()], key=lambda row: row.line))
+            raise RunError(bad_rows_text(self.path, every, len(rows.lines) + len(rows.bad)))
         columns = (rows.numbers["time"], rows.numbers["reading"])
         times, readings = (column[order] for column in columns)
         whole = targets[order].astype(np.int64)
-        return _ReadingRows(rows.lines[order], times, tuple(kinds.tolist()), codes[order], readings, whole, every)
+        return _ReadingRows(rows.lines[order], times, kinds, codes[order], readings, whole, every)
 
-    def _refused(self, rows: CsvRows, codes: Any, targets: Floats) -> Iterator[BadRow]:
+    def _refused(self, rows: CsvRows, codes: Ints, targets: Floats) -> Iterator[BadRow]:
         """Yield the rows whose reading the law cannot give, whose target is no number of one, or that repeat a row."""
         least, most = self.law.reading_limits if isinstance(self.law, LimitsReadings) else NO_LIMITS
-        times, readings, lines = rows.numbers["time"].tolist(), rows.numbers["reading"].tolist(), rows.lines.tolist()
-        first: dict[tuple[float, int, float], int] = {}
-        for line, *key, reading in zip(lines, times, codes.tolist(), targets.tolist(), readings, strict=True):
-            time, code, target = key
-            if not least <= reading <= most:
-                allowed = f"{self.columns.reading} must be between {least:g} and {most:g}"
-                yield BadRow(line, f"{allowed}, is {reading:g}")
-            elif target != math.floor(target) or abs(target) > 1e9:
-                yield BadRow(line, f"{self.columns.target} must be a whole number, is {target:g}")
-            elif (before := first.setdefault((time, code, target), line)) != line:
-                yield BadRow(line, f"repeats time, node and target of line {before}")
+        readings, lines = rows.numbers["reading"], rows.lines
+        beyond = (readings < least) | (readings > most)
+        broken = (targets != np.floor(targets)) | (np.abs(targets) > 1e9)
+        first = first_of_equal(~(beyond | broken), rows.numbers["time"], codes, targets)
+        for row in np.flatnonzero(beyond | broken | (first != np.arange(len(lines)))).tolist():
+            reason = f"repeats time, node and target of line {lines[first[row]]}"
+            if beyond[row]:
+                reason = f"{self.columns.reading} must be between {least:g} and {most:g}, is {readings[row]:g}"
+            elif broken[row]:
+                reason = f"{self.columns.target} must be a whole number, is {targets[row]:g}"
+            yield BadRow(int(lines[row]), reason)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Final, NamedTuple
@@ -12,7 +13,18 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models.csvfile import SKIPPING, BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
+from wsnsim.models.csvfile import (
+    SKIPPING,
+    BadRow,
+    CsvRows,
+    Wanted,
+    bad_rows_text,
+    demand_digest,
+    first_of_equal,
+    limited,
+    read_rows,
+    row_texts,
+)
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, Straight, sampled
 
 SAME_PLACE: Final = 1e-3
@@ -53,11 +65,10 @@ def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, re
         RunError: The file cannot be used; the message names file and line.
     """
     rows = read_rows(path, Wanted(numbers=names, optional=("z",)), "points of a trajectory")
-    bad = tuple(sorted([*rows.bad, *_conflicts(rows)], key=lambda row: row.line))
+    bad = tuple(limited(path, itertools.chain(rows.bad, _conflicts(rows))))
     if bad and not skip_bad_rows:
         raise RunError(bad_rows_text(path, bad, len(rows.lines) + len(rows.bad), remedy))
-    refused = {row.line for row in bad}
-    used = np.array([line not in refused for line in rows.lines.tolist()], dtype=np.bool_)
+    used = ~np.isin(rows.lines, [row.line for row in bad])
     times, first = np.unique(rows.numbers["time"][used], return_index=True)
     if len(times) < 2:
         raise RunError(f"{path}: at least two points of different times are needed")
@@ -138,15 +149,14 @@ class RecordedTrack(Straight):
 
 def _conflicts(rows: CsvRows) -> Iterator[BadRow]:
     """Yield the rows that are too far away, or at another place than the first row of the same time."""
-    first: dict[float, int] = {}
-    times, lines = rows.numbers["time"].tolist(), rows.lines.tolist()
+    times, lines = rows.numbers["time"], rows.lines
     points = np.column_stack([rows.numbers[name] for name in "xyz" if name in rows.numbers])
-    far = [bool((np.abs(point) > FARTHEST_POINT).any()) for point in points]
-    for i, (time, line) in enumerate(zip(times, lines, strict=True)):
-        if far[i]:
-            yield BadRow(line, f"x, y and z must be within ±{FARTHEST_POINT:g} m")
-            continue
-        before = first.setdefault(time, i)
-        if before != i and (apart := float(np.linalg.norm(points[i] - points[before]))) > SAME_PLACE:
-            reason = f"at the time {time:g} s it is {apart:.3g} m from the place in line {lines[before]}"
-            yield BadRow(line, f"{reason}; at most {SAME_PLACE:g} m is allowed")
+    far = (np.abs(points) > FARTHEST_POINT).any(axis=1)
+    first = first_of_equal(~far, times)
+    apart = np.linalg.norm(points - points[first], axis=1)
+    for i in np.flatnonzero(far | (apart > SAME_PLACE)).tolist():
+        reason = f"x, y and z must be within ±{FARTHEST_POINT:g} m"
+        if not far[i]:
+            place = f"it is {apart[i]:.3g} m from the place in line {lines[first[i]]}"
+            reason = f"at the time {times[i]:g} s {place}; at most {SAME_PLACE:g} m is allowed"
+        yield BadRow(int(lines[i]), reason)

@@ -22,7 +22,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import LENGTH, PLACE
-from wsnsim.models.csvfile import read_columns
+from wsnsim.models.csvfile import Wanted, only_rows
 from wsnsim.models.transitions import near_constant_velocity
 
 INTENSITY = Quantity("m2/s3", ge=0.0, le=1e9)
@@ -207,9 +207,12 @@ class Waypoints(Straight):
     def _rows(self) -> list[tuple[float, ...]]:
         if self.path is None:
             return list(self.points)
-        rows = read_columns(self.path, ("t", "x", "y"), "waypoints")
-        _check_points(rows, RunError)
-        return [values for _, values in rows]
+        rows = only_rows(self.path, Wanted(numbers={name: name for name in "txy"}), "waypoints")
+        points = list(zip(*(rows.numbers[name].tolist() for name in "txy"), strict=True))
+        _check_points(
+            [(f"{self.path}:{line}", point) for line, point in zip(rows.lines, points, strict=True)], RunError
+        )
+        return points
 
 
 def sampled(times: Floats, points: Floats, steps: int, dt: float) -> Floats:
