@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, Final, final
 MAGIC: Final = b"\x1f\x8b"
 """The first bytes of gzip data."""
 MOST_BYTES: Final = 200_000_000
-"""Greatest size of the content of a compressed file (our choice): about eight million readings. Readers limit rows, too."""
+"""Greatest size of the content of a compressed file (our choice): about eight million readings."""
 
 
 def decompressed(file: BinaryIO) -> io.BufferedReader:

@@ -22,7 +22,7 @@ from typing import Final
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
 from wsnsim.interop.traces import TraceEntry, ascending
-from wsnsim.models.csvfile import open_text
+from wsnsim.models.csvfile import LONGEST_SHOWN, open_text
 
 JUMP: Final = 1e-6
 """s: the time between two places of a jump."""
@@ -33,13 +33,14 @@ ASCII_DIGITS: Final = 6
 DESTINATION, PLACE, COURSE = "setdest", "set", "course"
 AXES: Final = ("X_", "Y_", "Z_")
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_NODE = r"\$node_\((?P<node>\d+)\)"
-_SET = re.compile(rf"{_NODE}\s+set\s+(?P<axis>[XYZ]_)\s+(?P<value>\S+)\s*$")
-_AT = re.compile(r"\$\w+\s+at\s+(?P<time>\S+)\s+\"?(?P<command>[^\"]*)\"?\s*$")
-_GO = re.compile(rf"{_NODE}\s+setdest\s+(?P<x>\S+)\s+(?P<y>\S+)\s+(?P<speed>\S+)\s*$")
-_COURSE = re.compile(r"now=(?P<time>\S+)\s+node=(?P<node>\S+)\s+pos=(?P<pos>[^\s]+)\s+vel=(?P<vel>[^\s]+)\s*$")
-_TIME = re.compile(rf"(?P<number>{NUMBER})(?P<unit>[a-z]*)")
+NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"
+"""As all patterns here: possessive, so that a text is read once, however long it is."""
+_NODE = r"\$node_\((?P<node>\d++)\)"
+_SET = re.compile(rf"{_NODE}\s++set\s++(?P<axis>[XYZ]_)\s++(?P<value>\S++)\s*+$")
+_AT = re.compile(r"\$\w++\s++at\s++(?P<time>\S++)\s++\"?(?P<command>[^\"]*+)\"?\s*+$")
+_GO = re.compile(rf"{_NODE}\s++setdest\s++(?P<x>\S++)\s++(?P<y>\S++)\s++(?P<speed>\S++)\s*+$")
+_COURSE = re.compile(r"now=(?P<time>\S++)\s++node=(?P<node>\S++)\s++pos=(?P<pos>\S++)\s++vel=(?P<vel>\S++)\s*+$")
+_TIME = re.compile(rf"(?P<number>{NUMBER})(?P<unit>[a-z]*+)")
 SECONDS: Final = {
     "": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12, "fs": 1e-15,
     "min": 60.0, "h": 3600.0, "d": 86400.0, "y": 365 * 86400.0,
@@ -106,12 +107,14 @@ def _course(words: str, place: str, line: int) -> TraceEntry:
         raise RunError(f"{place}: cannot read {words[:80]!r}; 'now=T node=I pos=X:Y:Z vel=X:Y:Z' is allowed")
     time = _TIME.fullmatch(found["time"])
     if not time or time["unit"] not in SECONDS:
-        raise RunError(f"{place}: cannot read the time {found['time']!r}; such as +4s or +4e+09ns is allowed")
+        raise RunError(
+            f"{place}: cannot read the time {found['time'][:LONGEST_SHOWN]!r}; such as +4s or +4e+09ns is allowed"
+        )
     values = []
     for name, triple in (("pos", found["pos"]), ("vel", found["vel"])):
         numbers = triple.split(":")
         if len(numbers) != 3:
-            raise RunError(f"{place}: {name} must be three numbers X:Y:Z, is {triple!r}")
+            raise RunError(f"{place}: {name} must be three numbers X:Y:Z, is {triple[:LONGEST_SHOWN]!r}")
         values += [_number(number, place, name) for number in numbers]
     return TraceEntry(line, found["node"], float(time["number"]) * SECONDS[time["unit"]], COURSE, tuple(values))
 
@@ -119,7 +122,7 @@ def _course(words: str, place: str, line: int) -> TraceEntry:
 def _number(text: str, place: str, what: str) -> float:
     """A finite number. Raises RunError if the text is none."""
     if not re.fullmatch(NUMBER, text) or not math.isfinite(float(text)):
-        raise RunError(f"{place}: {what} must be a finite number, is {text!r}")
+        raise RunError(f"{place}: {what} must be a finite number, is {text[:LONGEST_SHOWN]!r}")
     return float(text)
 
 

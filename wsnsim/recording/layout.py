@@ -45,13 +45,13 @@ def flag_words(words: Iterable[str]) -> tuple[str, ...]:
 def reason(error: BaseException) -> str:
     """The part of an error of HDF5 or of the operating system that tells a user what to do."""
     text = str(error)
-    quoted = re.search(r"error message = '([^']*)'", text)
+    quoted = re.search(r"error message = '([^']*+)'", text)
     if quoted:
         return quoted[1]
     if isinstance(error, OSError) and error.strerror and "(" not in error.strerror:
         return error.strerror
-    bracketed = re.search(r"\((.*)\)", text, re.DOTALL)
-    return (bracketed and bracketed[1]) or text or type(error).__name__
+    bracketed = text.partition("(")[2].rpartition(")")[0]
+    return bracketed or text or type(error).__name__
 
 
 def cannot_write(path: Path, error: BaseException) -> StorageError:

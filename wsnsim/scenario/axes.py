@@ -30,7 +30,7 @@ MOST_POINTS: Final = 20_000
 LARGEST: Final = sys.float_info.max
 RANGES: Final = ("range", "log_range")
 SPACING: Final = ("count", "step")
-WRITTEN: Final = re.compile(rf"({NUMBER})\s*(.*)", re.ASCII)
+WRITTEN: Final = re.compile(rf"({NUMBER})\s*+(.*)", re.ASCII)
 
 
 class InvalidAxis(Exception):

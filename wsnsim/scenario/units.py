@@ -56,7 +56,7 @@ WORDS: Final = {
     "W": "power", "bit": "amount of data", "bit/s": "data rate", "rad": "angle", "dB": "level",
     "J/bit": "energy per bit", "J/bit/m2": "energy per bit and area", "J/bit/m4": "energy per bit and squared area",
 }  # fmt: skip
-NUMBER: Final = r"[-+]?(?:\.\d+|\d+(?:\.\d*)?)(?:[eE][-+]?\d+)?|[-+]?\.inf"
+NUMBER: Final = r"[-+]?(?:\.\d++|\d++(?:\.\d*+)?)(?:[eE][-+]?\d++)?+|[-+]?\.inf"
 QUANTITY: Final = re.compile(rf"({NUMBER})\s*([^\d\s].*|1\s*/.*)?", re.ASCII)
 FACTOR: Final = re.compile(r"(1$|%|[^\W\d_]+)(?:\^?(-?[1-9]))?")
 SPELLING: Final = str.maketrans({"²": "2", "³": "3", "⁴": "4", "µ": "u", "μ": "u", "·": "*", "°": "deg"})
@@ -126,7 +126,7 @@ def parse(text: str) -> Unit | None:
         return Unit(Decimal(1), _dimension({"kg": 1, "m": 2, "s": -3}), "power", decibel=True)
     factor, dimension = Decimal(1), DIMENSIONLESS
     words: list[str] = []
-    pieces = re.split(r"\s*([/*])\s*", text.translate(SPELLING))
+    pieces = [piece.strip() for piece in re.split(r"([/*])", text.translate(SPELLING))]
     for sign, piece in zip(["*", *pieces[1::2]], pieces[::2], strict=True):
         match = FACTOR.fullmatch(piece)
         known = _table().get(match.group(1)) if match else None
