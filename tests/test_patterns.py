@@ -22,7 +22,7 @@ FOREIGN = {
     ("interop.ns3", "_TIME"): ("fullmatch", "+4.5e+09ns"),
     ("interop.ns3", "NUMBER"): ("fullmatch", "-12.5e-3"),
     ("interop.trajectories", "'[^\\\\w.-]'"): ("search", "bus 1"),
-    ("interop.trajectories", "'[\",\\\\s]'"): ("search", 'bus",1'),
+    ("interop.trajectories", "'^\\\\W|[^\\\\w.-]'"): ("search", "bus 1"),
     ("scenario.tracker_choices", "PARAMETER"): ("match", " a.b_1.c = 1"),
     ("scenario.tracker_choices", "WITH_PARAMETERS"): ("fullmatch", "pf:particles.a=1"),
     ("scenario.units", "QUANTITY"): ("fullmatch", "-1.5e3  1 / m"),

@@ -7,6 +7,8 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import wsnsim
 from wsnsim import experiment
@@ -205,3 +207,49 @@ def test_codes_and_words_of_causes_give_the_same_energy():
     codes = words.assign(cause=[CAUSE["idle"], CAUSE["rx"]])
     said = [answer({"runs": runs, "energy": table}, load("pso_mhpf")) for table in (words, codes)]
     assert said[0] == said[1] and said[0].endswith("the network spent 2 J, of which 1.5 J is idle listening.")
+
+
+RUNS_OF_ANY_KIND = st.lists(
+    st.fixed_dictionaries(
+        {
+            "losses": st.sampled_from([0, 0, 1, 3]),
+            "lost": st.sampled_from([0, 0, 1]),
+            "tracked": st.sampled_from([0.0, 0.3, 1.0, NAN]),
+            "error": st.sampled_from([1.0, 9.0, 11.0, 25.0, NAN]),
+        }
+    ),
+    min_size=1,
+    max_size=3,
+)
+
+
+@settings(max_examples=20)
+@given(RUNS_OF_ANY_KIND, st.sampled_from([20.0, float("inf")]))
+def test_the_sentence_never_contradicts_the_table_below_it(rows, limit):
+    columns = {name: [row[name] for row in rows] for name in ("losses", "lost", "tracked")}
+    errors = np.array([row["error"] for row in rows])
+    said = sentence(facts(np.repeat(errors, 4).reshape(-1, 1, 4), limit=limit, **columns))
+    lost = np.array([max(row["losses"], row["lost"]) > 0 for row in rows])
+    tracked = np.nan_to_num(np.array(columns["tracked"]), nan=1.0)
+    assert "nan" not in said and " inf " not in said
+    if "followed" in said:
+        assert not lost.any() and tracked.all()
+        assert np.nanmean(errors) <= limit / 2.0
+    if "never lost" in said or "never measured" in said:
+        assert not lost.any()
+    if "never measured" in said:
+        assert not tracked.any()
+    if "never located" in said:
+        assert np.isnan(errors).all()
+    if found := re.search(r"was lost in (\d+ of \d|both|all)", said):
+        count = int(found[1].split()[0]) if found[1][0].isdigit() else len(rows)
+        assert count == lost.sum()
+
+
+def test_a_target_whose_nodes_are_all_unknown_was_not_followed():
+    assert sentence(facts(tracked=[0.0])) == (
+        "The target was never measured in the run (all estimates are predictions), with a time-averaged RMSE of 1 m; "
+        + OF_FILTER
+    )
+    said = sentence(facts(tracked=[0.0, 1.0]))
+    assert said.startswith("The target was never lost in both runs (tracked at 50 % of the steps), but with")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import gzip
 import json
+import re
 import tracemalloc
 from pathlib import Path
 
@@ -13,9 +14,13 @@ import pytest
 
 import wsnsim
 from tests.helpers.commands import run_command
-from wsnsim.base.errors import RunError, UsageError
+from wsnsim.base.errors import RunError, UsageError, WsnsimError
+from wsnsim.base.printable import printable
 from wsnsim.interop import ns3, sumo, traces, trajectories
 from wsnsim.interop.trajectories import Placement
+from wsnsim.models.csvfile import Wanted, bad_rows_text, read_rows
+from wsnsim.models.k7file import read_links
+from wsnsim.scenario import build, load
 
 SETDEST = """\
 # two nodes
@@ -312,3 +317,76 @@ def test_the_entries_that_are_kept_and_the_names_of_a_trace_have_limits(
     long = f"t id x y\n0 {'a' * 201} 1 2\n"
     with pytest.raises(RunError, match=r":2: a name must have at most 200 characters, has 201$"):
         traces.read(written(tmp_path, "c.txt", long), sumo, ids)
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "out", "said"),
+    [
+        ("0 a 1 2\n1e-12 a 1 2\n0.3 a 1 2", [], "s.yaml", ""),
+        ("1700000000.25 a 0 0\n1700003600.25 a 9 9", [], "s.yaml", ""),
+        ("0 a -9e6 0\n1 a 9e6 9", [], "s.yaml", ""),
+        ("0 a\x1b[2J'# 1 2\n9 a\x1b[2J'# 2 3", [], "-ä\x1b's.yaml", ""),
+        ("0 a 0 0\n1e-12 a 900 0\n9 a 9 9", [], "s.yaml", "900 m from the place in line 2"),
+        ("0 a 0 0\n2e7 a 9 9", [], "s.yaml", "10,000,000|1e\\+07 are allowed"),
+        ("0 a 0 0\n9e15 a 9 9", [], "s.yaml", "times must be within"),
+        ("0 a 0 0\n9 a 9 9", ["--nodes", "one.csv"], "s.yaml", ""),
+    ],
+)
+def test_what_is_imported_loads_or_is_not_written(
+    rows: str,
+    options: list[str],
+    out: str,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, "t\x1b.txt", f"t id x y\n{rows}\n")
+    written(tmp_path, "one.csv", "x,y\n1,2\n")
+    before = sorted(tmp_path.iterdir())
+    answer = run_command(capsys, "import", "sumo", "t\x1b.txt", "--out", out, *options)
+    if said:
+        assert answer.code and re.search(said, answer.err) and sorted(tmp_path.iterdir()) == before, answer
+    else:
+        assert answer.code == 0 and "\x1b" not in answer.out, answer
+        build(load(Path(out)))
+
+
+HOSTILE = ["9", " ", "[", '"', "(", "\x1b[2J", "a", "\u202e"]
+PARSERS = {
+    "ns3": lambda path: list(ns3.entries(path)),
+    "sumo": lambda path: list(sumo.entries(path)),
+    "csv": lambda path: bad_rows_text(
+        path, read_rows(path, Wanted({"id": "id"}, {"x": "x"}), "positions").bad, 1
+    ).splitlines()[1],
+    "links": read_links,
+    "scenario": load,
+}
+FRAMES = {
+    "ns3": ["now=+{}s node=1 pos=0:0:0 vel=0:0:0", "now=+{}parsec node=1 pos=0:0:0 vel=0:0:0", '$ns_ at {} "x"y',
+            "now=+1s node=1 pos={} vel=0:0:0", "$node_(0) set X_ {}", "{}"],
+    "sumo": ["t id x y\n0 a {} 1", '<fcd-export><timestep time="{}"/></fcd-export>', "t;id;{}\n"],
+    "csv": ["id,x\n{},1\n", "id,x\na,{}\n", "{}\n"],
+    "links": ['{{"tx_length": {}, "interframe_duration": 1}}', "{}"],
+    "scenario": ["duration: {}\n", "{}: 1\n", "step: 1 {}\n", "tracker: {{kind: {}}}"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("parser", "frame"), [(name, frame) for name, frames in FRAMES.items() for frame in frames])
+def test_a_long_text_is_refused_in_a_short_sentence_without_control_characters(
+    parser: str, frame: str, tmp_path: Path
+) -> None:
+    for sign in HOSTILE:
+        said = [refusal_of(parser, written(tmp_path, "a.yaml", frame.format(sign * count))) for count in (2_000, 4_000)]
+        assert all(len(text) < 4_000 and printable(text) == text for text in said), said
+        assert abs(len(said[0]) - len(said[1])) < 20
+
+
+def refusal_of(parser: str, path: str) -> str:
+    """What a parser says of a file; '' if it reads it."""
+    try:
+        found = PARSERS[parser](path)
+    except WsnsimError as error:
+        return str(error)
+    return found if isinstance(found, str) else ""

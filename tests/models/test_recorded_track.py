@@ -72,3 +72,16 @@ def test_a_shipped_track_is_interpolated_as_by_hand() -> None:
     assert heights is not None
     for column, values in (("x", found[:, 0]), ("y", found[:, 2]), ("z", heights)):
         assert np.abs(values - np.interp(now, rows["time"][order], rows[column][order])).max() < 1e-3
+
+
+def test_two_places_at_nearly_one_time_are_refused_before_a_tracker_meets_their_speed(tmp_path: Path) -> None:
+    path = tmp_path / "track.csv"
+    path.write_text("time,x,y\n5,1,1\n1e-300,3,0\n0,0,0\n1e-9,3,0\n1e16,0,0\n")
+    with pytest.raises(RunError) as refused:
+        _ = RecordedTrack(path=str(path)).track
+    lines = str(refused.value).splitlines()
+    assert lines[0].endswith("2 of 5 rows cannot be used:")
+    assert lines[1].endswith(":3: is 1e-300 s after line 4; 1e-09 s are the least that is allowed")
+    assert lines[2].endswith(":6: x, y and z must be within ±1e+09 m, time within ±1e+15 s")
+    kept = RecordedTrack(path=str(path), skip_bad_rows=True).track
+    assert kept.times.tolist() == [0.0, 1e-9, 5.0]

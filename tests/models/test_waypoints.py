@@ -254,6 +254,7 @@ BAD = {
     "t,x,y\n0,1,2\n1,z,3\n": r":3: x must be a finite number, is 'z'",
     "t,x,y\n0,1\n1,2,3\n": r":2: y must be a finite number",
     "t,x,y\n5,1,2\n\n5,1,3\n": r":4: .*5 s must be later than .*5 s",
+    "t,x,y\n0,1,2\n1e-300,1,3\n": r":3: its time 1e-300 s must be later .* by 1e-09 s at least",
     "t,x,y\n0,1,2\n": r"at least two points are needed",
     "t,x,y\n": r"contains no waypoints",
     "t,x,y\n0,inf,2\n1,2,3\n": r":2: .*finite",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from itertools import pairwise
@@ -342,3 +343,17 @@ with ResultFile(Path({str(tmp_path / "x.h5")!r}), (), {{"energy": True}}) as fil
         file.write("truth", rows_of("truth", 2))
     assert list(tables(tmp_path / "x.h5")) == ["truth"]
     assert names_in(tmp_path) == ["x.h5"]
+
+
+def test_temporary_names_cannot_be_foreseen_and_follow_no_link(tmp_path, monkeypatch):
+    """Somebody else who may write into the folder has put links under the names that used to be taken."""
+    from wsnsim.recording import atomic_files
+
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    tokens = iter(["guessed", "other"])
+    monkeypatch.setattr(atomic_files.secrets, "token_hex", lambda _: next(tokens))
+    place = tmp_path / "x.txt"
+    (tmp_path / f"x.txt.{atomic_files.host()}.{os.getpid()}-guessed.tmp").symlink_to(victim)
+    atomic_files.write_text_atomically(place, "yours")
+    assert victim.read_text() == "mine" and place.read_text() == "yours"

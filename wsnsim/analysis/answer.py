@@ -148,14 +148,18 @@ def _followed(facts: AnswerFacts, crlb: float) -> str:
         return f"{_lost(facts, lost)}, with {error}"
     if math.isinf(facts.limit):
         return f"Over {'the run' if facts.count == 1 else f'{facts.count:,} runs'} the filter has {error}"
-    poor = value > facts.limit / 2.0
+    if not facts.tracked_shares.any():
+        return f"{_never_lost(facts, poor=False)}, with {error}"
+    poor = value > facts.limit / 2.0 or not facts.tracked_shares.all()
     return f"{_never_lost(facts, poor)}, {'but ' * poor}with {error}"
 
 
 def _never_lost(facts: AnswerFacts, poor: bool) -> str:
-    """That no track was lost; `poor` if the error is so large that the target can hardly be said to be followed."""
+    """That no track was lost; `poor` if the error or what was measured forbids to say that the target was followed."""
     targets, tracked = _targets(facts), facts.mean("tracked")
     subject = {1: "The target was", 2: "Both targets were"}.get(targets, f"All {targets:,} targets were")
+    if not facts.tracked_shares.any():
+        return f"{subject} never measured in {runs(facts.count, facts.count)} (all estimates are predictions)"
     share = f" (tracked at {percent(tracked)} of the steps)" if tracked < SEEN else ""
     how = "never lost in" if poor else "followed throughout" if facts.count == 1 else "followed in"
     return f"{subject} {how} {runs(facts.count, facts.count)}{share}"

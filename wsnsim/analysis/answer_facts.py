@@ -91,15 +91,20 @@ class AnswerFacts:
 
     @property
     def ever_lost(self) -> Bools:
-        """(R,) the runs with a track lost at any time; in files of earlier versions, those lost at the end."""
-        lost: Bools = self.column("losses" if "losses" in self.runs else "lost") > 0
-        return lost
+        """(R,) the runs with a track lost at any time, the end included; earlier versions recorded only the latter."""
+        return (self.column("losses") > 0) | self.lost_at_the_end
 
     @property
     def lost_at_the_end(self) -> Bools:
         """(R,) the runs with a track lost in its last window of steps."""
         lost: Bools = self.column("lost") > 0
         return lost
+
+    @property
+    def tracked_shares(self) -> Floats:
+        """Shares of the steps with measurements: of each run and target, or else of each run; 1 if unknown."""
+        shares = self.tracks.get("tracked", self.column("tracked"))
+        return np.where(np.isfinite(shares), shares, 1.0)
 
     @property
     def judged_errors(self) -> Floats:

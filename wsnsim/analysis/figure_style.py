@@ -11,7 +11,6 @@ runs_text(runs, whose) -> str             the number of runs, for a title
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import ceil
@@ -27,6 +26,7 @@ from matplotlib.figure import Figure
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
+from wsnsim.recording.atomic_files import temporary_beside
 
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
@@ -105,14 +105,15 @@ def replacing(out: Path) -> Iterator[Path]:
     Raises:
         ResultError: the file cannot be written.
     """
-    unfinished = out.with_name(f"{out.name}.{os.getpid()}.tmp")
     try:
-        yield unfinished
-        unfinished.replace(out)
+        unfinished = temporary_beside(out)
+        try:
+            yield unfinished
+            unfinished.replace(out)
+        finally:
+            unfinished.unlink(missing_ok=True)
     except OSError as error:
         raise ResultError(f"{out}: cannot be written: {error.strerror or error}") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def suffix_of(out: Path) -> str:

@@ -6,17 +6,17 @@ csv(source, folder, tables=()) -> [(file, rows), ...]
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
 import wsnsim.recording as recording
 from wsnsim.analysis import frames
-from wsnsim.base.errors import ResultError, StorageError, UsageError, did_you_mean
+from wsnsim.base.errors import ResultError, UsageError, did_you_mean
+from wsnsim.recording.atomic_files import write_atomically
 from wsnsim.recording.folder import Folder
-from wsnsim.recording.layout import reason
 
 
 def parquet(source: Path, folder: Path, tables: Sequence[str] = ()) -> list[tuple[Path, int]]:
@@ -85,14 +85,7 @@ def _written(
     """Write each table to a file of its own, as a whole or not at all."""
     written = []
     for name, frame in read_tables(source, tables):
-        place, tmp = folder / f"{name}{suffix}", folder / f"{name}{suffix}.tmp"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            write(frame, tmp)
-            tmp.replace(place)
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                tmp.unlink()
-            raise StorageError(f"{place}: cannot be written: {reason(error)}") from error
+        place = folder / f"{name}{suffix}"
+        write_atomically(place, partial(write, frame))
         written.append((place, len(frame)))
     return written

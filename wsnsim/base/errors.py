@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from wsnsim.base.plugin_code import plugin_fault
+from wsnsim.base.printable import printable
 from wsnsim.base.synonyms import meant_by
 
 MOST_PRINTED: Final = 50
@@ -31,9 +32,12 @@ ALIKE: Final = 0.6
 
 
 class WsnsimError(Exception):
-    """An error that a user of wsnsim can act on. `str(error)` is the whole message."""
+    """An error that a user of wsnsim can act on. `str(error)` is the whole message, without control characters."""
 
     exit_code = 1
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class UsageError(WsnsimError):
@@ -62,7 +66,7 @@ class Issue:
         dotted = ".".join(str(key) for key in self.path)
         dotted = dotted if len(dotted) <= LONGEST_PATH else f"{dotted[:LONGEST_PATH]}…"
         head = ": ".join(piece for piece in (self.place, "error", dotted) if piece)
-        return f"{head}: {self.message}" + (f"\n{self.excerpt}" if self.excerpt else "")
+        return printable(f"{head}: {self.message}" + (f"\n{self.excerpt}" if self.excerpt else ""))
 
 
 class ScenarioError(WsnsimError):

@@ -23,7 +23,7 @@ KINDS: Final[tuple[tuple[Callable[[int], bool], str], ...]] = (
 LARGEST_NAME: Final = 255
 """Bytes of the longest file name of common file systems."""
 LONGEST_ADDITION: Final = 105
-"""Bytes by which a temporary name is longer: '.h5', host (63 at most), process and thread id, '.tmp'."""
+"""Bytes by which a temporary name is longer: '.h5', host (63 at most), process id, random digits, '.tmp'."""
 
 
 def why_not_regular(path: str | Path) -> str:

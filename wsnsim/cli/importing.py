@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from wsnsim.base.errors import UsageError
+from wsnsim.base.errors import ScenarioError, UsageError
 from wsnsim.cli.shared import PATH, echo, echo_json, group, json_option, not_the_result, writable
 
 if TYPE_CHECKING:
@@ -89,8 +89,8 @@ def _imported(kind: str, trace: Path, ids: tuple[str, ...], options: dict[str, A
         if out.exists():
             raise UsageError(f"{out} exists: --out FILE.csv names another file, or this one to replace it")
     if as_scenario:
-        nodes, copies = _nodes(options["nodes"], out, trace, tracks)
-        files = [*copies, *trajectories.write_scenario(tracks, out, trace.name, nodes)]
+        _demand_valid(options["nodes"], out, trace, tracks)
+        files = _scenario_written(options["nodes"], out, trace, tracks)
     else:
         files = trajectories.write_csv(tracks.tracks, out)
     known = {
@@ -98,6 +98,30 @@ def _imported(kind: str, trace: Path, ids: tuple[str, ...], options: dict[str, A
         for node, track in tracks.tracks.items()
     }
     return {"files": [str(file) for file in files], "origin": list(tracks.origin), "tracks": known}
+
+
+def _scenario_written(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> list[Path]:
+    """Write a scenario with its tracks, and the shifted copy of the positions; returns the files."""
+    from wsnsim.interop import trajectories
+
+    named, copies = _nodes(nodes, out, trace, tracks)
+    return [*copies, *trajectories.write_scenario(tracks, out, trace.name, named)]
+
+
+def _demand_valid(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> None:
+    """Raise UsageError, before anything is written, if `wsnsim check` would refuse the scenario."""
+    import tempfile
+
+    import wsnsim.scenario as scenarios
+
+    with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as folder:
+        draft = Path(folder) / out.name
+        _scenario_written(nodes, draft, trace, tracks)
+        try:
+            scenarios.build(scenarios.load(draft))
+        except ScenarioError as error:
+            reason = error.issues[0].message.replace(f"{folder}/", "")
+            raise UsageError(f"{out}: is not written, since it could not be run: {reason}") from None
 
 
 def _nodes(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> tuple[Path | None, list[Path]]:

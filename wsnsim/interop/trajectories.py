@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -20,8 +21,11 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError, UsageError
+from wsnsim.base.printable import printable
 from wsnsim.interop.traces import Trace
+from wsnsim.models.bounds import LENGTH
 from wsnsim.models.node_file import FromFile
+from wsnsim.models.recorded_track import LATEST
 from wsnsim.recording.atomic_files import write_text_atomically
 
 CENTRE: Final = "centre"
@@ -77,10 +81,12 @@ def placed(trace: Trace, how: Placement) -> PlacedTracks:
     shift = np.array([how.time_origin or 0.0, *origin, 0.0])
     tracks = {node: track - shift for node, track in tracks.items()}
     for node, track in tracks.items():
-        if float(np.abs(track[:, 1:3]).max()) > FARTHEST:
+        if (np.abs(track[:, 1:]) > FARTHEST).any():
             raise RunError(
-                f"{trace.path}: node {node}: x and y must be within ±{FARTHEST:g} m: give --unit or --origin"
+                f"{trace.path}: node {node}: x, y and z must be within ±{FARTHEST:g} m: give --unit or --origin"
             )
+        if (np.abs(track[:, 0]) > LATEST).any():
+            raise RunError(f"{trace.path}: node {node}: times must be within ±{LATEST:g} s: give --time-unit")
     return PlacedTracks(tracks, origin)
 
 
@@ -129,7 +135,9 @@ def write_csv(tracks: Mapping[str, Floats], out: Path) -> list[Path]:
 def csv_text(node: str, track: Floats) -> str:
     """The rows of a track, as a text with the columns time, id, x, y, and z where it is known everywhere."""
     high = bool(np.isfinite(track[:, 3]).all())
-    name = '"' + node.replace('"', '""') + '"' if re.search(r'[",\s]', node) else node
+    cell = io.StringIO()
+    csv.writer(cell, lineterminator="").writerow([node])
+    name = cell.getvalue()
     rows = [f"time,id,x,y{',z' if high else ''}"]
     for time, x, y, z in track.tolist():
         rows.append(
@@ -151,7 +159,7 @@ def write_shifted_nodes(source: Path, out: Path, origin: tuple[float, float]) ->
         RunError: A position cannot be read. The message names file and line.
         StorageError: The file cannot be written.
     """
-    read = FromFile(path=str(source), fit=True, cover=False)
+    read = _positions(source)
     places = read.draw(0.0, np.random.default_rng(0)) - np.array(origin)
     heights = read.heights
     table: dict[str, Sequence[object]] = {"id": read.names}
@@ -162,6 +170,11 @@ def write_shifted_nodes(source: Path, out: Path, origin: tuple[float, float]) ->
     writer = csv.writer(text, lineterminator="\n")
     writer.writerows([table.keys(), *zip(*table.values(), strict=True)])
     write_text_atomically(out, text.getvalue())
+
+
+def _positions(path: Path) -> FromFile:
+    """The nodes of a file, wherever they stand."""
+    return FromFile(path=str(path), fit=True, cover=False)
 
 
 def write_scenario(placed_tracks: PlacedTracks, out: Path, source: str, nodes: Path | None) -> list[Path]:
@@ -180,19 +193,20 @@ def write_scenario(placed_tracks: PlacedTracks, out: Path, source: str, nodes: P
     files = files_of(tracks, out)
     for node, path in files.items():
         write_text_atomically(path, csv_text(node, tracks[node]))
-    write_text_atomically(out, _scenario_text(placed_tracks, files, out.stem, source, nodes))
+    count = MOST_NODES if nodes is None else len(_positions(out.parent / nodes).names)
+    write_text_atomically(out, _scenario_text(placed_tracks, files, out.stem, source, nodes, count))
     return [*files.values(), out]
 
 
 def _scenario_text(
-    placed_tracks: PlacedTracks, files: Mapping[str, Path], name: str, source: str, nodes: Path | None
+    placed_tracks: PlacedTracks, files: Mapping[str, Path], name: str, source: str, nodes: Path | None, count: int
 ) -> str:
     """The text of the scenario."""
     tracks = placed_tracks.tracks
     first = min(float(track[0, 0]) for track in tracks.values())
     last = max(float(track[-1, 0]) for track in tracks.values())
-    steps = max(1, math.floor((last - first) / STEP + 1e-9))
-    motions = [f"{{kind: recorded_track, path: {_quoted(path.name)}, time_origin: {first:.9g}, q: 1}}"
+    steps = max(2, math.floor((last - first) / STEP + 1e-9))
+    motions = [f"{{kind: recorded_track, path: {_quoted(path.name)}, time_origin: {first:.17g}, q: 1}}"
                for path in files.values()]  # fmt: skip
     motion = f"motion: {motions[0]}" if len(motions) == 1 else "targets:\n" + "\n".join(f"  - {m}" for m in motions)
     x, y = placed_tracks.origin
@@ -200,7 +214,7 @@ def _scenario_text(
 # Trajectories from {_comment(source)}. The origin of this scenario is the place ({x:.10g}, {y:.10g}) m of that file.
 # Nodes, sensor, radio and tracker are a beginning: replace them by yours.
 name: {_name(name)}
-duration: {(steps + 1) * STEP:g} s
+duration: {(steps + 1) * STEP:.17g} s
 step: {STEP:g} s
 prior: {{sd: [5, 5, 5, 5]}}
 {_deployment(tracks, nodes)}
@@ -208,7 +222,7 @@ prior: {{sd: [5, 5, 5, 5]}}
 sensor: {{kind: range, sd: 2 m, reach: 60 m}}
 energy: {{kind: first_order}}
 link: {{kind: disk, reach: 90 m}}
-clusters: {{kind: strongest_signal}}
+clusters: {{kind: strongest_signal{f", minimum_active: {count}" * (count < 3)}}}
 tracker: {{kind: ekf}}
 """
 
@@ -218,21 +232,22 @@ def _deployment(tracks: Mapping[str, Floats], nodes: Path | None) -> str:
     if nodes is not None:
         return f"deploy: {{kind: file, path: {_quoted(str(nodes))}, fit: true, cover: false}}"
     places = np.concatenate([track[:, 1:3] for track in tracks.values()])
-    width, height = np.ceil(2.0 * np.abs(places).max(axis=0) + 2.0 * SPACING).tolist()
+    assert LENGTH.le
+    width, height = np.minimum(np.ceil(2.0 * np.abs(places).max(axis=0) + 2.0 * SPACING), LENGTH.le).tolist()
     wanted = math.ceil(width / SPACING) * math.ceil(height / SPACING)
     count = min(max(wanted, LEAST_NODES), MOST_NODES)
-    return f"deploy: {{kind: grid, nodes: {count}, width: {width:g} m, height: {height:g} m, cover: false}}"
+    return f"deploy: {{kind: grid, nodes: {count}, width: {width:.17g} m, height: {height:.17g} m, cover: false}}"
 
 
 def _quoted(text: str) -> str:
-    """A text as a YAML scalar in single quotes."""
-    return "'" + text.replace("'", "''") + "'"
+    """A text as a YAML scalar in quotes."""
+    return "'" + text.replace("'", "''") + "'" if text.isprintable() else json.dumps(text)
 
 
 def _comment(text: str) -> str:
-    return " ".join(text.split())
+    return printable(" ".join(text.split()))
 
 
 def _name(text: str) -> str:
     """A name that a scenario may have."""
-    return _quoted(re.sub(r"[^\w.-]", "_", text)[:LONGEST_STEM] or "trace")
+    return _quoted(re.sub(r"^\W|[^\w.-]", "_", text, flags=re.ASCII)[:LONGEST_STEM])

@@ -25,11 +25,13 @@ from wsnsim.models.csvfile import (
     read_rows,
     row_texts,
 )
-from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, Straight, sampled
+from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
 SAME_PLACE: Final = 1e-3
 """Largest distance (m) of two places of one time (our choice)."""
-TIME: Final = Quantity("s", ge=-1e15, le=1e15)
+LATEST: Final = 1e15
+"""s: greatest time (our choice)."""
+TIME: Final = Quantity("s", ge=-LATEST, le=LATEST)
 
 
 @part
@@ -148,15 +150,20 @@ class RecordedTrack(Straight):
 
 
 def _conflicts(rows: CsvRows) -> Iterator[BadRow]:
-    """Yield the rows that are too far away, or at another place than the first row of the same time."""
+    """Yield the rows that are too far away, at another place than the first of their time, or at nearly its time."""
     times, lines = rows.numbers["time"], rows.lines
     points = np.column_stack([rows.numbers[name] for name in "xyz" if name in rows.numbers])
-    far = (np.abs(points) > FARTHEST_POINT).any(axis=1)
+    far = (np.abs(points) > FARTHEST_POINT).any(axis=1) | (np.abs(times) > LATEST)
     first = first_of_equal(~far, times)
     apart = np.linalg.norm(points - points[first], axis=1)
     for i in np.flatnonzero(far | (apart > SAME_PLACE)).tolist():
-        reason = f"x, y and z must be within ±{FARTHEST_POINT:g} m"
+        reason = f"x, y and z must be within ±{FARTHEST_POINT:g} m, time within ±{LATEST:g} s"
         if not far[i]:
             place = f"it is {apart[i]:.3g} m from the place in line {lines[first[i]]}"
             reason = f"at the time {times[i]:g} s {place}; at most {SAME_PLACE:g} m is allowed"
         yield BadRow(int(lines[i]), reason)
+    order = np.flatnonzero(~far)[np.argsort(times[~far], kind="stable")]
+    between = np.diff(times[order])
+    for i in np.flatnonzero((between > 0.0) & (between < LEAST_APART * (1.0 - 1e-6))).tolist():
+        reason = f"is {between[i]:.3g} s after line {lines[order[i]]}; {LEAST_APART:g} s are the least that is allowed"
+        yield BadRow(int(lines[order[i + 1]]), reason)

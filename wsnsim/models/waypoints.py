@@ -28,6 +28,8 @@ from wsnsim.models.transitions import near_constant_velocity
 INTENSITY = Quantity("m2/s3", ge=0.0, le=1e9)
 MOST_LEGS = 1e6
 """Greatest number of legs of a random trajectory; sampling as many takes some seconds (our choice)."""
+LEAST_APART = 1e-9
+"""Least time (s) between two places of a trajectory, so that speeds are finite (our choice)."""
 FARTHEST_POINT = 1e9
 """Greatest time (s) and coordinate (m) of a given waypoint (our choice)."""
 
@@ -231,8 +233,9 @@ def _check_points(rows: list[tuple[str, tuple[float, ...]]], error: type[Excepti
     if len(rows) < 2:
         raise error(f"{rows[0][0] if rows else 'points'}: at least two points are needed")
     for (_, (before, *_rest)), (place, (time, *_others)) in itertools.pairwise(rows):
-        if not time > before:
-            raise error(f"{place}: its time {time:g} s must be later than that of the previous point, {before:g} s")
+        if not time - before >= LEAST_APART * (1.0 - 1e-6):  # but for the rounding of 1e-9 s
+            later = f"must be later than that of the previous point, {before:g} s, by {LEAST_APART:g} s at least"
+            raise error(f"{place}: its time {time:g} s {later}")
     for place, values in rows:
         if not all(abs(value) <= FARTHEST_POINT for value in values):
             raise error(f"{place}: t, x and y must be finite and within ±{FARTHEST_POINT:g}")

@@ -76,7 +76,7 @@ def _words(content: Content, held: Mapping[str, h5g.GroupID], table: str, name: 
 
 
 def _final_name(tmp: Path) -> Path:
-    parsed = re.fullmatch(r"(.+)\.[^.]+\.\d+(?:-\d+)?\.tmp", tmp.name)
+    parsed = re.fullmatch(r"(.+)\.[^.]+\.\d+(?:-\w+)?\.tmp", tmp.name)
     if parsed is None:
         raise ResultError(
             f"{tmp}: is not named NAME.host.pid.tmp, like the file of a killed run; give another file with --out"

@@ -2,18 +2,15 @@
 
     with ResultFile(Path("results/x.h5"), [("px", "m"), ("vx", "m/s")], {"truth": True}) as file: ...
 
-Rows go to NAME.<host>.<pid>.tmp in the same folder. This file is closed, synchronised and renamed on a clean exit, and
-removed on an exception, so that a file with its final name is complete.
+Rows go to NAME.<host>.<pid>-<random>.tmp in the same folder. This file is closed, synchronised and renamed on a clean
+exit, and removed on an exception, so that a file with its final name is complete.
 """
 
 from __future__ import annotations
 
 import contextlib
-import itertools
 import json
 import os
-import re
-import socket
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
@@ -26,6 +23,7 @@ import h5py
 from wsnsim.base.errors import StorageError
 from wsnsim.base.tables import TABLES, Words, columns_of
 from wsnsim.base.version import __version__
+from wsnsim.recording.atomic_files import temporary_beside
 from wsnsim.recording.buffer import TableBuffer, write_meanings
 from wsnsim.recording.layout import (
     COMPLETE,
@@ -88,7 +86,7 @@ class ResultFile:
         if self.path.is_dir():
             raise StorageError(f"{self.path}: cannot be written: it is a folder")
         try:
-            self._tmp = _claim_beside(self.path)
+            self._tmp = temporary_beside(self.path, self.path.name.removesuffix(".h5"))
         except OSError as error:
             raise cannot_write(self.path, error) from error
         with self._complete_or_removed():
@@ -197,18 +195,6 @@ def with_end(provenance: str) -> str:
     """The provenance with the time at which the runs ended: now, unless it says so already."""
     known = json.loads(provenance)
     return json.dumps({**known, "end": known.get("end") or datetime.now(UTC).isoformat(timespec="seconds")})
-
-
-def _claim_beside(path: Path) -> Path:
-    """Create a temporary file beside `path`, with a number if a killed run with the same process id left one."""
-    host = re.sub(r"\W", "-", socket.gethostname().split(".")[0]) or "host"
-    stem = f"{path.name.removesuffix('.h5')}.{host}.{os.getpid()}"
-    for tries in itertools.count():
-        tmp = path.with_name(f"{stem}{f'-{tries}' if tries else ''}.tmp")
-        with contextlib.suppress(FileExistsError):
-            tmp.touch(exist_ok=False)
-            break
-    return tmp
 
 
 def _create(tmp: Path, in_memory: bool) -> h5py.File:

@@ -19,6 +19,7 @@ from typing import Any, Final
 
 from wsnsim.base.errors import UsageError, did_you_mean, nearest
 from wsnsim.base.plugin_code import note_plugin, plugin_fault
+from wsnsim.base.printable import shortened
 from wsnsim.scenario.kinds import ROLES
 from wsnsim.scenario.roles import Kind, Role
 
@@ -59,7 +60,7 @@ def find(role: str, kind: str) -> Kind:
     own = {info.kind: info for info in ROLES[role].kinds}
     known = own if kind in own else kinds(role)  # only the latter reads what is installed
     if kind not in known:
-        raise LookupError(f"unknown {role} '{kind}' ({did_you_mean(kind, known)})")
+        raise LookupError(f"unknown {role} '{shortened(kind)}' ({did_you_mean(kind, known)})")
     return known[kind]
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
+from wsnsim.base.printable import shortened
 from wsnsim.scenario.axes import Settings, joined
 from wsnsim.scenario.component_values import defaults_of
 from wsnsim.scenario.load import Assignment, keys_of
@@ -150,7 +151,7 @@ def _check_kind(text: str, name: str, start: int) -> None:
     if "=" in name:
         raise _refused(text, start, f"cannot read '{name}': expected KIND or KIND:KEY=VALUE, {EXAMPLE}")
     if not colon and name not in kinds("tracker"):
-        raise _refused(text, start, f"unknown tracker '{name}' ({did_you_mean(name, kinds('tracker'))})")
+        raise _refused(text, start, f"unknown tracker '{shortened(name)}' ({did_you_mean(name, kinds('tracker'))})")
 
 
 def _split(text: str) -> list[TrackerText]:
