@@ -272,6 +272,20 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_runs(
     assert sorted(path.name for path in Path().iterdir()) == ["file", "folder"]
 
 
+def test_a_second_run_into_one_file_is_told_and_a_killed_one_leaves_no_lock(capsys: pytest.CaptureFixture[str]) -> None:
+    from wsnsim.recording.atomic_files import sole_writer
+
+    command = ["run", "pso_mhpf", *QUICK, "--replicates", "1", "--out", "x.h5", "--quiet"]
+    with sole_writer(Path("x.h5")):
+        assert main(command) == 2
+        said = "x.h5: another run is writing this file: wait until it has ended, or name another file"
+        assert capsys.readouterr().err == f"wsnsim: error: {said}\n"
+    assert list(Path().iterdir()) == []
+    Path(".x.h5.lock").touch()
+    assert main(command) == 0
+    assert [path.name for path in Path().iterdir()] == ["x.h5"]
+
+
 # pictures
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import json
+import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -184,3 +188,41 @@ def test_merged_folders_keep_the_changes_of_their_shards(begun: str) -> None:
     assert main(["sweep", begun, FLAG, "-q"]) == 0
     manifest = collect([Folder(RESULTS)], Folder("all"))
     assert [noted["changed"] for noted in manifest.code_changes] == [["moody.py"]]
+
+
+WRITING = os.O_CREAT | os.O_WRONLY | os.O_RDWR
+
+
+def on_a_read_only_disk(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    """Refuse whatever would change the folder; the user of a test may be one whom no permissions bind."""
+
+    def refusing(function: Callable[..., Any], writes: Callable[..., bool]) -> Callable[..., Any]:
+        def called(place: Any, *others: Any, **given: Any) -> Any:
+            inside = isinstance(place, str | os.PathLike) and Path(place).resolve().is_relative_to(folder.resolve())
+            if inside and writes(*others, **given):
+                raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(place))
+            return function(place, *others, **given)
+
+        return called
+
+    monkeypatch.setattr(os, "open", refusing(os.open, lambda flags, *_, **__: bool(flags & WRITING)))
+    monkeypatch.setattr(io, "open", refusing(io.open, lambda mode="r", *_, **__: bool(set(mode) & set("wax+"))))
+    for name in ("mkdir", "unlink", "replace", "rename", "rmdir"):
+        monkeypatch.setattr(os, name, refusing(getattr(os, name), lambda *_, **__: True))
+
+
+def test_a_complete_campaign_is_shown_from_a_read_only_folder(
+    begun: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    with monkeypatch.context() as patched:
+        on_a_read_only_disk(patched, RESULTS)
+        assert main(["sweep", str(RESULTS), "--plugins", "-q"]) == 0
+        shown = capsys.readouterr()
+    assert shown.out and not shown.err
+    assert main(["sweep", str(RESULTS), "--plugins", "-q"]) == 0 and capsys.readouterr().out == shown.out
+    next(RESULTS.glob("*/*.h5")).unlink()
+    with monkeypatch.context() as patched:
+        on_a_read_only_disk(patched, RESULTS)
+        assert main(["sweep", str(RESULTS), "--plugins", "-q"]) == 2
+        assert "cannot write" in capsys.readouterr().err

@@ -357,3 +357,21 @@ def test_temporary_names_cannot_be_foreseen_and_follow_no_link(tmp_path, monkeyp
     (tmp_path / f"x.txt.{atomic_files.host()}.{os.getpid()}-guessed.tmp").symlink_to(victim)
     atomic_files.write_text_atomically(place, "yours")
     assert victim.read_text() == "mine" and place.read_text() == "yours"
+
+
+@pytest.mark.thorough
+def test_a_file_has_one_writer_at_a_time_until_that_is_killed(tmp_path):
+    from wsnsim.base.errors import UsageError
+    from wsnsim.recording.atomic_files import sole_writer
+
+    place = tmp_path / "x.h5"
+    text = "import pathlib, sys, time\nfrom wsnsim.recording.atomic_files import sole_writer\n"
+    text += "with sole_writer(pathlib.Path(sys.argv[1])):\n    print('locked', flush=True)\n    time.sleep(600)\n"
+    with subprocess.Popen([sys.executable, "-c", text, str(place)], stdout=subprocess.PIPE) as other:
+        assert other.stdout.readline() == b"locked\n"
+        with pytest.raises(UsageError, match="another run is writing"), sole_writer(place):
+            pass
+        other.kill()
+    with sole_writer(place):
+        pass
+    assert list(tmp_path.iterdir()) == []

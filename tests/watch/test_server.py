@@ -9,6 +9,7 @@ import threading
 import pytest
 
 from wsnsim.base.errors import UsageError
+from wsnsim.watch import server as module
 from wsnsim.watch.server import HOST, MOST_REQUESTS, HttpAnswer, WatchServer
 
 LARGE = b"x" * 20_000_000
@@ -106,19 +107,53 @@ def test_bytes_that_are_no_request_are_refused(server, ask):
     assert ask(server.url)[0] == 200
 
 
-def test_more_connections_than_it_serves_are_closed_and_do_not_stop_it(server, ask):
-    silent = [socket.create_connection((HOST, server.port), timeout=20) for _ in range(MOST_REQUESTS + 4)]
-    assert [each.recv(10) for each in silent[MOST_REQUESTS:]] == [b""] * 4
-    for each in silent:
+def connected(server, request=b"", **options):
+    raw = socket.create_connection((HOST, server.port), timeout=20)
+    for name, value in options.items():
+        raw.setsockopt(socket.SOL_SOCKET, getattr(socket, name), value)
+    raw.sendall(request)
+    return raw
+
+
+def request_of(server, name):
+    path, host = server.url.split(str(server.port))[1], f"{HOST}:{server.port}"
+    return f"GET {path}{name} HTTP/1.0\r\nHost: {host}\r\n\r\n".encode()
+
+
+def test_connections_that_ask_nothing_give_way_to_a_request(server, ask):
+    """The page was blocked for 18 s."""
+    idle = [connected(server, sent) for sent in (b"", b"GET / HTTP", b"GET / HTTP/1.0\r\nA: ") for _ in range(34)]
+    assert ask(server.url)[2] == b"page"
+    assert len(server._server.open) <= MOST_REQUESTS
+    for each in idle:
         each.close()
-    served = threading.Event()
-    for _ in range(200):
-        try:
-            served.set() if ask(server.url)[0] == 200 else None
-            break
-        except OSError:  # the threads of the closed connections are just ending
-            served.wait(0.05)
-    assert served.is_set()
+
+
+def test_slow_readers_give_way_to_a_request_and_idle_connections_to_both(server, ask):
+    """The page was blocked for good."""
+    slow = [connected(server, request_of(server, "large"), SO_RCVBUF=4096) for _ in range(MOST_REQUESTS)]
+    assert all(each.recv(10) == b"HTTP/1.0 2" for each in slow)
+    assert ask(server.url)[2] == b"page"
+    idle = [connected(server) for _ in range(2 * MOST_REQUESTS)]
+    assert ask(server.url)[2] == b"page"
+    assert sum(asked for asked, _ in server._server.open.values()) >= MOST_REQUESTS - 4  # most still read
+    for each in [*slow, *idle]:
+        each.close()
+
+
+@pytest.mark.parametrize(("name", "seconds"), [("", "TIME_TO_ASK"), ("large", "TIME_TO_ANSWER")])
+def test_a_whole_request_has_a_time_in_which_it_is_made_and_its_answer_taken(monkeypatch, name, seconds):
+    monkeypatch.setattr(module, seconds, -1.0)
+    before = threading.active_count() + 1  # with that of the server
+    with WatchServer(answers) as server:
+        raw = connected(server, request_of(server, name) if name else b"GET")  # and takes nothing
+        assert name == "" or raw.recv(10)
+        for _ in range(600):  # its thread ends; the time is only that of a machine that is busy
+            if not server._server.open and threading.active_count() <= before:
+                break
+            threading.Event().wait(0.05)
+        assert not server._server.open and threading.active_count() <= before
+        raw.close()
 
 
 def test_a_closed_server_answers_no_more(ask):

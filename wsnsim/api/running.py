@@ -15,6 +15,7 @@ from wsnsim.api.result import Result
 from wsnsim.base.errors import UsageError
 from wsnsim.base.progress import Progress
 from wsnsim.base.run_numbers import run_number, run_numbers
+from wsnsim.recording.atomic_files import sole_writer
 from wsnsim.scenario import Overrides
 from wsnsim.scenario.source_checks import demand_scenario
 
@@ -158,7 +159,8 @@ def _made(loaded: Any, replicates: Sequence[int] | None, out: Path | None, optio
         for name in ("on_compile", "code"):
             options.pop(name, None)
         return Result(*experiment.run_in_memory(loaded, replicates=replicates, **options))
-    return Result(experiment.run(loaded, replicates=replicates, out=out, **options))
+    with sole_writer(out):
+        return Result(experiment.run(loaded, replicates=replicates, out=out, **options))
 
 
 def _reporting(

@@ -85,13 +85,14 @@ def reopen(path: str | Path, accept_code_change: bool = False) -> Folder:
 
     Raises:
         ResultError: the folder holds no campaign.
-        UsageError: the campaign belongs to another version of wsnsim, the folder cannot be written, or runs are missing
-            and the others were made by other code.
+        UsageError: the campaign belongs to another version of wsnsim, or runs are missing, and the folder cannot be
+            written or the others were made by other code.
     """
     folder = Folder(path)
     manifest = folder.manifest()
     _check_version(folder, manifest)
-    _check_writable(folder.path)
+    if not _is_complete(folder):
+        _check_writable(folder.path)
     demand_same_code(folder, manifest, lambda: _is_complete(folder), accept_code_change)
     return folder
 

@@ -95,12 +95,16 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
     page = _page_path(path) if options.with_page else None
     with put_off():
         import wsnsim.experiment as experiment
+        from wsnsim.recording.atomic_files import sole_writer
 
     talks = not options.quiet and options.progress not in ("json", "none")
     if talks:
         _say_notes(scenario, options.replicates or scenario.replicates, options.batch)
     with shown_live(scenario.name, live) as view:
-        with contextlib.closing(display("none" if options.quiet else options.progress, RUN)) as shown:
+        with (
+            sole_writer(path),
+            contextlib.closing(display("none" if options.quiet else options.progress, RUN)) as shown,
+        ):
             report = experiment.run(
                 scenario, replicates=options.replicates, out=path, command_line=command_line(),
                 progress=view.reporting(shown.step), on_compile=_say_compiling if talks else None,

@@ -162,8 +162,8 @@ def _unusable(rows: CsvRows, found: Ints, nodes: NodeTable, form: LawForm, known
     names, codes = rows.texts["node"]
     within = (form.least <= readings) & (readings <= form.greatest)
     good = (found >= 0) & within & known
-    keys = [times, codes, *([rows.texts["target"].codes] if "target" in rows.texts else [])]
-    first = first_of_equal(good, *keys)
+    targets = rows.texts["target"].codes if "target" in rows.texts else np.zeros_like(codes)
+    first = first_of_equal(good, times, codes, targets)
     for row in np.flatnonzero(~good | (first != np.arange(len(lines)))).tolist():
         name, time = names[codes[row]], f"{times[row]:g} s"
         if found[row] < 0:

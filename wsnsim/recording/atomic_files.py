@@ -1,19 +1,22 @@
 """Files that get their name only when they are complete.
 
 write_atomically(place, write)        write_text_atomically(place, text)        temporary_beside(place, name)
+sole_writer(place)
 """
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import re
 import secrets
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
+from wsnsim.base.errors import UsageError
 from wsnsim.recording.layout import cannot_write
 
 TEMPORARY: Final = re.compile(r".*\.(?P<host>[^.]+)\.(?P<pid>\d+)(-\w+)?\.tmp")
@@ -44,6 +47,50 @@ def write_atomically(place: Path, write: Callable[[Path], object]) -> None:
             with contextlib.suppress(OSError):
                 tmp.unlink(missing_ok=True)
         raise cannot_write(place, error) from error
+
+
+@contextlib.contextmanager
+def sole_writer(place: Path) -> Iterator[None]:
+    """Let one process of this machine at a time write a file: of those that ask here, the others are told.
+
+    The lock is one of the kernel on `.NAME.lock` beside the file. It ends with the process: what a killed process left
+    is a file without a lock, which the next writer takes and removes. Where there can be no lock, there is none.
+
+    Raises:
+        UsageError: another process is writing the file.
+    """
+    lock = place.with_name(f".{place.name}.lock")
+    descriptor = None
+    try:
+        descriptor = _locked(lock)
+    except BlockingIOError:
+        said = "another run is writing this file: wait until it has ended, or name another file"
+        raise UsageError(f"{place}: {said}") from None
+    except OSError:  # such as a folder that does not exist, which the writer reports
+        pass
+    try:
+        yield
+    finally:
+        if descriptor is not None:
+            with contextlib.suppress(OSError):
+                lock.unlink()
+            os.close(descriptor)
+
+
+def _locked(lock: Path) -> int:
+    """The descriptor of the locked file. Raises BlockingIOError if another has locked it."""
+    while True:
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(descriptor), lock.stat()):
+                return descriptor
+        except FileNotFoundError:  # its owner has just removed it
+            pass
+        except OSError:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
 
 
 def temporary_beside(place: Path, name: str | None = None) -> Path:

@@ -12,7 +12,9 @@ import contextlib
 import hmac
 import json
 import secrets
+import socket
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
@@ -24,9 +26,11 @@ from wsnsim.base.errors import UsageError
 
 HOST: Final = "127.0.0.1"
 MOST_REQUESTS: Final = 32
-"""Requests that are answered at a time; further ones are closed at once."""
-IDLE: Final = 20.0
-"""Seconds after which a connection that sends or takes nothing is closed."""
+"""Connections at a time. A further one ends another: the oldest that has asked nothing valid yet, else the oldest."""
+TIME_TO_ASK: Final = 5.0
+"""Seconds in which a request must be complete."""
+TIME_TO_ANSWER: Final = 60.0
+"""Seconds in which a client must have taken the whole answer."""
 POLICY: Final = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 COMMON: Final = {
     "Cache-Control": "no-store",
@@ -125,7 +129,11 @@ def _refusal(status: HTTPStatus) -> HttpAnswer:
 
 
 class _Server(ThreadingHTTPServer):
-    """The sockets, with a limited number of threads."""
+    """The sockets: a limited number of them, each for a limited time. All clients are of this machine.
+
+    Attributes:
+        open: for each connection whether it has asked with the token, and when (s, monotonic) it is closed.
+    """
 
     daemon_threads = True
     block_on_close = False
@@ -133,20 +141,40 @@ class _Server(ThreadingHTTPServer):
     gate: _Gate
 
     def __init__(self, *where: Any) -> None:
+        self.open: dict[Any, tuple[bool, float]] = {}
+        self._lock = threading.Lock()
         super().__init__(*where)
-        self._free = threading.BoundedSemaphore(MOST_REQUESTS)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        if self._free.acquire(blocking=False):
-            super().process_request(request, client_address)
-        else:
-            self.shutdown_request(request)
+        with self._lock:
+            if len(self.open) >= MOST_REQUESTS:
+                self._end(min(self.open, key=self.open.__getitem__))
+            self.open[request] = (False, time.monotonic() + TIME_TO_ASK)
+        super().process_request(request, client_address)
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._free.release()
+    def has_asked(self, request: Any) -> None:
+        """Give a connection that asked with the token the time to take the answer."""
+        with self._lock:
+            if request in self.open:
+                self.open[request] = (True, time.monotonic() + TIME_TO_ANSWER)
+
+    def service_actions(self) -> None:
+        """End the connections whose time is over. The server calls it several times a second."""
+        now = time.monotonic()
+        with self._lock:
+            for request in [each for each, (_, end) in self.open.items() if end < now]:
+                self._end(request)
+
+    def shutdown_request(self, request: Any) -> None:
+        with self._lock:
+            self.open.pop(request, None)
+        super().shutdown_request(request)
+
+    def _end(self, request: Any) -> None:
+        """Wake the thread of a connection, which then finds it closed."""
+        del self.open[request]
+        with contextlib.suppress(OSError):
+            request.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Drop the connection: a tab that goes away concerns nobody."""
@@ -156,13 +184,14 @@ class _Handler(BaseHTTPRequestHandler):
     server: _Server
     server_version = "wsnsim"
     sys_version = ""
-    timeout = IDLE
 
     def do_GET(self) -> None:
         try:
             answer = self.server.gate.answer(self.path, dict(self.headers.items()))
         except ValueError:  # an address that is none
             answer = _refusal(HTTPStatus.BAD_REQUEST)
+        if answer.status == HTTPStatus.OK:
+            self.server.has_asked(self.connection)
         with contextlib.suppress(OSError):  # the tab was closed
             self._send(answer)
 
