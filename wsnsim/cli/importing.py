@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from wsnsim.base.errors import ScenarioError, UsageError
+from wsnsim.base.errors import RunError, ScenarioError, UsageError
 from wsnsim.cli.shared import PATH, echo, echo_json, group, json_option, not_the_result, writable
 
 if TYPE_CHECKING:
@@ -88,11 +88,8 @@ def _imported(kind: str, trace: Path, ids: tuple[str, ...], options: dict[str, A
         out = Path(f"{first.stem.removeprefix('__')}.csv") if len(tracks.tracks) == 1 else Path("track.csv")
         if out.exists():
             raise UsageError(f"{out} exists: --out FILE.csv names another file, or this one to replace it")
-    if as_scenario:
-        _demand_valid(options["nodes"], out, trace, tracks)
-        files = _scenario_written(options["nodes"], out, trace, tracks)
-    else:
-        files = trajectories.write_csv(tracks.tracks, out)
+    _demand_valid(options["nodes"], out, trace, tracks)
+    files = _written(options["nodes"], out, trace, tracks)
     known = {
         node: {"points": len(track), "first": float(track[0, 0]), "last": float(track[-1, 0])}
         for node, track in tracks.tracks.items()
@@ -100,28 +97,34 @@ def _imported(kind: str, trace: Path, ids: tuple[str, ...], options: dict[str, A
     return {"files": [str(file) for file in files], "origin": list(tracks.origin), "tracks": known}
 
 
-def _scenario_written(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> list[Path]:
-    """Write a scenario with its tracks, and the shifted copy of the positions; returns the files."""
+def _written(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> list[Path]:
+    """Write the tracks, or a scenario with its tracks and the shifted copy of the positions; returns the files."""
     from wsnsim.interop import trajectories
 
+    if out.suffix != ".yaml":
+        return trajectories.write_csv(tracks.tracks, out)
     named, copies = _nodes(nodes, out, trace, tracks)
     return [*copies, *trajectories.write_scenario(tracks, out, trace.name, named)]
 
 
 def _demand_valid(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> None:
-    """Raise UsageError, before anything is written, if `wsnsim check` would refuse the scenario."""
+    """Raise UsageError, before anything is written, if the track or scenario could not be loaded."""
     import tempfile
 
     import wsnsim.scenario as scenarios
+    from wsnsim.models.recorded_track import RecordedTrack
 
     with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as folder:
-        draft = Path(folder) / out.name
-        _scenario_written(nodes, draft, trace, tracks)
+        files = _written(nodes, Path(folder) / out.name, trace, tracks)
         try:
-            scenarios.build(scenarios.load(draft))
-        except ScenarioError as error:
-            reason = error.issues[0].message.replace(f"{folder}/", "")
-            raise UsageError(f"{out}: is not written, since it could not be run: {reason}") from None
+            if out.suffix == ".yaml":
+                scenarios.build(scenarios.load(files[-1]))
+            else:
+                _ = [RecordedTrack(path=str(file)).track for file in files]
+        except (ScenarioError, RunError) as error:
+            said = error.issues[0].message if isinstance(error, ScenarioError) else str(error)
+            reason = said.replace(f"{folder}/", "")
+            raise UsageError(f"{out}: is not written, since it could not be loaded: {reason}") from None
 
 
 def _nodes(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> tuple[Path | None, list[Path]]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.content_digests import content_digest
-from wsnsim.base.errors import RunError, UsageError, did_you_mean
+from wsnsim.base.errors import MOST_PRINTED, RunError, UsageError, did_you_mean
 from wsnsim.fitting.laws import LawForm
 from wsnsim.fitting.located_readings import DataFile, LocatedReadings, NodeTable
 from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, first_of_equal, limited, open_text, read_rows
@@ -164,10 +164,13 @@ def _unusable(rows: CsvRows, found: Ints, nodes: NodeTable, form: LawForm, known
     good = (found >= 0) & within & known
     targets = rows.texts["target"].codes if "target" in rows.texts else np.zeros_like(codes)
     first = first_of_equal(good, times, codes, targets)
+    hints: dict[str, str] = {}
     for row in np.flatnonzero(~good | (first != np.arange(len(lines)))).tolist():
         name, time = names[codes[row]], f"{times[row]:g} s"
         if found[row] < 0:
-            reason = f"unknown node '{name}' ({did_you_mean(name, nodes.ids)})"
+            if name not in hints and len(hints) < MOST_PRINTED:  # those that are printed
+                hints[name] = f" ({did_you_mean(name, nodes.ids)})"
+            reason = f"unknown node '{name}'{hints.get(name, '')}"
         elif not within[row]:
             allowed = f"between {form.least:g} and {form.greatest:g}"
             reason = f"reading {readings[row]:g} {form.reading_unit} must be {allowed}"

@@ -206,7 +206,7 @@ def _scenario_text(
     first = min(float(track[0, 0]) for track in tracks.values())
     last = max(float(track[-1, 0]) for track in tracks.values())
     steps = max(2, math.floor((last - first) / STEP + 1e-9))
-    motions = [f"{{kind: recorded_track, path: {_quoted(path.name)}, time_origin: {first:.17g}, q: 1}}"
+    motions = [f"{{kind: recorded_track, path: {_quoted(path.name)}, time_origin: {_digits(first, 9)}, q: 1}}"
                for path in files.values()]  # fmt: skip
     motion = f"motion: {motions[0]}" if len(motions) == 1 else "targets:\n" + "\n".join(f"  - {m}" for m in motions)
     x, y = placed_tracks.origin
