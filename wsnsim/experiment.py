@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import wsnsim.scenario as scenarios
+from wsnsim.base.contained import contained
 from wsnsim.base.deprecation import renamed
 from wsnsim.base.errors import plugin_faults_of_run
 from wsnsim.base.following import RunStart, follower_of
@@ -40,6 +41,7 @@ from wsnsim.base.run_numbers import run_numbers
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.table_layout import TableLayout, table_layout
 from wsnsim.base.tables import Memory
+from wsnsim.base.time_limit import limited, time_limit
 from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation
 from wsnsim.models.coverage import coverage_of_living
 from wsnsim.network.network import Sensors
@@ -114,7 +116,8 @@ def replicate_of(setup: Setup, replicate: int, recorder: Recorder, progress: OnT
     Raises:
         RunError: The simulation failed, or code of a plug-in did before or after it. Plug-ins that take part are named.
     """
-    with plugin_faults_of_run(setup.seed, replicate, plugin_classes(vars(setup).values())):
+    classes = plugin_classes(vars(setup).values())
+    with plugin_faults_of_run(setup.seed, replicate, classes), contained(classes):
         return _one_run(setup, replicate, recorder, progress)
 
 
@@ -170,6 +173,7 @@ def run(  # noqa: PLR0913
     code: str = "",
     plugins: bool = False,
     watched: Callable[[Recorder], Recorder] | None = None,
+    timeout: float | None = None,
 ) -> Report:
     """Run a scenario several times, into one HDF5 file that gets its name only once it is complete.
 
@@ -184,6 +188,7 @@ def run(  # noqa: PLR0913
         code: Digest of the code, which is stored in the file's provenance; a campaign gives it.
         plugins: Whether a result may name any plug-in, as in `load`.
         watched: Returns the recorder that stands before the file and passes on all rows, as for a live view.
+        timeout: Time limit of one run (s), after which it fails; None: there is none.
 
     Raises:
         ScenarioError: The scenario is invalid.
@@ -191,7 +196,7 @@ def run(  # noqa: PLR0913
         StorageError: The file cannot be written.
         UsageError: `replicates` is neither a number of runs nor a list of different run numbers.
     """
-    task = _task(scenario, replicates, plugins, batch)._replace(watched=watched)
+    task = _task(scenario, replicates, plugins, batch, timeout)._replace(watched=watched)
     result = ResultFile(Path(out), task.layout.states, task.setup.record, **task.layout.keywords)
     return _performed(task, result, Path(out), {"command_line": command_line, "code": code}, progress, on_compile)
 
@@ -204,6 +209,7 @@ def run_in_memory(
     progress: Callable[[Progress], None] | None = None,
     batch: bool = True,
     plugins: bool = False,
+    timeout: float | None = None,
 ) -> tuple[Report, MemoryResult]:
     """Run a scenario several times without a file.
 
@@ -214,6 +220,7 @@ def run_in_memory(
         progress: Called at most ten times a second.
         batch: Whether standalone runs are made many at once where the tracker offers it. The tables are the same.
         plugins: Whether a result may name any plug-in, as in `load`.
+        timeout: Time limit of one run (s), after which it fails; None: there is none.
 
     Returns:
         The report, and the tables, which `save` writes as `run` would have written them.
@@ -223,7 +230,7 @@ def run_in_memory(
         RunError: A simulation failed.
         UsageError: `replicates` is neither a number of runs nor a list of different run numbers.
     """
-    task = _task(scenario, replicates, plugins, batch)
+    task = _task(scenario, replicates, plugins, batch, timeout)
     result = MemoryResult(task.layout.states, task.setup.record, **task.layout.keywords)
     return _performed(task, result, Path(), {"command_line": command_line}, progress, None), result
 
@@ -241,16 +248,19 @@ class _RunTask(NamedTuple):
     batch: bool
     began: float
     compiled: float
+    timeout: float | None
     watched: Callable[[Recorder], Recorder] | None = None
 
 
-def _task(scenario: Source, replicates: int | Sequence[int] | None, plugins: bool, batch: bool) -> _RunTask:
-    began, compiled = time.monotonic(), compilation_seconds()
+def _task(
+    scenario: Source, replicates: int | Sequence[int] | None, plugins: bool, batch: bool, timeout: float | None
+) -> _RunTask:
+    began, compiled, timeout = time.monotonic(), compilation_seconds(), time_limit(timeout)
     loaded = load(scenario, plugins=plugins)
     setup = scenarios.build(loaded)
     chosen = run_numbers(loaded.replicates if replicates is None else replicates)
-    batched = batch and len(chosen) > 1 and offers_batch(setup)
-    return _RunTask(loaded, setup, chosen, table_layout(setup), batched, began, compiled)
+    batched = batch and len(chosen) > 1 and offers_batch(setup) and not timeout  # a block holds many runs
+    return _RunTask(loaded, setup, chosen, table_layout(setup), batched, began, compiled, timeout)
 
 
 def _performed(
@@ -277,7 +287,7 @@ def _performed(
         def reporting(first: Progress) -> OnTime | None:
             return throttled(progress, first, task.began, lambda: prepared + compilation_wall())
 
-        summaries = _made(setup, chosen, recorder, batches, reporting)
+        summaries = _made(task, recorder, batches, reporting)
         if batches and batches.used:
             file.set_text("provenance_json", json.dumps({**made_by, "engine": "batch"}))
     wall, compiled = time.monotonic() - task.began, compilation_seconds() - task.compiled
@@ -285,20 +295,23 @@ def _performed(
 
 
 def _made(
-    setup: Setup,
-    replicates: Sequence[int],
+    task: _RunTask,
     recorder: Recorder,
     batches: Batches | None,
     reporting: Callable[[Progress], OnTime | None],
 ) -> list[Summary]:
     """Make all runs, in blocks while there are `batches` of them, else one by one."""
     summaries: list[Summary] = []
+    setup, replicates = task.setup, task.replicates
     while len(summaries) < len(replicates):
         left = replicates[len(summaries) :]
         block = batches.next(left) if batches else []
         number = len(summaries) + max(len(block), 1) - 1
         on_time = reporting(Progress(number, len(replicates), 0.0, setup.duration, 0.0))
-        summaries += block or [replicate_of(setup, left[0], recorder, on_time)]
+        if not block:
+            with limited(task.timeout, f"the run (seed {setup.seed}, replicate {left[0]})"):
+                summaries.append(replicate_of(setup, left[0], recorder, on_time))
+        summaries += block
         if on_time:
             on_time(setup.duration)
     return summaries

@@ -100,6 +100,7 @@ def run(  # noqa: PLR0913
     progress: bool | Callable[[Progress], None] | None = None,
     batch: bool = True,
     plugins: bool = False,
+    timeout: float | None = None,
     **changes: Unpack[Changes],
 ) -> Result:
     """Make many Monte Carlo runs of a scenario, in a result file or in memory.
@@ -119,6 +120,7 @@ def run(  # noqa: PLR0913
             there is a bar in notebooks.
         batch: whether standalone runs are made many at once where the tracker offers it. The tables are the same.
         plugins: whether a result file may name any plug-in, as in `load`.
+        timeout: time limit of one run in s, after which it fails; None: there is none.
         changes: roles and other keys of the scenario: `tracker=Ekf()`, `link={"reach": "60 m"}`, `mac="csma"`,
             `duration="10 s"`.
 
@@ -142,7 +144,7 @@ def run(  # noqa: PLR0913
     loaded = _loaded(scenario, chosen, plugins)
     on_progress = None if isinstance(progress, bool) else progress
     with shown(progress, loaded.name, "runs") as step:
-        of_engine |= {"batch": batch, "progress": _reporting(step, on_progress)}
+        of_engine |= {"batch": batch, "timeout": timeout, "progress": _reporting(step, on_progress)}
         return _made(loaded, replicates, target, of_engine)
 
 

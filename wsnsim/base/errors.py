@@ -6,6 +6,7 @@ WsnsimError                    exit code
 ├── ResultError                1   a result file cannot be read, written or trusted
 │   └── StorageError           1   it cannot be written, and neither can any other file of the folder
 └── RunError                   1   a simulation failed; names seed, replicate and simulated time
+    └── PluginAnswerError      1   a plug-in answered otherwise than its port says
 """
 
 from __future__ import annotations
@@ -99,6 +100,19 @@ class RunError(WsnsimError):
     """A simulation failed."""
 
 
+class PluginAnswerError(RunError):
+    """A plug-in answered, or asked, otherwise than its port says.
+
+    Attributes:
+        said: what it answered, and what was expected.
+        place: file and line in the plug-in's code; '' if the traceback says it.
+    """
+
+    def __init__(self, said: str, place: str = "") -> None:
+        super().__init__(f"{place}: {said}" if place else said)
+        self.said, self.place = said, place
+
+
 def failed_run(time: float, seed: int, replicate: int, reason: BaseException) -> RunError:
     """Return the error of a run that failed: how to repeat it, and the reason."""
     name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
@@ -119,7 +133,8 @@ def plugin_faults_of_run(seed: int, replicate: int, classes: Sequence[str] = ())
     try:
         yield
     except (Exception, SystemExit) as reason:
-        in_plugin, ours = bool(plugin_fault(reason)), isinstance(reason, WsnsimError)
+        ours = isinstance(reason, WsnsimError) and not isinstance(reason, PluginAnswerError)
+        in_plugin = bool(plugin_fault(reason))
         if (ours if in_plugin else not classes) or isinstance(reason, ResultError):
             raise
         failed = reason if ours else failed_run(0.0, seed, replicate, reason)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import contextvars
+import inspect
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from pathlib import Path
-from types import FrameType
-from typing import Final, NamedTuple
+from types import FrameType, GeneratorType
+from typing import Any, Final, NamedTuple, cast
 
 TRACEBACK_HINT: Final = "set WSNSIM_TRACEBACK=1 for the traceback"
 _PACKAGE: Final = str(Path(__file__).parents[1]) + os.sep
@@ -62,10 +63,39 @@ def plugin_fault(error: BaseException) -> str:
     plug-in itself is installed.
     """
     for one in _chain(error):
-        if place := _place(one):
+        place = getattr(one, "place", "") or _place(one)
+        if place and (said := getattr(one, "said", "")):  # a PluginAnswerError, which says it in words
+            return f"{place}: {said}"
+        if place:
             message = " ".join(str(one.msg if isinstance(one, SyntaxError) else one).split())
             return f"{place}: {type(one).__name__}" + (f": {message}" if message else "")
     return ""
+
+
+def plugin_place(error: BaseException) -> str:
+    """Return the deepest line of a plug-in's code in the traceback of an error, such as 'mylab.py:31'; '' without."""
+    return next(filter(None, map(_place, _chain(error))), "")
+
+
+def code_place(kind: type, name: str) -> str:
+    """Return the file and line where the code of a plug-in defines a method, or else the class itself."""
+    code = getattr(inspect.unwrap(getattr(kind, name, kind)), "__code__", None)
+    if code is not None and _is_foreign(code.co_filename):
+        return f"{_short(code.co_filename)}:{code.co_firstlineno}"
+    try:
+        return f"{_short(inspect.getfile(kind))}:{inspect.getsourcelines(kind)[1]}"
+    except (OSError, TypeError):  # a class without a file, as in a notebook
+        return f"{kind.__module__}:{kind.__qualname__}"
+
+
+def line_place(flow: Generator[Any, Any, Any]) -> str:
+    """Return the file and line at which a generator waits: that of the deepest one which a plug-in's code runs."""
+    place, inner = "", cast(Any, flow)
+    while isinstance(inner, GeneratorType) and inner.gi_frame is not None:
+        file = inner.gi_frame.f_code.co_filename
+        place = f"{_short(file)}:{inner.gi_frame.f_lineno}" if not place or _is_foreign(file) else place
+        inner = inner.gi_yieldfrom
+    return place
 
 
 def plugin_classes(components: Iterable[object]) -> list[str]:

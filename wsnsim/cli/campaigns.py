@@ -26,6 +26,7 @@ from wsnsim.cli.shared import (
     progress_option,
     quiet_option,
     seed_option,
+    timeout_option,
 )
 
 MAX_NAMED: Final = 5
@@ -40,7 +41,7 @@ def _session_options(command: Command) -> Command:
         overrides_option,
         click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Monte Carlo runs per point."),
         seed_option,
-        click.option("--timeout", metavar="TIME", help="Time limit of one run, such as '10 min'."),
+        timeout_option,
         click.option("--out", "-o", type=PATH, metavar="DIR", help="Folder of the campaign; default results/NAME."),
         jobs_option,
         click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of a Dask scheduler: tcp://host:8786."),

@@ -27,7 +27,9 @@ from wsnsim.cli.shared import (
     plugins_option,
     progress_option,
     quiet_option,
+    seconds_of,
     seed_option,
+    timeout_option,
     writable,
 )
 
@@ -52,6 +54,7 @@ class RunOptions(NamedTuple):
     batch: bool
     quiet: bool
     progress: str
+    timeout: str | None
 
 
 def run_options(command: Command) -> Command:
@@ -71,6 +74,7 @@ def run_options(command: Command) -> Command:
         batch_option,
         quiet_option,
         progress_option,
+        timeout_option,
     ]  # fmt: skip
     for option in reversed(options):
         command = option(command)
@@ -91,6 +95,7 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
     """Run a scenario, write its result and print its summary; with `live` options, show it in a browser meanwhile."""
     seeded = options.overrides if options.seed is None else (*options.overrides, f"seed={options.seed}")
     scenario = loaded(source, seeded, options.plugins)
+    limit = None if options.timeout is None else seconds_of("--timeout", options.timeout)
     path = writable(options.out, Path("results") / f"{scenario.name}.h5")
     page = _page_path(path) if options.with_page else None
     with put_off():
@@ -108,7 +113,7 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
             report = experiment.run(
                 scenario, replicates=options.replicates, out=path, command_line=command_line(),
                 progress=view.reporting(shown.step), on_compile=_say_compiling if talks else None,
-                batch=options.batch, watched=view.recorder,
+                batch=options.batch, watched=view.recorder, timeout=limit,
             )  # fmt: skip
         if talks and report.compiled:
             echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)

@@ -77,6 +77,7 @@ quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print no progre
 progress_option = click.option(
     "--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show progress."
 )
+timeout_option = click.option("--timeout", metavar="TIME", help="Time limit of one run, such as '10 min'.")
 plugins_option = click.option(
     "--plugins",
     is_flag=True,
@@ -136,6 +137,23 @@ def writable(out: Path | None, default: Path) -> Path:
     except (OSError, ValueError) as error:
         raise UsageError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}") from None
     return path
+
+
+def seconds_of(option: str, text: str) -> float:
+    """The seconds of a time on the command line, such as '10 min' or '600'.
+
+    Raises:
+        UsageError: it is no time.
+    """
+    from wsnsim.scenario.units import UnitError, si
+
+    try:
+        return float(text)
+    except ValueError:
+        try:
+            return si(text, "s")
+        except UnitError as error:
+            raise UsageError(f"{option}: {error}") from None
 
 
 def not_the_result(path: Path, result: Path, content: str) -> Path:

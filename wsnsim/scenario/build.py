@@ -41,7 +41,9 @@ def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
     Raises:
         ScenarioError: with every issue that a component finds in itself or in the setup.
         UsageError: it is not what `load` returned.
+        PluginAnswerError: a plug-in's component is not what its port says. Its answers are checked from now on.
     """
+    from wsnsim.base.border import checked_setup
     from wsnsim.scenario.located_values import in_order
 
     demand_loaded(scenario)
@@ -55,7 +57,7 @@ def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
     ]
     if issues:
         raise ScenarioError(in_order(issues))
-    return setup
+    return checked_setup(setup)
 
 
 def resolved(scenario: Scenario) -> dict[str, Any]:

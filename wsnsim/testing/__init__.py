@@ -8,19 +8,18 @@ A rule that is broken raises an AssertionError that names it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from wsnsim.base.answers import estimate_fault
 from wsnsim.base.arrays import Bools
 from wsnsim.base.ports import Estimate, MotionModel, SensorModel, Tracker
 from wsnsim.base.requests import (
     Broadcast,
-    Compute,
     Gather,
     GatherReadings,
-    Local,
     Member,
     Parcel,
     Request,
@@ -31,7 +30,7 @@ from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import Lose, silent
 from wsnsim.testing.angles import demand_angles
-from wsnsim.testing.demand import demand
+from wsnsim.testing.demand import demand, examined
 from wsnsim.testing.faults import check_fault
 from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac
@@ -97,6 +96,7 @@ def check_tracker(
     target: Any = BoundedVelocity() if motion is None else motion
     nodes: Any = AcousticEnergy() if sensor is None else sensor
     models = Models(target, nodes, seed)
+    tracker = examined(tracker, Tracker, len(target.columns))
     with demand("sound"):
         _demand_sound(tracker, Table(*models))
     with demand("repeatable"):
@@ -135,29 +135,19 @@ def _demand_sound(tracker: Tracker[Any], table: Table) -> None:
 
 
 def _sound(estimate: Estimate) -> None:
-    size = estimate.mean.size
-    assert estimate.mean.shape == (size,) and estimate.cov.shape == (size, size), (
-        "mean (D,) and cov (D, D) are expected"
-    )
-    assert np.all(np.isfinite(estimate.mean)), f"the mean is not finite: {estimate.mean}"
-    assert np.all(np.isfinite(estimate.cov)), "the covariance is not finite"
-    scale = max(float(np.trace(estimate.cov)), 1e-300)
-    assert np.allclose(estimate.cov, estimate.cov.T, atol=1e-9 * scale, rtol=0), "the covariance is not symmetric"
-    lowest = float(np.linalg.eigvalsh(estimate.cov)[0])
-    assert lowest >= -1e-9 * scale, f"the covariance is not positive semidefinite: eigenvalue {lowest:g}"
+    fault = estimate_fault(estimate)
+    assert not fault, fault
 
 
 class _DeclaredCosts:
-    """Checks every request before it is performed: its parcels, and the cycles that it declares."""
+    """Counts the bits of every request."""
 
     def __init__(self) -> None:
         self.bits = 0
 
     def watch(self, request: Request, members: dict[int, Member]) -> None:
-        """Add the bits of a request. Gather and Local are wrapped, since theirs are known once they are performed."""
-        if isinstance(request, Compute):
-            _check_cycles(request.cycles)
-        elif isinstance(request, Scatter):
+        """Add the bits of a request. Gather is wrapped, since its are known once it is performed."""
+        if isinstance(request, Scatter):
             for parcel in request.parcels.values():
                 self._add(parcel)
         elif isinstance(request, Broadcast | Send):
@@ -169,31 +159,11 @@ class _DeclaredCosts:
             who = members if request.who is None else request.who
             for node in who:
                 self._add(request.parcel_of(members[node]) if node in members else None)
-        else:
-            assert isinstance(request, Local), f"{request!r} is not a request"
-            request.work, request.work_all = _with_cycles(request), None
 
     def _add(self, parcel: Parcel | None) -> Parcel | None:
         if parcel is not None:
-            assert parcel.packets >= 1 and parcel.packet_bits >= 1, f"a parcel without bits: {parcel.what!r}"
-            assert parcel.what, "a parcel without a name"
             self.bits += parcel.packets * parcel.packet_bits
         return parcel
-
-
-def _with_cycles(request: Local) -> Callable[[Member], None]:
-    """The work of a Local, followed by a check of the cycles that it declares."""
-    cycles, work = request.cycles, request.work
-
-    def work_and_check(member: Member) -> None:
-        work(member)
-        _check_cycles(cycles(member) if callable(cycles) else cycles)
-
-    return work_and_check
-
-
-def _check_cycles(cycles: float) -> None:
-    assert np.isfinite(cycles) and cycles >= 0, f"{cycles} is not a number of cycles"
 
 
 def _demand_early_handover(tracker: Tracker[Any], models: Models) -> None:

@@ -17,7 +17,7 @@ from wsnsim.base.tables import KIND, Memory
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.radio.radio_stack import make_radio_stack
 from wsnsim.scenario import build, load
-from wsnsim.testing.demand import demand
+from wsnsim.testing.demand import demand, examined
 
 SCENARIO: Final[dict[str, Any]] = {
     "name": "check_mac",
@@ -52,6 +52,7 @@ def check_mac(mac: Mac) -> None:
             it sends new ones after a restart. loss: over lossy links bursts end, and the packets are those of the mask.
             repeatable: the same seed gives the same events.
     """
+    mac = examined(mac, Mac)
     for name, check in CHECKS.items():
         with demand(name):
             check(_RadioCluster(mac))

@@ -8,7 +8,7 @@ from wsnsim.base.arrays import Floats, Keys
 from wsnsim.base.errors import RunError
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.rng import derive_all
-from wsnsim.testing.demand import demand
+from wsnsim.testing.demand import demand, examined
 
 STEPS = 40
 SAMPLES = 4000
@@ -34,6 +34,7 @@ def check_motion(motion: MotionModel, dt: float = 0.5, seed: int = 1) -> None:
             or -inf, and greater for a likely successor than for an unlikely one. assumed: `assumed(4)` has four times
             the covariance.
     """
+    motion = examined(motion, MotionModel)
     with demand("columns"):
         _check_columns(motion)
     with demand("truth"):

@@ -10,7 +10,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.optional_ports import Detects
 from wsnsim.base.ports import SensorModel
 from wsnsim.base.vector_readings import components_of, near, periods_of, rows
-from wsnsim.testing.demand import demand
+from wsnsim.testing.demand import demand, examined
 
 SAMPLES = 2000
 WIDTH = 1e-5
@@ -54,6 +54,7 @@ def check_sensor(sensor: SensorModel, columns: int = 2, seed: int = 1) -> None:
             are not finite -inf, and whole periods of angles change nothing. truth: on average no other point is more
             likely than the true one. assumed: the model of a filter has the same methods.
     """
+    sensor = examined(sensor, SensorModel)
     rng = np.random.default_rng(seed)
     reach = min(sensor.reach, LONGEST)
     with demand("traits"):

@@ -14,7 +14,7 @@ from wsnsim.base.sleeping import Decision, WakeUp, WakeUpMessage, WakeUpPlan
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.scenario import build, load
-from wsnsim.testing.demand import demand
+from wsnsim.testing.demand import demand, examined
 
 PLAN: Final = WakeUpPlan(
     target=0, step=7, sequence=300, sender=3, place=(0.0, 0.0), fix=(10.0, 0.0), heading=(1.0, 0.0),
@@ -55,6 +55,7 @@ def check_wakeup(wakeup: WakeUp) -> None:
     """
     if wakeup.mechanism == "none":
         return
+    wakeup = examined(wakeup, WakeUp)
     with demand("message"):
         message = wakeup.compose(PLAN, None)
         _check_message(message)

@@ -12,7 +12,7 @@ from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.scenario import build, load
-from wsnsim.testing.demand import demand
+from wsnsim.testing.demand import demand, examined
 
 SCENARIO: Final[dict[str, Any]] = {
     "name": "check_workload",
@@ -42,6 +42,7 @@ def check_workload(workload: Workload) -> None:
     """
     if workload.mechanism == "tracking":
         return
+    workload = examined(workload, Workload)
     first = _run(workload)
     kinds, nodes = first["kind"], first["node"]
     with demand("sends"):

@@ -15,7 +15,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.errors import RunError
+from wsnsim.base.errors import PluginAnswerError, RunError
 from wsnsim.base.gathered import Gathered
 from wsnsim.base.requests import (
     Broadcast,
@@ -140,7 +140,7 @@ class Driver:
                 elif type(request) is Broadcast:
                     answer = yield from self._broadcast(request)
                 elif type(request) is Send:
-                    answer = yield from self._send(request)
+                    answer = yield from self._send(request, flow)
                 else:
                     raise RunError(
                         f"a tracker requested {request!r}; requests are Local, Compute, Gather, GatherReadings, "
@@ -247,7 +247,9 @@ class Driver:
             {node: (request.parcel, mask) for node, mask in burst.received.items() if node in self._members}
         )
 
-    def _send(self, request: Send) -> Generator[simpy.Event, Any, Bools]:
+    def _send(self, request: Send, flow: Flow[Any]) -> Generator[simpy.Event, Any, Bools]:
+        if not 0 <= request.to < len(self._alive):  # raised in the flow, which knows its line
+            flow.throw(PluginAnswerError(f"Send: expected a node from 0 to {len(self._alive) - 1}, not {request.to}"))
         datagram = Datagram(self._head, request.to, request.parcel)
         yield from self._collection.carry([datagram])
         self.hops = datagram.hops

@@ -1,0 +1,187 @@
+"""The border to plug-ins: what their components answer is checked against the annotations of their ports.
+
+    checked_setup(setup)               the setup, in which every component of a plug-in is checked from now on
+    checked(component, Port, columns)  the same for one component: what the `check_*` of `wsnsim.testing` use
+
+A checked component is a copy whose methods look at their own answers. The components of wsnsim are left alone, since
+the contract suite calls them checked; runs without a plug-in therefore cost nothing more.
+"""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from functools import lru_cache, partial
+from typing import Any, Final, TypeVar, cast
+
+import numpy as np
+
+from wsnsim.base import (
+    clustering,
+    mac_mechanisms,
+    mechanisms,
+    optional_ports,
+    ports,
+    radio,
+    radio_duty,
+    sleeping,
+    standalone,
+    synchronisation,
+)
+from wsnsim.base.answers import CHOICES, INFINITE, SHAPES, SIGNED, Wanted, fault_of, is_protocol, told
+from wsnsim.base.checked_flows import checked_flow
+from wsnsim.base.checked_services import CheckedServices
+from wsnsim.base.errors import PluginAnswerError, WsnsimError
+from wsnsim.base.plugin_code import code_place, plugin_fault
+from wsnsim.base.setups import Setup, TrackingSetup
+
+Component = TypeVar("Component")
+SetupKind = TypeVar("SetupKind", bound=Setup)
+_MODULES: Final = (
+    ports, optional_ports, clustering, radio, radio_duty, sleeping, synchronisation, mechanisms, mac_mechanisms,
+    standalone,
+)  # fmt: skip
+NAMES: Final[Mapping[str, Any]] = {name: value for module in _MODULES for name, value in vars(module).items()}
+"""What the annotations of ports may name."""
+_STARTS: Final[Mapping[type, type]] = {
+    mechanisms.StartsFault: radio.FaultEvent,
+    mechanisms.StartsWakeUp: sleeping.WakeUp,
+    mechanisms.StartsWorkload: radio.Workload,
+    synchronisation.StartsSync: synchronisation.TimeSync,
+    mac_mechanisms.StartsMac: radio.Mac,
+}
+"""The optional ports with a method `start`, and the ports of their roles."""
+_OPTIONAL: Final = [
+    port for port in NAMES.values() if is_protocol(port) and getattr(port, "_is_runtime_protocol", False)
+]
+
+
+def checked_setup(setup: SetupKind) -> SetupKind:
+    """Return the setup with checked components where they, or components within them, are those of plug-ins.
+
+    Raises:
+        PluginAnswerError: A property of a component is wrong.
+    """
+    return _with_checked_fields(setup, len(setup.motions[0].columns) if isinstance(setup, TrackingSetup) else None)
+
+
+def _with_checked_fields(component: Component, columns: int | None) -> Component:
+    """The component, or a copy of it whose fields hold checked components."""
+    changed: dict[str, Any] = {}
+    for field in fields(component) if is_dataclass(component) else ():
+        value = getattr(component, field.name, None)
+        port = next((NAMES[word] for word in re.findall(r"\w+", str(field.type)) if is_protocol(NAMES.get(word))), None)
+        if port is not None and value is not None:
+            old = value if isinstance(value, tuple) else (value,)
+            new = tuple(_if_foreign(part, port, columns) for part in old)
+            if any(one is not other for one, other in zip(old, new, strict=True)):
+                changed[field.name] = new if isinstance(value, tuple) else new[0]
+    if not changed:
+        return component
+    result = copy.copy(component)
+    for name, value in changed.items():
+        object.__setattr__(result, name, value)
+    return result
+
+
+def _if_foreign(component: Any, port: type, columns: int | None) -> Any:
+    own = type(component).__module__.partition(".")[0] == "wsnsim"
+    return (_with_checked_fields if own else partial(checked, port=port))(component, columns=columns)
+
+
+def checked(component: Component, port: type, columns: int | None = None) -> Component:
+    """Return a copy of a component, or a mechanism itself, whose answers are checked from now on.
+
+    Args:
+        component: The component.
+        port: The protocol of its role.
+        columns: The number of columns of the target's state, which the estimates of trackers have.
+
+    Raises:
+        PluginAnswerError: A property is wrong.
+    """
+    if "_border" in getattr(component, "__dict__", {"_border": None}):  # it is checked, or cannot be
+        return component
+    is_mechanism = port.__name__.endswith("Mechanism")
+    result = component if is_mechanism else copy.copy(_with_checked_fields(component, columns))
+    object.__setattr__(result, "_border", columns)
+    for name, (returns, parameters) in _members_of(cast(Any, type(component)), port).items():
+        if parameters is None:
+            _demand(result, name, returns, getattr(result, name), {})
+        elif returns.startswith("Flow"):
+            object.__setattr__(result, name, checked_flow(result, name))
+        elif returns != "None":
+            object.__setattr__(result, name, _checked_method(result, name, returns, parameters))
+    return result
+
+
+def _checked_method(component: Any, name: str, returns: str, parameters: tuple[str, ...]) -> Callable[..., Any]:
+    method, port = getattr(component, name), NAMES.get(returns, object)
+    goes_on = is_protocol(port) and returns != "Signal"
+
+    def answer(*arguments: Any, **options: Any) -> Any:
+        if parameters == ("services",):
+            arguments = (CheckedServices(*arguments),)
+        try:
+            found = method(*arguments, **options)
+        except Exception as reason:
+            if isinstance(reason, WsnsimError) or plugin_fault(reason):
+                raise
+            said = f"{type(component).__name__}.{name} failed: {type(reason).__name__}: {reason}"
+            raise PluginAnswerError(said, code_place(type(component), name)) from reason
+        _demand(component, name, returns, found, dict(zip(parameters, arguments, strict=False)) | options)
+        return _if_foreign(found, port, component._border) if goes_on else found
+
+    return answer
+
+
+def _demand(component: Any, name: str, returns: str, found: Any, given: Mapping[str, Any]) -> None:
+    """Raise PluginAnswerError if a member of a component is not what its port says."""
+    shape = SHAPES[name](component, given) if name in SHAPES and given else None
+    shapes = shape if isinstance(shape, list) else [] if shape is None else [shape]
+    infinite, signed = name in INFINITE, name in SIGNED
+    fault = fault_of(returns, found, Wanted(NAMES, shapes, component._border, infinite, signed))
+    if not fault and given and name in CHOICES and found is not None and found not in CHOICES[name](given):
+        fault = told("one of the nodes that it was given", found)
+    if fault and all(map(_is_finite, given.values())):  # otherwise it is not to blame
+        raise PluginAnswerError(f"{type(component).__name__}.{name}: {fault}", code_place(type(component), name))
+
+
+def _is_finite(value: Any) -> bool:
+    return (
+        not isinstance(value, float | np.ndarray)
+        or np.asarray(value).dtype.kind != "f"
+        or bool(np.isfinite(value).all())
+    )
+
+
+@lru_cache
+def _members_of(kind: Any, port: type) -> dict[str, tuple[str, tuple[str, ...] | None]]:
+    """The members of a port and of the class's optional ports: {name: (annotation, parameters of a method)}."""
+    members: dict[str, tuple[str, tuple[str, ...] | None]] = {}
+    optional = [each for each in _OPTIONAL if _STARTS.get(each, port) is port and _offers(kind, each)]
+    for each in (port, *optional):
+        for base in filter(is_protocol, each.__mro__):
+            for name, value in vars(base).items():
+                function = value.fget if isinstance(value, property) else value
+                if name[0] != "_" and inspect.isfunction(function) and _has(kind, name) and name not in members:
+                    parameters = None if isinstance(value, property) else tuple(inspect.signature(value).parameters)[1:]
+                    members[name] = str(function.__annotations__.get("return", "")), parameters
+    return members
+
+
+def _offers(kind: type, port: type) -> bool:
+    """Whether a class has all members of a port, methods as methods and properties as properties."""
+    members = {name: value for base in filter(is_protocol, port.__mro__) for name, value in vars(base).items()}
+    return all(
+        _has(kind, name) and inspect.isfunction(getattr(kind, name, None)) == inspect.isfunction(value)
+        for name, value in members.items()
+        if name[0] != "_"
+    )
+
+
+def _has(kind: type, name: str) -> bool:
+    return hasattr(kind, name) or name in getattr(kind, "__dataclass_fields__", {})
