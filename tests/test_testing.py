@@ -291,7 +291,7 @@ def test_an_honest_stranger_passes() -> None:
         (TakesArrivalForGranted(), "silence", "KeyError"),
         (DividesByWhatArrived(), "silence", "RuntimeWarning"),
         (InsistsOnWholeParcels(), "loss", "half a parcel"),
-        (ForgetsThatParcelsHaveBits(), "sound", "parcel without bits"),
+        (ForgetsThatParcelsHaveBits(), "sound", "packets: expected|packet_bits: expected"),
         (SendsNothing(), "sound", "nothing ever crosses the air"),
         (IsNoNumber(), "sound", "mean is not finite"),
         (HasNoCovariance(), "sound", "not positive semidefinite"),

@@ -98,6 +98,7 @@ def told(expected: str, found: object) -> str:
         found.close()  # otherwise Python warns that nobody awaited it
     if isinstance(found, np.ndarray) and found.size > 1:
         return f"expected {expected}, not an array of {found.dtype} of shape {found.shape}"
+    found = found.item() if isinstance(found, np.generic) else found
     hint = " (of an async function)" if inspect.iscoroutine(found) or inspect.isasyncgen(found) else ""
     return f"expected {expected}, not {shown_value(found)}{hint}"
 

@@ -20,6 +20,7 @@ from wsnsim.base.requests import (
     Broadcast,
     Gather,
     GatherReadings,
+    Local,
     Member,
     Parcel,
     Request,
@@ -146,7 +147,7 @@ class _DeclaredCosts:
         self.bits = 0
 
     def watch(self, request: Request, members: dict[int, Member]) -> None:
-        """Add the bits of a request. Gather is wrapped, since its are known once it is performed."""
+        """Add the bits of a request. Gather and Local are wrapped, since theirs are known once they are performed."""
         if isinstance(request, Scatter):
             for parcel in request.parcels.values():
                 self._add(parcel)
@@ -159,6 +160,9 @@ class _DeclaredCosts:
             who = members if request.who is None else request.who
             for node in who:
                 self._add(request.parcel_of(members[node]) if node in members else None)
+        elif isinstance(request, Local) and callable(request.cycles):
+            work, cycles = request.work, request.cycles
+            request.work, request.work_all = lambda member: (work(member), cycles(member), None)[-1], None
 
     def _add(self, parcel: Parcel | None) -> Parcel | None:
         if parcel is not None:

@@ -17,7 +17,7 @@ from wsnsim.network.event_log import EventLog
 from wsnsim.network.faults.schedule import FaultSchedule
 from wsnsim.network.faults.services import FaultSite, NodeControl
 from wsnsim.network.nodes import Nodes
-from wsnsim.testing.demand import demand
+from wsnsim.testing.demand import demand, examined
 
 FEWEST: Final = 10
 SPACING: Final = 10.0
@@ -40,6 +40,7 @@ def check_fault(fault: FaultEvent) -> None:
             duration, nodes are up again unless their batteries are empty, and radios, clocks and sensors are as
             before. repeatable: the same key gives the same events.
     """
+    fault = examined(fault, FaultEvent)
     with demand("aim"):
         assert fault.at >= 0.0 and fault.mechanism, "it has no time or no name"
         network = _FaultyNetwork(fault)

@@ -14,7 +14,7 @@ from wsnsim.experiment import replicate_of
 from wsnsim.models.synchronisation import NoSync
 from wsnsim.network.synchronisation.mechanisms import make_sync
 from wsnsim.scenario import build, load
-from wsnsim.testing.demand import demand
+from wsnsim.testing.demand import demand, examined
 
 SCENARIO: Final[dict[str, Any]] = {
     "name": "check_sync",
@@ -49,6 +49,7 @@ def check_sync(sync: TimeSync) -> None:
     """
     if sync.mechanism == "none":
         return
+    sync = examined(sync, TimeSync)
     watched = _Watched(sync)
     first, crashed, alone = _run(sync), _run(watched, CRASH), _run(NoSync())
     clocks, events = first.table("clocks"), first.table("events")
