@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import wsnsim
-from wsnsim.base import clustering, mac_mechanisms, ports, radio, sleeping, synchronisation
+from wsnsim.base import border, clustering, mac_mechanisms, ports, radio, sleeping, synchronisation
 from wsnsim.base.border import checked
 from wsnsim.base.checked_services import CheckedServices
 from wsnsim.base.errors import PluginAnswerError, RunError, UsageError
@@ -22,6 +22,7 @@ from wsnsim.base.plugin_code import note_plugin
 from wsnsim.base.requests import Broadcast, Compute, Gather, GatherReadings, Local, Parcel, Scatter, Send
 from wsnsim.base.time_limit import limited, time_limit
 from wsnsim.cli import main
+from wsnsim.experiment import simulate_run
 from wsnsim.models.links import Disk
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range
@@ -138,6 +139,26 @@ def test_right_answers_pass_and_the_component_stays_what_it_is() -> None:
     assert motion.truth(5, 1.0, RNG).shape == (6, 4) and len(motion.matrices(np.zeros((4, 3)), 1.0, 0.0)) == 2
     assert motion.assumed(2.0).advance(np.zeros((4, 2)), 1.0, 0.0).shape == (4, 2)
     assert link.reception(link.powers(np.array([50.0]), KEYS[:1], KEYS[:1]), 8.0, 0.0).shape == (1,)
+
+
+SHIPPED = sorted(path.stem for path in Path(wsnsim.__file__).parents[1].glob("scenarios/*.yaml"))
+CHEAP = ("li_xmac", "ungm_pf", "two_targets", "recorded_pf")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in CHEAP else pytest.mark.thorough) for name in SHIPPED]
+)
+def test_the_components_of_wsnsim_pass_the_same_checks_and_give_the_same_run(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    short = {"duration": 8 * wsnsim.load(name).step}
+    scenario = wsnsim.load(name, short)
+    expected = simulate_run(scenario).run
+    monkeypatch.setattr(border, "_if_foreign", lambda component, port, columns: checked(component, port, columns))
+    found = simulate_run(scenario).run
+    seconds = {"cpu_seconds"}
+    assert found.keys() == expected.keys()
+    assert all(np.array_equal(found[key], expected[key], equal_nan=True) for key in found.keys() - seconds)
 
 
 # flows and requests

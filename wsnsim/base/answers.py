@@ -154,6 +154,8 @@ def _tuple_fault(kinds: list[str], value: Any, wanted: Wanted) -> str:
 
 
 def _object_fault(annotation: str, value: Any, kind: Any) -> str:
+    if kind is Any:
+        return ""
     if is_protocol(kind):
         names = [name for base in kind.__mro__ if is_protocol(base) for name in vars(base) if name[0] != "_"]
         lacking = [name for name in names if not hasattr(value, name)]

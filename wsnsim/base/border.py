@@ -46,14 +46,15 @@ _MODULES: Final = (
 )  # fmt: skip
 NAMES: Final[Mapping[str, Any]] = {name: value for module in _MODULES for name, value in vars(module).items()}
 """What the annotations of ports may name."""
-_STARTS: Final[Mapping[type, type]] = {
-    mechanisms.StartsFault: radio.FaultEvent,
-    mechanisms.StartsWakeUp: sleeping.WakeUp,
-    mechanisms.StartsWorkload: radio.Workload,
-    synchronisation.StartsSync: synchronisation.TimeSync,
-    mac_mechanisms.StartsMac: radio.Mac,
+_OF_ROLES: Final[Mapping[type, tuple[type, ...]]] = {
+    mechanisms.StartsFault: (radio.FaultEvent,),
+    mechanisms.StartsWakeUp: (sleeping.WakeUp,),
+    mechanisms.StartsWorkload: (radio.Workload,),
+    synchronisation.StartsSync: (synchronisation.TimeSync,),
+    mac_mechanisms.StartsMac: (radio.Mac,),
+    radio.HasSeveralSinks: (radio.Sink, radio.Workload),
 }
-"""The optional ports with a method `start`, and the ports of their roles."""
+"""The roles of optional ports whose members, such as `start`, mean something else in other roles."""
 _OPTIONAL: Final = [
     port for port in NAMES.values() if is_protocol(port) and getattr(port, "_is_runtime_protocol", False)
 ]
@@ -162,7 +163,7 @@ def _is_finite(value: Any) -> bool:
 def _members_of(kind: Any, port: type) -> dict[str, tuple[str, tuple[str, ...] | None]]:
     """The members of a port and of the class's optional ports: {name: (annotation, parameters of a method)}."""
     members: dict[str, tuple[str, tuple[str, ...] | None]] = {}
-    optional = [each for each in _OPTIONAL if _STARTS.get(each, port) is port and _offers(kind, each)]
+    optional = [each for each in _OPTIONAL if port in _OF_ROLES.get(each, (port,)) and _offers(kind, each)]
     for each in (port, *optional):
         for base in filter(is_protocol, each.__mro__):
             for name, value in vars(base).items():
