@@ -72,20 +72,28 @@ def checked_setup(setup: SetupKind) -> SetupKind:
 def _with_checked_fields(component: Component, columns: int | None) -> Component:
     """The component, or a copy of it whose fields hold checked components."""
     changed: dict[str, Any] = {}
-    for field in fields(component) if is_dataclass(component) else ():
-        value = getattr(component, field.name, None)
-        port = next((NAMES[word] for word in re.findall(r"\w+", str(field.type)) if is_protocol(NAMES.get(word))), None)
-        if port is not None and value is not None:
-            old = value if isinstance(value, tuple) else (value,)
-            new = tuple(_if_foreign(part, port, columns) for part in old)
-            if any(one is not other for one, other in zip(old, new, strict=True)):
-                changed[field.name] = new if isinstance(value, tuple) else new[0]
+    for name, port in _component_fields(cast(Any, type(component))):
+        value = getattr(component, name, None)
+        old = value if isinstance(value, tuple) else () if value is None else (value,)
+        new = tuple(_if_foreign(part, port, columns) for part in old)
+        if any(one is not other for one, other in zip(old, new, strict=True)):
+            changed[name] = new if isinstance(value, tuple) else new[0]
     if not changed:
         return component
     result = copy.copy(component)
     for name, value in changed.items():
         object.__setattr__(result, name, value)
     return result
+
+
+@lru_cache
+def _component_fields(kind: Any) -> list[tuple[str, type]]:
+    """The fields of a class that hold components, and their ports, by their annotations."""
+    named = {
+        field.name: [NAMES[word] for word in re.findall(r"\w+", str(field.type)) if is_protocol(NAMES.get(word))]
+        for field in (fields(kind) if is_dataclass(kind) else ())
+    }
+    return [(name, found[0]) for name, found in named.items() if found]
 
 
 def _if_foreign(component: Any, port: type, columns: int | None) -> Any:
