@@ -305,7 +305,8 @@ def _made(
     setup, replicates = task.setup, task.replicates
     while len(summaries) < len(replicates):
         left = replicates[len(summaries) :]
-        block = batches.next(left) if batches else []
+        with contained(plugin_classes(vars(setup).values()) if batches else ()):
+            block = batches.next(left) if batches else []
         number = len(summaries) + max(len(block), 1) - 1
         on_time = reporting(Progress(number, len(replicates), 0.0, setup.duration, 0.0))
         if not block:

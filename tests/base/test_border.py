@@ -368,7 +368,6 @@ class Cheap(FirstOrder):
 class Early(Aimed):
     mechanism = "early"
     def start(self, services):
-        self_ = self
         class Begins:
             def begin(self, nodes): services.call_later(-1.0, print)
             def end(self, nodes): pass
@@ -379,6 +378,12 @@ class Silent(Csma):
     mechanism = "silent"
     def start(self, services):
         return None
+
+@part
+class Leaves(Ungm):
+    def truth(self, steps, dt, rng):
+        os.chdir("/")
+        return Ungm.truth(self, steps, dt, rng)
 """
 RUNS = [
     ("ungm_pf", ["sensor.kind=lab:Blind"], "lab.py:13: Blind.measure: expected finite numbers, not nan"),
@@ -389,7 +394,7 @@ RUNS = [
     ("ungm_pf", ["tracker.kind=lab:Moves"], "lab:Moves: leaves the working directory"),
     ("beacons", ["energy={kind: 'lab:Cheap'}"], "lab.py:52: Cheap.receive: expected a number, 0 or more, not nan"),
     ("beacons", ["faults=[{kind: 'lab:Early', at: 1.0, fraction: 0.2}]"], "services.call_later: seconds: expected a"),
-    ("beacons", ["mac={kind: 'lab:Silent'}"], "lab.py:68: Silent.start: expected a MacMechanism, not None"),
+    ("beacons", ["mac={kind: 'lab:Silent'}"], "lab.py:67: Silent.start: expected a MacMechanism, not None"),
 ]
 
 
@@ -414,6 +419,13 @@ def test_a_run_with_a_wrong_answer_ends_with_one_sentence_and_no_file(
     error = capfd.readouterr().err
     assert error.startswith("wsnsim: error: the run failed at ") and said in error and error.count("\n") == 1
     assert Path.cwd() == here and not list(Path("results").glob("*"))
+
+
+@pytest.mark.usefixtures("lab")
+def test_a_block_of_runs_is_contained_too(capfd: pytest.CaptureFixture[str]) -> None:
+    words = ["--set", "motion.kind=lab:Leaves", "--set", "duration=6 s", "--quiet", "--replicates", "2"]
+    assert main(["run", "ungm_pf", *words]) == 1
+    assert capfd.readouterr().err.startswith("wsnsim: error: lab:Leaves: leaves the working directory")
 
 
 @pytest.mark.usefixtures("lab")
