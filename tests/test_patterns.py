@@ -55,6 +55,7 @@ OWN = {
     "scenario.parameter_info": "numbers",
     "analysis.sweep_lines": "descriptions of our fields",
     "cli.listing": "files we ship",
+    "base.border": "annotations of our ports",
 }
 """Modules whose patterns meet our own texts, or names of files, which have at most 255 characters."""
 

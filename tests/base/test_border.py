@@ -388,7 +388,7 @@ class Leaves(Ungm):
 RUNS = [
     ("ungm_pf", ["sensor.kind=lab:Blind"], "lab.py:13: Blind.measure: expected finite numbers, not nan"),
     ("ungm_pf", ["motion.kind=lab:Lost"], "lab.py:18: Lost.truth: expected finite numbers, not nan"),
-    ("ungm_pf", ["motion.kind=lab:Short"], "lab.py:23: Short.truth: expected an array of shape (7, 1), not (6, 1)"),
+    ("ungm_pf", ["motion.kind=lab:Short"], "lab.py:23: Short.truth: expected an array of shape (6, 1), not (5, 1)"),
     ("ungm_pf", ["tracker.kind=lab:Free"], "lab.py:29: Free.step: Compute: not a number of cycles: expected a number"),
     ("ungm_pf", ["tracker.kind=lab:Exits"], "lab.py:35: calls os._exit(0), which ends the whole process"),
     ("ungm_pf", ["tracker.kind=lab:Moves"], "lab:Moves: leaves the working directory"),

@@ -87,7 +87,9 @@ def test_other_names_are_not_found():
 
 def test_a_mechanism_that_lacks_members_is_refused_by_name():
     scenario = wsnsim.load("pso_mhpf", ["duration=0.4 s", f"faults=[{{kind: '{HERE}:Hollow', at: 0.1 s, nodes: [1]}}]"])
-    with pytest.raises(RunError, match=r"faults: object, which start\(services\) returned, lacks begin, end"):
+    with pytest.raises(
+        RunError, match=r"Hollow\.start: expected a FaultMechanism, not <object .*>, which lacks begin, end"
+    ):
         wsnsim.experiment.simulate_run(scenario)
 
 

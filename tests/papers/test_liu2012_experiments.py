@@ -109,7 +109,7 @@ def test_probabilities_are_those_of_the_run_itself(monkeypatch, tmp_path):
         RelayKalman, "estimate", lambda self, belief: seen.append(belief.probabilities) or own(self, belief)
     )
     wsnsim.run(
-        wsnsim.load("rkf", ["duration=5 s", "replicates=1", "record.tracker_state=true"]), out=tmp_path / "run.h5"
+        wsnsim.load("rkf", ["duration=6 s", "replicates=1", "record.tracker_state=true"]), out=tmp_path / "run.h5"
     )
     table = wsnsim.read(tmp_path / "run.h5", "tracker_state")
     found = liu2012_measures.probabilities(SimpleNamespace(of=lambda variant, name: table), "rkf")

@@ -83,6 +83,8 @@ def _syntax_issue(error: yaml.MarkedYAMLError, origin: Origin) -> Issue:
     mark = error.problem_mark or error.context_mark
     spot = Spot(origin, mark.line, mark.column) if mark else Spot(origin)
     details = ", ".join(piece for piece in (error.context, error.problem) if piece)
+    if "nesting depth" in details:  # libyaml has a limit of its own, which may be the first that is met
+        details = f"nested deeper than {DEEPEST} levels"
     return spot.issue(origin.keys, f"not valid YAML: {details}")
 
 
