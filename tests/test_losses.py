@@ -8,15 +8,15 @@ import pytest
 import wsnsim
 from wsnsim.base.recorders import Memory
 
-WINDOW, LIMIT = 10, 0.4
+WINDOW, LIMIT = 5, 0.4
 
 
 def test_a_run_counts_its_losses_and_the_bits_of_its_handovers():
-    """A limit of 40 cm is exceeded now and then; the windows are reckoned one by one."""
+    """A limit of 40 cm is exceeded now and then; the steps are counted one by one."""
     overrides = [
         "duration=4 s",
         "tracker.kind=ekf",
-        f"lost.window={WINDOW}",
+        f"lost.window={WINDOW * 40} ms",
         f"lost.limit={LIMIT} m",
         "record.estimates=true",
     ]
@@ -26,12 +26,9 @@ def test_a_run_counts_its_losses_and_the_bits_of_its_handovers():
     for target, track in enumerate(summary.tracks):
         errors = estimates["error"][estimates["target"] == target]
         assert np.isfinite(errors).all()
-        lost, states = False, []
-        for end in range(WINDOW, len(errors) + 1):
-            mean = errors[end - WINDOW : end].mean()
-            lost = mean > LIMIT or (lost and mean > LIMIT / 2)
-            states.append(lost)
-        states = [states[0]] * (WINDOW - 1) + states
+        bad = errors > LIMIT
+        states = [any(bad[max(k - WINDOW, 0) : k].sum() == WINDOW for k in range(step, step + WINDOW))
+                  for step in range(1, len(errors) + 1)]  # fmt: skip
         assert track["losses"] == sum(b and not a for a, b in zip([False, *states], states, strict=False))
         assert track["lost_share"] == pytest.approx(np.mean(states))
         assert track["time_lost"] == pytest.approx(sum(states) * scenario.step)

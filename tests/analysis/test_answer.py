@@ -23,6 +23,8 @@ from wsnsim.scenario import load
 NAN = float("nan")
 BOUND = "a time-averaged RMSE of # m, # times the trajectory-conditional CRLB of # m"
 ERROR = "a time-averaged RMSE of # m"
+SHOWN_RULE = "(error above # m or no estimate for # s)"
+RULE = "(error above 20 m or no estimate for 4 s)"
 OF_FILTER = "no network is simulated, so no energy is spent."
 SINK = "# % of the estimates due at the sink arrived, after # ms (median)"
 SHIPPED = [
@@ -35,8 +37,8 @@ SHIPPED = [
     ("two_targets", 1, ["duration=1 s", "tracker.particles=40"],
      f"Both targets were followed throughout the run, with {BOUND};"
      " the network spent # mJ, of which # mJ is transmission."),
-    ("lifetime", 1, ["duration=2 s", "tracker.particles=40", "energy.battery=0.002 J"],
-     f"The target was lost and not found again (for # % of the steps), with {BOUND};"
+    ("lifetime", 1, ["duration=2 s", "tracker.particles=40", "energy.battery=0.002 J", "lost.window=0.2 s"],
+     f"The target was lost {SHOWN_RULE} and not found again (for # % of the steps), with {BOUND};"
      " the network spent # mJ, of which # mJ is transmission;"
      " the first node died after # s, and # are alive at the end."),
     ("li_xmac", 1, ["duration=32 s"],
@@ -53,7 +55,7 @@ SHIPPED = [
      + OF_FILTER),
     ("indoor_pf", 5, [], f"The target was followed in all # runs, with {BOUND}; {OF_FILTER}"),
     ("range_pf", 4, [],
-     f"The target was lost in all # runs (and found again in # of these), with {BOUND}; {OF_FILTER}"),
+     f"The target was lost {SHOWN_RULE} in all # runs (and found again in # of these), with {BOUND}; {OF_FILTER}"),
     ("recorded_pf", 1, ["duration=20 s"],
      f"The target was followed throughout the run (tracked at # % of the steps), with {ERROR}; {OF_FILTER}"),
     ("beacons", 1, ["duration=2 s"],
@@ -101,10 +103,11 @@ def facts(errors=None, joules=None, tracks=None, limit=20.0, workload="tracking"
     count = len(next(iter(columns.values())))
     runs = {"replicate": np.arange(count), "losses": np.zeros(count), "lost": np.zeros(count)}
     runs |= {"energy": np.full(count, NAN), "tracked": np.ones(count)}
+    runs |= {"lost_window": np.full(count, 4.0), "lost_limit": np.full(count, limit)}
     runs |= {name: np.asarray(values, dtype=float) for name, values in columns.items()}
     errors = np.ones((count, 1, 4)) if errors is None else np.asarray(errors, dtype=float)
     recorded = RecordedErrors(np.arange(count), np.arange(1, errors.shape[-1] + 1), errors)
-    return AnswerFacts(runs, tracks or {}, {}, recorded, joules or {}, "m", workload, limit)
+    return AnswerFacts(runs, tracks or {}, {}, recorded, joules or {}, "m", workload)
 
 
 def test_errors_of_runs_with_a_loss_are_left_out_and_the_losses_counted():
@@ -112,19 +115,19 @@ def test_errors_of_runs_with_a_loss_are_left_out_and_the_losses_counted():
     errors[:2] = 1e3
     some = facts(errors, losses=[1, 2, 0, 0, 0], lost=[0, 1, 0, 0, 0])
     assert sentence(some, 0.5) == (
-        "The target was lost in 2 of 5 runs (and found again in 1 of these); the other 3 have a time-averaged RMSE of"
-        " 1 m (632 m over all runs), 2.0 times the trajectory-conditional CRLB of 0.5 m; " + OF_FILTER
+        f"The target was lost {RULE} in 2 of 5 runs (and found again in 1 of these); the other 3 have a time-averaged"
+        " RMSE of 1 m (632 m over all runs), 2.0 times the trajectory-conditional CRLB of 0.5 m; " + OF_FILTER
     )
     most = facts(errors, losses=[1, 2, 1, 0, 0], lost=[0, 1, 0, 0, 0])
     assert "the other 2 have a time-averaged RMSE of 1 m (632 m over all runs); " in sentence(most, 0.5)
     every = facts(np.full((2, 1, 4), 3.0), losses=[1, 1], lost=[1, 1])
-    assert sentence(every).startswith("The target was lost in both runs, with a time-averaged RMSE of 3 m; ")
+    assert sentence(every).startswith(f"The target was lost {RULE} in both runs, with a time-averaged RMSE of 3 m; ")
 
 
 @pytest.mark.parametrize(("lost", "expected"), [
     ({"losses": [0]}, "The target was followed throughout the run, with"),
-    ({"losses": [2], "lost_share": [0.4]}, "The target was lost but found again (for 40 % of the steps), with"),
-    ({"losses": [1], "lost": [1]}, "The target was lost and not found again, with"),
+    ({"losses": [2], "lost_share": [0.4]}, f"The target was lost {RULE} but found again (for 40 % of the steps), with"),
+    ({"losses": [1], "lost": [1]}, f"The target was lost {RULE} and not found again, with"),
     ({"losses": [0, 0, 0], "tracked": [0.5, 0.7, 0.6]}, "The target was followed in all 3 runs (tracked at 60 % of"),
 ])  # fmt: skip
 def test_losses_are_told_of_one_run_as_of_many(lost, expected):
@@ -133,14 +136,14 @@ def test_losses_are_told_of_one_run_as_of_many(lost, expected):
 
 def test_an_error_above_half_of_the_limit_is_not_called_following():
     assert sentence(facts(np.full((2, 1, 4), 11.0), losses=[0, 0])) == (
-        "The target was never lost in both runs, but with a time-averaged RMSE of 11 m; " + OF_FILTER
+        f"The target was never lost in both runs {RULE}, but with a time-averaged RMSE of 11 m; " + OF_FILTER
     )
 
 
 def test_several_targets_are_counted_and_a_loss_is_of_one_of_them():
     three = {"target": np.array([0.0, 1.0, 2.0])}
     assert sentence(facts(np.ones((1, 3, 4)), tracks=three, losses=[0])).startswith("All 3 targets were followed")
-    assert sentence(facts(np.ones((1, 3, 4)), tracks=three, losses=[1])).startswith("A target was lost but found again")
+    assert sentence(facts(np.ones((1, 3, 4)), tracks=three, losses=[1])).startswith(f"A target was lost {RULE} but")
     nothing = facts(np.full((1, 3, 4), NAN), tracks=three, losses=[1])
     assert sentence(nothing).startswith("The targets were never located: no step of the run has an estimate;")
 

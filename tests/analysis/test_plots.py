@@ -59,7 +59,17 @@ def _write_file(path, layout, runs=3, targets=1, steps=8, network=False, gaps=()
             places |= {f"{axis}_assumed": places[axis] for axis in "xy"}
             file.write("nodes", {"replicate": run, **places, **charge})
             row = dict.fromkeys((column.name for column in columns_of("runs")), 0)
-            file.write("runs", row | {"replicate": run, "lost": run == 1, "losses": int(run in (1, 3))})
+            file.write(
+                "runs",
+                row
+                | {
+                    "replicate": run,
+                    "lost": run == 1,
+                    "losses": int(run in (1, 3)),
+                    "lost_window": 4.0,
+                    "lost_limit": 20.0,
+                },
+            )
             if network:
                 _write_energy(file, run, steps, rng)
             if woken:
@@ -209,7 +219,10 @@ def test_the_error_at_each_step_is_the_rmse_and_the_quartiles_over_the_runs(writ
     np.testing.assert_allclose(line(axes, "median")[:, 1], np.sort(errors, axis=0)[3])
     np.testing.assert_array_equal(line(axes, "RMSE")[:, 0], DT * np.arange(1, 9))
     assert "quartiles of 7 runs" in labels(axes)
-    assert axes.get_title(loc="left") == "position error, 2 of 7 runs lost (1 at the end)"
+    assert axes.get_title(loc="left") == (
+        "position error, 2 of 7 runs lost (1 at the end)\nlost: error above "
+        f"{f'20 {layout.states[layout.position[0]][1]}'.rstrip()} or no estimate for 4 s"
+    )
     assert axes.get_ylabel() == ("position error [m]" if layout.states[layout.position[0]][1] else "position error")
     corners = axes.collections[0].get_paths()[0].vertices
     for time, column in zip(DT * np.arange(1, 9), errors.T, strict=True):

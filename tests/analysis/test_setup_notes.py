@@ -34,7 +34,6 @@ def notes(name: Any, *overrides: str) -> list[str]:
         ("pso_mhpf", [SPARSE, "link.reach=20 m"], "run 0: no node is within the communication range"),
         ("beacons", ["link.reach=0.001 m"], "run 0: no node is within the communication range of 0.001 m of another"),
         ("pso_mhpf", ["sink={kind: node, x: 1000 m}"], "sink: (1000, 0) m is 800 m outside the field"),
-        ("gmtt", ["lost.window=101"], "lost.window: 101 steps are more than the 100 steps of the run"),
         ("gmtt", ["sleep.period=300 s"], "sleep.period: 300 s is too long for the run of 202 s: no node changes"),
         ("gmtt", ["sink.every=202 s"], "sink.every: 202 s is too long for the run of 202 s: no report is sent"),
         ("beacons", ["workload.period=30 s"], "workload.period: 30 s is too long for the run of 20 s: no node sends"),
@@ -73,7 +72,6 @@ def test_sleep_that_costs_more_than_it_saves_is_said(prices, says):
         ("gmtt", ["motion.width=560 m"]),
         ("ekf_real", ["mac.idle_slots=kept"]),
         ("pso_mhpf", ["sink={kind: node, x: 210 m}"]),
-        ("gmtt", ["lost.window=100"]),
         ("gmtt", ["sink.every=200 s"]),
         ("gmtt", ["sleep.period=202 s"]),
         ("gmtt", ["motion.speed=[100, 200]"]),
@@ -92,11 +90,20 @@ def test_shipped_scenarios_are_meant_as_they_are():
 
 def test_a_run_says_it_before_it_starts_and_check_says_the_same(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    long = ["--set", "duration=5 s", "--set", "lost.window=50"]
-    assert main(["check", "ungm_pf", *long]) == 0
+    long = ["--set", "duration=4 s", "--set", "sink={kind: node, every: 5 s}", "--set", "lost={window: 1 s}"]
+    assert main(["check", "pso_mhpf", *long]) == 0
     said = [line.removeprefix("  note: ") for line in capsys.readouterr().out.splitlines()[1:]]
-    assert len(said) == 1 and said[0].startswith("lost.window: 50 steps are more than the 4 steps")
-    assert main(["run", "ungm_pf", *long, "--replicates", "1", "--progress", "plain", "-o", "x.h5"]) == 0
+    assert len(said) == 1 and said[0].startswith("sink.every: 5 s is too long for the run of 4 s")
+    assert main(["run", "pso_mhpf", *long, "--progress", "plain", "-o", "x.h5"]) == 0
     assert capsys.readouterr().err.splitlines()[0] == f"wsnsim: note: {said[0]}"
-    assert main(["run", "ungm_pf", *long, "--replicates", "1", "--quiet", "-o", "x.h5"]) == 0
+    assert main(["run", "pso_mhpf", *long, "--quiet", "-o", "x.h5"]) == 0
     assert capsys.readouterr().err == ""
+
+
+def test_check_notes_a_window_of_losses_that_the_run_can_hardly_reach(capsys):
+    for changes, count in ((["lost.window=50 s"], 0), (["lost.window=51 s"], 1), (["duration=7 s"], 1)):
+        assert main(["check", "ungm_pf", *(word for each in changes for word in ("--set", each))]) == 0
+        said = [line for line in capsys.readouterr().out.splitlines() if "lost.window" in line]
+        assert len(said) == count, (changes, said)
+    assert said == ["  note: lost.window: 4 s are more than half of the 6 steps of 1 s of the run, in which a track is "
+                    "hardly lost by this rule; give a shorter window, or a duration of 9 s"]  # fmt: skip

@@ -26,7 +26,7 @@ def scenario(tracker: str = "gmtt", **changes: Any) -> dict[str, Any]:
         "seed": 5,
         "duration": 62.0,
         "step": 2.0,
-        "lost": {"window": 10},
+        "lost": {"window": 20.0},
         "deploy": {"kind": "uniform", "nodes": 200, "width": 400.0, "height": 400.0, "cover": False},
         "motion": {"kind": "random_waypoint", "width": 300.0, "height": 300.0},
         "sensor": {"kind": "range", "reach": 40.0, "sd": 2.0},

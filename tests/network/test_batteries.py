@@ -194,7 +194,7 @@ def networks(draw: st.DrawFn) -> dict[str, Any]:
         energy=energy, sleep=draw(LAWS), mac=draw(MACS),
         cpu={"rate": energy.get("processor", {"rate": 1e6})["rate"], "cycles_per_flop": 3.5},
         deploy={"kind": "uniform", "nodes": 8, "width": 80.0, "height": 80.0, "cover": False},
-        motion={"kind": "random_waypoint", "width": 60.0, "height": 60.0}, lost={"window": 2},
+        motion={"kind": "random_waypoint", "width": 60.0, "height": 60.0}, lost={"window": 2.0},
     )  # fmt: skip
     said["faults"] = [{**fault, "at": draw(st.floats(0.0, 4.0, exclude_max=True))} for fault in draw(FAULTS)]
     beacons = said["mac"]["kind"] != "tdma" and draw(st.booleans())

@@ -23,7 +23,7 @@ from wsnsim.analysis.answer_network import (
     runs,
     sink_clause,
 )
-from wsnsim.analysis.quantities import time_averaged_rmse
+from wsnsim.analysis.quantities import loss_rule, time_averaged_rmse
 from wsnsim.base import metrics
 from wsnsim.base.errors import WsnsimError
 from wsnsim.base.results import Report
@@ -160,9 +160,16 @@ def _never_lost(facts: AnswerFacts, poor: bool) -> str:
     subject = {1: "The target was", 2: "Both targets were"}.get(targets, f"All {targets:,} targets were")
     if not facts.tracked_shares.any():
         return f"{subject} never measured in {runs(facts.count, facts.count)} (all estimates are predictions)"
+    rule = _rule(facts) if poor else ""
     share = f" (tracked at {percent(tracked)} of the steps)" if tracked < SEEN else ""
     how = "never lost in" if poor else "followed throughout" if facts.count == 1 else "followed in"
-    return f"{subject} {how} {runs(facts.count, facts.count)}{share}"
+    return f"{subject} {how} {runs(facts.count, facts.count)}{rule}{share}"
+
+
+def _rule(facts: AnswerFacts) -> str:
+    """When a track counts as lost, in brackets; empty if it is unknown."""
+    rule = loss_rule(facts.runs, facts.unit)
+    return f" ({rule})" if rule else ""
 
 
 def _lost(facts: AnswerFacts, lost: int) -> str:
@@ -171,9 +178,11 @@ def _lost(facts: AnswerFacts, lost: int) -> str:
     if facts.count == 1:
         share = facts.mean("lost_share")
         how = "but found again" if found else "and not found again" if "losses" in facts.runs else "at the end"
-        return f"{subject} was lost {how}" + (f" (for {percent(share)} of the steps)" if share > 0.0 else "")
+        return f"{subject} was lost{_rule(facts)} {how}" + (
+            f" (for {percent(share)} of the steps)" if share > 0.0 else ""
+        )
     again = f" (and found again in {_share(found, lost)} of these)" if lost > 1 else " (and found again)"
-    return f"{subject} was lost in {runs(lost, facts.count)}{again * (found > 0)}"
+    return f"{subject} was lost{_rule(facts)} in {runs(lost, facts.count)}{again * (found > 0)}"
 
 
 def _share(some: int, every: int) -> str:

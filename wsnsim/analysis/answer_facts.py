@@ -5,7 +5,6 @@ facts_of_file(path)      facts_of_tables(tables, scenario)      facts_of_report(
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -57,7 +56,6 @@ class AnswerFacts:
         joules: energy (J) by cause, mean over the runs; empty without a network, or if it was not recorded.
         unit: unit of the position.
         workload: kind of the workload: `tracking`, `beacons`, `collection` or that of a plug-in.
-        limit: mean error from which on a track is lost; infinite if no track can be lost, NaN if it is unknown.
     """
 
     runs: Mapping[str, Floats]
@@ -67,7 +65,6 @@ class AnswerFacts:
     joules: Mapping[str, float] = field(default_factory=dict)
     unit: str = "m"
     workload: str = "tracking"
-    limit: float = NAN
 
     @property
     def count(self) -> int:
@@ -90,13 +87,18 @@ class AnswerFacts:
         return float(known.mean()) if known.size else NAN
 
     @property
+    def limit(self) -> float:
+        """The error from which on a track is lost; infinite if it is only without an estimate, NaN if it is unknown."""
+        return float(self.column("lost_limit").min()) if self.count else NAN
+
+    @property
     def ever_lost(self) -> Bools:
         """(R,) the runs with a track lost at any time, the end included; earlier versions recorded only the latter."""
         return (self.column("losses") > 0) | self.lost_at_the_end
 
     @property
     def lost_at_the_end(self) -> Bools:
-        """(R,) the runs with a track lost in its last window of steps."""
+        """(R,) the runs with a track lost at its last step."""
         lost: Bools = self.column("lost") > 0
         return lost
 
@@ -133,7 +135,7 @@ def facts_of_report(report: Report) -> AnswerFacts:
         RecordedErrors(np.array([row["replicate"] for row in rows]), np.arange(1, steps + 1), errors),
         {cause: float(np.mean([one.joules.get(cause, 0.0) for one in report.summaries])) for cause in causes},
         report.states[report.position[0]][1] if report.states else "m",
-        *_of_scenario(scenarios.resolved(report.scenario)),
+        _workload(scenarios.resolved(report.scenario)),
     )
 
 
@@ -172,7 +174,7 @@ def _of_columns(found: Mapping[str, Table], scenario: Mapping[str, Any], unit: s
     errors = _errors(found.get("estimates", {}))
     joules = _joules(found.get("energy", {}), next(iter(runs.values())).size)
     tracks, reports = (_columns(found.get(name, {})) for name in ("tracks", "reports"))
-    return AnswerFacts(runs, tracks, reports, errors, joules, unit, *_of_scenario(scenario))
+    return AnswerFacts(runs, tracks, reports, errors, joules, unit, _workload(scenario))
 
 
 def _columns(table: Table) -> dict[str, Floats]:
@@ -206,10 +208,8 @@ def _joules(table: Table, runs: int) -> dict[str, float]:
     return dict(zip(named, sums.tolist(), strict=True))
 
 
-def _of_scenario(resolved: Mapping[str, Any]) -> tuple[str, float]:
-    """(kind of the workload, limit of a track loss) of a resolved scenario."""
-    workload, lost = (resolved.get(key) for key in ("workload", "lost"))
+def _workload(resolved: Mapping[str, Any]) -> str:
+    """The kind of the workload of a resolved scenario."""
+    workload = resolved.get("workload")
     kind = workload.get("kind") if isinstance(workload, Mapping) else None
-    limit = lost.get("limit") if isinstance(lost, Mapping) else None
-    known = math.inf if limit == ".inf" else float(limit) if isinstance(limit, int | float) else NAN
-    return (kind if isinstance(kind, str) else "tracking"), known
+    return kind if isinstance(kind, str) else "tracking"

@@ -22,14 +22,15 @@ from wsnsim.analysis.baselines import baseline_point, keys_by_default, label
 from wsnsim.analysis.conclusions import PairWords, sentence
 from wsnsim.analysis.network_hints import hint, traffic
 from wsnsim.analysis.pairs import pair_columns, with_pairs
+from wsnsim.analysis.quantities import loss_rule
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
 from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder, Manifest
 
 ENERGY: Final = "energy"
-MEASURED: Final = ("replicate", "lost", "losses", "tracked", ENERGY)
-YOUNGER: Final = ("losses", "radio_on", "hurried")
+MEASURED: Final = ("replicate", "lost", "losses", "lost_window", "lost_limit", "tracked", ENERGY)
+YOUNGER: Final = ("losses", "lost_window", "lost_limit", "radio_on", "hurried")
 """Columns that some result files lack: of earlier versions, or of scenarios whose radios always listen."""
 MOST_LOST: Final = 0.05
 """Share of runs lost at any time above which a point is not on the Pareto front: losing the target saves energy."""
@@ -48,7 +49,8 @@ class Comparison:
         table: a row per point with results, in the campaign's order. Columns: `point`, the swept keys, `replicates`,
             `known` (runs in which the metric is known); `median` and `mean` of the metric, `ever_lost` (share of the
             runs that lost a track at any time), `lost_fraction` (at the end), `energy` (median, J) and
-            `error_per_joule` (median of metric / energy), each with `_low` and `_high`; `tracked` (mean share of the
+            `error_per_joule` (median of metric / energy), each with `_low` and `_high`; `lost_window` (s) and
+            `lost_limit`, which decide when a track is lost; `tracked` (mean share of the
             steps); `front` (on the Pareto front of its group in both medians; none for NEES and NIS, of which 1 is
             best). Where points are compared: the paired differences, `p_holm`, `p_losses_holm`, `test`
             (its name), `conclusion` (a sentence) and `hint` (what beside the filters may have decided). Unknown values
@@ -57,6 +59,7 @@ class Comparison:
         unbounded: why some rows have no bound.
         of_bounds: what bounds take of the readings that may be otherwise, such as that they are independent.
         unit: the unit of the metric.
+        lost: when a track is lost, in words; empty if it is unknown.
     """
 
     name: str
@@ -69,6 +72,7 @@ class Comparison:
     unbounded: str = ""
     of_bounds: str = ""
     unit: str = "m"
+    lost: str = ""
 
 
 def compare(
@@ -112,7 +116,8 @@ def compare(
         pairs = {row: pair_columns(one[row], one[start], metric) for row, start in baselines.items()}
         table = _concluded(with_pairs(table, pairs), baselines, folder, (chosen, metric, unit))
         unpaired = unpaired or ("" if first else f"the baseline '{baseline}' has no results")
-    return Comparison(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit)
+    lost = loss_rule(dict(runs), _unit(folder, manifest, "rmse"))
+    return Comparison(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit, lost=lost)
 
 
 def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
@@ -133,6 +138,7 @@ def as_json(found: Comparison) -> dict[str, Any]:
         "name": found.name,
         "metric": found.metric,
         "unit": found.unit,
+        "lost": found.lost,
         "keys": list(found.keys),
         "by": list(found.by),
         "points": rows,
@@ -174,6 +180,7 @@ def _statistics(frame: pd.DataFrame, metric: str) -> dict[str, Any]:
         **_spread("mean", average),
         **_spread("ever_lost", ever),
         **_spread("lost_fraction", lost),
+        **{name: float(frame[name].min()) for name in ("lost_window", "lost_limit")},
         "tracked": statistics.mean(frame["tracked"].to_numpy(dtype=np.float64)).value,
         **_spread("energy", joules),
         **_spread("error_per_joule", rate),

@@ -73,7 +73,7 @@ def _of_group(found: Comparison, table: pd.DataFrame, names: tuple[str, ...]) ->
     value = f"{number(best['median'])}{f' {found.unit}' if found.unit not in ('', '1') else ''}"
     if tied > 1:
         return f"No point alone has the {_word(found.metric)} {name}: {tied} points have {value}."
-    rest = _overlap(best, known, names) + _losses(best, known, names)
+    rest = _overlap(best, known, names) + _losses(best, known, names, found.lost)
     return f"{point} has the {_word(found.metric)} {name}: {value}{rest}."
 
 
@@ -91,12 +91,12 @@ def _overlap(best: pd.Series, known: pd.DataFrame, names: tuple[str, ...]) -> st
     return f", and its 95 % interval overlaps with that of {shown}{more}{paired}"
 
 
-def _losses(best: pd.Series, known: pd.DataFrame, names: tuple[str, ...]) -> str:
+def _losses(best: pd.Series, known: pd.DataFrame, names: tuple[str, ...], rule: str) -> str:
     """In how many runs the best point loses its target, and which point does so least; empty if it never does."""
     if not best["ever_lost"] > 0.0:
         return ""
     least = known.loc[known["ever_lost"].idxmin()]
-    said = f"; it loses the target in {percent(best['ever_lost'])} of its runs"
+    said = f"; it loses the target{f' ({rule})' if rule else ''} in {percent(best['ever_lost'])} of its runs"
     if least["ever_lost"] == best["ever_lost"]:
         return f"{said}, and no other in fewer"
     return f"{said}, {_name(least, names)} in the fewest: {percent(least['ever_lost'])}"

@@ -98,6 +98,7 @@ def _notes(found: Comparison) -> list[str]:
         notes = [
             f"  [ , ]: 95 % confidence intervals of shares by Wilson's score; of medians only from {LEAST} runs on"
         ]
+    notes += [f"  lost: {found.lost}"] if found.lost else []
     if found.metric in ONE_IS_BEST:
         notes.append(f"  {name}: per degree of freedom; 1 is consistent, above 1 overconfident, below 1 cautious")
     if _per_joule(found):

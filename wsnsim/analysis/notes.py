@@ -15,7 +15,7 @@ import wsnsim.scenario as scenarios
 from wsnsim.analysis import connectivity
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.plot_data import stored_json
-from wsnsim.analysis.setup_notes import of_values
+from wsnsim.analysis.setup_notes import of_values, window_out_of_reach
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions, sample_positions
@@ -46,6 +46,7 @@ REASONS: Final = {
     "packet_delivery_ratio": "no frame was sent to a node in range",
     "first_death": "no node died in half of the runs",
     "half_dead": "half of the nodes did not die in half of the runs",
+    "lost_limit": "a track is lost only where it has no estimate",
     "lost_at": "no track was lost in half of the runs",
     "radio_on": "the radio of a node that is awake always listens",
     "hurried": "the MAC has no short wake interval (mac.near)",
@@ -76,7 +77,7 @@ class _Visibility(NamedTuple):
 
 def of_setup(setup: Setup, replicate: int = 0) -> list[str]:
     """What makes a valid scenario hopeless or harder than it looks: its values, and the initial conditions of a run."""
-    found = of_values(setup)
+    found = [*of_values(setup), *window_out_of_reach(setup)]
     try:
         if isinstance(setup, BeaconSetup):
             return found + _parted(setup, sample_positions(setup, setup.link.reach, replicate), replicate)

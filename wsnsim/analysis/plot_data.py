@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.recording as recording
+from wsnsim.analysis.quantities import loss_rule
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.tables import CAUSES
@@ -169,17 +170,17 @@ def errors(path: str | Path) -> PositionErrors:
     return PositionErrors(result, steps, times)
 
 
-def lost_runs(path: str | Path) -> tuple[int, int] | None:
-    """The numbers of runs with a track lost at any time, and lost at the end; None if `runs` was not recorded.
+def lost_runs(path: str | Path) -> tuple[int, int, str] | None:
+    """The numbers of runs with a track lost at any time, and lost at the end, and when it is; None without `runs`.
 
     A file of an earlier version knows the tracks lost at the end alone, which then count for both.
     """
     held = recording.tables(path)
     if "runs" not in held:
         return None
-    ever = "losses" if "losses" in held["runs"].columns else "lost"
-    rows = recording.read_table(path, "runs", list({ever, "lost"}))
-    return int((rows[ever] > 0).sum()), int((rows["lost"] > 0).sum())
+    rows, plan = recording.read_table(path, "runs"), layout(path)
+    ever = rows["losses" if "losses" in rows else "lost"]
+    return int((ever > 0).sum()), int((rows["lost"] > 0).sum()), loss_rule(rows, plan.units[plan.position[0]])
 
 
 def spent(path: str | Path) -> tuple[Floats, Floats, int]:

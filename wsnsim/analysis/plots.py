@@ -104,12 +104,16 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     return _titled(axes, "position error" + _loss_text(lost, of_runs))
 
 
-def _loss_text(lost: tuple[int, int] | None, of_runs: str) -> str:
-    """In how many runs a track was lost at any time, and how many of them lost it for good."""
+def _loss_text(lost: tuple[int, int, str] | None, of_runs: str) -> str:
+    """In how many runs a track was lost at any time, how many of them lost it for good, and by which rule."""
     if lost is None:
         return ""
-    ever, at_end = lost
-    return f", {ever} of {of_runs} lost" + (f" ({at_end} at the end)" if ever else "")
+    ever, at_end, rule = lost
+    return (
+        f", {ever} of {of_runs} lost"
+        + (f" ({at_end} at the end)" if ever else "")
+        + (f"\nlost: {rule}" if rule else "")
+    )
 
 
 def consistency(axes: Axes, path: str | Path) -> Axes:

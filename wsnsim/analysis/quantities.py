@@ -161,8 +161,15 @@ QUANTITIES: Final[dict[str, SummaryQuantity]] = {
         "{:.1%}", "", "losses", share_above_zero,
     ),
     "lost": _of_runs(
-        "lost at the end", "share of the runs in which a track is lost in its last window of steps",
-        "{:.1%}", "", "lost",
+        "lost at the end", "share of the runs in which a track is lost at its last step", "{:.1%}", "", "lost"
+    ),
+    "lost_limit": _of_runs(
+        "lost: error above", "error above which a track is lost that has it for the window (key lost.limit)",
+        "{:.4g}", POSITION_UNIT, "lost_limit",
+    ),
+    "lost_window": _of_runs(
+        "lost: that, or no estimate, for", "time for which the error of a lost track is above the limit, or for which "
+        "it has no estimate (key lost.window)", "{:.4g}", "s", "lost_window",
     ),
     "losses": _of_runs(
         "track losses", "losses of tracks in a run, those that ended included, mean", "{:.3g}", "", "losses"
@@ -257,6 +264,25 @@ BOUND_NAMES: Final = {
 BOUND_NOTE: Final = (
     "trajectory-conditional CRLB: not a strict bound, a filter may have a smaller error on some trajectories"
 )
+
+
+def loss_rule(runs: Mapping[str, Floats], unit: str) -> str:
+    """When tracks of runs count as lost, as "error above 20 m or no estimate for 4 s"; empty if it is unknown.
+
+    Args:
+        runs: columns of the table `runs`; `lost_window` and `lost_limit` may be missing.
+        unit: the unit of the position.
+    """
+    windows, limits = (np.asarray(runs.get(key, NAN), dtype=np.float64) for key in ("lost_window", "lost_limit"))
+    if not windows.size or not np.isfinite(windows).all():
+        return ""
+    above = f"error above {_span(limits)} {unit}".rstrip() + " or " if np.isfinite(limits).any() else ""
+    return f"{above}no estimate for {_span(windows)} s"
+
+
+def _span(values: Floats) -> str:
+    low, high = f"{values.min():.4g}", f"{values.max():.4g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def run_metric_name(metric: str) -> str:

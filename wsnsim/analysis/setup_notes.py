@@ -19,7 +19,6 @@ from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.errors import RunError
 from wsnsim.base.hop_times import CAP_SHARE, is_duty_cycled
 from wsnsim.base.initial_conditions import sample_positions
-from wsnsim.base.metrics import LOST_WINDOW
 from wsnsim.base.ports import Field
 from wsnsim.base.radio import Mode
 from wsnsim.base.recorded_links import RecordsLinks
@@ -111,13 +110,8 @@ def sink_outside_the_field(setup: Setup) -> Iterator[str]:
 
 
 def longer_than_the_run(setup: Setup) -> Iterator[str]:
-    """Windows and periods of which the run does not see one whole."""
+    """Periods of which the run does not see one whole."""
     lasts = setup.duration
-    if isinstance(setup, TrackingSetup) and setup.steps < setup.lost_window != LOST_WINDOW:
-        yield (
-            f"lost.window: {setup.lost_window:,} steps are more than the {setup.steps:,} steps of the run, which are "
-            f"then one window; give at most {setup.steps:,}, or a duration of {(setup.lost_window + 1) * setup.dt:g} s"
-        )
     effects = {
         ("sleep", "period"): "no node changes more than twice",
         ("workload", "period"): "no node sends a second time, and some never",
@@ -131,6 +125,16 @@ def longer_than_the_run(setup: Setup) -> Iterator[str]:
                 f"{role}.{key}: {value:g} s is too long for the run of {lasts:g} s: {effect}; give a shorter one, or a "
                 f"longer duration"
             )
+
+
+def window_out_of_reach(setup: Setup) -> Iterator[str]:
+    """A window of lost tracks that a run can hardly reach: for `check` alone, a short run to try things is meant."""
+    if isinstance(setup, TrackingSetup) and 2 * setup.lost_window > setup.steps:
+        yield (
+            f"lost.window: {setup.lost_window * setup.dt:g} s are more than half of the {setup.steps:,} steps of "
+            f"{setup.dt:g} s of the run, in which a track is hardly lost by this rule; give a shorter window, or a "
+            f"duration of {(2 * setup.lost_window + 1) * setup.dt:g} s"
+        )
 
 
 def sleep_that_costs_more(setup: Setup) -> Iterator[str]:

@@ -86,11 +86,11 @@ def _accuracy_rows(figures: Figures, published: Published, report: Report, bound
     rows += [_row(figures, "rmse_median", unit), _row(figures, "median_error", unit)]
     rows += _column_rows(figures["column_rmse"], published, dict(report.states))
     rows += [_row(figures, key) for key in ONE_IS_BEST if math.isfinite(figures[key])]
-    return rows + _loss_rows(figures)
+    return rows + _loss_rows(figures, unit)
 
 
-def _loss_rows(figures: Figures) -> list[SummaryRow]:
-    """In how many runs a track was lost at any time and at the end; how often and for how long if it ever was."""
+def _loss_rows(figures: Figures, unit: str) -> list[SummaryRow]:
+    """In how many runs a track was lost at any time and at the end, how often and for how long, and by which rule."""
     replicates, rows = figures["replicates"], []
     known = [(key, name) for key, name in LOSS_KEYS.items() if math.isfinite(figures[key])]
     for key, name in known:
@@ -100,7 +100,7 @@ def _loss_rows(figures: Figures) -> list[SummaryRow]:
     if figures["ever_lost"] > 0.0:
         losses, time, share = (QUANTITIES[key].text(figures[key], "") for key in ("losses", "time_lost", "lost_share"))
         rows.append(("  losses of a run, time lost", f"{losses}, {time} ({share} of the steps)", ""))
-    return rows
+    return rows + [_row(figures, key, unit) for key in ("lost_limit", "lost_window") if math.isfinite(figures[key])]
 
 
 def _tracking_rows(figures: Figures, unit: str) -> list[SummaryRow]:

@@ -68,7 +68,8 @@ def lost(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
     _drawn(axes, lines, "ever_lost", 100.0)
     axes.set_ylim(-2, 102)
     axes.set_ylabel("runs lost at any time [%]")
-    return _finished(axes, lines, f"runs lost at any time; {_band(lines)}", legend)
+    rule = f"; {lines.found.lost}" if lines.found.lost else ""
+    return _finished(axes, lines, f"runs lost at any time{rule}; {_band(lines)}", legend)
 
 
 def differences(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:

@@ -14,7 +14,10 @@ from wsnsim.experiment import Report
 from wsnsim.papers.published import published
 from wsnsim.scenario import resolved
 
-SHOWN: Final = ("rmse", "median_error", "nees", "tracked", "lost", "energy", "packet_delivery_ratio", "first_death")
+SHOWN: Final = (
+    "rmse", "median_error", "nees", "tracked", "ever_lost", "lost", "lost_limit", "lost_window", "energy",
+    "packet_delivery_ratio", "first_death",
+)  # fmt: skip
 """The quantities that a notebook shows, where they have a value."""
 
 

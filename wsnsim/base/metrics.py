@@ -15,8 +15,13 @@ ENOUGH_READINGS = 3
 """Number of ranges that determine a position in the plane."""
 LEAST_EIGENVALUE = 1e-12
 """A correlation matrix with an eigenvalue below this counts as singular: rounding makes 1e-16 (our choice)."""
-LOST_WINDOW = 100
+LOST_WINDOW = 4.0
+"""Time (s) without a good estimate after which a track is lost, at least `LOST_STEPS` steps: our choice."""
+LOST_STEPS = 3
+LOST_SHARE = 1.0 / 3.0
+"""Share of the sensing range above which the error of a lost track is: 20 m in Jiang's field (2013). Our choice."""
 LOST_ERROR = 20.0
+"""The same in m where the sensing range is infinite."""
 
 
 def rmse(errors: Floats) -> float:
@@ -31,54 +36,23 @@ def median_error(errors: Floats) -> float:
     return float(np.median(known)) if known.size else float("nan")
 
 
-def is_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR) -> bool:
-    """Whether a track is lost: the mean error of its last `window` steps exceeds `limit` metres.
-
-    A track without an estimate at half of these steps is lost, too. The defaults of 100 steps and 20 m are our choice;
-    Jiang (2013) gives no rule.
-    """
-    last = errors[-window:]
-    known = last[np.isfinite(last)]
-    return bool(known.size * 2 <= last.size or np.mean(known) > limit)
-
-
-def first_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR) -> float:
-    """The last step (from 1) of the first window in which the track `is_lost`; NaN if there is none."""
-    lost, _ = _windows(errors, window, limit)
-    return float(min(window, errors.size) + np.argmax(lost)) if lost.any() else float("nan")
-
-
-def lost_steps(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR) -> Bools:
+def lost_steps(errors: Floats, window: int, limit: float) -> Bools:
     """(steps,) whether the track is lost at each step, of the errors (steps,) of one track.
 
-    A loss begins at the last step of a window in which the track `is_lost`. It ends, with hysteresis, at the last step
-    of a window that has estimates at more than half of its steps and a mean error of at most half of `limit`; so an
-    error that wavers about the limit is one loss. The steps of the first window share the state at its end. The rule
-    is our choice: the papers give none.
+    It is at the steps of each uninterrupted stretch of at least `window` steps whose error is above `limit` metres or
+    that have no estimate. The rule is our choice: Jiang (2013) gives none.
     """
-    lost, found = _windows(errors, window, limit)
-    if not lost.any():
-        return np.zeros(errors.shape, dtype=np.bool_)
-    latest = np.maximum.accumulate(np.where(lost | found, np.arange(lost.size), -1))
-    state = (latest >= 0) & lost[latest]
-    return np.concatenate([np.full(errors.size - state.size, state[0]), state])
+    ends = np.flatnonzero(np.diff(~(errors <= limit), prepend=False, append=False)).reshape(-1, 2)
+    first, last = ends[ends[:, 1] - ends[:, 0] >= window].T
+    change = np.zeros(errors.size + 1, dtype=np.int64)
+    change[first], change[last] = 1, -1
+    lost: Bools = np.cumsum(change[:-1]) > 0
+    return lost
 
 
 def count_losses(lost: Bools) -> int:
     """The number of losses of one track, of `lost_steps`: uninterrupted stretches of lost steps."""
     return int(np.count_nonzero(lost[1:] & ~lost[:-1])) + int(lost[:1].any())
-
-
-def _windows(errors: Floats, window: int, limit: float) -> tuple[Bools, Bools]:
-    """(steps − window + 1,) whether the track is lost in each window, and whether it is surely found there."""
-    window = min(window, errors.size)
-    known = np.isfinite(errors)
-    # An error above limit * window decides on its window alone; larger ones would only cost the sums their precision.
-    bounded = np.minimum(np.where(known, errors, 0.0), 2.0 * limit * window)
-    counts, sums = (np.concatenate(([0.0], np.cumsum(x))) for x in (known, bounded))
-    seen, total = counts[window:] - counts[:-window], sums[window:] - sums[:-window]
-    few, most = seen * 2 <= window, limit * np.maximum(seen, 1.0)
-    return few | (total > most), ~few & (total <= 0.5 * most)
 
 
 def per_step_rmse(errors: Floats) -> Floats:

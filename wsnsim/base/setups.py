@@ -15,7 +15,7 @@ from wsnsim.base.clustering import ClusterPolicy, head_protocol
 from wsnsim.base.faults import FaultEvent
 from wsnsim.base.hop_times import HeadWaits, head_waits
 from wsnsim.base.medium_access import Mac, Packing
-from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
+from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
 from wsnsim.base.packet_joules import PacketJoules
 from wsnsim.base.ports import (
     Acquire,
@@ -83,8 +83,9 @@ class TrackingSetup(Setup):
         filter_sensor: the sensor model that the tracker assumes.
         tracker: the tracking strategy.
         recorded: where readings come from that were recorded; None: `sensor` samples them.
-        lost_window: the number of steps over which the mean error decides whether a track is lost.
-        lost_limit: the mean error in m above which it is.
+        lost_window: the number of steps in a row without an estimate of less error than `lost_limit` (m) at which a
+            track is lost.
+        lost_limit: this error in m.
     """
 
     prior: PriorModel
@@ -94,7 +95,7 @@ class TrackingSetup(Setup):
     filter_sensor: SensorModel
     tracker: Tracker[Any]
     recorded: Replays | None = None
-    lost_window: int = LOST_WINDOW
+    lost_window: int = LOST_STEPS
     lost_limit: float = LOST_ERROR
 
     @property

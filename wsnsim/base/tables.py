@@ -26,8 +26,10 @@ STATE_AFTER: Final = {"truth": "time", "estimates": "issued", "particles": "node
 METRICS: Final = tuple(
     column.name
     for column in TABLES["runs"]
-    if column.name not in ("replicate", "status", "fingerprint", "event_fingerprint", "cpu_seconds")
-)
+    if column.name not in (
+        "replicate", "status", "lost_window", "lost_limit", "fingerprint", "event_fingerprint", "cpu_seconds",
+    )
+)  # fmt: skip
 """The columns of `runs` that are metrics: the same each time that a run is repeated."""
 ONE_IS_BEST: Final = ("nees", "nis")
 """The metrics of consistency: neither more nor less is better."""

@@ -1,6 +1,6 @@
 """The row of a track in the table `tracks`, from the columns of its estimates.
 
-track_row(estimates, columns, rule) -> {column: value}
+track_row(estimates, columns, rule) -> {column: value}      losses(errors, window, limit, dt) -> those on losses
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def track_row(estimates: Mapping[int, Issued], columns: Mapping[str, Any], rule:
     return {
         "rmse": metrics.rmse(errors),
         "median_error": metrics.median_error(errors),
-        **_losses(errors, rule),
+        **losses(errors, rule.window, rule.limit, rule.dt),
         "late": late_steps(estimates, steps, rule.dt),
         "reports": len(estimates),
         **_delays(columns, rule),
@@ -43,16 +43,16 @@ def track_row(estimates: Mapping[int, Issued], columns: Mapping[str, Any], rule:
     }
 
 
-def _losses(errors: Floats, rule: TrackRule) -> dict[str, Any]:
+def losses(errors: Floats, window: int, limit: float, dt: float) -> dict[str, Any]:
     """Whether the track is lost at the end, how often and for how long it was lost, and when first."""
-    lost = metrics.lost_steps(errors, rule.window, rule.limit)
+    lost = metrics.lost_steps(errors, window, limit)
     steps = int(lost.sum())
     return {
-        "lost": int(metrics.is_lost(errors, rule.window, rule.limit)),
+        "lost": int(lost[-1:].any()),
         "losses": metrics.count_losses(lost),
-        "time_lost": steps * rule.dt,
+        "time_lost": steps * dt,
         "lost_share": steps / lost.size if lost.size else NAN,
-        "lost_at": metrics.first_lost(errors, rule.window, rule.limit) * rule.dt,
+        "lost_at": (int(np.argmax(lost)) + window) * dt if steps else NAN,
     }
 
 

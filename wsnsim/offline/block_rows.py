@@ -19,6 +19,7 @@ from wsnsim.base.ports import MotionModel
 from wsnsim.base.results import RunTotals, Summary, columns_of_totals
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
+from wsnsim.base.tracking import losses
 from wsnsim.offline.measurements import HEAD
 
 NAN: Final = float("nan")
@@ -133,20 +134,12 @@ def track_columns(columns: Mapping[str, Any], setup: TrackingSetup) -> dict[str,
 
 def _losses(errors: Floats, setup: TrackingSetup) -> dict[str, Any]:
     """Whether, how often and for how long each track was lost, and when first. Most tracks never are."""
-    window, limit, runs = setup.lost_window, setup.lost_limit, len(errors)
-    lost_at, losses, steps = np.full(runs, NAN), np.zeros(runs, np.int64), np.zeros(runs, np.int64)
-    largest = errors.max(axis=1)
-    for run in np.flatnonzero(~(largest <= 0.5 * limit)):  # no mean of a window exceeds the limit in the others
-        lost = metrics.lost_steps(errors[run], window, limit)
-        losses[run], steps[run] = metrics.count_losses(lost), lost.sum()
-        lost_at[run] = metrics.first_lost(errors[run], window, limit) * setup.dt
-    return {
-        "lost": (errors[:, -window:].mean(axis=1) > limit).astype(np.int64),
-        "losses": losses,
-        "time_lost": steps * setup.dt,
-        "lost_share": steps / errors.shape[1],
-        "lost_at": lost_at,
-    }
+    window, limit, none = setup.lost_window, setup.lost_limit, np.zeros(errors.shape[1])
+    found = {name: np.full(len(errors), value) for name, value in losses(none, window, limit, setup.dt).items()}
+    for run in np.flatnonzero(errors.max(axis=1) > limit):
+        for name, value in losses(errors[run], window, limit, setup.dt).items():
+            found[name][run] = value
+    return found
 
 
 def _of_three(errors: Floats, readings: Ints, whole: Mapping[str, Floats]) -> dict[str, Floats]:
@@ -194,6 +187,8 @@ def run_columns(
         "lost": np.max([row["lost"] for row in tracks], axis=0),
         "losses": np.sum([row["losses"] for row in tracks], axis=0),
         **{name: np.mean([row[name] for row in tracks], axis=0) for name in shares},
+        "lost_window": setup.lost_window * setup.dt,
+        "lost_limit": setup.lost_limit,
         **totals,
         "fingerprint": [_fingerprint(targets, run, digest, setup.dt) for run, digest in enumerate(events)],
         **_consistency(estimates, len(setup.motions[0].position)),

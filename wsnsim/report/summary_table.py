@@ -29,8 +29,8 @@ MIN_RUNS: Final = 5
 RUNS: Final = "Monte Carlo runs"
 PUBLISHED_KEYS: Final = ("rmse", "energy")
 FIRST: Final = (
-    "rmse", "rmse_median", "ever_lost", "tracked", "delay", "report_delay", "energy", "packet_delivery_ratio",
-    "radio_on", "first_death", "alive",
+    "rmse", "rmse_median", "ever_lost", "lost", "lost_limit", "lost_window", "tracked", "delay", "report_delay",
+    "energy", "packet_delivery_ratio", "radio_on", "first_death", "alive",
 )  # fmt: skip
 """The quantities of the first table."""
 EXPLAINED: Final = (

@@ -159,16 +159,17 @@ def _of_targets(scenario: Scenario, components: dict[Keys, Any]) -> dict[str, An
     from wsnsim.base.ports import Replays
 
     sensor = components["sensor",]
+    law = sensor.law if isinstance(sensor, Replays) else sensor
     motions = tuple(components[path] for path, _ in scenario.written(ROLES["motion"]))
     assumes = scenario.tracker.assumes  # type: ignore[attr-defined]
     return {
         "motions": motions,
-        "sensor": sensor.law if isinstance(sensor, Replays) else sensor,
+        "sensor": law,
         "recorded": sensor if isinstance(sensor, Replays) else None,
         "filter_motions": tuple(motion.assumed(assumes.noise_scale) for motion in motions),
         "filter_sensor": sensor.assumed(assumes.gains, assumes.inflate),
-        "lost_window": scenario.lost.window,
-        "lost_limit": scenario.lost.limit,
+        "lost_window": scenario.lost.lasting(scenario.step),
+        "lost_limit": scenario.lost.beyond(law.reach),
     }
 
 

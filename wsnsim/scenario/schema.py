@@ -7,6 +7,7 @@ built(model) -> the component
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Collection
 from typing import Annotated, Any, Final, Literal
@@ -159,15 +160,30 @@ class Until(BaseModel):
 
 
 class Lost(BaseModel):
-    """The criterion of a lost track: the mean error of a window of steps exceeds a limit; found again at half of it."""
+    """When a track is lost: its error is above `limit`, or it has no estimate, for `window` and at least `steps`."""
 
     model_config = FROZEN
-    window: Annotated[int, Number(Quantity("", ge=1, le=MOST_STEPS), whole=True)] = Field(
-        metrics.LOST_WINDOW, description="steps over which the error is averaged"
+    window: Annotated[float, Number(Quantity("s", gt=0), finite=True)] = Field(
+        metrics.LOST_WINDOW, description="for how long the error is above the limit, or there is no estimate [s]"
     )
-    limit: Annotated[float, Number(Quantity("m", gt=0))] = Field(
-        metrics.LOST_ERROR, description="mean error beyond which the track is lost; .inf: never [m]"
+    steps: Annotated[int, Number(Quantity("", ge=1, le=MOST_STEPS), whole=True)] = Field(
+        metrics.LOST_STEPS, description="for how many steps at least, if they are longer than the window"
     )
+    limit: Annotated[float, Number(Quantity("m", gt=0))] | None = Field(
+        None,
+        description="error above which a track is lost; .inf: only without an estimate; null: a third of the sensing "
+        "range, 20 m if that is infinite [m]",
+    )
+
+    def lasting(self, step: float) -> int:
+        """The number of steps of the window, for steps of this length in s."""
+        return max(self.steps, math.ceil(self.window / step - 1e-9))
+
+    def beyond(self, reach: float) -> float:
+        """The limit in m, for sensors of this range in m."""
+        if self.limit is not None:
+            return self.limit
+        return metrics.LOST_SHARE * reach if math.isfinite(reach) else metrics.LOST_ERROR
 
 
 Record: Final[type[BaseModel]] = create_model(

@@ -65,7 +65,7 @@ seed: 1                          # same seed, same run
 replicates: 20                   # Monte Carlo runs with independent random numbers
 duration: 30 s                   # a whole number of steps, the first is the start
 step: 1 s                        # time between measurements
-lost: {{window: 1, limit: 20 m}}   # a track whose final error is larger is lost
+lost: {{window: 4 s, limit: 20 m}} # a track with a larger error for this time is lost
 
 prior:                           # initial distribution given to every filter
   sd: [2, 1, 2, 1]               # standard deviations of px, vx, py, vy
