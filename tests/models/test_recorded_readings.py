@@ -1,5 +1,6 @@
 """Recorded readings: the step of each, several in a step, names, order, and rows that cannot be used."""
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +8,10 @@ import numpy as np
 import pytest
 
 from wsnsim.base.errors import RunError
+from wsnsim.models.bearing import Bearing
 from wsnsim.models.ranging import Range
 from wsnsim.models.recorded_readings import ReadingColumns, RecordedSensor
+from wsnsim.models.repeated_readings import RepeatedReadings
 from wsnsim.models.rssi import Rssi
 
 NAN = np.nan
@@ -136,3 +139,21 @@ def test_filters_are_given_the_law(tmp_path: Path) -> None:
     assert model.assumed("known", False) is law
     assert model.assumed("unknown", True) == law.assumed("unknown", True)
     assert model.trait_names == law.trait_names and model.reach == law.reach
+
+
+def test_bearings_of_a_node_in_a_step_have_their_mean_direction_in_any_order(tmp_path: Path) -> None:
+    """170°, 10° and −170° point to 170° together; the mean of the values nearest to the first of them was 3°, 123° or -117°."""
+    degrees, law = [10.0, 170.0, -170.0], {"law": Bearing()}
+    for order in itertools.permutations(np.radians(degrees).tolist()):
+        rows = "".join(f"0.{k},a,{value!r}\n" for k, value in enumerate(order, 1))
+        (mean,) = np.degrees(steps_of(sensor(tmp_path, f"0,b,0\n{rows}", **law), 1, 1.0)[1])[:1]
+        assert mean % 360.0 == pytest.approx(170.0)
+
+
+def test_means_of_sampled_bearings_stay_near_the_target_across_the_cut() -> None:
+    """A target behind the node, at ±180°: means of 100 bearings deviate by a tenth of the law's deviation."""
+    model = RepeatedReadings(law=Bearing(sd=0.1))
+    noise = np.random.default_rng(3).normal(size=400)
+    points, places = np.tile([[-10.0], [0.0]], 400).T, np.zeros((400, 2))
+    found = model.measure(points, places, np.full((400, 1), 100.0), noise)
+    assert np.std(found % (2.0 * np.pi)) == pytest.approx(0.01, rel=0.1)

@@ -2,6 +2,7 @@
 
     rows(sensor, readings (n,) or (n, M)) -> (n M,)      a row per component, node by node, as `linearise` has them
     near(sensor, rows, expected) -> rows            angles moved by whole turns to the nearest of what is expected
+    means(sensor, readings, groups, count)          one reading for each group of readings, angles on the circle
 
 A sensor model says so by the optional port `VectorReadings`. Without it, a reading is a number without a period.
 """
@@ -9,15 +10,17 @@ A sensor model says so by the optional port `VectorReadings`. Without it, a read
 from __future__ import annotations
 
 from functools import lru_cache
-from math import inf, isfinite, nan
+from math import inf, isfinite, nan, tau
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, Ints
 
 Reading: TypeAlias = float | tuple[float, ...]
 """The reading of one node: a number, or a tuple of M numbers if the sensor's readings have M > 1 components."""
+CANCELLED: Final = 1e-9
+"""A mean of unit vectors that is shorter is rounding error: they cancel."""
 SCALAR: Final = ("reading",)
 """The components of a reading of a sensor model without the port `VectorReadings`."""
 
@@ -73,6 +76,29 @@ def near(sensor: Any, measured: Floats, expected: Floats) -> Floats:
         lengths, divisors = (each.reshape(-1, *[1] * (measured.ndim - 1)) for each in (lengths, divisors))
     result: Floats = measured - lengths * np.round((measured - expected) / divisors)
     return result
+
+
+def means(sensor: Any, readings: Floats, groups: Ints, count: int) -> Floats:
+    """Means (count,) or (count, M) of readings (n,) or (n, M) that belong to groups (n,); NaN where a group has none.
+
+    The mean of angles is the direction of the sum of their unit vectors (Mardia, Jupp 2000, section 2.2.1), in the turn
+    nearest to the first of them. Where the sum is zero, there is no mean direction, and the first one stands.
+    """
+    columns = readings.reshape(len(readings), -1).T
+    each = [_mean(values, groups, count, period) for values, period in zip(columns, periods_of(sensor), strict=True)]
+    return each[0] if readings.ndim == 1 else np.column_stack(each)
+
+
+def _mean(values: Floats, groups: Ints, count: int, period: float) -> Floats:
+    sizes, first = np.bincount(groups, minlength=count), np.full(count, nan)
+    first[groups[::-1]] = values[::-1]  # of equal indices, the first value stays
+    if not period:
+        sums = np.bincount(groups, values, count)
+        return np.divide(sums, sizes, out=first, where=sizes > 0)
+    across, up = (np.bincount(groups, part(values * tau / period), count) for part in (np.cos, np.sin))
+    turned = np.arctan2(up, across) * period / tau - first
+    known = (sizes > 1) & (np.hypot(across, up) > CANCELLED * sizes)
+    return np.where(known, first + turned - period * np.round(turned / period), first)
 
 
 @lru_cache

@@ -20,7 +20,7 @@ from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import LimitsReadings, Recording, Replays, SensorModel
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.traits import recorded_traits
-from wsnsim.base.vector_readings import near
+from wsnsim.base.vector_readings import means
 from wsnsim.models.csvfile import (
     SKIPPING,
     BadRow,
@@ -74,7 +74,7 @@ class RecordedSensor:
     that no step uses a reading of the future; those before the origin belong to step 0, those after the last step are
     not used. A node without a reading in a step is silent. Of several readings of a node in a step, the `mean` or the
     `last` counts as one reading, or `all` enter the likelihood: the mean of n readings, with the variance R / n. The
-    mean of angles is that of their values nearest to the first of them. Nodes are known by the names that the
+    mean of angles is their mean direction, whatever their order. Nodes are known by the names that the
     deployment gives them, else by their numbers. No reading is sampled, and where the target is plays no part in who
     has one. `law` is what filters, heads and bounds take the readings to follow. All of this is our choice.
     """
@@ -181,14 +181,11 @@ class RecordedSensor:
         """The recording of one target, from (steps, nodes) and values in the order of time."""
         cells = np.ravel_multi_index((where[0], where[1]), shape)
         counts = np.bincount(cells, minlength=shape[0] * shape[1])
-        readings = np.full(shape[0] * shape[1], np.nan)
         if self.several == "last":
+            readings = np.full(len(counts), np.nan)
             readings[cells] = values  # of equal indices, the last value stays
         else:
-            heard = counts > 0
-            readings[cells[::-1]] = values[::-1]  # of equal indices, the first value stays
-            values = near(self.law, values, readings[cells])
-            readings[heard] = np.bincount(cells, values, minlength=len(counts))[heard] / counts[heard]
+            readings = means(self.law, values, cells, len(counts))
         return Recording(readings.reshape(shape), counts.reshape(shape))
 
     def _nodes(self, names: Sequence[str]) -> Ints:

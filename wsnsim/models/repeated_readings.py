@@ -8,6 +8,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.part import part
+from wsnsim.base.vector_readings import near
 
 COUNT: Final = "count"
 """The trait of a node that is the number of readings of which its reading is the mean. It may change at each step."""
@@ -41,7 +42,8 @@ class RepeatedReadings:
         """(n,) means of readings, given standard normal noise."""
         own, counts = traits[:, :-1], traits[:, -1]
         expected: Floats = self.law.measure(points, positions, own, np.zeros(len(noise)))
-        result: Floats = expected + (self.law.measure(points, positions, own, noise) - expected) / np.sqrt(counts)
+        drawn = near(self.law, self.law.measure(points, positions, own, noise), expected)
+        result: Floats = expected + (drawn - expected) / np.sqrt(counts)
         return result
 
     def log_likelihood(
