@@ -140,6 +140,16 @@ def test_an_error_above_half_of_the_limit_is_not_called_following():
     )
 
 
+def test_where_few_runs_decide_the_error_the_median_run_stands_beside_it():
+    errors = np.ones((4, 1, 4))
+    errors[3] = 19.0
+    assert sentence(facts(errors, losses=[0] * 4, rmse=[1.0, 1.0, 1.0, 19.0]), 0.5).startswith(
+        "The target was followed in all 4 runs, with a time-averaged RMSE of 9.54 m, 19 times the"
+        " trajectory-conditional CRLB of 0.5 m (few runs decide this mean: the median per-run RMSE is 1 m,"
+        " 2.0 times the CRLB); "
+    )
+
+
 def test_several_targets_are_counted_and_a_loss_is_of_one_of_them():
     three = {"target": np.array([0.0, 1.0, 2.0])}
     assert sentence(facts(np.ones((1, 3, 4)), tracks=three, losses=[0])).startswith("All 3 targets were followed")

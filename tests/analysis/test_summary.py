@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from wsnsim import experiment, scenario
 from wsnsim.analysis import result_info, summary, summary_text
@@ -406,9 +407,8 @@ def test_terminal_page_info_and_json_have_the_same_names_and_values(tmp_path):
     for key in shown:
         quantity, value = QUANTITIES[key], about["figures"][key]
         assert page[quantity.name].strip() == quantity.text(value, "m")
-        assert [*quantity.name.split(), *quantity.text(value, "m").split()] in [
-            x.split() for x in info_text.splitlines()
-        ]
+        cells = [*quantity.name.split(), *quantity.text(value, "m").split()]
+        assert cells in [x.split()[: len(cells)] for x in info_text.splitlines()]
         if key != "cpu_seconds":
             assert figures[json_keys.get(key, key)] == pytest.approx(value, rel=1e-12), key
         if quantity.name in terminal:
@@ -424,3 +424,44 @@ def test_bounds_do_not_need_the_table_of_runs(tmp_path):
     whole = experiment.run(scenario.load("ungm_pf", ["duration=3 s"]), replicates=range(4, 6), out=tmp_path / "y.h5")
     assert summary.bounds_of_report(report) == summary.bounds_of_report(whole)
     assert math.isfinite(summary.bounds_of_report(report).rmse)
+
+
+def test_where_one_run_decides_a_mean_the_median_stands_beside_it():
+    """The NEES of a cloud that collapsed in one run of three, and the joules of one; not where runs are alike."""
+    report = report_of(ERRORS, COLUMNS)
+    told = [(4.6e75, 0.7, 3, 2.0), (1.2, 0.5, 0, 2.5), (0.8, 0.9, 0, 60.0)]
+    summaries = tuple(
+        dataclasses.replace(s, run=dict(s.run) | {"nees": n, "nees_median": m, "singular": count, "energy": joules})
+        for s, (n, m, count, joules) in zip(report.summaries, told, strict=True)
+    )
+    figures = summary.as_json(report := dataclasses.replace(report, summaries=summaries), {})
+    assert figures["medians"] == {"nees": 1.2, "energy": 2.5}
+    assert (figures["nees_median"], figures["nees_median_consistent"], figures["singular"]) == (0.7, 0.6931, 1.0)
+    text = rows(report)
+    assert text["average NEES of the position"] == "1.53e+75  median over runs: 1.2"
+    assert text["median NEES of the position"] == "0.7  consistent: 0.69"
+    assert text["singular covariances"] == "1" and text["energy spent"] == "21.5 J  median over runs: 2.5 J"
+    assert "singular covariances" not in rows(report_of(ERRORS, COLUMNS))
+
+
+def test_a_cloud_that_collapses_is_said_wherever_its_nees_is(tmp_path):
+    """A particle filter whose ranges are exact to a micrometre: all weight is on one particle."""
+    made = scenario.load({
+        "name": "collapsed", "seed": 1, "duration": 3.0, "step": 0.5, "network": "none", "replicates": 2,
+        "prior": {"sd": [5, 1, 5, 1], "mean": [10, 1.7, 10, 1.7]},
+        "motion": {"kind": "waypoints", "points": [[0, 10, 10], [6, 20, 20]]},
+        "sensor": {"kind": "range", "sd": 1e-6, "reach": 100}, "tracker": {"kind": "pf", "particles": 50},
+        "deploy": {"kind": "anchors", "places": [[0, 0], [40, 0], [0, 40]]},
+    })  # fmt: skip
+    report = experiment.run(made, out=tmp_path / "x.h5")
+    figures, stored = summary.as_json(report, {}), read_table(report.out, "runs")
+    estimates = read_table(report.out, "estimates")
+    assert figures["singular"] == np.isnan(estimates["nees"]).sum() / 2 > 0.0 and (stored["singular"] > 0).all()
+    assert "singular covariances" in rows(report)
+    assert "singular covariances" in result_info.info_text(report.out)
+    assert "singular covariances" in summary_table.summary_table([report.out], ["x"])
+
+
+def test_the_median_of_a_consistent_nees_is_that_of_chi_square():
+    for size, value in metrics.CONSISTENT_MEDIANS.items():
+        assert value == pytest.approx(chi2.ppf(0.5, size) / size, abs=1e-4)

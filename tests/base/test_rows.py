@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 
 from wsnsim.base.ports import Estimate
-from wsnsim.base.rows import Issued, fingerprint
+from wsnsim.base.rows import Issued, consistency, fingerprint
 
 
 def issued(step: int, seconds: float = 0.0) -> Issued:
@@ -27,3 +27,11 @@ def test_the_fingerprint_sees_events_time_step_target_mean_and_covariance_to_the
     plain = fingerprint(5, tracks)
     assert plain == fingerprint(5, [dict(reversed(tracks[0].items())), tracks[1]])
     assert len({plain, *(fingerprint(*arguments) for arguments in changed)}) == 1 + len(changed)
+
+
+def test_consistency_has_the_mean_and_the_median_of_steps_and_counts_singular_covariances():
+    """Of five steps, one has a cloud that is nearly a point, one a singular covariance, and one no estimate."""
+    nees = np.array([2.0, 9.2e75, 1.0, np.nan, np.nan])
+    track = {"nees": nees, "nis": nees, "nis_dof": np.zeros(5), "sd_x": np.array([1.0, 1e-38, 1.0, 0.0, np.nan])}
+    found = consistency([track], 2)
+    assert found["nees"] == np.mean(nees[:3]) / 2 and found["nees_median"] == 1.0 and found["singular"] == 1

@@ -142,7 +142,7 @@ def test_filters_are_given_the_law(tmp_path: Path) -> None:
 
 
 def test_bearings_of_a_node_in_a_step_have_their_mean_direction_in_any_order(tmp_path: Path) -> None:
-    """170°, 10° and −170° point to 170° together; the mean of the values nearest to the first of them was 3°, 123° or -117°."""
+    """170°, 10° and −170° point to 170° together; the values nearest to the first of them, to 3°, 123° or -117°."""
     degrees, law = [10.0, 170.0, -170.0], {"law": Bearing()}
     for order in itertools.permutations(np.radians(degrees).tolist()):
         rows = "".join(f"0.{k},a,{value!r}\n" for k, value in enumerate(order, 1))

@@ -23,7 +23,7 @@ from wsnsim.analysis.answer_network import (
     runs,
     sink_clause,
 )
-from wsnsim.analysis.quantities import loss_rule, time_averaged_rmse
+from wsnsim.analysis.quantities import DECIDED, loss_rule, time_averaged_rmse
 from wsnsim.base import metrics
 from wsnsim.base.errors import WsnsimError
 from wsnsim.base.results import Report
@@ -139,9 +139,14 @@ def _followed(facts: AnswerFacts, crlb: float) -> str:
     error = f"a {name} of {figure(value)} {facts.unit}".rstrip()
     if 0 < lost < facts.count:
         error += f" ({figure(_error_of_all(facts))} {facts.unit}".rstrip() + " over all runs)"
-    if math.isfinite(crlb) and crlb > 0.0 and (2 * lost <= facts.count or lost == facts.count):
+    judged = math.isfinite(crlb) and crlb > 0.0 and (2 * lost <= facts.count or lost == facts.count)
+    if judged:
         limit = f"trajectory-conditional CRLB of {figure(crlb)} {facts.unit}".rstrip()
         error += f", {_ratio(value / crlb)} times the {limit}"
+    middle = _middle_of_kept(facts)
+    if value > DECIDED * middle > 0.0:
+        error += f" (few runs decide this mean: the median per-run RMSE is {figure(middle)} {facts.unit}".rstrip()
+        error += f", {_ratio(middle / crlb)} times the CRLB)" if judged else ")"
     if others := facts.count - lost if lost else 0:
         return f"{_lost(facts, lost)}; the other {'has' if others == 1 else f'{others:,} have'} {error}"
     if lost:
@@ -195,9 +200,14 @@ def _error(facts: AnswerFacts) -> tuple[str, float]:
     """(name, value) of the error over the runs that are judged."""
     if facts.recorded.errors.size:
         return "time-averaged RMSE", time_averaged_rmse(facts.judged_errors)
+    return "median per-run RMSE", _middle_of_kept(facts)
+
+
+def _middle_of_kept(facts: AnswerFacts) -> float:
+    """The median per-run RMSE over the runs that are judged."""
     lost = facts.ever_lost
     kept = facts.column("rmse")[~lost] if lost.any() and not lost.all() else facts.column("rmse")
-    return "median per-run RMSE", metrics.median_error(kept)
+    return metrics.median_error(kept)
 
 
 def _error_of_all(facts: AnswerFacts) -> float:

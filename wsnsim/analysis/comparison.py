@@ -30,8 +30,10 @@ from wsnsim.recording.folder import Folder, Manifest
 
 ENERGY: Final = "energy"
 MEASURED: Final = ("replicate", "lost", "losses", "lost_window", "lost_limit", "tracked", ENERGY)
-YOUNGER: Final = ("losses", "lost_window", "lost_limit", "radio_on", "hurried")
+YOUNGER: Final = ("losses", "nees_median", "singular", "lost_window", "lost_limit", "radio_on", "hurried")
 """Columns that some result files lack: of earlier versions, or of scenarios whose radios always listen."""
+OF_STEPS: Final = ("nees_median", "singular")
+"""Columns that stand beside an average NEES: a single step may decide it."""
 MOST_LOST: Final = 0.05
 """Share of runs lost at any time above which a point is not on the Pareto front: losing the target saves energy."""
 
@@ -50,7 +52,8 @@ class Comparison:
             `known` (runs in which the metric is known); `median` and `mean` of the metric, `ever_lost` (share of the
             runs that lost a track at any time), `lost_fraction` (at the end), `energy` (median, J) and
             `error_per_joule` (median of metric / energy), each with `_low` and `_high`; `lost_window` (s) and
-            `lost_limit`, which decide when a track is lost; `tracked` (mean share of the
+            `lost_limit`, which decide when a track is lost; `nees_median` (median over runs) and `singular` (sum over
+            runs), which stand beside a NEES; `tracked` (mean share of the
             steps); `front` (on the Pareto front of its group in both medians; none for NEES and NIS, of which 1 is
             best). Where points are compared: the paired differences, `p_holm`, `p_losses_holm`, `test`
             (its name), `conclusion` (a sentence) and `hint` (what beside the filters may have decided). Unknown values
@@ -96,7 +99,7 @@ def compare(
     if metric not in METRICS:
         raise UsageError(f"table runs has no metric '{metric}' ({did_you_mean(metric, METRICS)})")
     chosen = _chosen(manifest, by)
-    runs = campaigns.read(folder.path, "runs", sorted({*MEASURED, metric}), YOUNGER)
+    runs = campaigns.read(folder.path, "runs", sorted({*MEASURED, metric, *OF_STEPS}), YOUNGER)
     rows, values = [], {}
     for number, frame in runs.groupby(campaigns.POINT, sort=True):
         point = manifest.points[int(number)]
@@ -181,6 +184,8 @@ def _statistics(frame: pd.DataFrame, metric: str) -> dict[str, Any]:
         **_spread("ever_lost", ever),
         **_spread("lost_fraction", lost),
         **{name: float(frame[name].min()) for name in ("lost_window", "lost_limit")},
+        "nees_median": statistics.median(frame["nees_median"].to_numpy(dtype=np.float64)).value,
+        "singular": float(frame["singular"].sum()),
         "tracked": statistics.mean(frame["tracked"].to_numpy(dtype=np.float64)).value,
         **_spread("energy", joules),
         **_spread("error_per_joule", rate),

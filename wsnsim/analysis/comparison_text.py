@@ -68,6 +68,9 @@ def columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
         columns.append(("runs", [str(count) for count in table["replicates"]]))
     columns.append((f"median {heading}", [_spread(row, "median") for _, row in table.iterrows()]))
     columns.append(("mean", [_number(value) for value in table["mean"]]))
+    if found.metric == "nees":
+        columns.append(("median over steps", [_number(value) for value in table["nees_median"]]))
+        columns.append(("singular", [f"{value:.0f}" for value in table["singular"]]))
     if "bound" in table and table["bound"].notna().any():
         columns.append(("CRLB", [_number(value) for value in table["bound"]]))
     if (table["tracked"] < SEEN).any():
@@ -101,6 +104,11 @@ def _notes(found: Comparison) -> list[str]:
     notes += [f"  lost: {found.lost}"] if found.lost else []
     if found.metric in ONE_IS_BEST:
         notes.append(f"  {name}: per degree of freedom; 1 is consistent, above 1 overconfident, below 1 cautious")
+    if found.metric == "nees":
+        notes.append(
+            "  median over steps: of each run, median over runs; a consistent filter has 0.69 in the plane, 0.45 on a\n"
+            "  line; singular: steps of all runs with a singular covariance, which have no NEES"
+        )
     if _per_joule(found):
         notes.append(f"  {name}/J: falls with every joule spent, so a smaller value alone is not better: see Pareto")
     if (table["tracked"] < SEEN).any():

@@ -35,12 +35,19 @@ class ResultArrays:
         runs: the columns of the table `runs`, (runs,) each.
         has_targets: whether there is a target to track.
         tracks: columns of the table `tracks`, (runs, targets) each; empty if they are not needed.
+        size: the number of position columns.
     """
 
     errors: Floats
     runs: Mapping[str, Floats]
     has_targets: bool = True
     tracks: Mapping[str, Floats] = field(default_factory=dict)
+    size: int = 2
+
+    @property
+    def consistent(self) -> float:
+        """The median NEES per column of a consistent filter."""
+        return metrics.CONSISTENT_MEDIANS.get(self.size, NAN)
 
     @property
     def has_network(self) -> bool:
@@ -185,6 +192,14 @@ QUANTITIES: Final[dict[str, SummaryQuantity]] = {
         "average NEES of the position", "per column, mean over the runs of each run's time average; 1: consistent",
         "{:.3g}", "", "nees",
     ),
+    "nees_median": _of_runs(
+        "median NEES of the position", "per column, median over the runs of each run's median over its steps; a "
+        "consistent filter has 0.69 in the plane, 0.45 on a line", "{:.3g}", "", "nees_median", metrics.median_error,
+    ),
+    "singular": _of_runs(
+        "singular covariances", "estimates of a run whose position covariance is singular, which have no NEES, mean",
+        "{:.4g}", "", "singular",
+    ),
     "nis": _of_runs(
         "average NIS", "per measurement, mean over the runs of each run's time average; 1: consistent",
         "{:.3g}", "", "nis",
@@ -251,10 +266,12 @@ QUANTITIES: Final[dict[str, SummaryQuantity]] = {
 """By the key that JSON has for it, in the order in which they are shown."""
 NETWORK_ONLY: Final = ("handovers", "frames_lost", "in_range", "delivered", "packet_delivery_ratio", "alive")
 """Quantities that mean nothing without a network."""
-ONLY_IF_NOT_ZERO: Final = ("collided", "retries", "access_failures", "frames_lost", "handovers", "cycles")
+ONLY_IF_NOT_ZERO: Final = ("singular", "collided", "retries", "access_failures", "frames_lost", "handovers", "cycles")
 CONSISTENCY_NOTE: Final = (
     "NEES, NIS: squares of errors and of innovations over their covariances; 1: consistent, above 1: overconfident"
 )
+DECIDED: Final = 2.0
+"""A mean over runs that is more than this times their median is decided by few of them (our choice)."""
 BOUND_NAMES: Final = {
     "in_range": "trajectory-conditional CRLB, readings in range",
     "active": "trajectory-conditional CRLB, readings of active members",
@@ -296,6 +313,31 @@ def values(arrays: ResultArrays) -> dict[str, float]:
     found = {key: quantity.value(arrays) for key, quantity in QUANTITIES.items()}
     left_out = () if arrays.has_network else NETWORK_ONLY
     return {key: value for key, value in found.items() if np.isfinite(value) and key not in left_out}
+
+
+def medians(arrays: ResultArrays) -> dict[str, float]:
+    """The median over runs of each mean that one run, or few, decide: that is more than `DECIDED` times the median."""
+    found = {"rmse": QUANTITIES["rmse_median"].value(arrays)}
+    for key, quantity in QUANTITIES.items():
+        samples = quantity.samples(arrays)
+        of_runs = samples.ndim == 1 and quantity.statistic is metrics.mean_error and "%" not in quantity.form
+        if of_runs and samples.size and key != "cpu_seconds":
+            found[key] = metrics.median_error(samples)
+    return {key: middle for key, middle in found.items() if QUANTITIES[key].value(arrays) > DECIDED * middle > 0.0}
+
+
+def beside(key: str, middles: Mapping[str, float], consistent: float, unit: str) -> str:
+    """What stands beside a value: the median over runs where few decide the mean, or what is consistent; else empty.
+
+    Args:
+        key: of the quantity.
+        middles: what `medians` returned.
+        consistent: the `nees_median` of a consistent filter.
+        unit: of the position.
+    """
+    if key == "nees_median":
+        return f"consistent: {consistent:.2f}"
+    return f"median over runs: {QUANTITIES[key].text(middles[key], unit)}" if key in middles else ""
 
 
 def worth_showing(arrays: ResultArrays) -> dict[str, float]:

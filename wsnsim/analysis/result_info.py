@@ -11,7 +11,7 @@ from typing import Any
 from wsnsim.analysis.answer import answer
 from wsnsim.analysis.phrases import counted, wrapped
 from wsnsim.analysis.plot_data import stored_json
-from wsnsim.analysis.quantities import QUANTITIES, values, worth_showing
+from wsnsim.analysis.quantities import QUANTITIES, beside, medians, values, worth_showing
 from wsnsim.analysis.stored_arrays import position_unit, read_arrays
 from wsnsim.base.recorded_files import COUNTS, FILES, ROWS
 from wsnsim.recording import attributes, read_table, tables
@@ -24,9 +24,10 @@ def info(path: str | Path, plugins: bool = False) -> dict[str, Any]:
 
     Keys: file, answer (see `answer.answer`; '' if no run has finished), bytes, status, schema_version, wsnsim_version,
     name, seed, replicates, tables ({name: {rows, columns, bytes}}), figures ({key of `quantities.QUANTITIES`: value}),
+    medians (see `quantities.medians`),
     position_unit, fingerprints, provenance.
     """
-    root = attributes(path)
+    root, arrays = attributes(path), read_arrays(path)
     sizes = tables(path)
     scenario = stored_json(path, "scenario/resolved_json")
     runs = read_table(path, "runs") if "runs" in sizes else {}
@@ -44,7 +45,8 @@ def info(path: str | Path, plugins: bool = False) -> dict[str, Any]:
             name: {"rows": size.rows, "columns": list(size.columns), "bytes": size.stored_bytes}
             for name, size in sizes.items()
         },
-        "figures": values(read_arrays(path)),
+        "figures": values(arrays),
+        "medians": medians(arrays),
         "position_unit": position_unit(path),
         "fingerprints": [f"{value:016x}" for value in runs.get("fingerprint", ())],
         "provenance": stored_json(path, "provenance_json"),
@@ -72,9 +74,14 @@ def info_text(path: str | Path, plugins: bool = False) -> str:
 
 
 def _figure_lines(path: str | Path, unit: str) -> list[str]:
-    shown = worth_showing(read_arrays(path))
+    arrays = read_arrays(path)
+    shown, middles = worth_showing(arrays), medians(arrays)
     width = max(map(len, (QUANTITIES[key].name for key in shown)), default=0) + 2
-    return [f"{QUANTITIES[key].name:<{width}}{QUANTITIES[key].text(value, unit)}" for key, value in shown.items()]
+    cells = {
+        key: (QUANTITIES[key].text(value, unit), beside(key, middles, arrays.consistent, unit))
+        for key, value in shown.items()
+    }
+    return [f"{QUANTITIES[key].name:<{width}}{'  '.join(filter(None, cell))}" for key, cell in cells.items()]
 
 
 def _provenance_lines(origin: dict[str, Any], version: str) -> list[str]:

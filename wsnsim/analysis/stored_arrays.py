@@ -21,9 +21,9 @@ def read_arrays(path: str | Path) -> ResultArrays:
     runs = read_table(path, "runs") if "runs" in held else {}
     columns = {name: column.astype(np.float64) for name, column in runs.items() if column.dtype.kind in "uif"}
     errors = plot_data.errors(path).errors if "estimates" in held and held["estimates"].rows else np.empty((0, 0, 0))
-    return ResultArrays(
-        errors, columns, bool(attributes(path)["states"]), _tracks(path, len(runs.get("replicate", ())))
-    )
+    about = attributes(path)
+    tracks = _tracks(path, len(runs.get("replicate", ())))
+    return ResultArrays(errors, columns, bool(about["states"]), tracks, len(about["position"] or ()))
 
 
 def _tracks(path: str | Path, runs: int) -> dict[str, Floats]:

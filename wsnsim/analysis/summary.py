@@ -17,7 +17,7 @@ import numpy as np
 from wsnsim.analysis import notes
 from wsnsim.analysis.answer import comparable, sentence
 from wsnsim.analysis.answer_facts import facts_of_report
-from wsnsim.analysis.quantities import QUANTITIES, ResultArrays, interval, median_time
+from wsnsim.analysis.quantities import QUANTITIES, ResultArrays, interval, median_time, medians
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.results import Report
@@ -62,8 +62,10 @@ def as_json(report: Report, published: Mapping[str, float], limits: RunBounds = 
     `answer` is the sentence of `answer.answer`. The quantities of `quantities.QUANTITIES` have their keys there, except
     `lost`, which is `lost_fraction` here, and `cpu_seconds`, which is the sum over runs. `column_rmse` is the root mean
     square over steps, runs and targets, `column_rmse_median` the median over runs. `rmse_three` and the like are
-    medians over tracks; counts of waking are means of a run. Steps without an estimate are left out. `notes` says what
-    a reader must know beside the figures, and `unknown` why each figure without a value has none.
+    medians over tracks; counts of waking are means of a run. `medians` has those over runs of means that few of them
+    decide (see `quantities.medians`), `nees_median_consistent` the `nees_median` of a consistent filter. Steps without
+    an estimate are left out. `notes` says what a reader must know beside the figures, and `unknown` why each figure
+    without a value has none.
     """
     figures = _figures(report, published, limits)
     unknown = notes.reasons(report, figures)
@@ -88,6 +90,8 @@ def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) 
         "replicates": len(report.summaries),
         "steps": int(arrays.runs["steps"].max()),
         "targets": len(report.summaries[0].tracks),
+        "medians": {key: value for key, value in medians(arrays).items() if math.isfinite(found[key])},
+        "nees_median_consistent": arrays.consistent,
         "lost_fraction": found.pop("lost"),
         **found,
         **_column_rmse(report),
@@ -117,7 +121,7 @@ def result_arrays(report: Report) -> ResultArrays:
         name: np.array([[track[name] for track in summary.tracks] for summary in report.summaries], dtype=np.float64)
         for name in names
     }
-    return ResultArrays(errors, columns, bool(report.states), tracks)
+    return ResultArrays(errors, columns, bool(report.states), tracks, len(report.position))
 
 
 def _errors(report: Report, steps: int) -> Floats:

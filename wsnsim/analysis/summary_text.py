@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from wsnsim.analysis import clock_figures
 from wsnsim.analysis.phrases import counted, wrapped
-from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, CONSISTENCY_NOTE, ONLY_IF_NOT_ZERO, QUANTITIES
+from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, CONSISTENCY_NOTE, ONLY_IF_NOT_ZERO, QUANTITIES, beside
 from wsnsim.analysis.summary import NOT_COMPUTED, OF_THREE, RunBounds, as_json, without_network
 from wsnsim.base.results import Report
 from wsnsim.base.tables import ONE_IS_BEST
@@ -22,6 +22,8 @@ Figures = Mapping[str, Any]
 Published = Mapping[str, float]
 LOSS_KEYS: Final = {"ever_lost": "ever_lost", "lost_fraction": "lost"}
 """Shares of runs, each with its key in `quantities.QUANTITIES`."""
+CONSISTENCY: Final = ("nees", "nees_median", "singular", "nis")
+"""Quantities of consistency; singular covariances only if there are any."""
 BOUND_KEYS: Final = {"bound": "in_range", "bound_active": "active", "bound_arrived": "arrived"}
 
 
@@ -69,7 +71,8 @@ def _row(figures: Figures, key: str, unit: str = "", printed: str = "") -> Summa
     """The row of a summary quantity, with its interval if there is one."""
     quantity = QUANTITIES[key]
     bounds = quantity.interval_text(figures.get(f"{key}_low", math.nan), figures.get(f"{key}_high", math.nan))
-    return quantity.name, quantity.text(figures[key], unit) + (f"  {bounds}" if bounds else ""), printed
+    more = beside(key, figures["medians"], figures["nees_median_consistent"], unit)
+    return quantity.name, "  ".join(filter(None, [quantity.text(figures[key], unit), bounds, more])), printed
 
 
 def _accuracy_rows(figures: Figures, published: Published, report: Report, bounds: bool) -> list[SummaryRow]:
@@ -85,7 +88,7 @@ def _accuracy_rows(figures: Figures, published: Published, report: Report, bound
     ]
     rows += [_row(figures, "rmse_median", unit), _row(figures, "median_error", unit)]
     rows += _column_rows(figures["column_rmse"], published, dict(report.states))
-    rows += [_row(figures, key) for key in ONE_IS_BEST if math.isfinite(figures[key])]
+    rows += [_row(figures, key) for key in CONSISTENCY if figures[key] > 0.0]
     return rows + _loss_rows(figures, unit)
 
 

@@ -9,14 +9,14 @@ from typing import Any, Final
 
 from wsnsim.analysis import beaconing, summary, summary_text
 from wsnsim.analysis.phrases import counted
-from wsnsim.analysis.quantities import QUANTITIES
+from wsnsim.analysis.quantities import ONLY_IF_NOT_ZERO, QUANTITIES, beside, medians
 from wsnsim.experiment import Report
 from wsnsim.papers.published import published
 from wsnsim.scenario import resolved
 
 SHOWN: Final = (
-    "rmse", "median_error", "nees", "tracked", "ever_lost", "lost", "lost_limit", "lost_window", "energy",
-    "packet_delivery_ratio", "first_death",
+    "rmse", "median_error", "nees", "nees_median", "singular", "tracked", "ever_lost", "lost", "lost_limit",
+    "lost_window", "energy", "packet_delivery_ratio", "first_death",
 )  # fmt: skip
 """The quantities that a notebook shows, where they have a value."""
 
@@ -64,7 +64,9 @@ def _quantities(report: Report) -> Iterator[tuple[str, str, str]]:
     """Yield (key, name, value with unit) of the quantities that have a value."""
     arrays = summary.result_arrays(report)
     unit = report.states[report.position[0]][1] if report.states else "m"
+    middles = medians(arrays)
     for key in SHOWN:
         value = QUANTITIES[key].value(arrays)
-        if math.isfinite(value):
-            yield key, QUANTITIES[key].name, QUANTITIES[key].text(value, unit)
+        if math.isfinite(value) and (value or key not in ONLY_IF_NOT_ZERO):
+            more = beside(key, middles, arrays.consistent, unit)
+            yield key, QUANTITIES[key].name, QUANTITIES[key].text(value, unit) + (f" ({more})" if more else "")

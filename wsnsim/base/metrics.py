@@ -15,6 +15,8 @@ ENOUGH_READINGS = 3
 """Number of ranges that determine a position in the plane."""
 LEAST_EIGENVALUE = 1e-12
 """A correlation matrix with an eigenvalue below this counts as singular: rounding makes 1e-16 (our choice)."""
+CONSISTENT_MEDIANS = {1: 0.4549, 2: 0.6931, 3: 0.7887}
+"""Median of a chi-square variable over its degrees of freedom: of the NEES of a consistent filter, per column."""
 LOST_WINDOW = 4.0
 """Time (s) without a good estimate after which a track is lost, at least `LOST_STEPS` steps: our choice."""
 LOST_STEPS = 3

@@ -128,19 +128,21 @@ def covariance_rows(estimates: Mapping[int, Issued], columns: Sequence[str]) -> 
 
 
 def consistency(tracks: Sequence[Mapping[str, Any]], size: int) -> dict[str, float]:
-    """The columns `nees` and `nis` of the table `runs`, from the columns of each track's estimates.
+    """The columns `nees`, `nees_median`, `singular` and `nis` of `runs`, from the columns of each track's estimates.
 
     Args:
         tracks: Columns of the table `estimates` of each track.
         size: Number of position columns.
     """
-    nees, nis, dof = (
+    nees, nis, dof, sd = (
         np.concatenate([track[name] for track in tracks]) if tracks else np.empty(0)
-        for name in ("nees", "nis", "nis_dof")
+        for name in ("nees", "nis", "nis_dof", "sd_x")
     )
     known = np.isfinite(nis) & (dof > 0)
     per_reading = float(nis[known].sum() / dof[known].sum()) if known.any() else NAN
-    return {"nees": metrics.mean_error(nees) / size, "nis": per_reading}
+    average, middle = metrics.mean_error(nees) / size, metrics.median_error(nees) / size
+    singular = int(np.count_nonzero(np.isfinite(sd) & ~np.isfinite(nees)))
+    return {"nees": average, "nees_median": middle, "singular": singular, "nis": per_reading}
 
 
 def fingerprint(event_fingerprint: int, tracks: Iterable[Mapping[int, Issued]]) -> int:

@@ -19,6 +19,8 @@ RUNS: Final = (
     column("lost_window", "f8", "s", "time without a good estimate after which a track is lost; NaN without a target"),
     position_column("lost_limit", "error above which an estimate is none that is good; NaN without a target"),
     column("nees", "f8", "1", "mean of estimates.nees per position column; 1: consistent, above 1: overconfident"),
+    column("nees_median", "f8", "1", "median of estimates.nees per position column; in the plane, 0.69 is consistent"),
+    column("singular", "u4", "1", "estimates whose position covariance is singular, and which have no NEES"),
     column("nis", "f8", "1", "sum of estimates.nis per degree of freedom; 1: consistent; NaN without innovations"),
     column("energy", "f8", "J", "energy that the network consumed; NaN without a network"),
     column("handovers", "u4", "1", "number of handovers begun"),

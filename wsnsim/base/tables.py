@@ -27,7 +27,8 @@ METRICS: Final = tuple(
     column.name
     for column in TABLES["runs"]
     if column.name not in (
-        "replicate", "status", "lost_window", "lost_limit", "fingerprint", "event_fingerprint", "cpu_seconds",
+        "replicate", "status", "nees_median", "lost_window", "lost_limit", "fingerprint", "event_fingerprint",
+        "cpu_seconds",
     )
 )  # fmt: skip
 """The columns of `runs` that are metrics: the same each time that a run is repeated."""

@@ -187,27 +187,28 @@ def run_columns(
         "lost": np.max([row["lost"] for row in tracks], axis=0),
         "losses": np.sum([row["losses"] for row in tracks], axis=0),
         **{name: np.mean([row[name] for row in tracks], axis=0) for name in shares},
-        "lost_window": setup.lost_window * setup.dt,
-        "lost_limit": setup.lost_limit,
         **totals,
         "fingerprint": [_fingerprint(targets, run, digest, setup.dt) for run, digest in enumerate(events)],
+        "lost_window": setup.lost_window * setup.dt,
+        "lost_limit": setup.lost_limit,
         **_consistency(estimates, len(setup.motions[0].position)),
     }
 
 
 def _consistency(estimates: Sequence[Mapping[str, Any]], size: int) -> dict[str, Floats]:
-    """The columns `nees` and `nis`: as `base.rows.consistency`."""
-    nees, nis, dof = (
-        np.concatenate([columns[name] for columns in estimates], axis=1) for name in ("nees", "nis", "nis_dof")
+    """The columns on consistency: as `base.rows.consistency`."""
+    nees, nis, dof, sd = (
+        np.concatenate([columns[name] for columns in estimates], axis=1) for name in ("nees", "nis", "nis_dof", "sd_x")
     )
-    mean = nees.mean(axis=1)
+    mean, middle = nees.mean(axis=1), np.median(nees, axis=1)
     for run in np.flatnonzero(~np.isfinite(nees).all(axis=1)):
-        mean[run] = metrics.mean_error(nees[run])
+        mean[run], middle[run] = metrics.mean_error(nees[run]), metrics.median_error(nees[run])
+    singular = np.count_nonzero(np.isfinite(sd) & ~np.isfinite(nees), axis=1)
     known = np.isfinite(nis) & (dof > 0)
     ratios = np.full(len(nis), NAN)
     for run in np.flatnonzero(known.any(axis=1)):
         ratios[run] = nis[run][known[run]].sum() / dof[run][known[run]].sum()
-    return {"nees": mean / size, "nis": ratios}
+    return {"nees": mean / size, "nees_median": middle / size, "singular": singular, "nis": ratios}
 
 
 def _fingerprint(targets: Sequence[FollowedTarget], run: int, events: int, dt: float) -> int:

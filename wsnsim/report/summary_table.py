@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.analysis import recorded_bounds
-from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, QUANTITIES, worth_showing
+from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, QUANTITIES, beside, medians, worth_showing
 from wsnsim.analysis.stored_arrays import position_unit, read_arrays
 from wsnsim.base.errors import ResultError
 from wsnsim.recording import read_json
@@ -106,11 +106,13 @@ def _cells(path: Path, published: PublishedLookup | None, plugins: bool, bounds:
     cells: Cells = {}
     if arrays.errors.size and not np.isfinite(arrays.errors).any():
         cells[QUANTITIES["rmse"].name] = "no estimate"
+    middles = medians(arrays)
     for key, value in worth_showing(arrays).items():
         quantity = QUANTITIES[key]
         low, high = quantity.interval(arrays)
         ends = quantity.interval_text(low, high) if low < high else ""
         cells[quantity.name] = html.escape(quantity.text(value, unit)) + _small(ends)
+        cells[quantity.name] += _small(beside(key, middles, arrays.consistent, unit))
         if key in PUBLISHED_KEYS and key in values:
             cells[quantity.name] += _small(f"published {quantity.text(values[key], unit)} ({paper})")
     if arrays.errors.size and bounds:
