@@ -15,7 +15,7 @@ from wsnsim.scenario import build
 FAR = (
     "deploy={kind: anchors, places: [[190, 190], [195, 190], [190, 195]], width: 400 m, height: 400 m, centre: [0, 0]}"
 )
-HOPELESS = ["duration=1 s", "tracker.kind=ekf", FAR]
+HOPELESS = ["duration=1 s", "lost.window=0.4 s", "tracker.kind=ekf", FAR]
 LEAVES = [
     "duration=11 s",
     "step=1 s",
