@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import yaml
 
 from tests.distribution import wheel
 from tests.distribution.pythons import HOME
+from tests.helpers.git import git
 from wsnsim.base.version import __version__
 
 AUTHOR_KEYS = {"name", "family-names", "given-names", "orcid", "affiliation"}
@@ -79,8 +79,7 @@ def test_classifiers_name_the_versions_that_are_tested(project: dict[str, Any]) 
 
 def conflict_markers(folder: Path) -> list[str]:
     """FILE:LINE:TEXT of each line in a tracked file that a merge left behind. Underlined headings are none."""
-    command = ["git", "-C", str(folder), "grep", "-nIE", "^(<{7}|>{7}|[|]{7}) "]
-    found = subprocess.run(command, capture_output=True, text=True)
+    found = git(folder, "grep", "-nIE", "^(<{7}|>{7}|[|]{7}) ", check=False)
     assert found.returncode == int(not found.stdout), found.stderr
     return found.stdout.splitlines()
 
@@ -90,8 +89,8 @@ def test_no_tracked_file_has_the_markers_of_a_merge(tmp_path: Path) -> None:
     assert conflict_markers(HOME) == []
     page = "Heading\n=======\n" + "".join(f"{mark * 7} HEAD\nwords\n" for mark in "<|>")
     (tmp_path / "page.rst").write_text(page, encoding="utf-8")
-    for arguments in (("init", "-q"), ("add", "page.rst")):
-        subprocess.run(["git", "-C", str(tmp_path), *arguments], check=True)
+    git(tmp_path, "init", "-q")
+    git(tmp_path, "add", "page.rst")
     assert conflict_markers(tmp_path) == [
         f"page.rst:{line}:{mark * 7} HEAD" for line, mark in zip((3, 5, 7), "<|>", strict=True)
     ]

@@ -6,7 +6,6 @@ import getpass
 import json
 import shutil
 import socket
-import subprocess
 from datetime import datetime
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 
 import wsnsim
+from tests.helpers.git import git
 from wsnsim.recording import provenance
 from wsnsim.recording.provenance import SETTINGS, _checkout, cpu_features
 
@@ -30,7 +30,8 @@ def test_it_names_versions_seed_command_and_start():
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_features_differ_where_a_setting_chooses_other_machine_code(name, monkeypatch):
-    monkeypatch.delenv(name, raising=False)
+    for each in SETTINGS:
+        monkeypatch.delenv(each, raising=False)
     plain = cpu_features.__wrapped__()
     monkeypatch.setenv(name, "generic")
     assert cpu_features.__wrapped__() == (*plain, f"{name}=generic"), "the processor itself is named too"
@@ -45,21 +46,19 @@ def test_it_holds_no_path_user_or_host():
     assert f'"{getpass.getuser()}"' not in text
 
 
-def git(folder: Path, *arguments: str) -> str:
-    who = ["-c", "user.name=a", "-c", "user.email=a@example.org", "-c", "commit.gpgsign=false"]
-    command = ["git", "-C", str(folder), *who, *arguments]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
-
-
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
-def test_a_checkout_gives_its_commit_and_whether_it_was_changed(tmp_path):
+def test_a_checkout_gives_its_commit_and_whether_it_was_changed(tmp_path, monkeypatch):
+    """Also in a hook of another repository, where variables of git name that one."""
+    monkeypatch.setenv("GIT_DIR", str(tmp_path / "another"))
+    monkeypatch.setenv("GIT_INDEX_FILE", str(tmp_path / "index"))
     assert _checkout(tmp_path) is None
     git(tmp_path, "init", "-q")
     assert _checkout(tmp_path) is None
     (tmp_path / "code.py").write_text("a = 1\n")
     git(tmp_path, "add", ".")
-    git(tmp_path, "commit", "-q", "-m", "first")
-    commit = git(tmp_path, "rev-parse", "HEAD")
+    who = ["-c", "user.name=a", "-c", "user.email=a@example.org", "-c", "commit.gpgsign=false"]
+    git(tmp_path, *who, "commit", "-q", "-m", "first")
+    commit = git(tmp_path, "rev-parse", "HEAD").stdout.strip()
     (tmp_path / "untracked").write_text("")
     assert _checkout(tmp_path) == {"commit": commit, "dirty": False}
     (tmp_path / "code.py").write_text("a = 2\n")

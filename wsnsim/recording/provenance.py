@@ -33,9 +33,9 @@ def provenance(
 
     It holds versions, the git commit if wsnsim runs from a checkout, seed, command line, plug-ins, the assignments that
     changed the scenario's text, platform and start time (UTC). `cpu_features` are the instruction sets that NumPy
-    uses, the processor, and settings of the environment that choose others: log, exp and sums differ in the last bit
-    between them, so equal bits are guaranteed for equal features only. No path, user or host name is stored, except
-    those in the command line and in the assignments.
+    uses, the processor, and environment variables that select other instruction sets: log, exp and sums differ in the
+    last bit between them, so equal bits are guaranteed for equal features only. No path, user or host name is stored,
+    except those in the command line and in the assignments.
     """
     return {
         "command_line": command_line,
@@ -96,7 +96,9 @@ def _checkout(root: Path) -> dict[str, Any] | None:
 
 
 def _git(root: Path, *arguments: str) -> str | None:
-    environment = os.environ | {"GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"}
+    # in a hook, GIT_DIR and others name the repository of the hook; GIT_CONFIG… may say which checkouts are safe
+    ours = {name: value for name, value in os.environ.items() if not name.startswith("GIT_") or "CONFIG" in name}
+    environment = ours | {"GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"}
     command = ["git", "-C", str(root), *arguments]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=10, env=environment, check=True)
