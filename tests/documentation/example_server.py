@@ -1,12 +1,13 @@
-"""Runs examples in copies of a process that has imported wsnsim and loaded kernels: to do so takes longer than most.
+"""Runs examples in copies of one process, since importing wsnsim and loading kernels takes longer than most examples.
 
-A copy (`os.fork`) is a process of its own: it has its arguments, working directory and streams, and nothing that
-another example has imported or changed. Each command is a copy; the Python blocks of a page share one.
+A copy (`os.fork`) is a process of its own: it has its arguments, working directory, environment and streams, and
+nothing that another example has imported or changed. Each command is a copy; the Python blocks of a page share one.
 """
 
 from __future__ import annotations
 
 import atexit
+import contextlib
 import functools
 import gc
 import json
@@ -38,12 +39,13 @@ WARM: Final = ("pso_mhpf", "ekf_real", "jiang_field")
 
 
 class ExampleServer:
-    """The process whose copies run examples, as the tests see it. It ends with theirs."""
+    """Client of the server process, which ends with the test process."""
 
     def __init__(self) -> None:
         read, write = os.pipe()
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", f"from {__name__} import serve; serve({write})"],
+            cwd=ROOT,
             env=os.environ | SETTINGS,
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
@@ -54,14 +56,14 @@ class ExampleServer:
         self._replies = os.fdopen(read)
         atexit.register(self._close)
 
-    def command(self, words: list[str], folder: Path) -> tuple[int, str]:
+    def command(self, words: list[str], folder: Path, env: dict[str, str]) -> tuple[int, str]:
         """The exit code of `wsnsim …` or `python FILE …`, and what it prints: standard output, then errors."""
-        code, printed = self._asked("command", words, str(folder))
+        code, printed = self._asked("command", words, str(folder), env)
         return code, printed
 
-    def block(self, code: str, where: str, folder: Path) -> str:
+    def block(self, code: str, where: str, folder: Path, env: dict[str, str]) -> str:
         """Execute a Python block of a page, and return the traceback if it fails, else nothing."""
-        return str(self._asked("block", code, where, str(folder)))
+        return str(self._asked("block", code, where, str(folder), env))
 
     def end_page(self) -> None:
         """End the process that has the names of the page's Python blocks."""
@@ -69,13 +71,19 @@ class ExampleServer:
 
     def _asked(self, *request: Any) -> Any:
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps(request) + "\n")
-        self._process.stdin.flush()
-        return json.loads(self._replies.readline())
+        reply = ""
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.write(json.dumps(request) + "\n")
+            self._process.stdin.flush()
+            reply = self._replies.readline()
+        if not reply:
+            raise RuntimeError(f"the example server ended (code {self._process.wait(timeout=SECONDS)})")
+        return json.loads(reply)
 
     def _close(self) -> None:
         assert self._process.stdin is not None
-        self._process.stdin.close()
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.close()
         self._process.wait(timeout=SECONDS)
         self._replies.close()
 
@@ -110,22 +118,26 @@ def _warm_up() -> None:
     gc.freeze()
 
 
-def _command(words: list[str], folder: str) -> tuple[int, str]:
+def _command(words: list[str], folder: str, env: dict[str, str]) -> tuple[int, str]:
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as errors:
         child = os.fork()
         if not child:
-            _become(folder, out.fileno(), errors.fileno())
+            _take_folder_and_streams(folder, env, out.fileno(), errors.fileno())
             _perform(words)
         code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         out.seek(0)
         errors.seek(0)
-        return code, (out.read() + errors.read()).decode()
+        return code, (out.read() + errors.read()).decode(errors="replace")
 
 
-def _become(folder: str, out: int | None = None, errors: int | None = None) -> None:
-    """Let this copy have its own working directory and streams."""
+def _take_folder_and_streams(
+    folder: str, env: dict[str, str], out: int | None = None, errors: int | None = None
+) -> None:
+    """Let this copy have its own working directory, environment and streams."""
     signal.alarm(SECONDS)
     os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(env)
     nothing = os.open(os.devnull, os.O_RDWR)
     os.dup2(nothing, 0)
     os.dup2(nothing if out is None else out, 1)
@@ -139,7 +151,7 @@ def _perform(words: list[str]) -> NoReturn:
 
         sys.argv = words
         sys.exit(main())
-    sys.argv, sys.path[:0] = words[1:], [str(Path.cwd())]
+    sys.argv, sys.path[:0] = words[1:], [str(Path(words[1]).resolve().parent)]
     runpy.run_path(words[1], run_name="__main__")
     sys.exit()
 
@@ -150,13 +162,13 @@ class _Page:
     def __init__(self) -> None:
         self._copy: tuple[Connection, int] | None = None
 
-    def block(self, code: str, where: str, folder: str) -> str:
+    def block(self, code: str, where: str, folder: str, env: dict[str, str]) -> str:
         if self._copy is None:
             ours, its = multiprocessing.Pipe()
             child = os.fork()
             if not child:
                 ours.close()
-                _become(folder)
+                _take_folder_and_streams(folder, env)
                 _execute_blocks(its)
             its.close()
             self._copy = ours, child
@@ -169,6 +181,8 @@ class _Page:
     def end(self) -> None:
         if self._copy is not None:
             connection, child = self._copy
+            with contextlib.suppress(OSError):  # the copy may have ended itself
+                connection.send(None)  # what a command has left running holds the connection open
             connection.close()
             os.waitpid(child, 0)
             self._copy = None
@@ -180,9 +194,12 @@ def _execute_blocks(connection: Connection) -> NoReturn:
     names = {"__name__": "__main__"}
     while True:
         try:
-            code, where = connection.recv()
+            request = connection.recv()
         except EOFError:
+            request = None
+        if request is None:
             sys.exit()
+        code, where = request
         try:
             exec(compile(code, where, "exec"), names)
             connection.send("")

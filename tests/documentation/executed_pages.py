@@ -150,7 +150,7 @@ def run_page(page: Path, folder: Path) -> int:
                     count += 1
             elif block.language == "python":
                 code = "\n" * (block.first - 1) + "\n".join(block.lines)
-                if error := server().block(code, str(name), folder):
+                if error := server().block(code, str(name), folder, env):
                     raise ExampleError(f"{name}:{block.first}: a Python block fails:\n{error}")
                 count += 1
     finally:
@@ -165,10 +165,10 @@ def named_file(block: Block) -> str | None:
 
 
 def outcome(text: str, folder: Path, env: dict[str, str]) -> tuple[int, str]:
-    """The exit code of a command and what it prints; what only a shell can do is done by one."""
+    """The exit code of a command and what it prints. Commands that need a shell (pipes, variables) are run by bash."""
     words = shlex.split(text.replace("\\\n", " "))
-    if not SHELL.search(text) and (words[0] == "wsnsim" or words[1].endswith(".py")):
-        return server().command(words, folder)
+    if not SHELL.search(text) and (words[0] == "wsnsim" or (words[1:2] and words[1].endswith(".py"))):
+        return server().command(words, folder, env)
     done = subprocess.run(
         ["bash", "-c", text],
         cwd=folder,

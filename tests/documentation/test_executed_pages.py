@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
+from tests.documentation import example_server
 from tests.documentation.executed_pages import ROOT, ExampleError, blocks, commands, run_page
 
 FOLDERS = ("tutorials", "how-to", "explanation")
@@ -98,6 +100,29 @@ def test_a_command_and_a_script_have_their_exit_code_arguments_and_folder(outcom
     page = f"```python\n# file: mine.py\n{script}\n```\n"
     page += "```console\n$ python mine.py 'a b'\n['mine.py', 'a b'] __main__\nimport sys\nexit code 4\n"
     assert outcome(f"{page}$ wsnsim check none.yaml\n... none.yaml ...\nexit code 2\n```\n") == 2
+
+
+def test_a_script_finds_the_modules_beside_it_and_the_variables_of_the_test_and_may_print_any_bytes(
+    outcome, monkeypatch
+):
+    monkeypatch.setenv("MINE", "set by the test")
+    script = "import os, sys, mate\nsys.stdout.buffer.write(b'\\xff ' + os.environ['MINE'].encode())"
+    files = f"```python\n# file: sub/mate.py\n```\n```python\n# file: sub/mine.py\n{script}\n```\n"
+    assert outcome(f"{files}```console\n$ python sub/mine.py\n\ufffd set by the test\n$ python\n```\n") == 2
+
+
+def test_a_page_ends_though_a_command_has_left_a_process_running(outcome, tmp_path):
+    script = "import os, time\nif os.fork():\n    print('left')\nelse:\n    time.sleep(20)\n    open('ended', 'w')"
+    page = f"```python\n# file: mine.py\n{script}\n```\n```python\nx = 1\n```\n"
+    assert outcome(f"{page}```console\n$ python mine.py\nleft\n```\n") == 2
+    assert not (tmp_path / "work" / "ended").exists()
+
+
+def test_a_server_that_ended_is_said_to_have_ended(monkeypatch):
+    monkeypatch.setattr(example_server.sys, "executable", shutil.which("false"))
+    ended = example_server.ExampleServer()
+    with pytest.raises(RuntimeError, match=r"the example server ended \(code 1\)"):
+        ended.end_page()
 
 
 def test_a_command_goes_on_in_the_next_line_after_a_backslash():
