@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from tests.helpers.commands import run_process
 from tests.helpers.thorough import thorough
 from wsnsim.cli import main
 from wsnsim.cli.progress import MODES, RUN, display
@@ -38,10 +39,6 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("result") / "quick.h5"
     assert main(["run", "pso_mhpf", *QUICK, "--replicates", "2", "--out", str(out), "--quiet"]) == 0
     return out
-
-
-def wsnsim(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "wsnsim", *arguments], capture_output=True, text=True, **options)
 
 
 # what it imports
@@ -399,8 +396,7 @@ def test_nobody_reading_is_no_error() -> None:
 @pytest.mark.thorough
 def test_a_terminal_without_the_letters_still_gets_its_answer() -> None:
     Path("α.yaml").write_text("extends: pso_mhpf")
-    done = wsnsim("check", "α.yaml", env={**os.environ, "PYTHONIOENCODING": "latin-1"})
-    assert (done.returncode, done.stdout) == (0, "?.yaml: ok\n"), done.stderr
+    assert run_process(Path(), "check", "α.yaml", PYTHONIOENCODING="latin-1") == (0, "?.yaml: ok\n", "")
 
 
 def with_ctrl_c() -> None:

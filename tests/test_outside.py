@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.helpers.commands import run_process
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 
@@ -77,10 +76,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def ran(folder: Path, *arguments: str) -> dict:
-    command = [sys.executable, "-m", "wsnsim", "run", *arguments, "--json", "--quiet", "--out", str(folder / "x.h5")]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    answer: dict = json.loads(done.stdout)
+    done = run_process(folder, "run", *arguments, "--json", "--quiet", "--out", "x.h5")
+    assert done.code == 0, done.err
+    answer: dict = json.loads(done.out)
     return answer
 
 
@@ -100,8 +98,8 @@ def test_it_runs_in_the_network_and_pays_for_it(folder: Path) -> None:
 
 @pytest.mark.thorough
 def test_it_keeps_the_rules_of_the_seam(folder: Path) -> None:
-    done = subprocess.run([sys.executable, "-c", CHECK], cwd=folder, capture_output=True, text=True, check=False)
-    assert done.stdout == "kept\n", done.stderr
+    done = run_process(folder, program=["-c", CHECK])
+    assert done.out == "kept\n", done.err
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,8 +30,9 @@ def run_command(capsys: pytest.CaptureFixture[str], *arguments: str) -> Answer:
     return Answer(code, printed.out, printed.err)
 
 
-def run_process(folder: Path, *arguments: str) -> Answer:
-    """Run a command line as a process in a folder, as a shell does."""
-    command = [sys.executable, "-m", "wsnsim", *arguments]
-    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+def run_process(folder: Path, *arguments: str, program: Sequence[str] = ("-m", "wsnsim"), **variables: str) -> Answer:
+    """Run a command line as a process in a folder, as a shell does, with some environment variables set."""
+    command = [sys.executable, *program, *arguments]
+    env = {**os.environ, **variables}
+    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=env)
     return Answer(ended.returncode, ended.stdout, ended.stderr)
