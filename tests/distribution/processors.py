@@ -12,42 +12,45 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 
+from llvmlite import binding
 from numpy._core import _multiarray_umath as umath
 
 from tests.distribution.pythons import HOME
 
 GENERIC = {"NUMBA_CPU_NAME": "generic"}
 WIDE = ("X86_V4", "AVX512")
-"""How the instruction sets begin that NumPy's first step leaves out; the second step leaves out all above its baseline.
-Their names differ between versions of NumPy: before 2.4, AVX512F and AVX2 were what X86_V4 and X86_V3 are now."""
+"""Prefixes of the instruction sets that the first step disables. The second step disables everything above
+NumPy's baseline. Names differ between versions of NumPy: before 2.4, AVX512F and AVX2 were what X86_V4 and X86_V3 are."""
 
 
-def settings(dispatch: Sequence[str], found: Mapping[str, bool]) -> dict[str, dict[str, str]]:
+def settings(dispatch: Sequence[str], found: Mapping[str, bool], host: str) -> dict[str, dict[str, str]]:
     """{name: environment} of each setting; an empty environment if this processor has nothing to switch off.
 
     Args:
         dispatch: the instruction sets above its baseline for which NumPy has code.
         found: whether this processor has them, by name.
+        host: this processor's name, for which kernels are compiled; 'generic' if LLVM does not know it.
     """
     above = [name for name in dispatch if found.get(name)]
-    narrow = without([name for name in above if name.startswith(WIDE)])
-    baseline = without(above)
+    narrow = disabling([name for name in above if name.startswith(WIDE)])
+    baseline = disabling(above)
+    generic = {} if host in GENERIC.values() else GENERIC
     return {
         "NumPy without AVX-512": narrow,
         "NumPy's baseline": baseline,
-        "kernels for a generic processor": GENERIC,
-        "NumPy's baseline and kernels for a generic processor": {**baseline, **GENERIC} if baseline else {},
+        "kernels for a generic processor": generic,
+        "NumPy's baseline and kernels for a generic processor": {**baseline, **generic} if baseline and generic else {},
     }
 
 
-def without(names: Sequence[str]) -> dict[str, str]:
+def disabling(names: Sequence[str]) -> dict[str, str]:
     """The environment in which NumPy does not use these instruction sets."""
     return {"NPY_DISABLE_CPU_FEATURES": " ".join(names)} if names else {}
 
 
 def settings_here() -> dict[str, dict[str, str]]:
     """The settings for this processor and this NumPy."""
-    return settings(umath.__cpu_dispatch__, umath.__cpu_features__)
+    return settings(umath.__cpu_dispatch__, umath.__cpu_features__, str(binding.get_host_cpu_name()))
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -55,7 +58,7 @@ def main(arguments: Sequence[str]) -> int:
     codes = {}
     for name, environment in settings_here().items():
         if not environment:
-            print(f"{name}: skipped, this processor or this NumPy has no such instruction sets", flush=True)
+            print(f"{name}: skipped, there is nothing that it would change on this processor", flush=True)
             continue
         print(f"{name}: {' '.join(f'{key}={value!r}' for key, value in environment.items())}", flush=True)
         command = [sys.executable, "-m", "pytest", *arguments]
