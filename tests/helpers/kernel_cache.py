@@ -32,5 +32,10 @@ def kernel_cache(root: Path, environment: Path) -> Path:
     return folder
 
 
-if __name__ == "__main__":  # for programs that are no tests
-    print(kernel_cache(Path(__file__).parents[2], Path(sys.prefix)))
+def lasting_cache(root: Path, environment: Path) -> Path:
+    """The folder for programs that remove none: in the clone's environment, else in its folder of builds."""
+    return kernel_cache(root, environment if environment.is_relative_to(root) else root / "build")
+
+
+if __name__ == "__main__":
+    print(lasting_cache(Path(__file__).parents[2], Path(sys.prefix)))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.helpers.kernel_cache import kernel_cache
+from tests.helpers.kernel_cache import kernel_cache, lasting_cache
 
 
 def clone(root: Path, source: str) -> Path:
@@ -36,3 +36,5 @@ def test_another_clones_environment_keeps_nothing(tmp_path: Path) -> None:
     elsewhere = kernel_cache(clone(tmp_path / "clone", "a = 1"), tmp_path / "venv")
     assert not elsewhere.is_relative_to(tmp_path) and not any(elsewhere.iterdir())
     shutil.rmtree(elsewhere)
+    lasting = lasting_cache(tmp_path / "clone", tmp_path / "venv")
+    assert lasting.is_relative_to(tmp_path / "clone" / "build") and lasting.is_dir()
