@@ -1,9 +1,10 @@
-"""The long tier of the fuzz test: new cases of every kind for hours, each in a process of its own with a time limit.
+"""The fuzz test of `make fuzz`: new cases of every kind for hours, each in a process of its own with a time limit.
 
     python -m tests.fuzz.long --hours 0.1 [--seed N] [--kinds run,plugin]
+    python -m tests.fuzz.long --kinds run --seed N --number M      one case again
 
 Seed and position are kept in `results/fuzz.json`: the next call goes on where the last one ended, `--seed` starts
-anew. A case that fails is written to `tests/fuzz/corpus/`, which the short tier replays: mend what it shows, or note
+anew. A case that fails is written to `tests/fuzz/corpus/`, which `make thorough` replays: mend what it shows, or note
 in its `known` why it has to stay. The exit code is 1 if a case failed.
 """
 
@@ -43,6 +44,7 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz.long", description=__doc__.splitlines()[0])
     parser.add_argument("--hours", type=float, default=1.0, help="how long to try cases (default: 1)")
     parser.add_argument("--seed", type=int, help="start anew with this seed")
+    parser.add_argument("--number", type=int, help="try only the cases with this number; print what is wrong with them")
     parser.add_argument("--kinds", default=",".join(KINDS), help="kinds of cases, by default all")
     parser.add_argument("--state", type=Path, default=STATE, help="file of seed and position")
     parser.add_argument("--corpus", type=Path, default=CORPUS, help="folder of cases that failed")
@@ -50,6 +52,10 @@ def main(words: list[str] | None = None) -> int:
     kinds = [kind for kind in options.kinds.split(",") if kind]
     if unknown := [kind for kind in kinds if kind not in KINDS]:
         parser.error(f"unknown kinds {', '.join(unknown)} (known: {', '.join(KINDS)})")
+    if options.number is not None:
+        found = [fault for kind in kinds for fault in judged_apart(case(kind, options.number, options.seed or 0))[0]]
+        print("\n".join(found) or "passed")
+        return int(bool(found))
     state = read_state(options.state, options.seed)
     return 1 if explored(kinds, state, options.hours * 3600.0, options.state, options.corpus) else 0
 
@@ -84,7 +90,8 @@ def explored(kinds: list[str], state: dict[str, Any], seconds: float, path: Path
             state["refused"] += refused
             if found:
                 failed[kind] += 1
-                print(f"{kind} {state['next']} of seed {state['seed']}: {kept(one, corpus)}: {'; '.join(found)[:500]}")
+                print(f"{kept(one, corpus)}: {'; '.join(found)[:500]}")
+                print(f"  to repeat it: {repeating(kind, state['next'], state['seed'])}")
         now = time.monotonic()
         state.update(next=state["next"] + 1, tried=dict(tried), failed=dict(failed))
         state["seconds"], last = state["seconds"] + now - last, now
@@ -94,6 +101,11 @@ def explored(kinds: list[str], state: dict[str, Any], seconds: float, path: Path
             print(report(state), flush=True)
     print(report(state))
     return failed.total() - before
+
+
+def repeating(kind: str, number: int, seed: int = 0) -> str:
+    """The command that tries a case again."""
+    return f"python -m tests.fuzz.long --kinds {kind} --seed {seed} --number {number}"
 
 
 def report(state: dict[str, Any]) -> str:

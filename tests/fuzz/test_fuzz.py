@@ -1,6 +1,6 @@
 """The fuzz test of the suite: random files, plug-ins and command lines, random runs, and the corpus.
 
-A failing test names the kind and the number of its case: `case(kind, number)` makes it again. See `tests.fuzz.long`.
+A failing test names the kind and the number of its case: `case(kind, number)` makes it again, and a command tries it.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import copy
 import dataclasses
 import itertools
 import os
+import re
 import signal
 import tempfile
 from collections.abc import Iterator
@@ -38,11 +39,11 @@ NUMBERS = st.integers(0, 2**32)
 HANGS = 300.0
 """S of processor time, compilation included, after which a run counts as one that hangs."""
 EXAMPLES = {"scenario": 150, "sweep": 150, "csv": 100, "command": 150, "hdf5": 100, "plugin": 150, "run": 150}
-"""Examples of a thorough run, by kind; of the others there are five."""
+"""Examples per kind in `make thorough`; the fast tier tries five."""
 
 
 def tried(examples: int) -> settings:
-    """So many examples in a thorough run, a few in any other; a smaller number is no simpler case."""
+    """So many examples in `make thorough`; the fast tier tries five. A smaller number is no simpler case."""
     return settings(max_examples=examples if THOROUGH else 5, phases=(Phase.explicit, Phase.generate))
 
 
@@ -54,7 +55,7 @@ def faults_of(one: Case) -> list[str]:
 
 def assert_behaves(kind: str, number: int) -> None:
     found = faults_of(case(kind, number))
-    assert not found, (kind, number, found)
+    assert not found, (long.repeating(kind, number), found)
 
 
 def _replayed(path: Path) -> object:
@@ -115,7 +116,7 @@ def test_every_run_of_a_random_scenario_has_the_properties_of_all_runs(number: i
     try:
         run = made(sampled(number))
     except ScenarioError:
-        return  # a combination that the parts refuse; how many are, the long tier counts
+        return  # a combination that the parts refuse; `make fuzz` counts them
     except RunError as error:
         assert "Error: " not in str(error), (number, error)
         return
@@ -314,7 +315,7 @@ def test_a_mutant_may_end_the_process_that_reads_it_and_other_cases_may_not(monk
     assert long.judged_apart(case("hdf5", 3)) == ([f"the process ended with code {-signal.SIGKILL}"], False)
 
 
-def test_the_long_tier_goes_on_where_it_ended_and_keeps_what_failed(
+def test_the_fuzz_test_goes_on_where_it_ended_keeps_what_failed_and_says_how_to_repeat_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     seen: list[str] = []
@@ -340,4 +341,8 @@ def test_the_long_tier_goes_on_where_it_ended_and_keeps_what_failed(
     assert long.main(words) == 0 and len(seen) > first
     assert seen == [case("sweep", number).text() for number in range(len(seen))]
     (kept,) = (tmp_path / "c").iterdir()
-    assert kept.read_text(encoding="utf-8") == seen[1] and "1 failed" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert kept.read_text(encoding="utf-8") == seen[1] and "1 failed" in said
+    (command,) = re.findall(r"to repeat it: python -m tests\.fuzz\.long (.*)", said)
+    monkeypatch.setattr(long, "judged_apart", lambda one: ([one.text()], False))
+    assert long.main(command.split()) == 1 and seen[1] in capsys.readouterr().out
