@@ -58,7 +58,7 @@ run: $(READY)  ## run a scenario: summary, result file and HTML page; SCENARIO=.
 test: $(READY)  ## run the fast tests; ARGS='-k handover'
 	@$(PY) -m pytest $(SUITE) $(ARGS)
 
-thorough: $(READY)  ## run dear tests, more seeds and combinations, and random examples
+thorough: $(READY)  ## run expensive tests, more seeds and combinations, and random examples
 	@WSNSIM_THOROUGH=1 $(PY) -m pytest -n 2 --dist worksteal -m "thorough or hypothesis" $(APART:%=--ignore=tests/%) $(ARGS)
 
 verify: $(READY)  ## run every shipped scenario and compare it with tests/golden; ARGS=--record

@@ -71,7 +71,7 @@ CANNOT = {
 
 
 def _pairs_of_tracker_and_setting():
-    """All pairs; each tracker's first setting, and those that it refuses, are tested by `make test`."""
+    """All pairs of a tracker and a setting, those that the tracker refuses included."""
     for row in ROLES["tracker"].kinds:
         usable = [name for name in SETTINGS if (row.kind, name) not in CANNOT]
         for name in SETTINGS:

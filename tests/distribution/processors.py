@@ -20,7 +20,7 @@ from tests.distribution.pythons import HOME
 GENERIC = {"NUMBA_CPU_NAME": "generic"}
 WIDE = ("X86_V4", "AVX512")
 """Prefixes of the instruction sets that the first step disables. The second step disables everything above
-NumPy's baseline. Names differ between versions of NumPy: before 2.4, AVX512F and AVX2 were what X86_V4 and X86_V3 are."""
+NumPy's baseline. Names differ between versions of NumPy: X86_V4 and X86_V3 were AVX512F and AVX2 before 2.4."""
 
 
 def settings(dispatch: Sequence[str], found: Mapping[str, bool], host: str) -> dict[str, dict[str, str]]:

@@ -33,7 +33,7 @@ SENSITIVE: Final = {"indoor_gsa_gpf": 0.5, "indoor_surrogate": 0.3, "ungm_cs_pf"
 is 0.25, 0.08, less than 1e-6 and less than 1e-6, with AVX2 0.06, less than 1e-6, less than 1e-6 and 0.02, with kernels
 for a generic processor 0.37, less than 1e-6, 0.02 and less than 1e-6."""
 NOT_OF_SENSITIVE: Final = ("nees", "lost", "losses", "lost_share", "time_lost", "reacquired")
-"""Metrics of these scenarios that are not compared elsewhere: one threshold or one singular cloud decides them."""
+"""Metrics of these scenarios that are not compared on other processors, since one rounding error can change them."""
 COLLAPSED: Final = 1e6
 """A NEES above this is that of a cloud that has collapsed: of 1e38, no digit repeats elsewhere."""
 

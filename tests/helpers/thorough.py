@@ -1,7 +1,7 @@
-"""What `make thorough` adds to `make test`: dear tests, and more seeds, examples and combinations.
+"""What `make thorough` adds to `make test`: expensive tests, and more seeds, examples and combinations.
 
 @pytest.mark.thorough                                    a test that costs more than one of the fast tier may
-@pytest.mark.thorough(fast=["ekf", "pf-csma"])           the same, but for these cases of its parameters
+@pytest.mark.thorough(fast=["ekf", "pf-csma"])           the same, except these cases of its parameters
 @pytest.mark.parametrize("seed", [0, 1, *thorough(range(2, 10))])
 """
 

@@ -303,7 +303,7 @@ def test_a_row_shows_its_statistic_its_runs_the_share_astray_and_what_it_rests_o
 def test_a_value_that_no_run_has_is_said_to_be_unknown_in_its_row_and_in_reasons():
     nowhere = row(measured=NAN, low=NAN, high=NAN, replicates=0, lost_fraction=1.0, judgement=Judgement("too few runs"))
     found = dict(zip(table.HEADS, table.cells(nowhere), strict=True))
-    assert found["measured [95 %]"] == "no run has one" and found["lost"] == "100 %" and found["runs"] == "0"
+    assert found["measured [95 %]"] == "no value in any run" and found["lost"] == "100 %" and found["runs"] == "0"
     words = reasons.rendered("{x[a].measured:.1f} m against {row.measured:.1f} m", nowhere, {"x": {"a": row()}})
     assert words == "1.5 m against unknown m"
 

@@ -295,7 +295,7 @@ class _CampaignRunner:
             self.report_progress()
 
     def report_progress(self) -> None:
-        """Report the progress. What workers compiled once is no part of the time that other tasks will take."""
+        """Report the progress. Compilation in workers happens once and is excluded from the estimate."""
         wall, unfinished = time.monotonic() - self.started_at, self.unfinished.total()
         total = self.found + self.done + unfinished
         working = wall * (1.0 - self.compiled / self.worked) if self.worked else wall

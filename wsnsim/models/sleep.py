@@ -83,7 +83,8 @@ class _PeriodicSchedule:
     def state(self, keys: Keys, time: Floats | float) -> tuple[Bools, Floats, Floats]:
         """Which nodes are awake (n,), and the part of a period that contains the time: from (n,), until (n,)."""
         awake, begins, ends = np.empty(keys.size, dtype=np.bool_), np.empty(keys.size), np.empty(keys.size)
-        times = np.full(keys.size, time, dtype=np.float64)  # a clock may say the integer 0: another compilation
+        # an integer time would make Numba compile a second version
+        times = np.full(keys.size, time, dtype=np.float64)
         period_spans(keys, times, self._law, awake, begins, ends)
         return awake, begins, ends
 

@@ -104,7 +104,7 @@ def begin(
 
 
 def run_counts(chosen: Sequence[tuple[str, Experiment]], where: Path) -> tuple[int, int]:
-    """The number of runs of (paper, experiment) that were begun, and of those that are missing."""
+    """(planned, missing) numbers of runs of the experiments."""
     wanted = missing = 0
     for folder in (Folder(folder_of(where, paper, experiment)) for paper, experiment in chosen):
         for point in folder.manifest().points:

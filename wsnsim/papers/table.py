@@ -22,7 +22,7 @@ MARKS: Final = (
 )
 UNCOUNTED: Final = " *"
 READ: Final = "about"
-NOWHERE: Final = "no run has one"
+NOWHERE: Final = "no value in any run"
 WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
 WORDS_UNCOUNTED: Final = "on a repair or on another reading of the paper; not counted among its claims"
 WORDS_RUNS: Final = "ours / those behind the published value"
@@ -121,7 +121,7 @@ def _verdict(row: ClaimRow) -> str:
 
 
 def _measured(row: ClaimRow) -> str:
-    """The measured value with its interval, or that no run has one."""
+    """The measured value with its interval, or that there is no value in any run."""
     if not row.replicates and math.isnan(row.measured):
         return NOWHERE
     return _number(row.measured) + _interval(row.low, row.high) + _median(row)

@@ -116,7 +116,8 @@ class ScheduledDutyCycles(DutyCycles):
 
         A radio that is receiving when its schedule ends receives the frame to its end.
         """
-        hears, time = np.empty(ids.size, dtype=np.bool_), float(since)  # the integer 0 would be another compilation
+        hears = np.empty(ids.size, dtype=np.bool_)
+        time = float(since)  # an integer time would make Numba compile a second version
         schedules = (living, self._awake, self._from, self._until, self._held, self._since, hears)
         if listening(ids, time, *schedules):
             self._ask(ids, time)
