@@ -46,6 +46,7 @@ from wsnsim.models.compilation import announced, compilation_seconds, compilatio
 from wsnsim.models.coverage import coverage_of_living
 from wsnsim.network.network import Sensors
 from wsnsim.network.result_rows import network_result, write_tables
+from wsnsim.network.sensing.standalone_reports import standalone_reports
 from wsnsim.network.workloads.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World
 from wsnsim.offline.batch import Batches, offers_batch
@@ -135,7 +136,7 @@ def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime 
         with only_own_garbage():
             result = _in_network(setup, replicate, conditions, recorder, progress)
     else:
-        result = OfflineRun(setup, replicate, conditions, recorder).run(progress)
+        result = OfflineRun(setup, replicate, conditions, recorder, standalone_reports).run(progress)
     return summarise(setup, replicate, result, conditions.truths, recorder, started + compilation_seconds())
 
 
@@ -280,7 +281,7 @@ def _performed(
         made_by = provenance(origin["command_line"], setup.seed, scenarios.plugins(loaded), loaded.overrides)
         made_by |= provenance_of(setup) | ({"code": origin["code"]} if origin.get("code") else {})
         file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
-        batches = Batches(setup, file, time_without_compilation) if task.batch else None
+        batches = Batches(setup, file, standalone_reports, time_without_compilation) if task.batch else None
         recorder = task.watched(file) if task.watched else file
         prepared = time.monotonic() - task.began - compilation_wall()
 

@@ -44,11 +44,25 @@ def notes(name: Any, *overrides: str) -> list[str]:
         ("collection", [XMAC], "routing.i_min: over mac: xmac a beacon takes up to 0.14 s"),
         ("pso_mhpf", [LATE, "step=1 s", "duration=9 s"],
          "mac: late turns radios off, and by energy: listening costs nothing"),
+        ("ekf_real", ["network=none"], "energy, link, mac, "),
+        ("beacons", ["sensor={kind: range}"], "sensor: no effect with a workload without targets"),
+        ("ekf_real", ["faults=[{kind: crash, at: 1, region: [200, 200, 1 mm]}]"], "run 0: faults[0] (crash) hits none"),
     ],
 )  # fmt: skip
 def test_values_that_are_hardly_meant_are_said_with_their_figures(name, overrides, starts):
     (note,) = notes(name, *overrides)
     assert note.startswith(starts)
+
+
+@pytest.mark.parametrize("aim", ["fraction: 0.1", "nodes: [4]", "region: [100, 100, 9]"])
+def test_a_fault_that_hits_none_of_few_nodes_is_said_with_and_without_a_network(tmp_path, aim):
+    (tmp_path / "nodes.csv").write_text("node,x,y\n" + "".join(f"{i},{20 * i},0\n" for i in range(4)))
+    changes = [f"deploy={{kind: file, path: {tmp_path}/nodes.csv}}", f"faults=[{{kind: stuck, at: 0.2, {aim}}}]"]
+    for mode in ([], ["network=none"]):
+        found = notes("pso_mhpf", "duration=0.4 s", "tracker.kind=ekf", *changes, *mode)
+        assert "run 0: faults[0] (stuck) hits none of the 4 nodes" in found
+    assert not [note for note in notes("pso_mhpf", *changes[:1], "faults=[{kind: crash, at: 0, nodes: [3]}]")
+                if "hits none" in note]  # fmt: skip
 
 
 @pytest.mark.parametrize(

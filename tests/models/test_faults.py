@@ -50,7 +50,7 @@ def test_they_last_for_good_unless_they_say_how_long_and_a_restart_no_time():
     [
         (Crash(at=1.0), "faults", "no nodes given: give exactly one of nodes, fraction, region, head"),
         (Crash(at=1.0, head=0, nodes=(1,)), "faults", "nodes given by nodes and head"),
-        (Crash(at=company().duration, head=0), "faults.at", "s is not before the end of the run at"),
+        (Crash(at=company().duration, head=0), "faults.at", "not before the end of the run at"),
         (Crash(at=1.0, nodes=()), "faults.nodes", "at least one node"),
         (Crash(at=1.0, nodes=(0, 256)), "faults.nodes", "no node 256: the 256 nodes are numbered from 0"),
         (Blackout(at=1.0, region=(0.0, 0.0, 0.0)), "faults.region", "greater than 0"),

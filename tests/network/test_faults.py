@@ -111,6 +111,41 @@ def test_a_restart_takes_a_living_node_down_and_brings_back_one_that_had_crashed
     assert FaultyNodes(Restart(at=1.0, nodes=(4,))).at(1.0).down() == []
 
 
+def test_a_restart_in_a_crash_ends_the_crash_of_its_nodes_and_the_end_of_the_crash_changes_nothing():
+    faulty = FaultyNodes(Crash(at=1.0, duration=5.0, nodes=(1, 2)), Restart(at=2.0, duration=0.5, nodes=(1,)))
+    assert faulty.at(2.25).down() == [1, 2]
+    assert faulty.at(2.5).down() == [2]
+    assert faulty.at(6.0).down() == []
+    assert [(row[0], row[3]) for row in faulty.rows() if row[1] == "restart"] == [(2.5, 1), (6.0, 2)]
+    at_once = FaultyNodes(Crash(at=1.0, duration=5.0, nodes=(1,)), Restart(at=2.0, nodes=(1,)))
+    assert at_once.at(2.0).down() == []
+
+
+def test_a_crash_that_begins_during_a_restart_outlasts_it():
+    faulty = FaultyNodes(Restart(at=1.0, duration=2.0, nodes=(1,)), Crash(at=2.0, duration=3.0, nodes=(1,)))
+    assert faulty.at(3.0).down() == [1]
+    assert faulty.at(5.0).down() == []
+
+
+def test_faults_of_nodes_that_are_down_act_when_they_are_up_again_but_charge_is_not_lost():
+    faulty = FaultyNodes(
+        Crash(at=1.0, duration=2.0, nodes=(1,)),
+        Drain(at=1.5, nodes=(1,), joules=1.0),
+        Blackout(at=1.5, duration=3.0, nodes=(1,)),
+        LinkLoss(at=1.5, duration=3.0, nodes=(1,), loss=0.5),
+        ClockStep(at=1.5, duration=3.0, nodes=(1,), offset=0.2),
+        Stuck(at=1.5, duration=3.0, nodes=(1,)),
+    )
+    nodes, clocks = faulty.sensor_nodes, faulty.clocks
+    faulty.at(3.0)
+    assert faulty.down() == [] and nodes.residual_energy(1) == 2.0
+    assert (nodes.jammed[1], nodes.loss[1], float(clocks.error(np.array([1]), 3.0)[0])) == (True, 0.5, 0.2)
+    assert [defect.nodes for defect in faulty.site.defects.values()] == [{1}]
+    faulty.at(4.5)
+    assert not (nodes.jammed.any() or nodes.loss.any() or faulty.site.defects)
+    assert ("fault", "drain", -1) in [row[1:] for row in faulty.rows()]
+
+
 def test_dead_nodes_do_not_restart():
     faulty = FaultyNodes(
         Drain(at=1.0, nodes=(1,), share=1.0), Restart(at=2.0, nodes=(1,)), Crash(at=3.0, duration=1.0, nodes=(1,))

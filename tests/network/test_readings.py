@@ -13,6 +13,7 @@ from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.sensing.imperfect_readings import Imperfections, ImperfectReadings, _sampled
 from wsnsim.network.sensing.readings import Readings, SensorArray
+from wsnsim.network.sensing.reports import Reports
 
 DT = 0.5
 RULER = Range(sd=1e-6, reach=60.0)
@@ -205,6 +206,22 @@ def test_a_stuck_sensor_repeats_what_it_read_last_or_what_it_is_told_until_the_f
     assert [values[0] for values in read] == [good[step if step < 3 or step >= 6 else 2][0] for step in range(8)]
     assert [values[1] for values in read] == [99.0 if 3 <= step < 6 else good[step][1] for step in range(8)]
     assert [values[2] for values in read] == [values[2] for values in good]
+
+
+def test_of_defects_that_overlap_biases_add_up_and_the_sensor_that_was_stuck_last_decides():
+    node = frozenset({0})
+    defects = {}
+    reports = Reports(lambda step: {0: float(step)}, defects)
+    defects[2] = SensorDefect(node, stuck=True, value=7.0)
+    assert reports.at(0) == {0: 7.0}
+    defects[0] = SensorDefect(node, offset=10.0)
+    defects[1] = SensorDefect(node, stuck=True, value=8.0)
+    assert reports.at(1) == {0: 8.0}
+    del defects[1]
+    assert reports.at(2) == {0: 7.0}
+    del defects[2]
+    defects[3] = SensorDefect(node, offset=0.5)
+    assert reports.at(3) == {0: 13.5}
 
 
 def test_a_sensor_stuck_before_it_ever_read_repeats_its_first_reading_and_only_where_it_senses():

@@ -95,9 +95,14 @@ def test_a_list_survives_being_resolved_and_is_named_for_provenance() -> None:
     assert f"fault {kind('Trouble')}" in scenario.plugins(loaded)
 
 
-def test_faults_need_a_network() -> None:
-    loaded = scenario.load(base_scenario(network="none", faults=[TROUBLE]))
-    assert not hasattr(scenario.build(loaded), "faults")
+def test_without_a_network_faults_act_on_sensors_or_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    alone = base_scenario(network="none", faults=[TROUBLE])
+    (found,) = faults_of(alone)
+    assert found.startswith(
+        "faults.0.kind: error: acts on batteries, radios, clocks or messages, and without a network"
+    )
+    monkeypatch.setattr(scenario_components.Trouble, "standalone", True, raising=False)
+    assert len(scenario.build(scenario.load(alone)).faults) == 1
 
 
 def test_what_a_motion_finds_in_itself_is_told_at_its_place_among_the_targets() -> None:

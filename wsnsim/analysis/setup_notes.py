@@ -2,7 +2,7 @@
 
 of_values(setup) -> notes        before_a_run(setup) -> these, and whether links reach anybody
 
-They follow from the values of the scenario. Nodes are placed only where links may be too short.
+They follow from the values of the scenario. Nodes are placed only where links may be too short, or something fails.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.analysis import connectivity
+from wsnsim.analysis.effect_notes import covering_range, faults_that_hit_nobody, keys_without_effect
 from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.errors import RunError
 from wsnsim.base.hop_times import CAP_SHARE, is_duty_cycled
@@ -88,7 +89,7 @@ def links_that_reach_nobody(setup: Setup) -> Iterator[str]:
     if getattr(setup.deploy, "nodes", 0) * math.pi * reach**2 > SURELY_LINKED * field.width * field.height:
         return
     with contextlib.suppress(RunError):  # `notes.of_setup` says so
-        positions = sample_positions(setup, _covering_range(setup), 0)
+        positions = sample_positions(setup, covering_range(setup), 0)
         if len(positions) > 1 and (said := connectivity.nobody(positions, reach)):
             yield f"run 0: {said}"
 
@@ -226,6 +227,8 @@ def beacons_that_fill_the_channel(setup: Setup) -> Iterator[str]:
 
 
 NOTES: Final[tuple[Callable[[Setup], Iterator[str]], ...]] = (
+    keys_without_effect,
+    faults_that_hit_nobody,
     motions_beyond_the_field,
     steps_across_the_field,
     sink_outside_the_field,
@@ -264,14 +267,6 @@ def _greatest_speed(motion: Any) -> float:
     start, columns = getattr(motion, "start", ()), motion.columns
     speeds = [start[columns.index(name)] for name in ("vx", "vy") if name in columns and len(start) == len(columns)]
     return math.hypot(*speeds) if speeds else 0.0
-
-
-def _covering_range(setup: Setup) -> float:
-    """The range that must cover the field: of the sensors, or of the links of a network without targets."""
-    if isinstance(setup, TrackingSetup):
-        return setup.sensor.reach
-    assert isinstance(setup, RadioSetup)
-    return setup.link.reach
 
 
 def _power(model: Any, mode: Mode) -> float:

@@ -10,7 +10,7 @@ class FaultEvent(Protocol):
 
     The nodes it hits are given by exactly one of `nodes` (ids), `fraction` (of all, sampled), `region` (x, y, radius in
     m) and `head` (the cluster head of that target when the fault begins). A plug-in also offers `start`: see
-    `StartsFault`.
+    `StartsFault`; with a class attribute `standalone = True` it acts without a network, too, on readings alone.
     """
 
     @property

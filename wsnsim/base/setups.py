@@ -1,7 +1,7 @@
 """Setups: scenarios whose components are built and checked, one component per role.
 
 Setup ─┬─ TrackingSetup (targets, sensor, tracker) ──┬─ NetworkSetup
-       └─ RadioSetup (radio, energy, sleep, faults) ──┴─ BeaconSetup has the radio alone, and a workload
+       └─ RadioSetup (radio, energy, sleep) ─────────┴─ BeaconSetup has the radio alone, and a workload
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from wsnsim.base.clustering import ClusterPolicy, head_protocol
+from wsnsim.base.detection import is_perfect
 from wsnsim.base.faults import FaultEvent
 from wsnsim.base.hop_times import HeadWaits, head_waits
 from wsnsim.base.medium_access import Mac, Packing
@@ -51,6 +52,8 @@ class Setup:
         dt: the length of a step in s.
         deploy: where the nodes stand.
         record: {table: whether it is recorded}.
+        faults: what fails; without a network, of sensors.
+        unused: keys of the scenario that have no effect on this run.
     """
 
     name: str
@@ -59,6 +62,8 @@ class Setup:
     dt: float
     deploy: Deployment
     record: Mapping[str, bool] = field(default_factory=dict)
+    faults: tuple[FaultEvent, ...] = ()
+    unused: tuple[str, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -82,6 +87,7 @@ class TrackingSetup(Setup):
         filter_motions: one model per target, which the tracker assumes (`tracker.assumes`).
         filter_sensor: the sensor model that the tracker assumes.
         tracker: the tracking strategy.
+        detection: the errors of what nodes report.
         recorded: where readings come from that were recorded; None: `sensor` samples them.
         lost_window: the number of steps in a row without an estimate of less error than `lost_limit` (m) at which a
             track is lost.
@@ -94,6 +100,7 @@ class TrackingSetup(Setup):
     filter_motions: tuple[MotionModel, ...]
     filter_sensor: SensorModel
     tracker: Tracker[Any]
+    detection: Detection
     recorded: Replays | None = None
     lost_window: int = LOST_STEPS
     lost_limit: float = LOST_ERROR
@@ -102,6 +109,11 @@ class TrackingSetup(Setup):
     def member_cycles(self) -> float:
         """Operations that one member computes in a step, as the tracker states them; 0 if it states none."""
         return getattr(self.tracker, "member_cycles", 0.0)
+
+    @property
+    def reports_all(self) -> bool:
+        """Whether sensors surely report what they measure: detection is perfect, and nothing fails."""
+        return not self.faults and is_perfect(self.detection)
 
     def posterior_is_gaussian(self, target: int) -> bool:
         """Whether the assumed models of a target are linear with Gaussian noise, and the tracker exact for such."""
@@ -123,7 +135,6 @@ class RadioSetup(Setup):
         cpu: the time of computations.
         clock: the rates of clocks.
         sync: how nodes keep their clocks together.
-        faults: what fails.
     """
 
     energy: EnergyModel
@@ -135,7 +146,6 @@ class RadioSetup(Setup):
     cpu: Cpu
     clock: Clock
     sync: TimeSync
-    faults: tuple[FaultEvent, ...] = ()
 
     @property
     def sink_points(self) -> tuple[tuple[float, float], ...]:
@@ -165,7 +175,6 @@ class NetworkSetup(TrackingSetup, RadioSetup):
         wakeup: how nodes ahead of a target are woken.
         clusters: which node leads a cluster, and until when.
         acquire: how a track is initiated from readings.
-        detection: the errors of what nodes report.
         sink: the node that collects the estimates.
         until_clusters: the number of clusters after which a run ends; None: it does not.
     """
@@ -173,7 +182,6 @@ class NetworkSetup(TrackingSetup, RadioSetup):
     wakeup: WakeUp
     clusters: ClusterPolicy
     acquire: Acquire
-    detection: Detection
     sink: Sink
     until_clusters: int | None = None
 

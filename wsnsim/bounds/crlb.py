@@ -219,7 +219,7 @@ def _all_in_range(setup: TrackingSetup, conditions: Sequence[InitialConditions])
 
 
 def _detection_probability(setup: TrackingSetup) -> float:
-    return 1.0 - setup.detection.missed if isinstance(setup, NetworkSetup) else 1.0
+    return 1.0 - setup.detection.missed
 
 
 def _check_truths(

@@ -24,12 +24,19 @@ TIME: Final = Quantity("s", ge=0.0, le=1e9)
 COMPONENT: Final = "the component of readings that it concerns, such as bearing; left out: all"
 TIMELESS: Final = ("ideal", "csma")
 """MACs for which clocks may show any time."""
+ROUNDING: Final = 1e-12
+"""Share of the duration of a run: a time that is before its end by less is at its end."""
 SELECTORS: Final = ("nodes", "fraction", "region", "head")
 
 
 @part
 class Aimed:
-    """The fields of every fault: its time, its duration, and the nodes it hits. Plug-in faults may inherit them."""
+    """The fields of every fault: its time, its duration, and the nodes it hits. Plug-in faults may inherit them.
+
+    `standalone`: whether the fault changes or stops readings, and so acts on sensors without a network, too.
+    """
+
+    standalone: ClassVar[bool] = False
 
     at: Annotated[float, TIME, "when it begins"]
     duration: Annotated[float | None, TIME, "how long it lasts; left out: until the end of the run"] = None
@@ -46,7 +53,7 @@ class Aimed:
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield issues for a time that is not in the run, and for nodes not given exactly once or not there."""
-        if self.at >= setup.duration:
+        if self.at >= setup.duration * (1.0 - ROUNDING):
             yield _fault("at", f"{self.at:g} s is not before the end of the run at {setup.duration:g} s")
         aims = [name for name in SELECTORS if getattr(self, name) is not None]
         if len(aims) != 1:
@@ -87,7 +94,9 @@ class Aimed:
     def _unknown_head(self, setup: Setup) -> Iterator[Issue]:
         if self.head is None:
             return
-        if isinstance(setup, BeaconSetup):
+        if not isinstance(setup, RadioSetup):
+            yield _fault("head", "no cluster head in a scenario without a network: give nodes, fraction or region")
+        elif isinstance(setup, BeaconSetup):
             yield _fault("head", "no cluster head in a network without a target")
         elif isinstance(setup, TrackingSetup) and self.head >= len(setup.motions):
             number = len(setup.motions)
@@ -99,6 +108,7 @@ class Crash(Aimed):
     """A node goes down and loses its memory; after the duration it is up again, dormant, with its charge."""
 
     mechanism: ClassVar[str] = "crash"
+    standalone: ClassVar[bool] = True
 
 
 @part
@@ -106,6 +116,7 @@ class Restart(Aimed):
     """A node restarts and loses its memory; it is up again after the duration, by default at once."""
 
     mechanism: ClassVar[str] = "restart"
+    standalone: ClassVar[bool] = True
 
     duration: Annotated[float | None, TIME, "how long the restart takes"] = 0.0
 
@@ -175,6 +186,7 @@ class Stuck(Aimed):
     """The readings of a node are stuck: at a value, or at its last reading."""
 
     mechanism: ClassVar[str] = "stuck"
+    standalone: ClassVar[bool] = True
 
     value: Annotated[
         float | None,
@@ -195,6 +207,7 @@ class Bias(Aimed):
     """A constant is added to the readings of a node."""
 
     mechanism: ClassVar[str] = "bias"
+    standalone: ClassVar[bool] = True
 
     offset: Annotated[
         float, Quantity("", ge=-1e18, le=1e18, label="as readings"), "the constant, in the unit of readings"

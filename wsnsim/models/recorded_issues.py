@@ -13,8 +13,9 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.content_digests import content_digest
+from wsnsim.base.detection import is_perfect
 from wsnsim.base.errors import Issue
-from wsnsim.base.ports import ConstantGaussian, Detection, MotionModel
+from wsnsim.base.ports import ConstantGaussian, MotionModel
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.recorded_track import RecordedTrack
 
@@ -41,7 +42,7 @@ def recorded_issues(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
             yield from _other_origin(sensor, motion)
     if sensor.counted:
         yield from _cannot_count(sensor, setup)
-    if isinstance(setup, NetworkSetup) and not _is_perfect(setup.detection):
+    if not is_perfect(setup.detection):
         message = "recorded readings have the detection errors of the world that they come from: use kind: perfect"
         yield Issue(("detection", "kind"), message)
 
@@ -62,14 +63,6 @@ def _cannot_count(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
     if getattr(getattr(setup.filter_sensor, "law", None), "inflate", False):
         message = "what widens the noise is common to all readings of a node: use several: mean or last"
         yield Issue(("tracker", "assumes", "inflate"), message)
-
-
-def _is_perfect(detection: Detection) -> bool:
-    """Whether all readings are reported as they are taken."""
-    probe = np.ones(1)
-    return detection.missed == detection.false_alarm == 0 and (
-        detection.distort(probe, np.zeros(1, dtype=np.uint64)) is probe
-    )
 
 
 def _is_given(motion: MotionModel, setup: TrackingSetup) -> bool:

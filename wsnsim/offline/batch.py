@@ -1,6 +1,6 @@
 """Many standalone runs at once: the batch engine, for trackers that offer `base.standalone.WholeRuns`.
 
-    if offers_batch(setup): batches = Batches(setup, recorder)
+    if offers_batch(setup): batches = Batches(setup, recorder, reports)
     summaries = batches.next(replicates)                  of the first few of them; empty if the next must be composed
 
 Its tables are those of `OfflineRun`, run by run: the same draws, the same kernels, and so the same bits. What that does
@@ -31,7 +31,7 @@ from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns, of
 from wsnsim.base.vector_readings import components_of
 from wsnsim.offline import block_rows
 from wsnsim.offline.block_rows import FollowedTarget
-from wsnsim.offline.measurements import HEAD, recording, sample_readings, with_shadowing
+from wsnsim.offline.measurements import HEAD, ReportsOf, recording, reported, sample_readings, with_shadowing
 from wsnsim.offline.offline_run import node_rows
 
 BLOCK_SECONDS: Final = 1.0
@@ -61,9 +61,15 @@ class Batches:
     the processor time (s).
     """
 
-    def __init__(self, setup: Setup, recorder: Recorder, clock: Callable[[], float] = time.process_time) -> None:
+    def __init__(
+        self,
+        setup: Setup,
+        recorder: Recorder,
+        reports: ReportsOf | None = None,
+        clock: Callable[[], float] = time.process_time,
+    ) -> None:
         assert isinstance(setup, TrackingSetup), "only standalone runs are batched"
-        self._setup, self._recorder, self._clock = setup, recorder, clock
+        self._setup, self._recorder, self._reports, self._clock = setup, recorder, reports, clock
         self._size, self._composed = 1, wants_steps(recorder)
         self.used = False
 
@@ -72,7 +78,7 @@ class Batches:
         if self._composed:
             return []
         started = time.monotonic()
-        summaries = run_batch(self._setup, replicates[: self._size], self._recorder, self._clock)
+        summaries = run_batch(self._setup, replicates[: self._size], self._recorder, self._reports, self._clock)
         if summaries is None:
             self._composed = True
             return []
@@ -93,6 +99,7 @@ def run_batch(
     setup: TrackingSetup,
     replicates: Sequence[int],
     recorder: Recorder,
+    reports: ReportsOf | None = None,
     clock: Callable[[], float] = time.process_time,
 ) -> list[Summary] | None:
     """Make the runs of one block, and write their rows. None, with nothing written, if they must be composed.
@@ -110,7 +117,7 @@ def run_batch(
     streams = [Streams(setup.seed, replicate) for replicate in replicates]
     targets = []
     for number in range(len(setup.motions)):
-        target = _followed(setup, number, conditions, streams)
+        target = _followed(setup, number, conditions, streams, reports)
         if target is None or not np.isfinite(target.estimates.means).all():
             return None
         targets.append(target)
@@ -120,13 +127,19 @@ def run_batch(
 
 
 def _followed(
-    setup: TrackingSetup, number: int, conditions: Sequence[InitialConditions], streams: Sequence[Streams]
+    setup: TrackingSetup,
+    number: int,
+    conditions: Sequence[InitialConditions],
+    streams: Sequence[Streams],
+    reports: ReportsOf | None,
 ) -> FollowedTarget | None:
     """One target of all runs, or None."""
     tracker, motion = setup.tracker, setup.motions[number]
     assert isinstance(tracker, WholeRuns), "only a tracker that offers whole runs is batched"
     try:
-        runs = [_standalone(setup, number, each, stream) for each, stream in zip(conditions, streams, strict=True)]
+        runs = [
+            _standalone(setup, number, each, stream, reports) for each, stream in zip(conditions, streams, strict=True)
+        ]
         block = StandaloneBlock(runs, setup.filter_motions[number], setup.filter_sensor, setup.steps, setup.dt)
         estimates = tracker.whole_runs(block)
         if estimates is not None:
@@ -147,12 +160,16 @@ def _followed(
     return FollowedTarget(motion, gaussian, truths, estimates, readings, frames)
 
 
-def _standalone(setup: TrackingSetup, target: int, conditions: InitialConditions, streams: Streams) -> StandaloneRun:
+def _standalone(
+    setup: TrackingSetup, target: int, conditions: InitialConditions, streams: Streams, reports: ReportsOf | None
+) -> StandaloneRun:
     """One target of one run: its readings are those of `OfflineCluster`."""
     points = measured_points(setup.motions[target], setup.sensor, conditions.truths[target], setup.dt)
     sense, track = (derive(streams.key(name), target) for name in ("sense", "tracker"))
     recorded = recording(setup, target, len(conditions.positions))
-    if recorded:
+    if rows := reported(setup, conditions, streams, target, reports):
+        readings = rows(0, setup.steps + 1)
+    elif recorded:
         readings = recorded.readings
     else:
         readings = sample_readings(setup.sensor, points, conditions.positions, conditions.traits, sense)

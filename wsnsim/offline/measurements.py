@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from collections.abc import Callable
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -16,6 +17,10 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.shadowing import PathShadowing, path_shadowing
 from wsnsim.base.vector_readings import Reading, as_readings, components_of, finite
 
+Rows: TypeAlias = Callable[[int, int], Floats]
+"""(first, count) → (count, S) or (count, S, M) what sensors report from step `first` on; NaN where they do not."""
+ReportsOf: TypeAlias = Callable[[TrackingSetup, InitialConditions, Streams, int], Rows]
+"""(setup, initial conditions, streams, target) → reports of sensors that fail, or whose detection is imperfect."""
 HEAD: Final = 0
 """The sensor that is the head of the cluster for the whole run."""
 MOST_AHEAD: Final = 200_000
@@ -23,9 +28,20 @@ MOST_AHEAD: Final = 200_000
 
 
 class OfflineCluster:
-    """All sensors as one cluster for one target. `members` holds them by number."""
+    """All sensors as one cluster for one target. `members` holds them by number.
 
-    def __init__(self, setup: TrackingSetup, target: int, conditions: InitialConditions, streams: Streams) -> None:
+    `reports` is needed unless `setup.reports_all`.
+    """
+
+    def __init__(
+        self,
+        setup: TrackingSetup,
+        target: int,
+        conditions: InitialConditions,
+        streams: Streams,
+        reports: ReportsOf | None = None,
+    ) -> None:
+        self._reports = reported(setup, conditions, streams, target, reports)
         self._setup, self._target = setup, target
         self._positions, self._assumed, self._traits = conditions.positions, conditions.assumed, conditions.traits
         self._middle = np.array(setup.deploy.field.centre)
@@ -98,6 +114,8 @@ class OfflineCluster:
 
     def _readings(self, first: int) -> Floats:
         """(T, S) or (T, S, M) the measurements of the steps from `first` on; NaN where a sensor has none."""
+        if self._reports:
+            return self._reports(first, self._length)
         steps = slice(first, first + self._length)
         if self._recorded is not None:
             return self._recorded[steps]
@@ -116,6 +134,16 @@ class _Block(NamedTuple):
     ids: list[tuple[int, ...]]
     readings: list[list[Reading]]
     keys: list[list[int]]
+
+
+def reported(
+    setup: TrackingSetup, conditions: InitialConditions, streams: Streams, target: int, reports: ReportsOf | None
+) -> Rows | None:
+    """What sensors report on a target; None if it is what they measure."""
+    if setup.reports_all:
+        return None
+    assert reports is not None, "sensors that fail need somebody who says what they report"
+    return reports(setup, conditions, streams, target)
 
 
 def recording(setup: TrackingSetup, target: int, sensors: int) -> Recording | None:

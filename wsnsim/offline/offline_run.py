@@ -1,6 +1,6 @@
 """A run without a network: one cluster of all sensors, every packet arrives, nothing takes time or energy.
 
-    OfflineRun(setup, replicate, conditions, recorder).run() -> RunResult
+    OfflineRun(setup, replicate, conditions, recorder, reports).run() -> RunResult
 
 Trajectories, measurements and the tracker's random draws are the same as in a network with the same seed: a
 measurement is a function of (seed, replicate, target, step, sensor). The first sensor is always the cluster head.
@@ -26,7 +26,7 @@ from wsnsim.base.rows import NAN, Issued, wants_belief, write_belief, write_read
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.traits import gain_factors
 from wsnsim.offline.loopback import perform
-from wsnsim.offline.measurements import HEAD, OfflineCluster
+from wsnsim.offline.measurements import HEAD, OfflineCluster, ReportsOf
 from wsnsim.offline.request_costs import RequestCosts
 
 ASLEEP = {"woken": 0, "ineffective": 0}
@@ -37,9 +37,16 @@ UNCALLED = {"reacquired": 0, "called": 0, "dismissed": 0, "handover_bits": float
 class OfflineRun:
     """One run of a tracker without a network."""
 
-    def __init__(self, setup: TrackingSetup, replicate: int, conditions: InitialConditions, recorder: Recorder) -> None:
+    def __init__(
+        self,
+        setup: TrackingSetup,
+        replicate: int,
+        conditions: InitialConditions,
+        recorder: Recorder,
+        reports: ReportsOf | None = None,
+    ) -> None:
         self._setup, self._replicate, self._recorder = setup, replicate, recorder
-        self._conditions = conditions
+        self._conditions, self._reports = conditions, reports
         self._streams = Streams(setup.seed, replicate)
         self._means = hashlib.blake2b(digest_size=8)
         self._costs = RequestCosts()
@@ -66,7 +73,7 @@ class OfflineRun:
     def _follow(self, target: int, progress: Callable[[float], None] | None) -> dict[int, Issued]:
         """The estimates of one target by step."""
         setup, tracker, step = self._setup, self._setup.tracker, 0
-        cluster = OfflineCluster(setup, target, self._conditions, self._streams)
+        cluster = OfflineCluster(setup, target, self._conditions, self._streams, self._reports)
         estimates: dict[int, Issued] = {}
         follower = follower_of(self._recorder)
         try:

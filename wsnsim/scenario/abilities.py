@@ -31,7 +31,7 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
     ]
     for ability in lacking:
         allowed = scenario.spot(("tracker", "kind")).origin.plugins
-        able = ", ".join(_kinds_with("sensor", ability, allowed)) or "none that is known"
+        able = ", ".join(kinds_with("sensor", ability, allowed)) or "none that is known"
         yield Issue(
             ("tracker", "kind"),
             f"{tracker.kind} needs a sensor that gives '{ability}', and {sensor.kind} does not; it can use: {able}",
@@ -62,7 +62,7 @@ def _readings_not_taken(scenario: Scenario, setup: TrackingSetup) -> Iterator[Is
     needed += [("angles", "angles, which are the same after a turn")] if any(periods_of(setup.filter_sensor)) else []
     for ability, what in needed:
         if not getattr(setup.tracker, ability, False):
-            able = ", ".join(_kinds_with("tracker", ability, allowed))
+            able = ", ".join(kinds_with("tracker", ability, allowed))
             yield Issue(
                 ("tracker", "kind"),
                 f"{tracker.kind} does not take {what} ({sensor.kind}: {', '.join(names)}); these do: {able}",
@@ -96,16 +96,16 @@ def _cannot_estimate_gains(scenario: Scenario, setup: TrackingSetup) -> Iterator
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     path, allowed = ("tracker", "assumes", "gains"), scenario.spot(("tracker", "kind")).origin.plugins
     if not getattr(setup.tracker, "estimates_gains", False):
-        able = ", ".join(_kinds_with("tracker", "estimates_gains", allowed))
+        able = ", ".join(kinds_with("tracker", "estimates_gains", allowed))
         yield Issue(path, f"{tracker.kind} keeps no gains of sensors beside the state; these do: {able}")
     if not hasattr(setup.filter_sensor, "gain_prior"):
-        able = ", ".join(_kinds_with("sensor", "gain_prior", allowed))
+        able = ", ".join(kinds_with("sensor", "gain_prior", allowed))
         yield Issue(
             path, f"gains of {sensor.kind} are factors of the signal, which no filter estimates; it can: {able}"
         )
 
 
-def _kinds_with(role: str, ability: str, allowed: Plugins) -> Iterator[str]:
+def kinds_with(role: str, ability: str, allowed: Plugins = Plugins.NONE) -> Iterator[str]:
     """Yield the kinds of a role whose class has something of this name, and that the scenario might name."""
     for info in kinds(role).values() if allowed else ROLES[role].kinds:
         try:

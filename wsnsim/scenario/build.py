@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from wsnsim.base.deprecation import uses_former
 from wsnsim.base.errors import Issue, ScenarioError
-from wsnsim.scenario.abilities import missing_abilities
+from wsnsim.scenario.abilities import kinds_with, missing_abilities
 from wsnsim.scenario.combinations import impossible_combinations
 from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.registry import ROLES, Role, find
@@ -140,9 +140,9 @@ def _setup(scenario: Scenario, components: dict[Keys, Any]) -> TrackingSetup | B
         "steps": scenario.steps - 1,
         "dt": scenario.step,
         "record": scenario.model_dump()["record"],
+        "unused": tuple(key for key, role in AT_TOP.items() if hasattr(scenario, key) and not scope.uses(role)),
+        "faults": tuple(components[path] for path, _ in scenario.written(ROLES["fault"])),
     }
-    if scope.network:
-        common["faults"] = tuple(components[path] for path, _ in scenario.written(ROLES["fault"]))
     of_targets = ("motion", "sensor")
     roles = {str(path[0]): part for path, part in components.items() if path[0] in ROLES and path[0] not in of_targets}
     if not scope.targets:
@@ -184,6 +184,8 @@ def _issues(scenario: Scenario, setup: TrackingSetup | BeaconSetup, components: 
         for issue in _checked(part, setup)
     }
     yield from sorted(found, key=lambda issue: ([str(key) for key in issue.path], issue.message))
+    if not scenario.scope.network:
+        yield from _beyond_sensors(components)
     yield from impossible_combinations(setup)
     if isinstance(setup, TrackingSetup):
         yield from missing_abilities(scenario, setup)
@@ -215,6 +217,16 @@ def _out_of_scope(scenario: Scenario) -> Iterator[Issue]:
             yield Issue(("until",), "without a target there are no clusters to end at")
         if "lost" in scenario.model_fields_set:
             yield Issue(("lost",), "without a target there is no track that could be lost")
+
+
+def _beyond_sensors(components: dict[Keys, Any]) -> Iterator[Issue]:
+    """Yield an issue for each fault that acts on what only a network has."""
+    for path, part in components.items():
+        if path[0] == ROLES["fault"].listed and not getattr(part, "standalone", False):
+            message = "acts on batteries, radios, clocks or messages, and without a network there are sensors alone"
+            yield Issue(
+                (*path, "kind"), f"{message}; these act on sensors: {', '.join(kinds_with('fault', 'standalone'))}"
+            )
 
 
 def _other_columns(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:

@@ -11,7 +11,7 @@ WEI: Final = "Wei, Guo (2022)"
 RUAN: Final = "Ruan, Wang, Yang, Zhang (2020)"
 LI: Final = "Li, Jiang, Zhang, Zhang (2012)"
 IEEE: Final = "IEEE 802.15.4-2006"
-OFFLINE_ROLES: Final = ("prior", "deploy", "motion", "sensor", "tracker")
+OFFLINE_ROLES: Final = ("prior", "deploy", "motion", "sensor", "detection", "fault", "tracker")
 TARGET_ROLES: Final = (
     "prior", "motion", "sensor", "wakeup", "clusters", "acquire", "detection", "sink", "tracker",
 )  # fmt: skip

@@ -14,6 +14,7 @@ from wsnsim.base.tables import Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.models.acquire import AroundTruth
 from wsnsim.models.deploy import Anchors
+from wsnsim.models.hardware import PerfectDetection
 from wsnsim.offline.batch import offers_batch, run_batch
 from wsnsim.testing.table import DT, FARTHEST
 
@@ -72,6 +73,7 @@ def standalone_setup(tracker: Tracker[Any], motion: MotionModel, sensor: SensorM
         filter_motions=(motion,),
         filter_sensor=sensor,
         tracker=tracker,
+        detection=PerfectDetection(),
     )
 
 

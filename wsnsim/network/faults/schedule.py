@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from wsnsim.base.arrays import Ints
+from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.faults import FaultEvent
 from wsnsim.base.mechanisms import NOBODY
 from wsnsim.base.rng import derive, derive_all, uniforms
@@ -63,16 +64,24 @@ class FaultSchedule:
 
     def aimed(self, number: int) -> list[int]:
         """Return the nodes at which a fault is aimed now, ascending, dead ones included."""
-        fault, nodes = self._faults[number], self._site.nodes
-        if fault.nodes is not None:
-            return sorted({node for node in fault.nodes if node < nodes.size})
-        if fault.fraction is not None:
-            samples = uniforms(derive_all(derive(self._key, number), np.arange(nodes.size)), 0)
-            chosen: list[int] = np.argsort(samples, kind="stable")[: round(fault.fraction * nodes.size)].tolist()
-            return sorted(chosen)
-        if fault.region is not None:
-            x, y, radius = fault.region
-            near: list[int] = nodes.grid.within((x, y), radius).tolist()
-            return near
-        head = None if fault.head is None else self._site.control.head_of(fault.head)
+        fault = self._faults[number]
+        if fault.head is None:
+            return places_hit(fault, derive(self._key, number), self._site.nodes.grid)
+        head = self._site.control.head_of(fault.head)
         return [] if head is None else [head]
+
+
+def places_hit(fault: FaultEvent, key: int, grid: CellGrid) -> list[int]:
+    """Return at which of the nodes in a grid a fault without `head` is aimed, ascending."""
+    size = len(grid.positions)
+    if fault.nodes is not None:
+        return sorted({node for node in fault.nodes if node < size})
+    if fault.fraction is not None:
+        samples = uniforms(derive_all(key, np.arange(size)), 0)
+        chosen: list[int] = np.argsort(samples, kind="stable")[: round(fault.fraction * size)].tolist()
+        return sorted(chosen)
+    if fault.region is None:
+        return []
+    x, y, radius = fault.region
+    near: list[int] = grid.within((x, y), radius).tolist()
+    return near

@@ -14,12 +14,13 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys, planar
+from wsnsim.base.detection import is_perfect
 from wsnsim.base.initial_conditions import measured_points
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.node_names import node_names
 from wsnsim.base.ports import Detection, Detects
 from wsnsim.base.rng import HEAD_KEY, component_noise, derive, derive_all, derive_each, uniforms
-from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.base.shadowing import PathShadowing, path_shadowing
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.network.clocks import Clocks
@@ -52,10 +53,7 @@ class Imperfections:
 
     def matter(self) -> bool:
         """Whether any reading is wrong while no fault is active."""
-        probe = np.ones(1)
-        keys = np.zeros(1, dtype=np.uint64)
-        detects_all = self.detection.missed == self.detection.false_alarm == 0
-        return not detects_all or not self.clocks.perfect or self.detection.distort(probe, keys) is not probe
+        return not is_perfect(self.detection) or not self.clocks.perfect
 
 
 class ImperfectReadings(Readings):
@@ -188,7 +186,7 @@ def distorted(detection: Detection, readings: Floats, keys: Keys) -> Floats:
 
 
 def make_readings(
-    setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, clocks: Clocks, key: int
+    setup: TrackingSetup, trajectories: Sequence[Floats], nodes: Nodes, clocks: Clocks, key: int
 ) -> tuple[list[Readings], Imperfections]:
     """Return the readings of each target at each step, and the imperfections, to which faults add their defects."""
     imperfections = Imperfections(setup.detection, clocks, setup.dt, key)
@@ -204,7 +202,7 @@ def make_search_readings(
 
 
 def _readings(
-    setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
+    setup: TrackingSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
     if setup.recorded is not None:
         steps, names = len(trajectories[0]) - 1, node_names(setup, len(nodes.positions))
