@@ -159,6 +159,16 @@ def test_a_sweep_over_one_key_is_compared_by_it(place: Place) -> None:
     np.testing.assert_array_equal(named.table["difference"], [-3.0, -2.0, NAN])
 
 
+def test_points_that_gave_the_same_runs_are_named_whatever_time_they_took(place: Place) -> None:
+    rmse = {100: [1.0, 2.0], 200: [3.0, 2.0], 300: [1.0, 2.0]}
+    points = [({SIZE: size}, "w", {"rmse": each, "cpu_seconds": [size] * 2}) for size, each in rmse.items()]
+    found = comparison.compare(place.campaign(points[:2]))
+    assert found.same == "" and "no effect" not in comparison_text.text(found)
+    found = comparison.compare(place.campaign(points))
+    assert found.same == "the same runs, so that tracker.particles had no effect: 100 | 300"
+    assert found.same in comparison_text.text(found) and comparison.as_json(found)["same"] == found.same
+
+
 def test_the_baseline_is_found_where_points_have_no_results_yet(place: Place) -> None:
     folder = place.campaign([({KIND: kind}, "w", {"rmse": rmse}) for kind, rmse in (
         ("a", []), ("b", [1.0] * 5), ("c", [3.0] * 5),

@@ -23,6 +23,7 @@ from wsnsim.analysis.conclusions import PairWords, sentence
 from wsnsim.analysis.network_hints import hint, traffic
 from wsnsim.analysis.pairs import pair_columns, with_pairs
 from wsnsim.analysis.quantities import loss_rule
+from wsnsim.analysis.same_runs import same_runs
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
 from wsnsim.recording import attributes
@@ -63,6 +64,7 @@ class Comparison:
         of_bounds: what bounds take of the readings that may be otherwise, such as that they are independent.
         unit: the unit of the metric.
         lost: when a track is lost, in words; empty if it is unknown.
+        same: which points gave the same runs, as a sentence.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Comparison:
     of_bounds: str = ""
     unit: str = "m"
     lost: str = ""
+    same: str = ""
 
 
 def compare(
@@ -119,8 +122,8 @@ def compare(
         pairs = {row: pair_columns(one[row], one[start], metric) for row, start in baselines.items()}
         table = _concluded(with_pairs(table, pairs), baselines, folder, (chosen, metric, unit))
         unpaired = unpaired or ("" if first else f"the baseline '{baseline}' has no results")
-    lost = loss_rule(dict(runs), _unit(folder, manifest, "rmse"))
-    return Comparison(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit, lost=lost)
+    words = {"lost": loss_rule(dict(runs), _unit(folder, manifest, "rmse")), "same": same_runs(folder, manifest)}
+    return Comparison(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit, **words)
 
 
 def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
@@ -149,6 +152,7 @@ def as_json(found: Comparison) -> dict[str, Any]:
         "unpaired": found.unpaired,
         "unbounded": found.unbounded,
         "of_bounds": found.of_bounds,
+        "same": found.same,
     }
 
 

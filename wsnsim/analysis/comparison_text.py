@@ -140,6 +140,7 @@ def _notes(found: Comparison) -> list[str]:
         notes.append(f"  without {name}: {counted(unknown, 'run')}; medians and means are over the others")
     notes += [f"  no bound: {found.unbounded}"] if found.unbounded else []
     notes += [f"  of the bound: {found.of_bounds}"] if found.of_bounds else []
+    notes += [f"  {found.same}"] if found.same else []
     return [*notes, f"  {found.unpaired}"] if found.unpaired else notes
 
 
