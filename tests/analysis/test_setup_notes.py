@@ -45,6 +45,8 @@ def notes(name: Any, *overrides: str) -> list[str]:
         ("pso_mhpf", [LATE, "step=1 s", "duration=9 s"],
          "mac: late turns radios off, and by energy: listening costs nothing"),
         ("ekf_real", ["network=none"], "energy, link, mac, "),
+        ("ekf_real", ["detection={kind: imperfect, missed: 0.1, stuck_at: 7}"], "detection.stuck_at: no effect while"),
+        ("beacons", ["deploy.position_error=1 m"], "deploy.position_error: no effect with a workload without"),
         ("beacons", ["sensor={kind: range}"], "sensor: no effect with a workload without targets"),
         ("ekf_real", ["faults=[{kind: crash, at: 1, region: [200, 200, 1 mm]}]"], "run 0: faults[0] (crash) hits none"),
     ],
@@ -91,6 +93,7 @@ def test_sleep_that_costs_more_than_it_saves_is_said(prices, says):
         ("gmtt", ["motion.speed=[100, 200]"]),
         ("pso_mhpf", ["duration=0.4 s"]),
         ("collection", [XMAC, "routing.i_min=3 s"]),
+        ("ekf_real", ["detection={kind: imperfect, stuck: 0.1, stuck_at: 7}"]),
     ],
 )
 def test_what_still_makes_sense_is_not_noted(name, overrides):

@@ -15,7 +15,12 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.analysis import connectivity
-from wsnsim.analysis.effect_notes import covering_range, faults_that_hit_nobody, keys_without_effect
+from wsnsim.analysis.effect_notes import (
+    covering_range,
+    faults_that_hit_nobody,
+    keys_without_effect,
+    parameters_without_effect,
+)
 from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.errors import RunError
 from wsnsim.base.hop_times import CAP_SHARE, is_duty_cycled
@@ -228,6 +233,7 @@ def beacons_that_fill_the_channel(setup: Setup) -> Iterator[str]:
 
 NOTES: Final[tuple[Callable[[Setup], Iterator[str]], ...]] = (
     keys_without_effect,
+    parameters_without_effect,
     faults_that_hit_nobody,
     motions_beyond_the_field,
     steps_across_the_field,
