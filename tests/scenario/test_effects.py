@@ -1,0 +1,268 @@
+"""Every parameter of every kind changes some table, is refused, is noted, or stands here with the reason.
+
+Each kind runs in its smallest scenario, shortened: with a network, without one, and without targets. One parameter at a
+time gets other values, to one of which a table must answer.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import types
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+import pytest
+
+from wsnsim import experiment, scenario
+from wsnsim.analysis import setup_notes
+from wsnsim.base.errors import RunError, ScenarioError
+from wsnsim.base.tables import TABLES, Memory
+from wsnsim.scenario.fields import fields_of, nested_of, roles_of
+from wsnsim.scenario.kind_examples import example_of
+from wsnsim.scenario.registry import ROLES, find, load_class
+from wsnsim.scenario.roles import Scope
+
+MODES: Final = {"network": Scope(), "standalone": Scope(network=False), "workload": Scope(targets=False)}
+STEPS: Final = 10
+
+
+def names_in(part: type[Any]) -> list[str]:
+    """The parameters of a component, those of datasheets included; of components of a role within it, none."""
+    nested, held = nested_of(part), roles_of(part)
+    inner = [[f"{name}.{each}" for each in fields_of(nested[name])] if name in nested else [name]
+             for name in fields_of(part) if name not in held]  # fmt: skip
+    return [name for names in inner for name in names]
+
+
+CASES: Final = [
+    (mode, role.name, row.kind)
+    for mode, scope in MODES.items()
+    for role in ROLES.values()
+    if scope.uses(role)
+    for row in role.kinds
+    if names_in(load_class(row)) and (role.name != "workload" or mode == "workload")
+]
+
+
+ENRICHED: Final[dict[tuple[str, str], dict[str, Any]]] = {
+    ("motion", "random_waypoint"): {"pause": [0.1, 0.5]},
+    ("sensor", "rssi"): {"noise": "student_t", "shadowing": 2.0},
+    ("detection", "imperfect"): {"stuck": 0.3},
+    ("link", "log_normal"): {"interference": "sinr"},
+}
+"""Values with which other parameters of a kind have an effect."""
+REASONS: Final[dict[str, dict[str, str]]] = {
+    "deploy": {
+        "* cover": "these fields are covered, or may be uncovered, anyway",
+        "* draws": "a limit that is not reached",
+        "standalone file *": "the field of a file matters to clusters, coverage and trackers that use it",
+        "workload file *": "the field of a file matters to clusters, coverage and trackers that use it",
+        "workload anchors *": "the field of a list matters to clusters, coverage and trackers that use it",
+        "standalone anchors *": "the field of a list matters to clusters, coverage and trackers that use it",
+    },
+    "motion": {
+        "* bounded_velocity c[12]": "the target does not reach the bound",
+        "* draws": "a limit that is not reached",
+        "* random_waypoint pause": "the target reaches no point",
+        "* waypoints points": "the target does not reach the last point",
+        "* skip_bad_rows": "the file has no bad row",
+    },
+    "sensor": {
+        "* rssi floor": "no target is so near",
+        "* least": "no target is so near",
+        "* recorded several": "the file has one reading of a node at a step",
+        "* recorded skip_bad_rows": "the file has no bad row",
+        "* recorded in_sample": "the law was not fitted to the file",
+        "standalone range beyond": "all sensors are in range",
+    },
+    "energy": {
+        "* radio.turnaround*": "the links and MACs of these scenarios give their own",
+        "* radio.wake*": "the radio is not put to sleep, or into one of its listed states",
+        "* radio.sleep*": "the radio is not put to sleep, or into one of its listed states",
+        "* radio.doze*": "only duty-cycled MACs doze",
+        "* radio.sensitivity": "the link gives its own",
+        "* radio.noise": "the link gives its own",
+        "* radio.modulation": "the link gives its own",
+        "* radio.voltage": "said for readers: powers are in W",
+        "workload * capacitance": "nodes without targets compute nothing",
+        "workload * voltage": "nodes without targets compute nothing",
+        "workload * processor.*": "nodes without targets compute nothing and do not sleep",
+        "workload * switch": "nodes do not sleep",
+        "* sleep": "nodes do not sleep",
+    },
+    "link": {
+        "* carrier_sense": "nodes within it hear each other anyway",
+        "* cca_mode": "no frame is sensed by its energy alone",
+        "* interference": "no two frames meet",
+        "* capture_margin": "no two frames meet",
+        "* recorded *": "the two nodes hear each other throughout the recording",
+    },
+    "mac": {
+        "* max_psdu": "no frame is so long",
+        "* [sl]ifs": "no frame follows another at once",
+        "* sifs_bytes": "no frame follows another at once",
+        "* idle_slots": "every member has a reading",
+        "network * ack*": "no acknowledgement is lost or late",
+        "network * max_retries": "no frame is lost so often",
+        "network * max_be": "no frame is lost so often",
+        "network * linger": "no frame follows another at once",
+        "network contikimac *": "a run of a few steps ends before receivers are known",
+        "network tsch *": "no two frames meet, and the channels are alike",
+        "workload *": "beacons go to all: no acknowledgement, no retry, no frame that follows another",
+    },
+    "packing": {"* frames *": "no burst is so long"},
+    "routing": {
+        f"* ctp {name}": "few datagrams, none lost, in a few steps"
+        for name in ("retries", "queue", "packet_time", "patience", "places", "candidates")
+    },
+    "sleep": {"workload *": "nodes that only send beacons do so on schedule"},
+    "cpu": {"workload *": "nodes without targets compute nothing"},
+    "clock": {"workload *": "nothing depends on the time of a clock"},
+    "sync": {"* ftsp *": "a run of a few steps ends before the first message"},
+    "sink": {f"* {name}": "the node nearest to the point is the same" for name in ("x", "y", "points")},
+    "fault": {
+        "* link_loss loss": "no frame of a node that is hit is sent while it lasts",
+        "* clock_step *": "no reading falls into the jump",
+    },
+    "wakeup": {
+        "* sensitivity": "calls reach all neighbours",
+        "* power": "calls reach all neighbours",
+        "* path_gain": "calls reach all neighbours",
+    },
+    "clusters": {
+        "* handover_fraction": "no handover in a few steps",
+        "* minimum_active": "enough members are active",
+        "* successor_rule": "no handover in a few steps",
+        "* threshold": "every battery is full",
+        "* central [xy]": "the node nearest to the point is the same",
+        "* patience": "no head loses its target in a few steps",
+        "* share": "enough members are active",
+    },
+    "acquire": {"*": "no track is lost in a few steps"},
+    "tracker": {
+        "* ipf threshold": "the cloud stays good",
+        "* handover": "no handover in a few steps, and none without a network",
+        "* deadline": "every answer is in time",
+        "* imm added_sd": "the models have the same columns",
+        "standalone * reading_bits": "readings take one packet in any case",
+    },
+}
+"""Role: {mode, kind and parameter: why no table shows it in these short runs}."""
+SLEEP: Final = {"kind": "duty_cycle", "period": 0.1, "awake_share": 0.5, "phases": "staggered"}
+
+
+def base_of(folder: Path, mode: str, role: str, kind: str) -> dict[str, Any]:
+    """The values of a short scenario with a kind; the files that it names are put into the folder."""
+    example, key = example_of(ROLES[role], kind, ()), ROLES[role].listed if ROLES[role].optional else role
+    for name, content in example.files.items():
+        (folder / name).write_text(content)
+    (folder / "x.yaml").write_text(example.text())
+    values = scenario.resolved(scenario.load(folder / "x.yaml"))
+    if mode == "workload" and values.get("workload", {"kind": "tracking"})["kind"] == "tracking":
+        values = scenario.resolved(scenario.load("beacons")) | {key: values[key]}
+    if mode == "standalone":
+        values = {name: value for name, value in values.items() if name != "until"} | {"network": "none"}
+    step = values["step"]
+    values["duration"] = min(values["duration"], STEPS * step if mode != "workload" else 20.0)
+    for fault in values.get("faults", ()):
+        fault.update(at=1.5 * step, nodes=list(range(250 if mode != "workload" else 90)), duration=2 * step)
+        if kind == "drain":
+            del fault["duration"]
+    if role == "energy" and mode == "network":
+        values["sleep"] = SLEEP
+    for name, value in ENRICHED.get((role, kind), {}).items():
+        holder(values, role, name)[0][name] = value
+    return values
+
+
+def alternatives(value: Any, hint: Any) -> list[Any]:
+    """Other values of a parameter, most telling first."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return alternatives(value, arguments[0])
+    if origin is Literal:
+        return [each for each in arguments if each != value]
+    if origin in (Union, types.UnionType):
+        return [each for one in arguments if one is not type(None) for each in alternatives(value, one)]
+    if hint is bool:
+        return [not value]
+    if hint in (float, int):
+        known = isinstance(value, float | int)
+        near = [value * 2, value / 2, value + 60, value + 1, value - 1] if known else [0.5, 1, 5, 0.05, 50]
+        return [each for each in dict.fromkeys(hint(each) for each in near) if each != value]
+    if origin is tuple and value:
+        flat = isinstance(value[0], float | int) and not isinstance(value[0], bool)
+        return (
+            [[2 * each for each in value], [0.5 * each for each in value], [each + 1 for each in value], value[:-1]]
+            if flat
+            else [value[:-1], value[::-1]]
+        )
+    if origin is tuple:
+        inner = arguments[0]
+        count = 3 if ... in arguments else len(arguments)
+        return [[each] * count for each in alternatives(None, inner)[:4]]
+    return []
+
+
+def hint_of(part: type[Any], name: str) -> Any:
+    outer, _, inner = name.partition(".")
+    return get_type_hints(nested_of(part)[outer])[inner] if inner else get_type_hints(part)[outer]
+
+
+def holder(values: dict[str, Any], role: str, name: str) -> tuple[Any, str]:
+    top = values["faults"][0] if role == "fault" else values.get(role) or values["targets"][0]
+    outer, _, inner = name.partition(".")
+    return (top[outer], inner) if inner else (top, outer)
+
+
+def outcome(values: dict[str, Any]) -> tuple[str, str]:
+    """(digest of all tables, or why there are none; the notes) of a run."""
+    try:
+        setup = scenario.build(scenario.load(values))
+    except ScenarioError as error:
+        return "refused", str(error)
+    memory = Memory(dict.fromkeys(TABLES, True))
+    try:
+        experiment.replicate_of(setup, 0, memory)
+    except RunError as error:
+        return "failed", str(error)
+    digest = hashlib.blake2b()
+    for table in TABLES:
+        for name, column in memory.table(table).items():
+            if name != "cpu_seconds":
+                digest.update(np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest(), "\n".join(setup_notes.before_a_run(setup))
+
+
+def is_silent(base: dict[str, Any], usual: tuple[str, str], role: str, part: type[Any], name: str) -> bool:
+    """Whether no value of a parameter changes a table, though some are allowed, and no note says so.
+
+    Texts, such as names of files and columns, are not varied.
+    """
+    top, key = holder(base, role, name)
+    answers = []
+    for value in alternatives(top.get(key), hint_of(part, name))[:6]:
+        values = copy.deepcopy(base)
+        top, _ = holder(values, role, name)
+        top[key] = value
+        answers.append(outcome(values))
+        if answers[-1][0] not in ("refused", usual[0]) or f"{role}.{name}: no effect" in answers[-1][1]:
+            return False
+    return any(found != "refused" for found, _ in answers)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("role", ROLES)
+def test_every_parameter_changes_a_table_is_refused_is_noted_or_has_a_reason(role: str, tmp_path: Path) -> None:
+    silent = []
+    for mode, _, kind in (case for case in CASES if case[1] == role):
+        base = base_of(tmp_path, mode, role, kind)
+        usual = outcome(base)
+        part = load_class(find(role, kind))
+        if usual[0] != "refused":
+            silent += [f"{mode} {kind} {name}" for name in names_in(part) if is_silent(base, usual, role, part, name)]
+    reasons = REASONS.get(role, {})
+    assert [one for one in silent if not any(fnmatch(one, pattern) for pattern in reasons)] == []
