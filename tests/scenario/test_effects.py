@@ -116,7 +116,7 @@ REASONS: Final[dict[str, dict[str, str]]] = {
     "packing": {"* frames *": "no burst is so long"},
     "routing": {
         f"* ctp {name}": "few datagrams, none lost, in a few steps"
-        for name in ("retries", "queue", "packet_time", "patience", "places", "candidates")
+        for name in ("retries", "queue", "packet_time", "patience", "places", "candidates", "i_max")
     },
     "sleep": {"workload *": "nodes that only send beacons do so on schedule"},
     "cpu": {"workload *": "nodes without targets compute nothing"},
@@ -194,12 +194,13 @@ def alternatives(value: Any, hint: Any) -> list[Any]:
         near = [value * 2, value / 2, value + 60, value + 1, value - 1] if known else [0.5, 1, 5, 0.05, 50]
         return [each for each in dict.fromkeys(hint(each) for each in near) if each != value]
     if origin is tuple and value:
-        flat = isinstance(value[0], float | int) and not isinstance(value[0], bool)
-        return (
-            [[2 * each for each in value], [0.5 * each for each in value], [each + 1 for each in value], value[:-1]]
-            if flat
-            else [value[:-1], value[::-1]]
-        )
+        numbers = isinstance(value[0], float | int)
+        scaled = numbers and [
+            [2 * each for each in value],
+            [0.5 * each for each in value],
+            [each + 1 for each in value],
+        ]
+        return [*(scaled or [value[::-1]]), value[: len(value) // 2], value[:-1]]
     if origin is tuple:
         inner = arguments[0]
         count = 3 if ... in arguments else len(arguments)
