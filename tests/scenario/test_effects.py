@@ -65,6 +65,7 @@ REASONS: Final[dict[str, dict[str, str]]] = {
     },
     "motion": {
         "* bounded_velocity c[12]": "the target does not reach the bound",
+        "* bounded_velocity bound": "the target does not reach it",
         "* draws": "a limit that is not reached",
         "* random_waypoint pause": "the target reaches no point",
         "* waypoints points": "the target does not reach the last point",
