@@ -265,4 +265,6 @@ def test_a_target_whose_nodes_are_all_unknown_was_not_followed():
         + OF_FILTER
     )
     said = sentence(facts(tracked=[0.0, 1.0]))
-    assert said.startswith("The target was never lost in both runs (tracked at 50 % of the steps), but with")
+    assert said.startswith(
+        "The target was never lost in both runs (error above 20 m or no estimate for 4 s) (tracked at 50 % of"
+    )

@@ -23,7 +23,8 @@ RUN = {
     "handovers": 0, "frames_sent": 0, "frames_lost": 0, "packets_sent": 0, "in_range": 0, "delivered": 0, "collided": 0,
     "access_failures": 0, "retries": 0, "cycles": 0.0, "tracked": 1.0, "tracked_three": 1.0, "awake": 1.0, "alive": 9,
     "first_death": NAN, "half_dead": NAN, "coverage": 1.0, "cpu_seconds": 0.1, "fingerprint": 3, "event_fingerprint": 4,
-    "losses": 0, "time_lost": 0.0, "lost_share": 0.0, "nees": 1.0, "nis": NAN,
+    "losses": 0, "time_lost": 0.0, "lost_share": 0.0, "nees": 1.0, "nis": NAN, "lost_window": 4.0, "lost_limit": 20.0,
+    "nees_median": 1.0, "singular": 0,
 }  # fmt: skip
 ESTIMATE = {
     "replicate": 0, "target": 0, "step": 2, "time": START, "issued": 1.02, "px": 3.0, "vx": 0.0, "py": 4.0, "vy": 0.0,

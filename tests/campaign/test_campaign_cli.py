@@ -402,9 +402,9 @@ def test_a_folder_that_takes_nothing_is_refused(
     assert main(["sweep", sweep, "-q", "-o", str(place / "c")]) == 0
     mount("ro")
     capsys.readouterr()
-    for source in ([str(place / "c")], [sweep, "-o", str(place / "c")], [sweep, "-o", str(place / "d")]):
-        assert main(["sweep", *source]) == 2
-        assert f"wsnsim: error: cannot write {source[-1]}: Read-only file system\n" == capsys.readouterr().err
+    assert main(["sweep", str(place / "c"), "-q"]) == 0 and "RMSE" in capsys.readouterr().out, "it is complete"
+    assert main(["sweep", sweep, "-o", str(place / "d")]) == 2
+    assert f"wsnsim: error: cannot write {place / 'd'}: Read-only file system\n" == capsys.readouterr().err
     assert main(["collect", str(place / "c"), "-o", "copy"]) == 0
 
 

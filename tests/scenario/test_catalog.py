@@ -138,10 +138,12 @@ pso_mhpf = mylab_trackers:Mine
 PROBE = """
 import json, sys
 from wsnsim import scenario
+from wsnsim.base import border
 from wsnsim.base.errors import ScenarioError
 from wsnsim.scenario.registry import find, kinds
 from wsnsim.scenario.json_schema import json_schema
 
+border.checked_setup = lambda setup: setup  # the components have no behaviour
 source = json.load(sys.stdin)
 loaded = scenario.load(source, ["tracker.kind=mine", "tracker.memory=2 min"])
 try:

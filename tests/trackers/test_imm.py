@@ -255,7 +255,7 @@ def test_the_mode_probabilities_follow_the_turns_and_the_error_is_below_that_of_
 
 @pytest.mark.thorough
 def test_listed_models_are_stored_set_and_swept(tmp_path) -> None:
-    loaded = scenario.load("imm", ["tracker.models.1.q=0.3", "duration=1 s"])
+    loaded = scenario.load("imm", ["tracker.models.1.q=0.3", "duration=1.2 s"])
     kept = scenario.resolved(loaded)["tracker"]["models"]
     assert [one["kind"] for one in kept] == ["constant_velocity", "coordinated_turn"] and kept[1]["q"] == 0.3
     again = wsnsim.load(scenario.resolved(loaded))

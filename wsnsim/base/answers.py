@@ -74,7 +74,7 @@ CHOICES: Final[Mapping[str, Callable[[Mapping[str, Any]], Sequence[int]]]] = {
 """The nodes among which a method chooses."""
 
 
-class Wanted(NamedTuple):
+class ExpectedAnswer(NamedTuple):
     """What is demanded of an answer beside its type.
 
     Attributes:
@@ -108,7 +108,7 @@ def is_protocol(kind: Any) -> bool:
     return isinstance(kind, type) and bool(getattr(kind, "_is_protocol", False))
 
 
-def fault_of(annotation: str, value: Any, wanted: Wanted) -> str:
+def fault_of(annotation: str, value: Any, wanted: ExpectedAnswer) -> str:
     """Return what is wrong with a value of which the annotation of a port says the type."""
     options = _parts(annotation, "|")
     if len(options) > 1:
@@ -140,7 +140,7 @@ def _parts(annotation: str, separator: str) -> list[str]:
     return [part.strip() for part in parts]
 
 
-def _tuple_fault(kinds: list[str], value: Any, wanted: Wanted) -> str:
+def _tuple_fault(kinds: list[str], value: Any, wanted: ExpectedAnswer) -> str:
     if kinds[-1] == "...":
         kinds = [kinds[0]] * len(value) if isinstance(value, tuple) else [""]
     if not isinstance(value, tuple) or len(value) != len(kinds):

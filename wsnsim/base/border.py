@@ -31,7 +31,7 @@ from wsnsim.base import (
     standalone,
     synchronisation,
 )
-from wsnsim.base.answers import CHOICES, INFINITE, SHAPES, SIGNED, Wanted, fault_of, is_protocol, told
+from wsnsim.base.answers import CHOICES, INFINITE, SHAPES, SIGNED, ExpectedAnswer, fault_of, is_protocol, told
 from wsnsim.base.checked_flows import checked_flow
 from wsnsim.base.checked_services import CheckedServices
 from wsnsim.base.errors import PluginAnswerError, WsnsimError
@@ -152,7 +152,7 @@ def _demand(component: Any, name: str, returns: str, found: Any, given: Mapping[
     shape = SHAPES[name](component, given) if name in SHAPES and given else None
     shapes = shape if isinstance(shape, list) else [] if shape is None else [shape]
     infinite, signed = name in INFINITE, name in SIGNED
-    fault = fault_of(returns, found, Wanted(NAMES, shapes, component._border, infinite, signed))
+    fault = fault_of(returns, found, ExpectedAnswer(NAMES, shapes, component._border, infinite, signed))
     if not fault and given and name in CHOICES and found is not None and found not in CHOICES[name](given):
         fault = told("one of the nodes that it was given", found)
     if fault and all(map(_is_finite, given.values())):  # otherwise it is not to blame

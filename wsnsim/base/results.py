@@ -171,8 +171,9 @@ def summarise(
         rows.append({**key, **track_row(track.estimates, columns, rule), **track.counts})
     column_rmse = np.array(deviations) if deviations else np.empty((0, 0))
     run = {"replicate": replicate, **_run_row(result, errors, rows)}
-    rule = (setup.lost_window * setup.dt, setup.lost_limit) if isinstance(setup, TrackingSetup) else (NAN, NAN)
-    run |= zip(("lost_window", "lost_limit"), rule, strict=True)
+    tracking = setup if isinstance(setup, TrackingSetup) else None
+    run["lost_window"] = tracking.lost_window * tracking.dt if tracking else NAN
+    run["lost_limit"] = tracking.lost_limit if tracking else NAN
     run |= consistency(estimates, len(setup.motions[0].position) if isinstance(setup, TrackingSetup) else 1)
     run["cpu_seconds"] = time.process_time() - started
     for table, written in (("tracks", rows), ("runs", [run])):

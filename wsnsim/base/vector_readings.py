@@ -85,7 +85,8 @@ def means(sensor: Any, readings: Floats, groups: Ints, count: int) -> Floats:
     nearest to the first of them. Where the sum is zero, there is no mean direction, and the first one stands.
     """
     columns = readings.reshape(len(readings), -1).T
-    each = [_mean(values, groups, count, period) for values, period in zip(columns, periods_of(sensor), strict=True)]
+    periods = periods_of(sensor)[: len(columns)]
+    each = [_mean(values, groups, count, period) for values, period in zip(columns, periods, strict=True)]
     return each[0] if readings.ndim == 1 else np.column_stack(each)
 
 
@@ -94,11 +95,13 @@ def _mean(values: Floats, groups: Ints, count: int, period: float) -> Floats:
     first[groups[::-1]] = values[::-1]  # of equal indices, the first value stays
     if not period:
         sums = np.bincount(groups, values, count)
-        return np.divide(sums, sizes, out=first, where=sizes > 0)
+        np.divide(sums, sizes, out=first, where=sizes > 0)
+        return first
     across, up = (np.bincount(groups, part(values * tau / period), count) for part in (np.cos, np.sin))
     turned = np.arctan2(up, across) * period / tau - first
     known = (sizes > 1) & (np.hypot(across, up) > CANCELLED * sizes)
-    return np.where(known, first + turned - period * np.round(turned / period), first)
+    result: Floats = np.where(known, first + turned - period * np.round(turned / period), first)
+    return result
 
 
 @lru_cache

@@ -147,7 +147,7 @@ def open_text(path: str) -> Iterator[Any]:
         raise RunError(f"{path}: cannot be read: {irregular}")
     try:
         with Path(path).open("rb") as file, _decompressed(path, file) as content:
-            yield _Lines(content, encoding="utf-8-sig", newline="")
+            yield _LimitedText(content, encoding="utf-8-sig", newline="")
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise RunError(f"{path}: cannot be read: its gzip data is damaged or cut off ({error})") from error
     except OSError as error:
@@ -210,7 +210,7 @@ def _decompressed(path: str, file: Any) -> Any:
 
 
 @final
-class _Lines(io.TextIOWrapper):
+class _LimitedText(io.TextIOWrapper):
     """A text whose lines have a greatest length, so that none takes all memory."""
 
     def readline(self, size: int = -1, /) -> str:  # type: ignore[override]

@@ -37,7 +37,7 @@ from wsnsim.models.csvfile import (
     open_text,
 )
 from wsnsim.models.link_bursts import Bursts, LinkRow
-from wsnsim.models.link_recording import LinkRecording, LinkTable, link_recording
+from wsnsim.models.link_recording import LinkRecording, RecordedRows, link_recording
 
 COLUMNS: Final = ("datetime", "src", "dst", "channel", "mean_rssi", "pdr")
 """The columns that a file must have; `tx_count` may be missing, others are ignored."""
@@ -103,7 +103,7 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
         raise RunError(f"{path}: contains no row that can be used")
     longest = header.burst + SLACK
     cut = kept["time"][0] > header.begins + longest, kept["time"][-1] < header.ends - longest
-    table = LinkTable(kept, names)
+    table = RecordedRows(kept, names)
     return link_recording(path, table, bursts, _names(table, header.nodes), tuple(bad), cut)
 
 
@@ -150,7 +150,7 @@ def _date(path: str, said: Mapping[str, Any], name: str, missing: float) -> floa
         raise RunError(f"{path}:1: {error}") from error
 
 
-def _rows(path: str, lines: Any, header: _Header) -> tuple[LinkTable, list[BadRow]]:
+def _rows(path: str, lines: Any, header: _Header) -> tuple[RecordedRows, list[BadRow]]:
     """The rows in the order of the file, and those that cannot be used."""
     columns = [name.strip() for name in next(lines, [])]
     if missing := [name for name in COLUMNS if name not in columns]:
@@ -163,7 +163,7 @@ def _rows(path: str, lines: Any, header: _Header) -> tuple[LinkTable, list[BadRo
     rows = np.fromiter(_good_rows(path, lines, columns, header, codes, bad), dtype=list(TYPES.items()))
     if not rows.size and not bad:
         raise RunError(f"{path}: contains no links, only the two lines at its top")
-    return LinkTable(rows, tuple(codes)), bad
+    return RecordedRows(rows, tuple(codes)), bad
 
 
 def _good_rows(
@@ -226,7 +226,7 @@ def _seconds(cell: str, name: str = "datetime") -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def _names(table: LinkTable, count: int) -> tuple[str, ...]:
+def _names(table: RecordedRows, count: int) -> tuple[str, ...]:
     """The names of all nodes: 0, 1, ... if the first line counts so many and no row names another; else those named."""
     found = {table.names[code] for code in np.union1d(table.rows["source"], table.rows["receiver"])}
     numbered = [str(node) for node in range(min(count, 10 * len(found)))]

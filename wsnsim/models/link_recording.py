@@ -60,7 +60,7 @@ class LinkRecording:
     bad: tuple[BadRow, ...]
 
 
-class LinkTable(NamedTuple):
+class RecordedRows(NamedTuple):
     """Rows of links: a structured array (n,) with the fields of `LinkRow`, whose nodes are indices into `names`."""
 
     rows: Any
@@ -69,7 +69,7 @@ class LinkTable(NamedTuple):
 
 def link_recording(
     path: str,
-    table: LinkTable,
+    table: RecordedRows,
     bursts: Bursts,
     names: tuple[str, ...],
     bad: tuple[BadRow, ...],
