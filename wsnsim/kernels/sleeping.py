@@ -71,7 +71,7 @@ def _number(phase: float, period: float, time: float) -> int:
 @exact_inlined
 def _is_on(key: np.uint64, number: int, probability: float) -> bool:
     """Whether a node is awake in a period, of which number 0 contains time 0."""
-    return uniform(mix(key + (np.uint64(number + 1) + ONE) * GOLDEN), 0) < probability
+    return uniform(mix(key + (np.uint64(np.int64(number + 1)) + ONE) * GOLDEN), 0) < probability
 
 
 @exact_kernel
