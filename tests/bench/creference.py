@@ -1,6 +1,6 @@
 """The C side of a ratio: reference.c compiled on the spot, in the ways in which it might be fastest.
 
-with compiled() as programs: programs["gcc's width"](*arguments of kernels.bootstrap.run) -> means, resampled
+with compiled() as programs: programs["gcc's width"](*problem.arguments, problem.keys) -> means, resampled
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The reference problem, and everything that filters it: C, one kernel, one kernel with a Generator, building blocks.
+"""The reference problem, and what a tracker makes of it with the building blocks of wsnsim.
 
 A target of bounded velocity for 600 steps of 0.04 s, ten energy sensors that all hear it at every step, equal weights
 at first, systematic resampling below half of the particles. All of it after kernels.md.
@@ -24,7 +24,7 @@ SD = np.array([3.0, 1.0, 3.0, 1.0])
 
 
 class Reference(NamedTuple):
-    """The problem: truth (601, 4), and what the kernels are given but for their noise."""
+    """The problem: truth (601, 4), and what the program in C is given but for its noise."""
 
     truth: np.ndarray
     arguments: tuple[Any, ...]
@@ -34,10 +34,6 @@ class Reference(NamedTuple):
     def keys(self) -> np.ndarray:
         """(600,) a key a step."""
         return derive_all(SEED, np.arange(STEPS))
-
-    def generator(self) -> np.random.Generator:
-        """A fresh Philox."""
-        return np.random.Generator(np.random.Philox(SEED))
 
     def error(self, means: np.ndarray) -> float:
         """Root mean square error of the position, in m."""

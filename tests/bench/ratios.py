@@ -19,18 +19,17 @@ from tests.bench.creference import Program, compiled
 from tests.bench.entries import ENTRIES, Arguments, Entry, copies
 from tests.bench.filters import STEPS, Reference, composed, reference
 from tests.bench.timing import median_ratio, paired_seconds, row
-from wsnsim.kernels.bootstrap import run, run_with_generator
 
 SIZES = (400, 4000)
 LINE, SENSOR_BOUND = 8, 1.0
-COUNTER_BOUND, PHILOX_BOUND, TWIN_BOUND = 1.15, 1.45, 4.0
+TWIN_BOUND = 4.0
 COMPOSED_BOUNDS = {400: 3.0, 4000: 1.4}
 BATCH = 2e-3
 """Seconds of calls that are timed together."""
 
 
 def filter_rows(repeats: int) -> Iterator[dict[str, Any]]:
-    """The bootstrap filter in one run: C, whole-run kernels, and the building blocks through the loopback driver."""
+    """The bootstrap filter: in C, and as a tracker asks for it through the loopback driver."""
     with compiled() as programs:
         if not programs:
             yield row("C reference", math.nan, "", note="gcc is missing: no C reference")
@@ -39,43 +38,30 @@ def filter_rows(repeats: int) -> Iterator[dict[str, Any]]:
 
 
 def _filters_of(problem: Reference, programs: dict[str, Program], repeats: int) -> Iterator[dict[str, Any]]:
-    size, keys = problem.arguments[0].shape[1], problem.keys
-    acts: dict[str, Callable[[], Any]] = {
-        "whole-run kernel, counter noise": lambda: run(*problem.arguments, keys),
-        "whole-run kernel, Generator(Philox)": lambda: run_with_generator(*problem.arguments, problem.generator()),
-        "building blocks, loopback driver": composed(problem),
-    }
-    references = {f"C, {name}": partial(program, *problem.arguments, keys) for name, program in programs.items()}
-    errors = _same_estimates(problem, acts, references)
-    everything = acts | references
+    size, blocks = problem.arguments[0].shape[1], "building blocks, loopback driver"
+    references = {name: partial(program, *problem.arguments, problem.keys) for name, program in programs.items()}
+    ours = composed(problem)
+    notes = {blocks: f"position error {problem.error(ours()):.2f} m", **_notes(problem, references)}
+    everything = {blocks: ours} | {f"C, {name}": act for name, act in references.items()}
     seconds = dict(zip(everything, paired_seconds(list(everything.values()), repeats), strict=True))
     for name, mine in seconds.items():
         nanoseconds = 1e9 * float(np.median(mine)) / (size * STEPS)
-        note = f"position error {errors[name]:.2f} m" if name in errors else ""
-        yield row(f"bootstrap N={size}: {name}", nanoseconds, "ns/particle-step", note=note)
-    libmvec = [name for name in references if "own" not in name]
-    if not libmvec:
-        return
-    fastest = min(libmvec, key=lambda name: float(np.median(seconds[name])))
-    bounds = dict(zip(acts, (COUNTER_BOUND, PHILOX_BOUND, COMPOSED_BOUNDS[size]), strict=True))
-    for name, bound in bounds.items():
-        ratio = median_ratio(seconds[name], seconds[fastest])
-        yield row(f"bootstrap N={size}: {name} / C", ratio, "", bound, note=f"{fastest}, the faster libmvec build")
-    counter = seconds[next(iter(acts))]
-    for name in references:
-        yield row(f"bootstrap N={size}: whole-run kernel / {name}", median_ratio(counter, seconds[name]), "")
+        yield row(f"bootstrap N={size}: {name}", nanoseconds, "ns/particle-step", note=notes.get(name, ""))
+    libmvec = [f"C, {name}" for name in references if "own" not in name]
+    if libmvec:
+        fastest = min(libmvec, key=lambda name: float(np.median(seconds[name])))
+        ratio, note = median_ratio(seconds[blocks], seconds[fastest]), f"{fastest}, the faster libmvec build"
+        yield row(f"bootstrap N={size}: {blocks} / C", ratio, "", COMPOSED_BOUNDS[size], note=note)
 
 
-def _same_estimates(problem: Reference, acts: Any, references: Any) -> dict[str, float]:
-    """Errors of position of the acts; raises where C and the kernel with the same noise part before the end."""
-    results = {name: act() for name, act in acts.items()}
-    means = {name: found[0] if isinstance(found, tuple) else found for name, found in results.items()}
-    ours, resampled = results["whole-run kernel, counter noise"]
-    for name, act in references.items():
-        theirs, as_often = act()
-        if as_often != resampled or not np.allclose(theirs, ours, rtol=0.0, atol=1e-6):
-            raise RuntimeError(f"{name} and the kernel give different estimates: their times say nothing")
-    return {name: problem.error(found) for name, found in means.items()}
+def _notes(problem: Reference, references: dict[str, Callable[[], Any]]) -> dict[str, str]:
+    """The position errors of the builds in C; raises where two builds part before the end."""
+    found = {name: act() for name, act in references.items()}
+    for name, (means, resampled) in found.items():
+        first, as_often = next(iter(found.values()))
+        if resampled != as_often or not np.allclose(means, first, rtol=0.0, atol=1e-6):
+            raise RuntimeError(f"C, {name}: gives other estimates than the first build: their times say nothing")
+    return {f"C, {name}": f"position error {problem.error(means):.2f} m" for name, (means, _) in found.items()}
 
 
 def kernel_rows(repeats: int) -> Iterator[dict[str, Any]]:
@@ -130,7 +116,7 @@ def _call_seconds(functions: list[Callable[..., Any]], arguments: Arguments, rep
 
 
 def compile_rows(repeats: int) -> Iterator[dict[str, Any]]:
-    """Every kernel of the table and the whole-run filter called once in a new process: nothing cached, then all."""
+    """Every kernel of the table called once in a new process: nothing cached, then all."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "tests.bench.cold"]
         for name, bound in (("cold", 30.0), ("cached", 1.0)):

@@ -1,8 +1,8 @@
 /* The yardstick: a bootstrap particle filter (Gordon, Salmond, Smith 1993) as a good C programmer would write it.
 
-   It is the filter of wsnsim/kernels/bootstrap.py, operation by operation: Jiang's bounded velocity (eqs. 1-4) and
-   acoustic energy (eqs. 5-8), S sensors with known gains, the counter noise of kernels/noise.py, the weighted mean of
-   each step, systematic resampling where fewer than threshold * n particles are effective.
+   Jiang's bounded velocity (eqs. 1-4) and acoustic energy (eqs. 5-8), S sensors with known gains, the counter noise of
+   kernels/noise.py, the weighted mean of each step, systematic resampling where fewer than threshold * n particles are
+   effective.
 
    gcc -O3 -march=native -ffast-math; logarithms, exponentials, sines and cosines are libmvec's. Structure of arrays,
    sensor-outer and particle-inner loops, one division for two readings, one logarithm a particle. Sine and cosine stand

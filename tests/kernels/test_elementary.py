@@ -6,7 +6,7 @@ from numba import njit
 
 from wsnsim.base import rng
 from wsnsim.kernels.compilation import OPTIONS
-from wsnsim.kernels.elementary import exp, log, normal_pair
+from wsnsim.kernels.elementary import exp, exp2, log, log2, normal_pair
 
 SAME_OPTIONS = {**OPTIONS, "cache": False}
 
@@ -36,6 +36,15 @@ def powers(x, exponent):
 
 
 @njit(**SAME_OPTIONS)
+def logs_and_powers_to_base_two(x, exponent):
+    result = np.empty((2, x.size))
+    for i in range(x.size):
+        result[0, i] = log2(x[i])
+        result[1, i] = exp2(exponent * log2(x[i]))
+    return result
+
+
+@njit(**SAME_OPTIONS)
 def pairs(keys, pair):
     result = np.empty((2, keys.size))
     for i in range(keys.size):
@@ -61,6 +70,18 @@ def test_a_power_made_of_both_keeps_its_digits_when_the_compiler_reorders():
     """Fast-math once distributed a factor over a large constant in the logarithm, and lost a tenth of the result."""
     d = np.linspace(1.0, 1e5, 5001)
     assert np.allclose(powers(d, -1.1), d**-1.1, rtol=1e-12, atol=0.0)
+
+
+def test_powers_to_the_base_two_agree_with_the_library():
+    x = np.concatenate([10.0 ** np.linspace(-250, 250, 20001), np.linspace(0.5, 2.0, 2001)])
+    for exponent in (-1.1, 1.0, 0.3):
+        found, powers = logs_and_powers_to_base_two(x, exponent)
+        assert np.allclose(found, np.log2(x), rtol=1e-15, atol=1e-15)
+        assert np.allclose(powers, x**exponent, rtol=1e-12, atol=0.0)
+    d = np.linspace(1.0, 1e5, 5001)
+    assert np.allclose(logs_and_powers_to_base_two(d, -1.1)[1], d**-1.1, rtol=2e-14, atol=0.0)
+    last = logs_and_powers_to_base_two(np.array([1e300, np.inf]), -9.0)[1]
+    assert np.allclose(last, 2.0**-1000, rtol=1e-12)
 
 
 @pytest.mark.parametrize("pair", [0, 1, 5])
