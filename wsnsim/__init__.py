@@ -11,7 +11,6 @@ The public API; its modules are imported at first use.
 from __future__ import annotations
 
 import importlib
-import warnings
 from typing import TYPE_CHECKING, Any
 
 from wsnsim.base.version import __version__ as __version__
@@ -124,9 +123,6 @@ MODULES = frozenset({"bounds", "experiment", "models", "plugins", "scenario", "t
 def __getattr__(name: str) -> Any:
     if name in MODULES:
         return importlib.import_module(f"wsnsim.{name}")
-    if name == "compared":
-        warnings.warn("wsnsim.compared was renamed to wsnsim.compare", DeprecationWarning, stacklevel=2)
-        name = "compare"
     if name not in _HOMES:
         raise AttributeError(f"module 'wsnsim' has no attribute {name!r}")
     return getattr(importlib.import_module(_HOMES[name]), name)

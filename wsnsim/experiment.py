@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 
 import wsnsim.scenario as scenarios
 from wsnsim.base.contained import contained
-from wsnsim.base.deprecation import renamed
 from wsnsim.base.errors import plugin_faults_of_run
 from wsnsim.base.following import RunStart, follower_of
 from wsnsim.base.garbage import only_own_garbage
@@ -317,7 +316,3 @@ def _made(
         if on_time:
             on_time(setup.duration)
     return summaries
-
-
-def __getattr__(name: str) -> Any:
-    return renamed(__name__, name)

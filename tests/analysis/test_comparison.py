@@ -14,7 +14,6 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-import wsnsim
 from wsnsim.analysis import campaigns, comparison, comparison_text, frames, statistics, table_files
 from wsnsim.analysis.comparison_answer import answer
 from wsnsim.analysis.phrases import wrapped
@@ -465,11 +464,6 @@ def test_a_campaign_without_results_has_no_tables_to_write(place: Place) -> None
 def test_every_figure_that_can_be_compared_is_a_column_of_runs() -> None:
     names = {column.name for column in TABLES["runs"]}
     assert set(comparison.MEASURED) <= names
-
-
-def test_the_old_name_of_compare_still_works_with_a_warning() -> None:
-    with pytest.warns(DeprecationWarning, match="wsnsim.compare"):
-        assert wsnsim.compared is wsnsim.compare
 
 
 def test_consistency_is_compared_without_a_pareto_front_since_neither_more_nor_less_is_better(place: Place) -> None:

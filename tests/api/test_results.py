@@ -10,7 +10,7 @@ import pytest
 import wsnsim
 from tests.result_digests import column_digests
 from wsnsim.base.errors import ResultError, RunError, ScenarioError, UsageError
-from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLES, Memory
+from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLES
 from wsnsim.cli import main
 from wsnsim.models.ranging import Range
 from wsnsim.trackers.pso_mhpf import PsoMhpf
@@ -179,22 +179,11 @@ def test_a_failed_run_and_a_missing_folder_are_errors_of_the_package(tmp_path):
         wsnsim.run("rkf", replicates=0)
 
 
-def test_former_arguments_and_fields_work_with_a_warning(plain, tmp_path):
-    memory = Memory()
-    with pytest.warns(DeprecationWarning, match=r"simulate_run"):
-        summary = wsnsim.simulate(wsnsim.load("rkf", ["duration=5 s"]), 0, memory)
-    with pytest.warns(DeprecationWarning, match=r"use result.runs.iloc\[0\]"):
-        assert plain.run["fingerprint"] == summary.run["fingerprint"]
-    with pytest.warns(DeprecationWarning, match=r"Result.errors is deprecated"):
-        assert (plain.errors == summary.errors).all()
-    assert len(memory.table("estimates")["error"]) == len(plain.estimates)
-    report = wsnsim.run("rkf", replicates=2, out=tmp_path / "x.h5", duration=5)
-    with pytest.warns(DeprecationWarning, match=r"Result.summaries"):
-        assert report.summaries[0].run["fingerprint"] == summary.run["fingerprint"]
-    with pytest.raises(AttributeError, match=r"no attribute 'run'"):
-        report.run  # noqa: B018
-    with pytest.warns(DeprecationWarning, match=r"wsnsim.experiment.simulate_run"):
-        from wsnsim.experiment import simulate  # noqa: F401
+def test_an_attribute_that_a_result_has_not_is_named_with_the_nearest(plain):
+    with pytest.raises(AttributeError, match=r"no attribute 'rns' \(did you mean 'runs'"):
+        plain.rns  # noqa: B018
+    with pytest.raises(AttributeError, match=r"the table is result.table\('tracks'\), recorded with keep=\['tracks'\]"):
+        plain.tracks  # noqa: B018
 
 
 def test_progress_is_reported_to_the_caller():

@@ -35,8 +35,6 @@ def test_a_sweep_takes_axes_as_a_mapping_and_shows_its_points(tmp_path):
     assert found._repr_html_().count("<tr>") == 3
     again = wsnsim.sweep("rkf", {"tracker": [Rkf(), Pf(particles=20)]}, out=tmp_path / "s", keep=["estimates"], **FEW)
     assert (again.outcome.done, again.outcome.found) == (0, 4), "it is resumed"
-    with pytest.warns(DeprecationWarning, match=r"use .outcome.found"):
-        assert again.found == 4
     with pytest.raises(AttributeError, match="did you mean 'runs'"):
         found.rns  # noqa: B018
 

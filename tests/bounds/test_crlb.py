@@ -1,8 +1,6 @@
 """Bounds on the tracking error: which exist, and that no tracker of the catalogue is below."""
 
 import dataclasses
-import importlib
-import sys
 
 import numpy as np
 import pytest
@@ -287,10 +285,3 @@ def test_the_comparison_would_notice_a_bound_that_is_too_high():
     wrong = dataclasses.replace(low, covariances=2.0 * low.covariances)
     most = errors.mean() + 3.0 * errors.std(ddof=1) / np.sqrt(20)
     assert (low.rmse**2).mean() <= most < (wrong.rmse**2).mean()
-
-
-def test_the_old_module_of_the_bounds_still_works_with_a_warning():
-    sys.modules.pop("wsnsim.analysis.bounds", None)
-    with pytest.warns(DeprecationWarning, match="wsnsim.bounds"):
-        old = importlib.import_module("wsnsim.analysis.bounds")
-    assert old.bound is bound and old.bound_of_run is bound_of_run

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wsnsim.base.clustering import SeesGeometry, head_protocol
+from wsnsim.base.clustering import SeesGeometry
 from wsnsim.base.estimate import Estimate
 from wsnsim.base.outlook import Appointment, NearNodes, Outlook, predicted_path, steps_in
 from wsnsim.models.appointed import Appointed
@@ -195,7 +195,7 @@ def test_a_number_that_is_not_finite_tells_nothing():
 
 
 def test_the_policy_names_its_protocol_and_sees_the_geometry():
-    assert head_protocol(Appointed()) == "appointing"
+    assert Appointed().protocol == "appointing"
     assert isinstance(Appointed(), SeesGeometry)
     assert not any(isinstance(policy, SeesGeometry) for policy in (StrongestSignal(), MovingHead()))
     assert not Appointed().must_hand_over(0, 17)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tests.helpers.late_mac import LateCsma
-from wsnsim.base.clustering import head_protocol
 from wsnsim.base.hop_times import head_waits, window_of
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.access import Csma, IdealMac
@@ -84,21 +83,6 @@ def test_among_many_nodes_the_successor_is_the_one_that_an_exhaustive_search_fin
 def test_each_policy_names_what_its_heads_do():
     policies = StrongestSignal(), StrongestSignal(successor_rule="elect"), Central(), MovingHead()
     assert [policy.protocol for policy in policies] == ["standing", "electing", "open", "moving"]
-
-
-@pytest.mark.parametrize(
-    ("flags", "protocol"),
-    [
-        ({}, "standing"),
-        ({"calls_election": True}, "electing"),
-        ({"is_open": True}, "open"),
-        ({"moves": True}, "moving"),
-    ],
-)
-def test_a_policy_with_the_flags_of_earlier_versions_gets_its_head_protocol_with_a_warning(flags, protocol):
-    policy = SimpleNamespace(**{"is_open": False, "moves": False, "calls_election": False, **flags})
-    with pytest.warns(DeprecationWarning, match="replaced by `protocol`"):
-        assert head_protocol(policy) == protocol
 
 
 def test_the_open_cluster_has_one_fixed_head_near_its_point():

@@ -183,16 +183,6 @@ def test_a_sheet_whose_levels_and_powers_do_not_match_is_refused(given, words):
         radio_of(**given)
 
 
-def test_a_plugin_model_with_the_former_name_of_mode_power_works_and_is_warned_of():
-    class Former:
-        draw = staticmethod(FirstOrder(idle=0.5).mode_power)
-        switching, turnaround, seconds = FirstOrder.switching, FirstOrder.turnaround, FirstOrder.seconds
-
-    with pytest.warns(DeprecationWarning, match=r"Former.draw.*mode_power"):
-        power = continuous_power(Former())
-    assert power.mode_power(Mode.AWAKE).radio == 0.5
-
-
 def test_a_model_without_power_over_time_has_none():
     assert continuous_power(object()) is None
 

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 import pytest
 
 import wsnsim
-from wsnsim.base.errors import ScenarioError
+from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.part import Quantity, part
 from wsnsim.models.faults import Aimed, Bias, Blackout, ClockStep, Crash, Drain, LinkLoss, Restart, Stuck
 from wsnsim.scenario.registry import kinds
@@ -154,3 +154,20 @@ def test_a_fault_that_breaks_the_contract_is_refused(broken, message, monkeypatc
 def test_a_fault_that_hits_no_node_is_refused():
     with pytest.raises(AssertionError, match=r"'aim'.*hits no node"):
         check_fault(Overheating(at=1.0))
+
+
+@part
+class Hollow(Crash):
+    """A fault whose mechanism can do nothing."""
+
+    mechanism: ClassVar[str] = "hollow"
+
+    def start(self, services):
+        return object()
+
+
+def test_a_mechanism_that_lacks_members_is_refused_by_name():
+    fault = f"faults=[{{kind: '{__name__}:Hollow', at: 0.1 s, nodes: [1]}}]"
+    said = r"Hollow\.start: expected a FaultMechanism, not <object .*>, which lacks begin, end"
+    with pytest.raises(RunError, match=said):
+        wsnsim.experiment.simulate_run(wsnsim.load("pso_mhpf", ["duration=0.4 s", fault]))

@@ -1,4 +1,4 @@
-"""A cluster policy of an earlier version, with flags in place of `protocol`, still runs as the built-in policy does."""
+"""A cluster policy of somebody else, which inherits from none of ours, runs as the built-in of its protocol does."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ from wsnsim.models.clusters import Central, MovingHead, StrongestSignal
 HERE = "tests.network.test_plugin_policy"
 
 
-class _Flags:
-    """What a policy offered before `protocol` existed; the built-in policy decides everything else."""
+class _Policy:
+    """What every policy offers; the built-in policy decides."""
 
-    is_open = False
-    moves = False
-    calls_election = False
+    protocol = "standing"
     minimum_active = 3
     threshold = None
     decides = StrongestSignal()
@@ -32,31 +30,31 @@ class _Flags:
 
 
 @part
-class Standing(_Flags):
-    """A standing cluster by its flags."""
+class Standing(_Policy):
+    """A standing cluster."""
 
 
 @part
-class Electing(_Flags):
-    """A standing cluster whose successor calls an election, by its flags."""
+class Electing(_Policy):
+    """A standing cluster whose successor calls an election."""
 
-    calls_election = True
+    protocol = "electing"
 
 
 @part
-class Open(_Flags):
-    """An open cluster by its flags."""
+class Open(_Policy):
+    """An open cluster."""
 
-    is_open = True
+    protocol = "open"
     minimum_active = 0
     decides = Central()
 
 
 @part
-class Moving(_Flags):
-    """A moving head by its flags."""
+class Moving(_Policy):
+    """A moving head."""
 
-    moves = True
+    protocol = "moving"
     minimum_active = 1
     main = "detection"
     sampling, quiet, cap, patience = 2e-3, 6e-3, 20e-3, 3.0
@@ -73,11 +71,22 @@ BUILT_IN = {
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", BUILT_IN)
-def test_a_policy_with_flags_gives_the_same_run_as_the_built_in_policy(name):
+def test_a_policy_of_somebody_else_gives_the_same_run_as_the_built_in_policy(name):
     scenario, built_in = BUILT_IN[name]
     expected = wsnsim.experiment.simulate_run(wsnsim.load(scenario, ["duration=1 s", f"clusters={built_in}"]))
-    with pytest.warns(DeprecationWarning, match="replaced by `protocol`"):
-        found = wsnsim.experiment.simulate_run(
-            wsnsim.load(scenario, ["duration=1 s", f"clusters={{kind: {HERE}:{name}}}"])
-        )
+    own = wsnsim.load(scenario, ["duration=1 s", f"clusters={{kind: {HERE}:{name}}}"])
+    found = wsnsim.experiment.simulate_run(own)
     assert found.run["fingerprint"] == expected.run["fingerprint"]
+
+
+@part
+class Unnamed:
+    """A policy that does not say what its heads do."""
+
+    minimum_active, threshold = 3, None
+    elect = must_hand_over = successor = _Policy.elect
+
+
+def test_a_policy_without_a_protocol_is_refused():
+    with pytest.raises(wsnsim.ScenarioError, match=r"lacks 'protocol', which every clusters needs"):
+        wsnsim.load("pso_mhpf", [f"clusters={{kind: {HERE}:Unnamed}}"])

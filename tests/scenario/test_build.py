@@ -12,10 +12,7 @@ import yaml
 from tests.helpers import scenario_components
 from tests.helpers.scenario_components import base_scenario, faults_of, kind
 from wsnsim import scenario
-from wsnsim.base import errors
-from wsnsim.base.errors import Issue
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
-from wsnsim.scenario.build import _checked
 
 
 def test_parts_are_the_classes_of_the_kinds_with_the_values_of_the_scenario() -> None:
@@ -106,19 +103,3 @@ def test_kinds_from_outside_are_named_for_provenance() -> None:
     named = scenario.plugins(scenario.load(base_scenario()))
     assert f"tracker {kind('Tracker')}" in named
     assert len(named) == 19
-
-
-def test_a_plug_in_that_still_calls_its_check_faults_is_asked_and_warned() -> None:
-    class Old:
-        def faults(self, setup: object) -> list[Issue]:
-            return [Issue(("sensor",), f"seen with {setup}")]
-
-    with pytest.warns(DeprecationWarning, match=r"Old\.faults .* check"):
-        assert list(_checked(Old(), "a setup")) == [Issue(("sensor",), "seen with a setup")]  # type: ignore[arg-type]
-
-
-def test_the_old_names_of_an_issue_and_of_an_errors_issues_still_work() -> None:
-    with pytest.warns(DeprecationWarning, match="Issue"):
-        assert errors.Fault is Issue
-    with pytest.warns(DeprecationWarning, match="issues"):
-        assert errors.ScenarioError([Issue((), "a")]).faults == (Issue((), "a"),)

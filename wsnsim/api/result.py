@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, final
 
 from wsnsim.api.argument_checks import file_given, result_file
-from wsnsim.api.former_fields import former_field
 from wsnsim.api.result_plots import ResultPlots
 from wsnsim.base.errors import ResultError, UsageError, WsnsimError, did_you_mean
 from wsnsim.base.table_columns import TABLES
@@ -222,9 +221,11 @@ class Result:
             return f"<div><p>{markup.escape(repr(self))}</p><p>{markup.escape(str(error))}</p></div>"
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return former_field(self._report, name)
+        if name in TABLES:
+            keep = f"the table is result.table({name!r}), recorded with keep=[{name!r}]"
+            raise AttributeError(f"a result has no attribute '{name}': {keep}")
+        known = [own for own in vars(type(self)) if not own.startswith("_")]
+        raise AttributeError(f"a result has no attribute '{name}' ({did_you_mean(name, known)})")
 
     def __dir__(self) -> list[str]:
         return [name for name in super().__dir__() if not name.startswith("_") or name.startswith("__")]

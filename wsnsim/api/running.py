@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final, TypeAlias, Unpack
+from typing import Any, TypeAlias, Unpack
 
 import wsnsim.experiment as experiment
 from wsnsim.api.argument_checks import named_as_in_python, result_file
 from wsnsim.api.arguments import Changes, overrides_of
 from wsnsim.api.progress import shown
 from wsnsim.api.result import Result
-from wsnsim.base.errors import UsageError
 from wsnsim.base.progress import Progress
 from wsnsim.base.run_numbers import run_number, run_numbers
 from wsnsim.recording.atomic_files import sole_writer
@@ -21,15 +19,11 @@ from wsnsim.scenario.source_checks import demand_scenario
 
 Source: TypeAlias = Any
 """A scenario: the name of a shipped one, a file, a dict, what `load` returned, or a result file to be run again."""
-FORMER: Final = ("replicate", "recorder", "progress", "plugins")
-"""What stood behind the scenario in a call of `simulate`, in this order."""
-OF_ENGINE: Final = ("command_line", "on_compile", "code")
-"""Former arguments of `run`, which `experiment.run` takes."""
 
 
 def simulate(
     scenario: Source,
-    *former: Any,
+    *,
     seed: int | None = None,
     overrides: Overrides | None = (),
     keep: Iterable[str] | None = (),
@@ -46,7 +40,6 @@ def simulate(
 
     Args:
         scenario: a name, a file, a dict (whose values may be components), or what `load` returned.
-        former: the arguments `replicate` and `recorder` by position, deprecated.
         seed: the seed, if not that of the scenario.
         overrides: values to change, {'link.reach': '60 m'} or ['link.reach=60 m']. Numbers are in SI units.
         keep: tables to record beside those that the scenario records, such as 'events'.
@@ -64,20 +57,9 @@ def simulate(
         RunError: the simulation failed.
         UsageError: there is no such argument or table.
     """
-    given: dict[str, Any] = {"replicate": replicate, "progress": progress, "plugins": plugins, **changes}
-    if len(former) > len(FORMER):
-        raise UsageError(f"simulate() takes one argument by position, the scenario, not {1 + len(former)}")
-    given |= dict(zip(FORMER, former, strict=False))
-    replicate, progress, plugins = (given.pop(name) for name in ("replicate", "progress", "plugins"))
-    recorder = given.pop("recorder", None)
-    chosen = overrides_of("simulate", given, overrides, seed, keep)
+    chosen = overrides_of("simulate", changes, overrides, seed, keep)
     replicate = run_number(replicate)
     loaded = _loaded(scenario, chosen, plugins)
-    if former or recorder is not None:
-        _warn("simulate(scenario, replicate, recorder)", "wsnsim.experiment.simulate_run")
-    if recorder is not None:
-        old: Any = experiment.simulate_run(loaded, replicate, recorder, progress if callable(progress) else None)
-        return old  # type: ignore[no-any-return]
     on_time = None if isinstance(progress, bool) else progress
     with shown(progress, loaded.name, "run") as step:
         report, memory = experiment.run_in_memory(
@@ -133,19 +115,20 @@ def run(  # noqa: PLR0913
         StorageError: the file cannot be written.
         UsageError: there is no such argument or table, or `replicates` is no number of runs.
     """
-    given: dict[str, Any] = dict(changes)
-    of_engine: dict[str, Any] = {name: given.pop(name) for name in OF_ENGINE if name in given}
-    if of_engine:
-        _warn(f"run(..., {next(iter(of_engine))}=...)", "wsnsim.experiment.run")
-    chosen = overrides_of("run", given, overrides, seed, keep)
+    chosen = overrides_of("run", changes, overrides, seed, keep)
     if replicates is not None:
         replicates = run_numbers(replicates)
     target = None if out is None else result_file("out", out)
     loaded = _loaded(scenario, chosen, plugins)
     on_progress = None if isinstance(progress, bool) else progress
     with shown(progress, loaded.name, "runs") as step:
-        of_engine |= {"batch": batch, "timeout": timeout, "progress": _reporting(step, on_progress)}
-        return _made(loaded, replicates, target, of_engine)
+        options: dict[str, Any] = {"command_line": "wsnsim.run", "batch": batch, "timeout": timeout}
+        options["progress"] = _reporting(step, on_progress)
+        if target is None:
+            return Result(*experiment.run_in_memory(loaded, replicates=replicates, **options))
+        with sole_writer(target):
+            report = experiment.run(loaded, replicates=replicates, out=target, **options)
+        return Result(report)
 
 
 def _loaded(scenario: Source, chosen: Sequence[Any], plugins: bool) -> Any:
@@ -153,16 +136,6 @@ def _loaded(scenario: Source, chosen: Sequence[Any], plugins: bool) -> Any:
     demand_scenario(scenario)
     with named_as_in_python():
         return experiment.load(scenario, chosen, plugins)
-
-
-def _made(loaded: Any, replicates: Sequence[int] | None, out: Path | None, options: Mapping[str, Any]) -> Result:
-    options = {"command_line": "wsnsim.run", **options}
-    if out is None:
-        for name in ("on_compile", "code"):
-            options.pop(name, None)
-        return Result(*experiment.run_in_memory(loaded, replicates=replicates, **options))
-    with sole_writer(out):
-        return Result(experiment.run(loaded, replicates=replicates, out=out, **options))
 
 
 def _reporting(
@@ -176,7 +149,3 @@ def _reporting(
         step(now.replicate + now.time / now.duration, now.replicates)
 
     return moved
-
-
-def _warn(what: str, instead: str) -> None:
-    warnings.warn(f"{what} is deprecated: use {instead}", DeprecationWarning, stacklevel=3)

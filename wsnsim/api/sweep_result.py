@@ -5,11 +5,10 @@ from __future__ import annotations
 import html as markup
 import os
 import shutil
-import warnings
 import weakref
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, final
+from typing import TYPE_CHECKING, Any, final
 
 from wsnsim.base.errors import did_you_mean
 from wsnsim.campaign.status import CampaignOutcome
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from wsnsim.api.shown_comparison import ShownComparison
-
-FORMER: Final = ("done", "found", "stopped", "seconds", "left_out")
-"""Fields of the outcome that `sweep` returned."""
 
 
 @final
@@ -99,9 +95,6 @@ class SweepResult:
         return f"<div><p>{markup.escape(repr(self))}</p>{self.compare()._repr_html_()}</div>"
 
     def __getattr__(self, name: str) -> Any:
-        if name in FORMER:
-            warnings.warn(f"SweepResult.{name} is deprecated: use .outcome.{name}", DeprecationWarning, stacklevel=2)
-            return getattr(self.outcome, name)
         known = ("compare", "complete", "failed", "missing", "out", "outcome", "runs", "table")
         raise AttributeError(f"the result of a sweep has no attribute '{name}' ({did_you_mean(name, known)})")
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.deprecation import uses_former
 from wsnsim.base.outlook import Appointment, Outlook
 
 
@@ -99,21 +97,3 @@ class AppointingPolicy(ClusterPolicy, SeesGeometry, Protocol):
 
     def appointment(self, outlook: Outlook) -> Appointment:
         """The rule that the head announces: which nodes are members."""
-
-
-def head_protocol(policy: Any) -> str:
-    """The name of a policy's head protocol.
-
-    A policy written before `protocol` existed has the flags `is_open`, `moves` and `calls_election` instead.
-    """
-    flags = {"is_open": "open", "moves": "moving", "calls_election": "electing"}
-    name = getattr(policy, "protocol", None)
-    if name is not None and not any(uses_former(policy, flag, "protocol") for flag in flags):
-        return str(name)
-    warnings.warn(
-        f"{type(policy).__name__}: the flags is_open, moves and calls_election of a cluster policy are replaced by "
-        "`protocol`: 'standing', 'electing', 'open', 'moving' or 'appointing'",
-        DeprecationWarning,
-        stacklevel=2,
-    )
-    return next((name for flag, name in flags.items() if getattr(policy, flag, False)), "standing")

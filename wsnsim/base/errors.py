@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import difflib
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -80,12 +79,6 @@ class ScenarioError(WsnsimError):
         more = len(self.issues) - MOST_PRINTED
         rest = [f"and {more} more error{'s' * (more > 1)}"] if more > 0 else []
         super().__init__("\n".join([*(str(issue) for issue in self.issues[:MOST_PRINTED]), *rest]))
-
-    @property
-    def faults(self) -> tuple[Issue, ...]:
-        """The old name of `issues`."""
-        warnings.warn("ScenarioError.faults is now ScenarioError.issues", DeprecationWarning, stacklevel=2)
-        return self.issues
 
 
 class ResultError(WsnsimError):
@@ -163,11 +156,3 @@ def nearest(word: str, known: Sequence[str]) -> list[str]:
 def _spelled(word: str, known: Sequence[str], cutoff: float) -> list[str]:
     near = difflib.get_close_matches(word.lower(), [name.lower() for name in known], n=1, cutoff=cutoff)
     return [next(name for name in known if name.lower() == near[0])] if near else []
-
-
-def __getattr__(name: str) -> type[Issue]:
-    """Return a class by its old name."""
-    if name != "Fault":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warnings.warn("wsnsim.base.errors.Fault is now Issue", DeprecationWarning, stacklevel=2)
-    return Issue

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field as field_of
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from wsnsim.base.clustering import MovingPolicy as MovingPolicy
 from wsnsim.base.clustering import SeesGeometry as SeesGeometry
 from wsnsim.base.deployment import Deployment as Deployment
 from wsnsim.base.deployment import Field as Field
-from wsnsim.base.deprecation import renamed
 from wsnsim.base.estimate import NO_INNOVATION as NO_INNOVATION
 from wsnsim.base.estimate import Estimate as Estimate
 from wsnsim.base.estimate import Innovation as Innovation
@@ -368,7 +367,3 @@ class Tracker(Protocol[B]):
             scene: What the head knows at this step.
             ahead: The number of model steps, 1 or more.
         """
-
-
-def __getattr__(name: str) -> Any:
-    return renamed(__name__, name)

@@ -10,10 +10,9 @@ counter keys (see `base.rng`): equal keys give equal random numbers.
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats, Keys
-from wsnsim.base.deprecation import renamed
 from wsnsim.base.faults import FaultEvent as FaultEvent
 from wsnsim.base.medium_access import ContendingMac as ContendingMac
 from wsnsim.base.medium_access import FramedMac as FramedMac
@@ -175,7 +174,3 @@ class StartsWithOffsets(Protocol):
 
     def offsets(self, keys: Keys) -> Floats:
         """(n,) seconds by which the clock of each node is ahead at time 0, given one counter key per node."""
-
-
-def __getattr__(name: str) -> Any:
-    return renamed(__name__, name)

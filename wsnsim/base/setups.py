@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from wsnsim.base.clustering import ClusterPolicy, head_protocol
+from wsnsim.base.clustering import ClusterPolicy
 from wsnsim.base.detection import is_perfect
 from wsnsim.base.faults import FaultEvent
 from wsnsim.base.hop_times import HeadWaits, head_waits
@@ -188,7 +188,7 @@ class NetworkSetup(TrackingSetup, RadioSetup):
     @cached_property
     def head_protocol(self) -> str:
         """The name of the head protocol of the cluster policy; see `ClusterPolicy`."""
-        return head_protocol(self.clusters)
+        return self.clusters.protocol
 
     @cached_property
     def waits(self) -> HeadWaits:

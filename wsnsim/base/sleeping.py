@@ -14,7 +14,6 @@ from enum import Enum
 from typing import Any, NamedTuple, Protocol
 
 from wsnsim.base.arrays import Bools, Floats, Keys
-from wsnsim.base.deprecation import renamed
 from wsnsim.base.radio import Mode
 
 Point = tuple[float, float]
@@ -239,7 +238,3 @@ class WakeUp(Protocol):
             now: what the clock of the node shows.
             chance: a uniform random number of the node for this message, in [0, 1).
         """
-
-
-def __getattr__(name: str) -> Any:
-    return renamed(__name__, name)

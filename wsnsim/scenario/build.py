@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import warnings
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from wsnsim.base.deprecation import uses_former
 from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.scenario.abilities import kinds_with, missing_abilities
 from wsnsim.scenario.combinations import impossible_combinations
@@ -23,7 +21,7 @@ from wsnsim.scenario.registry import ROLES, Role, find
 from wsnsim.scenario.source_checks import demand_loaded
 
 if TYPE_CHECKING:
-    from wsnsim.base.setups import BeaconSetup, Setup, TrackingSetup
+    from wsnsim.base.setups import BeaconSetup, TrackingSetup
     from wsnsim.scenario.schema import Scenario
 
 Keys = tuple[str | int, ...]
@@ -181,7 +179,8 @@ def _issues(scenario: Scenario, setup: TrackingSetup | BeaconSetup, components: 
     found = {
         dataclasses.replace(issue, path=_within(path, issue.path))
         for path, part in components.items()
-        for issue in _checked(part, setup)
+        if hasattr(part, "check")
+        for issue in part.check(setup)
     }
     yield from sorted(found, key=lambda issue: ([str(key) for key in issue.path], issue.message))
     if not scenario.scope.network:
@@ -190,15 +189,6 @@ def _issues(scenario: Scenario, setup: TrackingSetup | BeaconSetup, components: 
     if isinstance(setup, TrackingSetup):
         yield from missing_abilities(scenario, setup)
         yield from _other_columns(scenario, setup)
-
-
-def _checked(part: Any, setup: Setup) -> Iterator[Issue]:
-    """Yield what a component finds wrong with the setup; `faults` is the old name of a plug-in's `check`."""
-    if uses_former(part, "faults", "check"):
-        warnings.warn(f"{type(part).__name__}.faults is now named check", DeprecationWarning, stacklevel=2)
-        yield from part.faults(setup)
-    elif hasattr(part, "check"):
-        yield from part.check(setup)
 
 
 def _within(path: Keys, named: Keys) -> Keys:

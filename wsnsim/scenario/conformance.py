@@ -15,8 +15,6 @@ from wsnsim.scenario.kinds import ROLES
 from wsnsim.scenario.registry import load_class
 
 PORT_MODULES: Final = (ports, radio, sleeping, synchronisation)
-NOT_DEMANDED: Final = ("protocol",)
-"""Members that plug-ins of older versions lack, and that `base.ports` derives for them."""
 
 
 def demand_port(part: type[Any], role: str) -> None:
@@ -26,8 +24,7 @@ def demand_port(part: type[Any], role: str) -> None:
     missing = [
         name
         for name, is_method in port.items()
-        if name not in NOT_DEMANDED
-        and not (callable(getattr(part, name, None)) if is_method else name in fields or hasattr(part, name))
+        if not (callable(getattr(part, name, None)) if is_method else name in fields or hasattr(part, name))
     ]
     if missing:
         raise PartError(f"lacks {', '.join(repr(name) for name in missing)}, which every {role} needs")
