@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from wsnsim.base.errors import Issue, ResultError, ScenarioError
-from wsnsim.recording import read_json, read_table, tables
+from wsnsim.recording import read_json
 from wsnsim.scenario import Overrides, Plugins, listed, load
 
 
@@ -49,15 +49,4 @@ def rerun_source(path: Path) -> dict[str, Any]:
     resolved = read_json(path, "scenario/resolved_json")
     if "extends" in resolved:
         raise ResultError(f"{path}: its stored scenario extends another file, which no run stores")
-    return _of_today(path, resolved)
-
-
-def _of_today(path: Path, resolved: dict[str, Any]) -> dict[str, Any]:
-    """The scenario that makes the same runs today: until wsnsim 0.2.0, runs that track had one step more."""
-    step, duration, size = resolved.get("step"), resolved.get("duration"), tables(path).get("runs")
-    if not (isinstance(step, int | float) and isinstance(duration, int | float) and "tracker" in resolved):
-        return resolved
-    if size is None or not size.rows:
-        return resolved
-    after_start = int(read_table(path, "runs", ["steps"])["steps"].max())
-    return resolved | {"duration": duration + step} if abs(after_start * step - duration) < step / 2 else resolved
+    return resolved

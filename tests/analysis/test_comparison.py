@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -228,21 +227,6 @@ def test_what_is_not_there_is_refused_with_the_nearest(place: Place, asked: dict
     folder = four(place)
     with pytest.raises(UsageError, match=message):
         comparison.compare(folder, **asked)
-
-
-def test_a_campaign_of_an_earlier_version_is_compared_by_what_its_files_hold(place: Place) -> None:
-    """Files without the column `losses`: runs lost at the end count as lost."""
-    folder = place.campaign([({KIND: kind}, "w", {"rmse": [1.0] * 6, "lost": lost}) for kind, lost in (
-        ("a", 0), ("b", [0, 1, 0, 0, 1, 0]),
-    )])  # fmt: skip
-    for batch in folder.batches("p1"):
-        with h5py.File(batch.path, "a") as file:
-            del file["runs/losses"]
-            names = file["runs"].attrs["columns"]
-            file["runs"].attrs["columns"] = [name for name in names if name != "losses"]
-    table = comparison.compare(folder).table
-    assert table["ever_lost"].tolist() == pytest.approx([0.0, 1 / 3])
-    assert (table["lost_alone"][1], table["pairs"][1], table["difference_all"][1]) == (2.0, 4.0, 0.0)
 
 
 def test_groups_are_named_in_conclusions(place: Place) -> None:

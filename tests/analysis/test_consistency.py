@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import gzip
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from wsnsim.analysis import figure_style, figures, plots, summary_text
 from wsnsim.analysis.consistency import state_nees, step_consistency
 from wsnsim.analysis.quantities import QUANTITIES
 from wsnsim.base import metrics
-from wsnsim.base.errors import ResultError
 from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.ports import Estimate
 from wsnsim.base.setups import TrackingSetup
@@ -268,12 +266,3 @@ def test_the_plot_the_summary_and_compare_show_the_same_average(recorded, tmp_pa
     row = next(line for line in summary_text.text(report, {}).splitlines() if "average NEES" in line)
     assert QUANTITIES["nees"].text(found.average, "") in row and "[" in row
     assert "consistency" in [figure.name for figure in svg_figures(recorded, 0)[0]]
-
-
-@pytest.mark.thorough
-def test_a_file_of_an_older_version_says_why_it_has_no_consistency(tmp_path):
-    old = tmp_path / "old.h5"
-    old.write_bytes(gzip.decompress((Path(__file__).parents[1] / "data/version_0_1_offline.h5.gz").read_bytes()))
-    with pytest.raises(ResultError, match="no column nees: the file was written by an older version"):
-        step_consistency(old)
-    assert "older version" in figures.draw(old, tmp_path / "old.svg").left_out["consistency"]

@@ -106,18 +106,6 @@ def test_a_campaign_without_runs_has_no_code_to_keep_to(lab: Path) -> None:
     assert manifest.code_changes == () and manifest.code["moody"]["moody.py"]
 
 
-def test_a_folder_without_digests_says_so(begun: str, capsys: pytest.CaptureFixture[str]) -> None:
-    content = json.loads((RESULTS / "campaign.json").read_text())
-    del content["code"], content["code_changes"]
-    (RESULTS / "campaign.json").write_text(json.dumps(content))
-    capsys.readouterr()
-    assert main(["sweep", begun, "-q"]) == 2
-    assert "were made before digests of the code were kept" in capsys.readouterr().err
-    assert main(["sweep", begun, FLAG, "-q"]) == 0
-    assert Folder(RESULTS).manifest().code_changes[0]["before"] == "unknown"
-    assert main(["sweep", begun, "-q"]) == 0
-
-
 def test_a_complete_campaign_is_shown_and_an_incomplete_one_is_not_resumed_from_its_folder(
     begun: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -130,7 +130,7 @@ def test_a_manifest_comes_back_as_it_was_written(tmp_path: Path) -> None:
         "3",
         '"x"',
         "null",
-        '{"schema_version": 1}',
+        '{"schema_version": 2}',
         '{"schema_version": "1", "points": []}',
         "\udcff",
         "ZERO",
@@ -146,11 +146,15 @@ def test_a_damaged_manifest_is_named_as_such(tmp_path: Path, text: str) -> None:
         folder.manifest()
 
 
-def test_a_manifest_of_the_future_says_so(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("schema", "age"), [(1, "an older"), (99, "a newer")])
+def test_a_campaign_of_another_version_is_refused_in_one_sentence(tmp_path: Path, schema: int, age: str) -> None:
     folder = bare_campaign(tmp_path, {"a": 1})
-    said = json.loads((tmp_path / "campaign.json").read_text()) | {"schema_version": 99, "wsnsim_version": "9.9"}
+    said = json.loads((tmp_path / "campaign.json").read_text()) | {"schema_version": schema, "wsnsim_version": "9.9"}
     (tmp_path / "campaign.json").write_text(json.dumps(said))
-    with pytest.raises(ResultError, match=r"newer wsnsim \(9\.9\)"):
+    with pytest.raises(
+        ResultError,
+        match=rf"written by {age} wsnsim \(9\.9\), whose files .* does not read: use that version, or make .*$",
+    ):
         folder.manifest()
 
 

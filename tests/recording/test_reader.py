@@ -5,10 +5,12 @@ from __future__ import annotations
 import h5py
 import pytest
 
+import wsnsim
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import columns_of
 from wsnsim.recording import ResultFile, attributes, meanings, read_table, read_text, read_with_meanings, tables
 from wsnsim.recording.packed_rows import read_packed_rows
+from wsnsim.verification import verify
 
 
 @pytest.fixture
@@ -85,11 +87,16 @@ def test_an_hdf5_file_of_somebody_else_is_named_so(tmp_path):
         read_table(tmp_path / "x.h5", "truth")
 
 
-def test_a_result_of_a_newer_wsnsim_is_named_so(result):
+@pytest.mark.parametrize(("schema", "age"), [(1, "an older"), (99, "a newer")])
+@pytest.mark.parametrize("read", [tables, wsnsim.load, lambda path: wsnsim.read(path, "runs"), verify])
+def test_a_result_of_another_version_and_its_scenario_are_refused_in_one_sentence(result, schema, age, read):
     with h5py.File(result, "r+") as file:
-        file.attrs["schema_version"] = 2
-    with pytest.raises(ResultError, match="was written by a newer wsnsim"):
-        tables(result)
+        file.attrs.update({"schema_version": schema, "wsnsim_version": "7.6"})
+    sentence = (
+        rf"written by {age} wsnsim \(7\.6\), whose files this one \(\S+\) does not read: use that version, or make .*$"
+    )
+    with pytest.raises(ResultError, match=sentence):
+        read(result)
 
 
 def test_a_truncated_result_is_named_so(result):

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import KINDS, TABLES, columns_of
 from wsnsim.recording import ResultFile, attributes, meanings, read_table, read_text, tables
+from wsnsim.recording.layout import SCHEMA_VERSION
 
 EVERYTHING = dict.fromkeys(TABLES, True)
 
@@ -166,7 +167,7 @@ def test_columns_are_described_so_that_plain_h5py_needs_nothing_else(tmp_path, s
         file.write("events", rows_of("events", 30))
         file.write("truth", rows_of("truth", 3_000))
     with h5py.File(tmp_path / "x.h5") as file:
-        assert (file.attrs["status"], file.attrs["schema_version"]) == ("complete", 1)
+        assert (file.attrs["status"], file.attrs["schema_version"]) == ("complete", SCHEMA_VERSION)
         time, kind, speed = file["events/time"], file["events/kind"], file["truth/vx"]
         assert list(file["events"].attrs["columns"]) == [column.name for column in columns_of("events")]
         assert (time.attrs["units"], time.attrs["description"]) == ("s", "simulated time")

@@ -182,7 +182,7 @@ def _lost(facts: AnswerFacts, lost: int) -> str:
     found, subject = lost - int(facts.lost_at_the_end.sum()), "The target" if _targets(facts) == 1 else "A target"
     if facts.count == 1:
         share = facts.mean("lost_share")
-        how = "but found again" if found else "and not found again" if "losses" in facts.runs else "at the end"
+        how = "but found again" if found else "and not found again"
         return f"{subject} was lost{_rule(facts)} {how}" + (
             f" (for {percent(share)} of the steps)" if share > 0.0 else ""
         )

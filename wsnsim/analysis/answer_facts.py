@@ -93,7 +93,7 @@ class AnswerFacts:
 
     @property
     def ever_lost(self) -> Bools:
-        """(R,) the runs with a track lost at any time, the end included; earlier versions recorded only the latter."""
+        """(R,) the runs with a track lost at any time, the end included."""
         return (self.column("losses") > 0) | self.lost_at_the_end
 
     @property

@@ -29,7 +29,7 @@ POINT = "point"
 
 
 def read(
-    path: str | Path, table: str, columns: Sequence[str] | None = None, younger: Sequence[str] = ()
+    path: str | Path, table: str, columns: Sequence[str] | None = None, may_lack: Sequence[str] = ()
 ) -> pd.DataFrame:
     """A table of a campaign, in the order of points, runs and recorded rows.
 
@@ -41,7 +41,7 @@ def read(
         path: the folder of the campaign.
         table: name of the table.
         columns: the columns to read; None for all.
-        younger: those of them that files of earlier versions lack, which then are NaN.
+        may_lack: those of them that a file may lack, which then are NaN.
 
     Raises:
         ResultError: there is no campaign or no result, or a file cannot be read.
@@ -52,7 +52,7 @@ def read(
     if not owned:
         raise ResultError(f"{folder.path}: holds no results yet")
     wanted = None if columns is None else list(dict.fromkeys(["replicate", *columns]))
-    together, counts = _rows(folder, [path for _, path in owned], table, wanted, younger)
+    together, counts = _rows(folder, [path for _, path in owned], table, wanted, may_lack)
     files = np.repeat(np.arange(len(owned)), counts)
     owners = np.array([number for number, _ in owned], dtype=np.int64)[files]
     chosen = _chosen(manifest.points, owners, together["replicate"].to_numpy().astype(np.int64), files)
@@ -75,7 +75,7 @@ def _batches(folder: Folder, point: PointOnDisk) -> list[Batch]:
 
 
 def _rows(
-    folder: Folder, files: Sequence[Path], table: str, columns: Sequence[str] | None, younger: Sequence[str]
+    folder: Folder, files: Sequence[Path], table: str, columns: Sequence[str] | None, may_lack: Sequence[str]
 ) -> tuple[pd.DataFrame, Ints]:
     """The rows of all files, and the number of those of each file."""
     if table in SHORT_TABLES:
@@ -84,7 +84,7 @@ def _rows(
         if found is not None and (columns is None or set(columns) <= found.columns.keys()):
             frame = data_frame({n: found.columns[n] for n in columns or found.columns}, found.words)
             return frame, found.counts
-    frames = [_of_file(file, table, columns, younger) for file in tracked(files, f"files read, table {table}")]
+    frames = [_of_file(file, table, columns, may_lack) for file in tracked(files, f"files read, table {table}")]
     return stacked(files, frames, table), np.array([len(frame) for frame in frames])
 
 
@@ -112,23 +112,17 @@ def metric(folder: Folder, point: str, name: str, replicates: int) -> tuple[Floa
 
 
 def ever_lost(runs: pd.DataFrame) -> Bools:
-    """(runs,) whether a track was lost at any time, of rows of the table `runs`.
-
-    Where `losses` is missing or unknown, in files of an earlier version, those lost at the end count.
-    """
-    at_end = runs["lost"].to_numpy(dtype=np.float64)
-    if "losses" not in runs:
-        return np.asarray(at_end > 0.0)
-    losses = runs["losses"].to_numpy(dtype=np.float64)
-    return np.asarray(np.where(np.isfinite(losses), losses, at_end) > 0.0)
+    """(runs,) whether a track was lost at any time, of rows of the table `runs`."""
+    return np.asarray(runs["losses"].to_numpy() > 0)
 
 
-def _of_file(path: Path, table: str, columns: Sequence[str] | None, younger: Sequence[str]) -> pd.DataFrame:
+def _of_file(path: Path, table: str, columns: Sequence[str] | None, may_lack: Sequence[str]) -> pd.DataFrame:
     with _hinted(table):
-        missing = _missing(path, table, younger)
-        if columns is None or not missing:
+        held = tables(path).get(table) if may_lack else None
+        if columns is None or held is None:
             return read_file(path, table, columns)
-        return read_file(path, table, [name for name in columns if name not in missing]).reindex(columns=list(columns))
+        known = [name for name in columns if name in held.columns or name not in may_lack]
+        return read_file(path, table, known).reindex(columns=list(columns))
 
 
 @contextlib.contextmanager
@@ -141,12 +135,6 @@ def _hinted(table: str) -> Iterator[None]:
             hint = f"a campaign records it with record.{table}=true in its sweep or by --set"
             raise ResultError(f"{error}: {hint}") from None
         raise
-
-
-def _missing(path: Path, table: str, younger: Sequence[str]) -> set[str]:
-    """Which of these columns a file of an earlier version lacks."""
-    held = tables(path).get(table) if younger else None
-    return set(younger) - set(held.columns) if held is not None else set()
 
 
 def _typed(values: Sequence[Any], owners: np.ndarray) -> Any:

@@ -25,14 +25,12 @@ from wsnsim.analysis.pairs import pair_columns, with_pairs
 from wsnsim.analysis.quantities import loss_rule
 from wsnsim.analysis.same_runs import same_runs
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.base.tables import METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
+from wsnsim.base.tables import DUTY_CYCLED, METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
 from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder, Manifest
 
 ENERGY: Final = "energy"
 MEASURED: Final = ("replicate", "lost", "losses", "lost_window", "lost_limit", "tracked", ENERGY)
-YOUNGER: Final = ("losses", "nees_median", "singular", "lost_window", "lost_limit", "radio_on", "hurried")
-"""Columns that some result files lack: of earlier versions, or of scenarios whose radios always listen."""
 OF_STEPS: Final = ("nees_median", "singular")
 """Columns that stand beside an average NEES: a single step may decide it."""
 MOST_LOST: Final = 0.05
@@ -102,7 +100,7 @@ def compare(
     if metric not in METRICS:
         raise UsageError(f"table runs has no metric '{metric}' ({did_you_mean(metric, METRICS)})")
     chosen = _chosen(manifest, by)
-    runs = campaigns.read(folder.path, "runs", sorted({*MEASURED, metric, *OF_STEPS}), YOUNGER)
+    runs = campaigns.read(folder.path, "runs", sorted({*MEASURED, metric, *OF_STEPS}), DUTY_CYCLED)
     rows, values = [], {}
     for number, frame in runs.groupby(campaigns.POINT, sort=True):
         point = manifest.points[int(number)]

@@ -81,13 +81,11 @@ def lacking(path: str | Path, what: str) -> str:
             return f"table {table} was not recorded; run the scenario with record.{table}=true"
         if not sizes[table].rows:
             return EMPTY.get(table, f"table {table} has no rows")
-    return _without_nees(path, sizes["estimates"].columns) if what == "consistency" else ""
+    return _without_nees(path) if what == "consistency" else ""
 
 
-def _without_nees(path: str | Path, columns: Sequence[str]) -> str:
+def _without_nees(path: str | Path) -> str:
     """Why the consistency of the estimates is unknown; empty if it is known."""
-    if "nees" not in columns:
-        return "table estimates has no column nees: the file was written by an older version"
     if not np.isfinite(recording.read_table(path, "estimates", ["nees"])["nees"]).any():
         return "no estimate has a covariance with an inverse"
     return ""
@@ -112,11 +110,9 @@ def heading(path: str | Path) -> str:
 
 
 def layout(path: str | Path) -> StateLayout:
-    """The state columns of a file. If it does not say which are the position, px and py are, or the first column."""
+    """The state columns of a file."""
     root = recording.attributes(path)
-    names = [name for name, _ in root["states"]]
-    place = root["position"] or [i for i, name in enumerate(names) if name in ("px", "py")] or [0]
-    return StateLayout(dict(root["states"]), tuple(names[i] for i in place))
+    return StateLayout(dict(root["states"]), tuple(root["states"][i][0] for i in root["position"] or ()))
 
 
 def course(path: str | Path, columns: Sequence[str], replicate: int, target: int) -> tuple[Columns, Columns]:
@@ -171,16 +167,12 @@ def errors(path: str | Path) -> PositionErrors:
 
 
 def lost_runs(path: str | Path) -> tuple[int, int, str] | None:
-    """The numbers of runs with a track lost at any time, and lost at the end, and when it is; None without `runs`.
-
-    A file of an earlier version knows the tracks lost at the end alone, which then count for both.
-    """
-    held = recording.tables(path)
-    if "runs" not in held:
+    """The numbers of runs with a track lost at any time, and lost at the end, and when it is; None without `runs`."""
+    if "runs" not in recording.table_names(path):
         return None
     rows, plan = recording.read_table(path, "runs"), layout(path)
-    ever = rows["losses" if "losses" in rows else "lost"]
-    return int((ever > 0).sum()), int((rows["lost"] > 0).sum()), loss_rule(rows, plan.units[plan.position[0]])
+    rule = loss_rule(rows, plan.units[plan.position[0]])
+    return int((rows["losses"] > 0).sum()), int((rows["lost"] > 0).sum()), rule
 
 
 def spent(path: str | Path) -> tuple[Floats, Floats, int]:

@@ -26,8 +26,6 @@ from wsnsim.scenario.sweep_schema import Plan
 Code = Mapping[str, Mapping[str, str]]
 MAX_NAMED: Final = 8
 """Differing files that a message names."""
-UNKNOWN: Final = "unknown"
-"""What stands for the digest of code that made the runs before digests were kept."""
 HOW_TO_ACCEPT: Final = (
     "give another folder with --out, or accept the change with --accept-code-change (in Python:"
     " accept_code_change=True), for example if only comments or texts changed"
@@ -102,9 +100,9 @@ def noted(manifest: Manifest, before: Code, after: Code) -> Manifest:
     """The manifest with one more accepted change."""
     change: dict[str, Any] = {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
-        "changed": changed_files(before, after) if before else [],
-        "before": code_id(before) or UNKNOWN,
-        "after": code_id(after) or UNKNOWN,
+        "changed": changed_files(before, after),
+        "before": code_id(before),
+        "after": code_id(after),
     }
     return replace(manifest, code_changes=(*manifest.code_changes, change))
 
@@ -124,8 +122,6 @@ def shortened(names: Sequence[str]) -> str:
 
 
 def _why(before: Code, now: Code) -> str:
-    if not before:
-        return "its runs were made before digests of the code were kept, so that nobody knows whether it has changed"
     return f"its runs were made by other code; changed since: {shortened(changed_files(before, now))}"
 
 

@@ -13,7 +13,6 @@ from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.version import __version__
 from wsnsim.campaign.code_changes import (
-    UNKNOWN,
     changed_files,
     code_id,
     code_of_plan,
@@ -234,7 +233,7 @@ def _check_same_campaign(one: Manifest, other: Manifest, path: Path) -> None:
 
 def _check_same_code(one: Manifest, other: Manifest, path: Path, accept: bool) -> None:
     if not accept and code_id(one.code) != code_id(other.code):
-        what = shortened(changed_files(one.code, other.code)) if one.code and other.code else "one has no digests"
+        what = shortened(changed_files(one.code, other.code))
         raise UsageError(
             f"{path}: its runs were made by other code than those of the other folders ({what}): accept it with"
             " --accept-code-change (in Python: accept_code_change=True), for example if only comments or texts differ"
@@ -247,7 +246,7 @@ def _with_changes(merged: Manifest, shards: Sequence[Manifest]) -> Manifest:
     merged = replace(merged, code_changes=tuple(sorted(changes.values(), key=lambda change: str(change.get("time")))))
     for code in {code_id(shard.code): shard.code for shard in shards}.values():
         known = {change.get(end) for change in merged.code_changes for end in ("before", "after")}
-        if code_id(code) != code_id(merged.code) and (code_id(code) or UNKNOWN) not in known:
+        if code_id(code) != code_id(merged.code) and code_id(code) not in known:
             merged = noted(merged, code, merged.code)
     return merged
 

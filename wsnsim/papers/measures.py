@@ -255,11 +255,10 @@ def judged_terms(data: Data, claim: Claim) -> tuple[Resampled, PublishedValue]:
 
 
 def losses(data: Data, variant: str) -> Losses:
-    """What the runs of a variant lost and found again, as far as they recorded it."""
+    """What the runs of a variant lost and found again."""
     tracks, runs = data.of(variant, "tracks"), data.of(variant, "runs")
     reacquired = tracks.groupby("replicate")["reacquired"].sum()
-    found = [float(runs[name].mean()) if name in runs else float("nan") for name in ("losses", "time_lost")]
-    return Losses(float(reacquired.mean()), *found)
+    return Losses(float(reacquired.mean()), float(runs["losses"].mean()), float(runs["time_lost"].mean()))
 
 
 def _less(one: Floats, other: Floats) -> Floats:

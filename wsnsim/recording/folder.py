@@ -26,13 +26,12 @@ from typing import Any, Final, NamedTuple, final
 from wsnsim.base.errors import ResultError
 from wsnsim.base.regular_files import read_regular
 from wsnsim.recording.atomic_files import TEMPORARY, host, write_atomically, write_text_atomically
-from wsnsim.recording.layout import reason
+from wsnsim.recording.layout import SCHEMA_VERSION, demand_schema, reason
 from wsnsim.recording.leftovers import remove_leftovers
 from wsnsim.recording.reader import read_table, tables
 
 MANIFEST: Final = "campaign.json"
 SCENARIO: Final = "scenario.json"
-SCHEMA_VERSION: Final = 1
 BATCH: Final = re.compile(r"r([0-9]{5,7})-([0-9]{5,7})\.h5")
 POINT_ID: Final = re.compile(r"\w[\w.\-]*")
 MOST_NUMBERED: Final = 10_000_000
@@ -108,14 +107,12 @@ class Folder:
         """The manifest.
 
         Raises:
-            ResultError: there is no manifest, it is damaged, or it was written by a newer wsnsim.
+            ResultError: there is no manifest, it is damaged, or another version of wsnsim wrote it.
         """
         place = self.path / MANIFEST
         try:
             content = json.loads(read_regular(place))
-            version = content.pop("schema_version")
-            if version > SCHEMA_VERSION:
-                raise ResultError(f"{place}: was written by a newer wsnsim ({content.get('wsnsim_version')})")
+            demand_schema(place, content.pop("schema_version"), content.get("wsnsim_version"))
             points = tuple(PointOnDisk(**point) for point in content.pop("points"))
             keys, by, changes = (tuple(content.pop(name, ())) for name in ("keys", "by", "code_changes"))
             counts = (content["block"], *(point.replicates for point in points))

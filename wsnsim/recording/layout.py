@@ -15,10 +15,12 @@ from typing import Final
 
 import numpy as np
 
-from wsnsim.base.errors import StorageError
+from wsnsim.base.errors import ResultError, StorageError
 from wsnsim.base.tables import TABLES
+from wsnsim.base.version import __version__
 
-SCHEMA_VERSION: Final = 1
+SCHEMA_VERSION: Final = 2
+"""Of results and of manifests of campaigns: another number is another layout, or another meaning of a scenario."""
 CHUNK: Final = 65_536
 """Rows of a chunk."""
 COMPACT: Final = 2_048
@@ -52,6 +54,20 @@ def reason(error: BaseException) -> str:
         return error.strerror
     bracketed = text.partition("(")[2].rpartition(")")[0]
     return bracketed or text or type(error).__name__
+
+
+def demand_schema(place: Path, found: int, version: object) -> None:
+    """Check the schema version of a result or manifest, written by a version of wsnsim.
+
+    Raises:
+        ResultError: An older or newer wsnsim wrote the file.
+    """
+    if found != SCHEMA_VERSION:
+        age = "an older" if found < SCHEMA_VERSION else "a newer"
+        raise ResultError(
+            f"{place}: was written by {age} wsnsim ({version}), whose files this one ({__version__}) does not read:"
+            " use that version, or make the runs again from their scenario"
+        )
 
 
 def cannot_write(path: Path, error: BaseException) -> StorageError:

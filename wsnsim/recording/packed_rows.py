@@ -74,7 +74,7 @@ def read_packed_rows(path: Path, table: str) -> PackedRows | None:
 
 
 def packed_rows(group: h5g.GroupID, table: str) -> PackedRows | None:
-    """The rows of a table from its attribute; None if it has none, as in files of earlier versions.
+    """The rows of a table from its attribute; None if it has none, as a long one.
 
     Raises:
         DamagedContent: the attribute is larger or of another type than wsnsim writes.

@@ -21,7 +21,7 @@ from wsnsim.base.errors import ResultError, did_you_mean
 from wsnsim.base.regular_files import why_not_regular
 from wsnsim.base.tables import TABLES
 from wsnsim.recording.contents import Content
-from wsnsim.recording.layout import KINDS, SCHEMA_VERSION, TEXTS, WRITING, reason
+from wsnsim.recording.layout import KINDS, TEXTS, WRITING, demand_schema, reason
 from wsnsim.recording.object_headers import DamagedContent
 from wsnsim.recording.packed_rows import PackedRows, packed_rows
 from wsnsim.recording.stored_column import StoredColumn
@@ -226,9 +226,7 @@ def _check(content: Content, path: Path, unfinished: bool) -> None:
         raise ResultError(f"{path}: is an HDF5 file, but not a wsnsim result")
     if not isinstance(found, int):
         raise DamagedContent("its schema version is no number")
-    if found > SCHEMA_VERSION:
-        version = content.attribute(content.root, "wsnsim_version")
-        raise ResultError(f"{path}: was written by a newer wsnsim ({version}): schema {found}")
+    demand_schema(path, found, content.attribute(content.root, "wsnsim_version"))
     if status == WRITING and not unfinished:
         raise ResultError(f"{path}: is the file of an unfinished run; `wsnsim recover` recovers its rows")
 

@@ -22,8 +22,6 @@ from wsnsim.scenario.sweep_schema import Point
 
 LEFT_OUT: Final = ("name", "replicates")
 """Keys of a scenario that change none of its runs."""
-LATER_TABLES: Final = ("covariances", "readings", "tracker_state")
-"""Tables younger than the first campaigns: where they are off, the digest of a point is what it was without them."""
 WORLD: Final = (
     "seed", "step", "duration", "deploy", "motion", "targets", "sensor", "prior", "detection", "faults",
 )  # fmt: skip
@@ -115,7 +113,6 @@ def keys_of_points(points: Iterable[Point]) -> tuple[str, ...]:
 def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any], name: PointName | None) -> Point:
     content = resolved(scenario)
     decides = {key: value for key, value in content.items() if key not in LEFT_OUT}
-    decides["record"] = {table: on for table, on in content["record"].items() if on or table not in LATER_TABLES}
     world = {key: content.get(key) for key in WORLD}
     world["deploy"] = {key: value for key, value in content["deploy"].items() if key != BELIEF}
     values = {name: value for keys, node in laid for name, value in _leaves(keys, node, content)}

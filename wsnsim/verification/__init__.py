@@ -18,11 +18,9 @@ from wsnsim.recording.layout import PARTIAL
 from wsnsim.scenario import Plugins
 from wsnsim.stored_scenario import rerun_source, scenario_of_result
 from wsnsim.verification import stored_source
-from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, Repetition, compare
+from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, compare
 
 LAST_REPLICATE: Final = 2**31
-OVERRIDES: Final = "overrides"
-"""Entry of the provenance that files of earlier versions lack."""
 MOST_SHOWN: Final = 6
 """Columns of a run that are named."""
 UNCHECKED: Final = ("the provenance's command line, commit, machine and times",)
@@ -58,8 +56,7 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
 
     With the same CPU features and package versions all bits must be equal. Otherwise floating-point values may differ
     by rounding, and the text says so: NumPy's logarithm and exponential differ in the last bit between CPUs. A
-    fingerprint follows from the values: if they are equal bit by bit, so must it be. Only a file of an earlier version
-    of wsnsim may lack columns.
+    fingerprint follows from the values: if they are equal bit by bit, so must it be.
 
     Args:
         path: the result.
@@ -74,21 +71,21 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
     path = Path(path)
     stored, allowed = read_json(path, "provenance_json"), Plugins.ANY if plugins else Plugins.INSTALLED
     scenario = scenario_of_result(path, allowed)
-    partial, older = attributes(path)["status"] == PARTIAL, OVERRIDES not in stored
+    partial = attributes(path)["status"] == PARTIAL
     here = provenance("", scenario.seed)
     replicates, faults = _replicates(path, scenario.replicates, partial)
     with tempfile.TemporaryDirectory(prefix="wsnsim-verify-") as folder:
         again = Path(folder) / "again.h5"
         experiment.run(scenario, replicates=replicates, out=again, batch=False)
         found = compare(path, again, partial)
-        rows = [_row(path, again, replicate, own, older) for replicate, own in found.runs.items()]
-    faults += [*found.faults, *_absent(found, older)]
-    differing_source, unknown = _source(path, stored, allowed, older)
-    faults += differing_source
+        rows = [_row(path, again, replicate, own) for replicate, own in found.runs.items()]
+    source, resolved = read_text(path, "scenario/source_yaml"), rerun_source(path)
+    differing_source, unknown = stored_source.compare(source, stored.get("overrides", ()), resolved, allowed)
+    faults += [*found.faults, *differing_source]
     excuses = _differing(stored, here)
     ok = not faults and all(row["equal"] or (bool(excuses) and row["close"]) for row in rows)
     compared = {name: size.rows for name, size in tables(path).items()}
-    left = (*_left(found, partial), *unknown)
+    left = (*_left(partial), *unknown)
     text = _text(path, ok, rows, faults, [*_commits(stored, here), *_excused(excuses)], compared, left)
     return Verification(ok, text, tuple(rows), tuple(faults), compared, left)
 
@@ -110,9 +107,9 @@ def _replicates(path: Path, wanted: int, partial: bool) -> tuple[list[int], list
     return chosen, faults
 
 
-def _row(path: Path, again: Path, replicate: int, own: Sequence[RepeatedTable], older: bool) -> dict[str, Any]:
+def _row(path: Path, again: Path, replicate: int, own: Sequence[RepeatedTable]) -> dict[str, Any]:
     """What is said of one run."""
-    stored, repeated, digests_agree = _fingerprints(path, again, replicate, older)
+    stored, repeated, digests_agree = _fingerprints(path, again, replicate)
     columns = [f"{table.table}.{name}" for table in own for name in table.differing]
     values = [name for name in columns if name.removeprefix("runs.") not in DIGESTS]
     lengths = [f"{t.table} ({t.rows[0]} rows, not {t.rows[1]})" for t in own if t.rows[0] != t.rows[1]]
@@ -127,16 +124,11 @@ def _row(path: Path, again: Path, replicate: int, own: Sequence[RepeatedTable], 
     }
 
 
-def _fingerprints(path: Path, again: Path, replicate: int, older: bool) -> tuple[int, int, bool]:
-    """(stored, repeated, whether all digests agree); 0 for a run that the result's table `runs` has not.
-
-    In a file of version 0.1, which has no `event_fingerprint`, the fingerprint was that of the events.
-    """
+def _fingerprints(path: Path, again: Path, replicate: int) -> tuple[int, int, bool]:
+    """(stored, repeated, whether all digests agree); 0 for a run that the result's table `runs` has not."""
     stored, repeated = _digests(path, replicate), _digests(again, replicate)
     if not stored:
         return 0, repeated["fingerprint"], False
-    if older and "event_fingerprint" not in stored:
-        repeated = {"fingerprint": repeated["event_fingerprint"]}
     return stored["fingerprint"], repeated["fingerprint"], stored == repeated
 
 
@@ -147,24 +139,11 @@ def _digests(path: Path, replicate: int) -> dict[str, int]:
     return {name: int(runs[name][rows[0]]) for name in DIGESTS if name in runs and rows.size}
 
 
-def _source(path: Path, stored: Mapping[str, Any], allowed: Plugins, older: bool) -> tuple[list[str], list[str]]:
-    """What the source text says otherwise than the stored scenario, and what of it could not be compared."""
-    if older:
-        return [], ["the source text, since the file does not say with which overrides it was read"]
-    source, resolved = read_text(path, "scenario/source_yaml"), rerun_source(path)
-    return stored_source.compare(source, stored[OVERRIDES], resolved, allowed)
-
-
-def _absent(found: Repetition, older: bool) -> list[str]:
-    return [] if older else [f"has no column {name}" for name in found.absent]
-
-
-def _left(found: Repetition, partial: bool) -> tuple[str, ...]:
+def _left(partial: bool) -> tuple[str, ...]:
     """What could not be compared of the tables."""
     columns = [f"{table}.{name}" for table, names in NOT_REPEATED.items() for name in names]
-    missing = [f"{', '.join(found.absent)}, which a file of an earlier version lacks"] if found.absent else []
     rows = ["the rows that were not recovered"] if partial else []
-    return (*columns, *missing, *rows, *UNCHECKED)
+    return (*columns, *rows, *UNCHECKED)
 
 
 def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:

@@ -57,12 +57,10 @@ class Repetition:
     Attributes:
         runs: {replicate: its tables}.
         faults: what only one of the two has, as sentences.
-        absent: columns that the repetition has and the result has not, as `runs.rmse`.
     """
 
     runs: Mapping[int, tuple[RepeatedTable, ...]]
     faults: tuple[str, ...]
-    absent: tuple[str, ...]
 
 
 def compare(result: Path, again: Path, partial: bool = False) -> Repetition:
@@ -77,15 +75,15 @@ def compare(result: Path, again: Path, partial: bool = False) -> Repetition:
     faults += [f"has a table {name}, which its scenario does not record" for name in held if name not in wanted]
     faults += _other_states(result, again)
     runs: dict[int, list[RepeatedTable]] = {replicate: [] for replicate in replicates}
-    absent: list[str] = []
     for name in (name for name in wanted if name in held):
         extra = [column for column in held[name].columns if column not in wanted[name].columns]
         faults += [f"has a column {name}.{column}, which a run does not write" for column in extra]
-        absent += [f"{name}.{column}" for column in wanted[name].columns if column not in held[name].columns]
+        absent = [column for column in wanted[name].columns if column not in held[name].columns]
+        faults += [f"has no column {name}.{column}" for column in absent]
         stray = _compare_table(result, again, name, runs, partial)
         faults += [f"table {name} has {stray} rows of runs that are not in the table runs"] if stray else []
         faults += _two_answers(result, name)
-    return Repetition({number: tuple(found) for number, found in runs.items()}, tuple(faults), tuple(absent))
+    return Repetition({number: tuple(found) for number, found in runs.items()}, tuple(faults))
 
 
 def _other_states(result: Path, again: Path) -> Iterator[str]:
