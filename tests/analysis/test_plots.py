@@ -339,12 +339,6 @@ def test_a_result_without_any_estimate_is_drawn_all_the_same(write, layout, runs
         assert all(np.isnan(drawn.get_ydata()).all() for drawn in guess)
 
 
-def test_an_old_file_that_does_not_say_which_columns_are_the_position_has_px_and_py(tmp_path):
-    with ResultFile(tmp_path / "x.h5", PLANE.states, {"truth": True}):
-        pass
-    assert plot_data.layout(tmp_path / "x.h5").position == ("px", "py")
-
-
 @pytest.mark.parametrize(
     ("draws", "message"),
     [
