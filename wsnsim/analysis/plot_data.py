@@ -110,9 +110,9 @@ def heading(path: str | Path) -> str:
 
 
 def layout(path: str | Path) -> StateLayout:
-    """The state columns of a file."""
+    """The state columns of a file. If it does not say which are the position, the first is."""
     root = recording.attributes(path)
-    return StateLayout(dict(root["states"]), tuple(root["states"][i][0] for i in root["position"] or ()))
+    return StateLayout(dict(root["states"]), tuple(root["states"][i][0] for i in root["position"] or (0,)))
 
 
 def course(path: str | Path, columns: Sequence[str], replicate: int, target: int) -> tuple[Columns, Columns]:
