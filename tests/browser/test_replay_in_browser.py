@@ -179,7 +179,7 @@ def test_the_picture_and_its_button_fit_into_a_low_window(browser, default):
 
 
 def test_members_of_two_targets_are_told_apart(browser, tmp_path, bare):
-    experiment.run(load("two_targets", ["duration=2 s", "tracker.particles=40"]), out=tmp_path / "x.h5")
+    experiment.run(load("two_targets", ["duration=2.04 s", "tracker.particles=40"]), out=tmp_path / "x.h5")
     html_page.write([tmp_path / "x.h5"], tmp_path / "x.html")
     guess = read(tmp_path / "x.h5", "estimates").set_index(["step", "target"])
     page = browser.open(f"file://{tmp_path / 'x.html'}")

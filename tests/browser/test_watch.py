@@ -131,7 +131,7 @@ def test_the_page_follows_the_run_and_becomes_the_page_of_its_result(browser, tm
         html_page.write([tmp_path / "x.h5"], tmp_path / "x.html")
         run.view.finish((tmp_path / "x.html").read_text(encoding="utf-8"))
         page.until("!document.getElementById('follow') && document.documentElement?.dataset.ready === 'yes'")
-        assert page.value("document.getElementById('slider').max") == "200" and page.complaints() == []
+        assert page.value("document.getElementById('slider').max") == "199" and page.complaints() == []
 
 
 @pytest.mark.parametrize("width", [1200, 390])

@@ -102,7 +102,7 @@ def test_when_the_scheduler_is_killed_the_printed_command_goes_on(begun: Begun, 
 
 
 def test_after_ctrl_c_what_runs_ends_and_nothing_is_begun(begun: Begun, place: Lab, scheduler: Path) -> None:
-    folder = begun(grid={"tracker.sleep": [1, 1.1]}, replicates=10)
+    folder = begun(grid={"tracker.sleep": [0.4, 0.44]}, replicates=10)
     driver = place.wsnsim(
         "sweep", str(folder.path), "--scheduler-file", str(scheduler), "--plugins", "--progress", "none"
     )
