@@ -34,7 +34,7 @@ KEYS = {"paper", "experiment", "quantity", "variant", "published", "measured", "
         "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution", "read", "literal", "statistic", "basis",
         "published_runs", "ratio_low", "ratio_high", "within", "counted", "paired", "astray", "astray_low",
         "astray_high", "median", "median_low", "median_high", "reacquired", "losses", "time_lost"}  # fmt: skip
-SHORT = ("duration=15 s",)
+SHORT = ("duration=16 s",)
 SMALL = Experiment(
     name="small",
     title="two filters along a line, for tests",
@@ -117,7 +117,7 @@ def test_rows_are_what_the_tables_of_the_campaign_hold(done):
 def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_strict(done):
     folder = reproduce.folder_of(done, "liu2012", SMALL)
     rows = {row.quantity: row for row in reproduce.rows("liu2012", SMALL, folder)}
-    along = crlb.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(6), "per_trajectory")
+    along = crlb.bound({"extends": "scenarios/rkf.yaml", "duration": 16}, range(6), "per_trajectory")
     assert rows["RMSE, m (figure 1)"].bound == along.time_mean
     assert rows["RMSE, m (figure 1)"].bound_kind == "per_trajectory, not strict"
     assert rows["operations"].bound_kind == "" and math.isnan(rows["operations"].bound)
@@ -125,7 +125,7 @@ def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_s
     assert rows["RMSE of a run, median, m"].bound == best.low
     assert "lower end of the measured 95 % interval of 'ekf'" in rows["RMSE of a run, median, m"].caution
     speed = rows["RMSE of vx"]
-    over = crlb.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(measures.TRUTHS))
+    over = crlb.bound({"extends": "scenarios/rkf.yaml", "duration": 16}, range(measures.TRUTHS))
     strict = not over.cautions
     assert speed.bound == np.sqrt(np.mean(over.columns[:, 1] ** 2))
     assert speed.verdict == ("cannot: beyond the bound" if strict else "too few runs")
