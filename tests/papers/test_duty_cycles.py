@@ -335,6 +335,20 @@ def test_an_interval_with_lost_runs_does_not_set_the_axis_of_errors():
     assert figure.axes[0].get_ylim()[1] <= 3.0 * worst.value < 3.0 * worst.high
 
 
+def test_points_without_an_error_leave_the_axis_of_errors_to_the_others():
+    unknown, lost = {"median_error": np.nan}, {"median_error": np.where(np.arange(10) < 5, 1.0, 1e4)}
+    for at250 in (unknown, lost):
+        data = Runs(curve("gmtt", {125: 30.0, 250: 20.0}, at125=unknown, at250=at250))
+        data.runs["gmtt, csma"] |= unknown
+        figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+        figures.against_joules(figure, data)
+        FigureCanvasAgg(figure).draw()
+        other = Figure(figsize=(9.0, 6.0), layout="constrained")
+        figures.by_interval(other, data)
+        FigureCanvasAgg(other).draw()
+    assert figure.axes[0].get_ylim()[1] <= 3.0 * points.value(data, "gmtt, xmac 250", "median:error").value
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("whole", [LI, JIANG], ids=["li", "jiang"])
 def test_a_few_short_runs_give_rows_answers_and_figures(whole, tmp_path, monkeypatch):

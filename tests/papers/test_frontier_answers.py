@@ -84,6 +84,11 @@ def test_an_interval_on_one_side_of_a_threshold_decides_and_another_does_not():
     assert interval(np.full(1 + DRAWS, 2.0)) == (2.0, 2.0, 2.0)
 
 
+def test_only_the_known_ends_of_an_interval_are_printed():
+    assert str(one_interval(1.0, 0.9, 1.1)) == "1.00 [0.90, 1.10]" and str(one_interval(NAN, NAN, NAN)) == "unknown"
+    assert str(one_interval(1.0, NAN, NAN)) == str(one_interval(1.0, 0.9, NAN)) == "1.00"
+
+
 class Runs(TablesOfRuns):
     """Data with the tables given by variant and name, and a scenario of a wall at 180 m and steps of 0.5 s."""
 

@@ -203,6 +203,11 @@ def test_where_nobody_is_within_the_limit_a_line_says_so_and_who_is_nearest():
     )
 
 
+def test_an_error_of_too_few_runs_for_an_interval_is_printed_without_one():
+    nearest = strategy("ideal: a", 0.2, 3.0)._replace(low=float("nan"), high=float("nan"))
+    assert frontier_strategies.concluded("ideal", [nearest], 0.1).endswith("ideal: a, 0.2 m, 2.00 x, 3 J")
+
+
 def test_labels_stand_apart_from_one_another_and_from_every_marker():
     rng = np.random.default_rng(3)
     points = [(float(x), float(y)) for x, y in np.concatenate([rng.normal(5.0, 0.05, (20, 2)), [[5.0, 5.0]] * 3])]
@@ -233,7 +238,7 @@ def tracked(tmp_path_factory):
         quick=2,
         variants={name: EXPERIMENT.variants[name] for name in SMALL},
         claims=tuple(replace(one, reason="") for one in EXPERIMENT.claims if one.shown and one.variant in SMALL),
-        quick_sets=("duration=1.2 s",),
+        quick_sets=("duration=1.24 s",),
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduce, "LocalEngine", InlineEngine)

@@ -2,12 +2,14 @@
 
 resamples(statistic) -> (1 + draws,)    a statistic of the runs as they are, and of every resample
 interval(values) -> Interval            of a value and its resamples
+ends(low, high) -> ' [0.90, 1.10]'      the ends of an interval in words
 Interval.above(threshold)               True, False, or None if the interval contains the threshold
 Answer(words, found, answer)            'yes', 'no' or 'undecided', with the intervals that it follows from
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Final, Literal, NamedTuple, TypeAlias
 
@@ -29,7 +31,7 @@ class Interval(NamedTuple):
     high: float
 
     def __str__(self) -> str:
-        return "unknown" if np.isnan(self.value) else f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
+        return "unknown" if np.isnan(self.value) else f"{self.value:.2f}{ends(self.low, self.high)}"
 
     def above(self, threshold: float) -> bool | None:
         """Whether the whole interval is above a threshold, or below it; None if it is neither, or unknown."""
@@ -69,6 +71,11 @@ def interval(values: Floats) -> Interval:
     with np.errstate(invalid="ignore"):  # between infinite values
         low, high = np.quantile(values[1:], [TAIL, 1.0 - TAIL])
     return Interval(float(values[0]), float(low), float(high))
+
+
+def ends(low: float, high: float, form: str = ".2f") -> str:
+    """The ends of an interval as they follow a value in a text; '' if they are not known."""
+    return f" [{low:{form}}, {high:{form}}]" if math.isfinite(low) and not math.isnan(high) else ""
 
 
 def word(holds: bool | None) -> Word:

@@ -12,6 +12,7 @@ from itertools import groupby
 from typing import Final
 
 from wsnsim.analysis.phrases import aligned
+from wsnsim.papers.answers import ends
 from wsnsim.papers.reproduction import BASES, ClaimRow
 from wsnsim.papers.verdicts import ASTRAY, RULE, AstrayShare
 
@@ -124,14 +125,14 @@ def _measured(row: ClaimRow) -> str:
     """The measured value with its interval, or that there is no value in any run."""
     if not row.replicates and math.isnan(row.measured):
         return NOWHERE
-    return _number(row.measured) + _interval(row.low, row.high) + _median(row)
+    return _number(row.measured) + ends(row.low, row.high, ".4g") + _median(row)
 
 
 def _median(row: ClaimRow) -> str:
     """The median of the runs beside a mean that too few runs give."""
     value, low, high = row.median
     few = row.verdict == "too few runs" and math.isfinite(value) and value != row.measured
-    return f", median {_number(value)}{_interval(low, high)}" if few else ""
+    return f", median {_number(value)}{ends(low, high, '.4g')}" if few else ""
 
 
 def _lost(row: ClaimRow) -> str:
@@ -154,10 +155,6 @@ def _percent(share: float) -> str:
 def _hundredfold(share: float) -> str:
     """A share in per cent with two digits, and 100 without an exponent."""
     return f"{float(f'{100 * share:.2g}'):g}"
-
-
-def _interval(low: float, high: float) -> str:
-    return f" [{low:.4g}, {high:.4g}]" if math.isfinite(low) else ""
 
 
 def _bound(row: ClaimRow) -> str:

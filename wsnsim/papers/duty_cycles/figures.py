@@ -40,17 +40,18 @@ def against_joules(figure: Figure, data: Data) -> None:
     for axes in panels[1:-1]:
         axes.sharex(panels[0])
     for axes, kind in zip(panels, found, strict=True):
+        axes.set(xscale="log", yscale="log", xlabel="energy of the network [J]", title=NAMES.get(kind, "CSMA"))
         for tracker, colour in zip(trackers(data), COLOURS, strict=False):
             _line(axes, data, tracker, kind, colour)
-        axes.set(xscale="log", yscale="log", xlabel="energy of the network [J]", title=NAMES.get(kind, "CSMA"))
         _plain(axes)
     panels[-1].set(xscale="linear", xlabel="energy [J]")
     low, high = panels[-1].get_xlim()
     panels[-1].set_xlim(min(low, 0.95 * high), max(high, low / 0.95))  # equal energies shall look equal
     panels[-1].xaxis.set_major_locator(MaxNLocator(2))
     panels[0].set_ylabel("position error, median of a run [m]")
-    worst = max(value(data, variant, ERROR).value for variant in run(data))
-    panels[0].set_ylim(top=min(panels[0].get_ylim()[1], HEADROOM * worst))
+    errors = np.array([value(data, variant, ERROR).value for variant in run(data)])
+    if np.isfinite(errors).any():
+        panels[0].set_ylim(top=min(panels[0].get_ylim()[1], HEADROOM * np.nanmax(errors)))
     legend_below(figure, panels, columns=len(trackers(data)))
 
 
@@ -95,9 +96,9 @@ def by_interval(figure: Figure, data: Data) -> None:
     grid = figure.subplots(len(ROWS), len(found), sharex="col", sharey="row", squeeze=False)
     for column, kind in enumerate(found):
         for axes, (measure, words) in zip(grid[:, column], ROWS.items(), strict=True):
+            axes.set(xscale="log", yscale="linear" if measure in SHARES else "log")  # before points that may be unknown
             for tracker, colour in zip(trackers(data), COLOURS, strict=False):
                 _over_intervals(axes, data, (tracker, kind, measure), colour)
-            axes.set(xscale="log", yscale="linear" if measure in SHARES else "log")
             if measure not in SHARES:
                 plain_numbers(axes)
             if column == 0:

@@ -19,6 +19,7 @@ import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.base.arrays import Bools
+from wsnsim.papers.answers import ends
 from wsnsim.papers.measures import Data
 
 MOST_LOST: Final = 0.05
@@ -142,4 +143,4 @@ def concluded(radio: str, found: Sequence[Strategy], bound: float) -> str:
 def _words(one: Strategy, bound: float) -> str:
     """A strategy in words: error (m), error over the bound with its interval, energy (J)."""
     value, low, high = (each / bound for each in (one.rmse, one.low, one.high))
-    return f"{one.variant}, {one.rmse:.3g} m, {value:.2f} x [{low:.2f}, {high:.2f}], {one.energy:.3g} J"
+    return f"{one.variant}, {one.rmse:.3g} m, {value:.2f} x{ends(low, high)}, {one.energy:.3g} J"
