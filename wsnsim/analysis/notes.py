@@ -52,6 +52,7 @@ REASONS: Final = {
     "hurried": "the MAC has no short wake interval (mac.near)",
     "rmse_of_kept": "every track that has an estimate is lost at the end",
     "nees": "no estimate has an invertible covariance",
+    "nees_median": "no estimate has an invertible covariance",
     "nis": "the tracker offers no innovations",
     "delay": NO_ESTIMATE,
     "report_delay": "no report reached a sink",
