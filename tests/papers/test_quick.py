@@ -20,6 +20,8 @@ from wsnsim.papers.paper import PAGES, PAPERS
 WHOLE = ("liu2012",)
 """Papers whose quick reproduction takes less than half a minute of processor time. Others have one run of a variant."""
 
+LARGE = ("frontier", "duty_cycles")
+"""Studies of hundreds of variants. Tests of their own run a few variants of every experiment."""
 
 MATPLOTLIB = ("matplotlib._fontconfig_pattern", "matplotlib._mathtext", "pyparsing.util")
 """Modules that warn of deprecation where matplotlib before 3.11 meets pyparsing 3.3."""
@@ -38,7 +40,7 @@ def without_estimates(self: Data, name: str) -> pd.DataFrame:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in LARGE])
 def test_a_page_is_reproduced_and_what_no_run_has_is_unknown(page, fresh_folder, monkeypatch):
     program = ["-m", "wsnsim"] if page in WHOLE else [few_runs.__file__]
     words = ["reproduce", page, "--quick", "--figures", "figures"]
