@@ -163,7 +163,7 @@ def test_points_that_gave_the_same_runs_are_named_whatever_time_they_took(place:
     found = comparison.compare(place.campaign(points[:2]))
     assert found.same == "" and "no effect" not in comparison_text.text(found)
     found = comparison.compare(place.campaign(points))
-    assert found.same == "the same runs, so that tracker.particles had no effect: 100 | 300"
+    assert found.same == "the same runs, so that tracker.particles had no effect there: 100 | 300"
     assert found.same in comparison_text.text(found) and comparison.as_json(found)["same"] == found.same
 
 

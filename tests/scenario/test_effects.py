@@ -117,7 +117,7 @@ REASONS: Final[dict[str, dict[str, str]]] = {
     "packing": {"* frames *": "no burst is so long"},
     "routing": {
         f"* ctp {name}": "few datagrams, none lost, in a few steps"
-        for name in ("retries", "queue", "packet_time", "patience", "places", "candidates", "i_max")
+        for name in ("retries", "queue", "packet_time", "patience", "places", "candidates", "i_max", "largest_cost")
     },
     "sleep": {"workload *": "nodes that only send beacons do so on schedule"},
     "cpu": {"workload *": "nodes without targets compute nothing"},

@@ -139,7 +139,8 @@ def _followed(facts: AnswerFacts, crlb: float) -> str:
     error = f"a {name} of {figure(value)} {facts.unit}".rstrip()
     if 0 < lost < facts.count:
         error += f" ({figure(_error_of_all(facts))} {facts.unit}".rstrip() + " over all runs)"
-    judged = math.isfinite(crlb) and crlb > 0.0 and (2 * lost <= facts.count or lost == facts.count)
+    measured = facts.tracked_shares.any()
+    judged = measured and math.isfinite(crlb) and crlb > 0.0 and (2 * lost <= facts.count or lost == facts.count)
     if judged:
         limit = f"trajectory-conditional CRLB of {figure(crlb)} {facts.unit}".rstrip()
         error += f", {_ratio(value / crlb)} times the {limit}"
@@ -153,7 +154,7 @@ def _followed(facts: AnswerFacts, crlb: float) -> str:
         return f"{_lost(facts, lost)}, with {error}"
     if math.isinf(facts.limit):
         return f"Over {'the run' if facts.count == 1 else f'{facts.count:,} runs'} the filter has {error}"
-    if not facts.tracked_shares.any():
+    if not measured:
         return f"{_never_lost(facts, poor=False)}, with {error}"
     poor = value > facts.limit / 2.0 or not facts.tracked_shares.all()
     return f"{_never_lost(facts, poor)}, {'but ' * poor}with {error}"
