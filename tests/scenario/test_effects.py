@@ -120,6 +120,7 @@ REASONS: Final[dict[str, dict[str, str]]] = {
         for name in ("retries", "queue", "packet_time", "patience", "places", "candidates", "i_max", "largest_cost")
     },
     "sleep": {"workload *": "nodes that only send beacons do so on schedule"},
+    "workload": {"workload collection *": "reports begin when this run ends"},
     "cpu": {"workload *": "nodes without targets compute nothing"},
     "clock": {"workload *": "nothing depends on the time of a clock"},
     "sync": {"* ftsp *": "a run of a few steps ends before the first message"},
