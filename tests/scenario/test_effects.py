@@ -258,7 +258,7 @@ def is_silent(base: dict[str, Any], usual: tuple[str, str], role: str, part: typ
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", [role for role in ROLES if role != "mac"])  # all its kinds and modes take minutes
 def test_every_parameter_changes_a_table_is_refused_is_noted_or_has_a_reason(role: str, tmp_path: Path) -> None:
     silent = []
     for mode, _, kind in (case for case in CASES if case[1] == role):
