@@ -171,9 +171,9 @@ def _wrong_counters(run: Run, log: Log) -> Iterator[str]:
 
 def _not_meant(run: Run, log: Log) -> Iterator[str]:
     """Nobody has the result of a frame that was not meant for it."""
-    owners = {attempt.number: given for given in run.frames.given for attempt in given.attempts}
+    meant = {attempt.number: attempt.receivers for given in run.frames.given for attempt in given.attempts}
     for (number, node), rows in log.arrivals.items():
-        if rows and number in owners and node not in owners[number].receivers:
+        if rows and number in meant and node not in meant[number]:
             yield f"frame {number} has the result {rows[0][0]!r} at node {node}, for which it was not meant"
 
 

@@ -38,11 +38,13 @@ class Attempt:
         ends: when its last bit is sent unless its sender falls, in s.
         ended: whether its end was reached.
         is_copy: whether it is one of several copies in a row, which a MAC counts as one frame.
+        receivers: the nodes for which it was meant: over recorded links those of a copy may differ from the next one's.
     """
 
     number: int
     start: float
     ends: float
+    receivers: list[int]
     ended: bool = False
     is_copy: bool = False
 
@@ -207,7 +209,7 @@ def _transmitting(frames: Frames, whole: Whole) -> Whole:
             given.strobes += 1
         for given in frames.of(getattr(frame, "original", frame)):
             frames.aim(given, frame.bits)
-            attempts.append(Attempt(sent.number, sent.start, sent.end, is_copy=frame.is_copy))
+            attempts.append(Attempt(sent.number, sent.start, sent.end, given.receivers, is_copy=frame.is_copy))
             given.attempts.append(attempts[-1])
         return sent
 
@@ -264,7 +266,9 @@ def _carrying(frames: Frames, whole: Whole) -> Whole:
         whole(self, burst)
         now = frames.now
         if self._counters.frames_sent > before:
-            given.attempts.append(Attempt(before + 1, now - bits * self._seconds_per_bit, now, ended=True))
+            given.attempts.append(
+                Attempt(before + 1, now - bits * self._seconds_per_bit, now, given.receivers, ended=True)
+            )
         each = {node: int(mask.sum()) for node, mask in burst.received.items()}
         given.reported = {burst.to: burst.packets} if burst.to != EVERYONE else each
 
@@ -280,7 +284,7 @@ def _carrying_all(frames: Frames, whole: Whole) -> Whole:
         lists = zip(unicasts.sources, unicasts.destinations, unicasts.parcels, strict=True)
         for number, (source, to, parcel) in enumerate(lists, before + 1):
             given = frames.add(parcel, source, to, parcel.packets, number)
-            given.attempts.append(Attempt(number, frames.now, frames.now, ended=True))
+            given.attempts.append(Attempt(number, frames.now, frames.now, given.receivers, ended=True))
             given.reported = {to: parcel.packets}
 
     return carry_all
