@@ -31,6 +31,7 @@ def files():
     return {recording_of(name).parent for name in TRACKERS}.pop()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", TRACKERS[1:])
 def test_every_tracker_chases_the_identical_truth_over_the_identical_network(files, name):
     for table, columns in {"truth": None, "nodes": ("replicate", "node", "x", "y", "gain")}.items():
@@ -210,6 +211,7 @@ def test_on_small_batteries_nodes_die_the_ledger_still_closes_and_the_summary_sa
     assert "first death" in told and "first track loss" in told
 
 
+@pytest.mark.thorough
 def test_several_targets_each_have_their_track():
     plain = scenario.resolved(short("pso_mhpf"))
     first = plain.pop("motion")

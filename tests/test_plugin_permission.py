@@ -124,7 +124,7 @@ OF_OTHERS = {
 """Of each command: its words, its exit code (None: not looked at), and whether it says that it needs a plug-in."""
 
 
-@pytest.mark.thorough(fast=["compare", "report", "watch"])
+@pytest.mark.thorough(fast=["report", "watch"])
 @pytest.mark.parametrize("command", sorted(group.commands))
 def test_no_command_imports_what_a_file_of_others_names(
     command: str, lab: Path, capfd: pytest.CaptureFixture[str]
@@ -145,6 +145,7 @@ def test_a_campaign_of_others_is_plotted_without_its_plugin(lab: Path, capfd: py
     assert Path("lab.svg").stat().st_size > 1_000
 
 
+@pytest.mark.thorough
 def test_a_result_is_described_without_its_plugin(lab: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert main(["info", "lab.h5"]) == 0
     assert NEEDS not in "".join(capfd.readouterr()) and not imported(lab)
@@ -329,6 +330,7 @@ def test_another_module_of_the_same_name_does_not_stand_in_for_the_plugin(
     assert scenario.load(scenario.resolved(scenario.load(lab / "lab.yaml"))).tracker.kind == "side:Effect"
 
 
+@pytest.mark.thorough(fast=["os:path"])
 @pytest.mark.parametrize(
     "kind",
     [":", "side:", ":Effect", "..:X", ".side:X", "../side:X", "a" * 5000 + ":X", "\0:X", "os:path", "side:no", "é:X"],

@@ -135,6 +135,7 @@ def estimates(text):
     return np.column_stack([recorder.table("estimates")[name] for name in ("px", "vx", "py", "vy")])
 
 
+@pytest.mark.thorough(fast=["straight_04-gains"])
 @pytest.mark.parametrize("gains", [None, GAINS], ids=["path loss", "gains"])
 @pytest.mark.parametrize("track", TRACKS)
 def test_the_extended_kalman_filter_is_that_of_the_raw_rows(track, gains):

@@ -93,6 +93,7 @@ def test_the_filter_sees_the_rows_of_the_file_and_no_sample(tmp_path: Path) -> N
     assert estimates(world(tmp_path, **bias))["error"][-1] > 0.2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("make", [world, network_world])
 def test_one_changed_reading_changes_the_estimates_from_its_step_on(tmp_path: Path, make: Any) -> None:
     before, after = estimates(make(tmp_path)), estimates(make(tmp_path, s8_north=9.5))
@@ -106,6 +107,7 @@ def test_a_gap_is_silence_wherever_the_target_is(tmp_path: Path, make: Any) -> N
     assert found["readings"].tolist() == [4] * 7 + [3, 2] + [4] * 11
 
 
+@pytest.mark.thorough
 def test_a_node_that_crashed_or_sleeps_does_not_measure(tmp_path: Path) -> None:
     crashed = network_world(tmp_path) | {"faults": [{"kind": "crash", "at": 5.0, "nodes": [3]}]}
     assert estimates(crashed)["readings"].tolist() == [4] * 9 + [3] * 11
@@ -119,6 +121,7 @@ def test_a_node_out_of_radio_range_of_the_head_is_not_heard(tmp_path: Path) -> N
     assert set(near["readings"].tolist()) <= {3, 4}
 
 
+@pytest.mark.thorough
 def test_a_sensor_fault_changes_what_was_recorded(tmp_path: Path) -> None:
     data = network_world(tmp_path)
     biased = data | {"faults": [{"kind": "bias", "at": 5.0, "nodes": [1], "offset": 2.0}]}
@@ -326,6 +329,7 @@ def repeated(folder: Path, times: int, spread: float = 0.0) -> dict[str, Any]:
     return data
 
 
+@pytest.mark.thorough(fast=["ekf"])
 @pytest.mark.parametrize("kind", ["ekf", "pf", "ipf", "gpf", "rkf", "ppf", "pso_mhpf", "ics_pf", "trilateration"])
 def test_all_readings_of_a_step_say_as_much_as_a_mean_with_less_noise(tmp_path: Path, kind: str) -> None:
     """Four readings with a standard deviation of 0.2 m are one with 0.1 m: in the requests of every tracker."""

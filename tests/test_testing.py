@@ -276,10 +276,12 @@ class AsksForTheMoon(Honest):
         return belief
 
 
+@pytest.mark.thorough
 def test_an_honest_stranger_passes() -> None:
     check_tracker(Honest())
 
 
+@pytest.mark.thorough(fast=["IsLopsided--"])
 @pytest.mark.parametrize(
     ("cheat", "demand", "reason"),
     [

@@ -289,6 +289,7 @@ def test_a_cheat_that_some_arrived_parcel_covers_is_caught(cheat, demand, reason
         check_tracker(cheat)
 
 
+@pytest.mark.thorough
 def test_a_tracker_that_asks_for_readings_as_arrays_keeps_the_rules():
     check_tracker(AsksForArrays())
 
@@ -304,5 +305,6 @@ class WeighsByDelays(Honest):
         return self.moved(belief, sum(answer[i][0] / (1.0 + late[i] + far[i]) for i in answer) + later.delays.sum())
 
 
+@pytest.mark.thorough
 def test_a_tracker_that_uses_delays_and_hops_keeps_the_rules():
     check_tracker(WeighsByDelays())

@@ -248,6 +248,7 @@ def test_a_filter_that_always_predicts_one_step_is_found(tracker: Any, message: 
         check_tracker(tracker)
 
 
+@pytest.mark.thorough
 def test_a_filter_that_predicts_nothing_passes() -> None:
     check_tracker(Honest())
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import wsnsim
+from tests.helpers.thorough import thorough
 from wsnsim.base.errors import ScenarioError
 
 LISTENING = 0.062
@@ -42,12 +43,16 @@ def test_nodes_that_only_listen_consume_for_the_duration_at_every_step(duration:
 @pytest.mark.parametrize(
     "change",
     [
-        {},
         {"mac": {"kind": "xmac"}},
-        {"mac": {"kind": "contikimac"}},
-        {"mac": {"kind": "tsch"}},
         {"sleep": {"kind": "duty_cycle", "period": 3, "awake_share": 0.3}},
-        {"sleep": {"kind": "ris", "period": 4, "probability": 0.5}, "clock": {"kind": "drift", "sd": "50 ppm"}},
+        *thorough(
+            [
+                {},
+                {"mac": {"kind": "contikimac"}},
+                {"mac": {"kind": "tsch"}},
+                {"sleep": {"kind": "ris", "period": 4, "probability": 0.5}, "clock": {"kind": "drift", "sd": "50 ppm"}},
+            ]
+        ),
     ],
     ids=str,
 )

@@ -61,6 +61,7 @@ def test_the_cost_in_json_is_that_of_the_events(results, capsys) -> None:
     assert sum(len(message["frames"]) for message in told["messages"]) == len(sends)
 
 
+@pytest.mark.thorough
 def test_a_run_over_links_that_lose_says_what_was_lost(results, capsys) -> None:
     events = wsnsim.read(results["lossy"], "events")
     lost = events[(events["kind"] == "drop") & (events["what"] == "estimate")]

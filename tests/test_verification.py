@@ -67,6 +67,7 @@ def add(column: str, amount: float = 1.0) -> Change:
     return change
 
 
+@pytest.mark.thorough
 def test_what_was_not_changed_repeats_and_it_says_what_was_compared(made: Path) -> None:
     answer = verify(made)
     assert answer.ok and not answer.faults, answer.text

@@ -46,6 +46,7 @@ def test_the_figures_are_those_of_the_event_log(tmp_path, link):
     assert figures["delivered_share"] == figures["delivered"] / figures["in_range"]
 
 
+@pytest.mark.thorough
 def test_the_chance_of_a_link_is_what_comes_over_it_where_nothing_disturbs(tmp_path):
     quiet = {"kind": "log_normal", "exponent": 2.1, "interference": "sinr"}
     report = played(tmp_path, 1, link=quiet, duration="60 s", deploy={"nodes": 12, "width": 300, "height": 300},

@@ -141,6 +141,7 @@ def test_without_a_key_to_compare_by_there_is_no_difference_and_one_front(place:
     assert found.table["front"].tolist() == [True, True, True, False]
 
 
+@pytest.mark.thorough
 def test_a_campaign_says_itself_what_it_compares_and_with_whom(place: Place) -> None:
     found = comparison.compare(four(place, by=(KIND,), baseline="ekf"))
     np.testing.assert_array_equal(found.table["difference"], [-1.0, -1.0, NAN, NAN])
@@ -148,6 +149,7 @@ def test_a_campaign_says_itself_what_it_compares_and_with_whom(place: Place) -> 
     np.testing.assert_array_equal(asked.table["difference"], [NAN, -1.0, NAN, -2.0])
 
 
+@pytest.mark.thorough
 def test_a_sweep_over_one_key_is_compared_by_it(place: Place) -> None:
     points: list[Point] = [({SIZE: n}, "w", {"rmse": [float(n)] * 6}) for n in (1, 2, 4)]
     found = comparison.compare(place.campaign(points))
@@ -229,6 +231,7 @@ def test_what_is_not_there_is_refused_with_the_nearest(place: Place, asked: dict
         comparison.compare(folder, **asked)
 
 
+@pytest.mark.thorough
 def test_groups_are_named_in_conclusions(place: Place) -> None:
     said = comparison.compare(four(place), by=[KIND]).table["conclusion"].tolist()
     assert said[:2] == ["", ""]
@@ -267,6 +270,7 @@ def test_the_text_has_a_line_a_point_with_its_figures(place: Place) -> None:
     assert all(line == line.rstrip() for line in text.splitlines())
 
 
+@pytest.mark.thorough
 def test_a_comparison_begins_with_the_best_point_of_each_group(place: Place) -> None:
     found = comparison.compare(four(place), by=[KIND])
     assert answer(found).startswith(
@@ -283,6 +287,7 @@ def test_a_comparison_begins_with_the_best_point_of_each_group(place: Place) -> 
     assert losing.endswith(" or no estimate for 4 s) in 17 % of its runs, and no other in fewer.")
 
 
+@pytest.mark.thorough
 def test_a_point_that_is_clearly_best_and_points_that_tie_are_told_apart(place: Place) -> None:
     errors = {"pf": np.arange(60.0, 70.0), "ekf": np.arange(1.0, 11.0), "ckf": np.arange(1.0, 11.0)}
     points = [({KIND: kind}, "w", {"rmse": values.tolist()}) for kind, values in errors.items()]
@@ -415,6 +420,7 @@ def test_what_cannot_be_read_is_named(place: Place) -> None:
         frames.read(folder.path, "runs")
 
 
+@pytest.mark.thorough
 def test_parquet_gives_back_what_is_read(place: Place) -> None:
     pytest.importorskip("pyarrow")
     folder = place.campaign([

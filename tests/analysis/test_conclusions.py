@@ -106,6 +106,7 @@ def test_too_few_pairs_conclude_nothing() -> None:
     )
 
 
+@pytest.mark.thorough
 def test_no_sentence_claims_more_than_the_interval() -> None:
     """Random pairs, some with a true difference: a claim has an interval on its side of zero and a small p."""
     rng, claims = np.random.default_rng(2), 0

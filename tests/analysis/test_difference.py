@@ -131,6 +131,7 @@ def test_the_first_estimate_that_differs_is_that_of_the_earliest_step_and_says_h
     assert first["columns"] == ["px", "py"]
 
 
+@pytest.mark.thorough
 def test_an_estimate_that_one_did_not_issue_is_said_so(made):
     def skip(tables):
         for name in ("px", "py", "error"):

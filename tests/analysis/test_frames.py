@@ -141,6 +141,7 @@ def runs(rows_of):
     return rows_of("runs", 2) | known | {"fingerprint": [5, 2**63 + 1]}
 
 
+@pytest.mark.thorough
 def test_info_says_what_a_file_is_about(write, rows_of):
     path = write("x.h5", runs=runs(rows_of), events=rows_of("events", 300))
     about = info(path)

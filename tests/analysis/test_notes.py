@@ -81,6 +81,7 @@ def test_the_summary_says_at_how_many_steps_no_node_could_measure_the_target(tmp
     assert figures["notes"][0].startswith("mean of the 2 runs with steps not tracked: target 0 is not within")
 
 
+@pytest.mark.thorough
 def test_the_summary_says_how_many_steps_have_no_estimate(tmp_path):
     figures = summary.as_json(run_of(tmp_path, ["duration=20 s"], "ris"), {})
     missing, steps = figures["without_estimate"], figures["steps"]

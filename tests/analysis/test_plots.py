@@ -169,6 +169,7 @@ def test_the_band_is_twice_the_sd_that_the_filter_claims_for_this_column(write, 
         assert (heights.min(), heights.max()) == pytest.approx((middle - half, middle + half))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("layout", [PLANE, SWAPPED])
 def test_a_track_in_the_plane_shows_ground_truth_estimates_nodes_and_the_cluster_heads_in_order(write, layout):
     path = write(layout, network=True)
@@ -194,6 +195,7 @@ def test_without_a_network_a_track_shows_nodes_and_no_cluster_heads(write):
     assert labels(plots.track(axes_of(), write())) == ["5 nodes", "ground truth", "estimate"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("layout", [LINE, BARE])
 def test_a_track_on_a_line_is_the_position_over_time_with_the_nodes_at_the_edge(write, layout):
     path = write(layout)
@@ -313,6 +315,7 @@ def test_particles_that_are_all_one_still_have_a_histogram():
 # what is missing
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("layout", [PLANE, BARE])
 def test_gaps_stay_gaps_and_an_estimate_between_two_of_them_is_a_dot(write, layout):
     path = write(layout, gaps=(1, 2, 4, 7))
@@ -355,6 +358,7 @@ def test_what_the_file_does_not_have_is_named_with_what_it_has(write, draws, mes
         draws(axes_of(), write())
 
 
+@pytest.mark.thorough(fast=["estimates-<lambda>1"])
 @pytest.mark.parametrize(
     ("table", "draws"),
     [

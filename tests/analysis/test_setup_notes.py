@@ -105,6 +105,7 @@ def test_shipped_scenarios_are_meant_as_they_are():
     assert {name: found for name in shipped() if (found := notes(name))} == {}
 
 
+@pytest.mark.thorough
 def test_a_run_says_it_before_it_starts_and_check_says_the_same(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     long = ["--set", "duration=4 s", "--set", "sink={kind: node, every: 5 s}", "--set", "lost={window: 1 s}"]

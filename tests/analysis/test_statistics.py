@@ -221,6 +221,7 @@ def test_mcnemar_is_the_two_sided_binomial_test_of_the_discordant_pairs(one: int
     assert statistics.exact_mcnemar(one, other) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_mcnemar_rejects_at_most_five_percent_of_equal_strategies() -> None:
     """Exactly, over all outcomes of 30 runs that lose independently with probability 0.2 each."""
     count, lose = 30, 0.2

@@ -318,6 +318,7 @@ def test_a_network_that_sleeps_has_its_tracking_probability_with_an_interval_and
     assert said["latency at the cluster head, median"] == "30 ms" and said["mean position error"] == "2.0000 m"
 
 
+@pytest.mark.thorough
 def test_the_interval_of_the_tracking_probability_covers_it_as_often_as_it_says():
     """40 draws of 25 runs of 100 steps at p = 0.8: a 95 % interval misses p in 2 of them, in 7 at most (3.6 sigma)."""
     rng = np.random.default_rng(5)

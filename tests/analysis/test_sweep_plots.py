@@ -138,6 +138,7 @@ def test_a_key_that_only_follows_the_swept_one_sets_no_line_apart(made):
     assert len(lines.lines) == 1 and lines.joined and len(lines.lines[0].rows) == 3
 
 
+@pytest.mark.thorough
 def test_points_drawn_at_random_are_not_joined(made):
     over = {"link.reach": {"range": [60, 100]}, "sensor.decay": {"range": [2, 3]}}
     lines = sweep_plots.lines_of(made({"scenario": "pso_mhpf", "random": {"points": 9, "over": over}}))
@@ -227,6 +228,7 @@ def test_wsnsim_plot_draws_a_folder_into_it(made, capsys):
     assert "differences" in capsys.readouterr().out
 
 
+@pytest.mark.thorough(fast=["wrong1"])
 @pytest.mark.parametrize("wrong", [["--step", "2"], ["--what", "track"], ["--metric", "rmsd"], ["--out", "x.gif"]])
 def test_wsnsim_plot_refuses_what_a_campaign_does_not_have(made, wrong, capsys):
     folder = made(PARTICLES)

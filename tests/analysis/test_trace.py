@@ -106,6 +106,7 @@ def test_a_node_that_sends_again_begins_another_round(made):
     assert [one.partition(" sent")[0] for one in said] == ["6 members", "6 members"]
 
 
+@pytest.mark.thorough
 def test_a_relayed_message_lists_its_hops_and_where_it_was_lost(made):
     first = hop(1, HEAD, 42, 1.0, what="handover")
     arrived = hop(2, 42, 90, 2.0, kind="relay", what="handover", sequence=1)
@@ -120,6 +121,7 @@ def test_a_message_begun_in_an_earlier_step_says_so(made):
     assert said.startswith("node 42 relayed its handover to node 90, begun before this step, (1 packet")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("what", "reason"), [("no_path", "no path exists"), ("no_channel", "channel access failed"), ("fog", "fog")]
 )
@@ -291,6 +293,7 @@ def test_every_flood_is_told_by_itself_however_many_there_are(made):
     assert [said.rpartition(" ")[2] for said in sentences(made(rows))] == [str(60 + i) for i in range(6)]
 
 
+@pytest.mark.thorough
 def test_a_call_belongs_to_the_nearest_message_that_its_caller_knows_and_to_none_that_it_does_not(made):
     two = [*copy(1, HEAD, 1.0, (12,)), *copy(2, 50, 4.0, (12, 51), sequence=2)]
     first, second = sentences(made([*two, *call(12, 2.0, 20), *call(51, 2.0, 21)]))
@@ -336,6 +339,7 @@ def test_sentences_stand_in_the_order_of_time_in_ms_after_the_start(made):
     assert [line.split()[0] for line in told] == ["0.000", "3.000", "5.500", "20.000"]
 
 
+@pytest.mark.thorough
 def test_the_estimate_says_where_how_far_off_when_and_from_what(made):
     assert (
         "  estimate px 3 m, py 4 m: position error 5 m, issued by cluster head 7 20.000 ms after the start "
@@ -368,6 +372,7 @@ def test_the_cost_is_that_of_the_step_alone_by_cause(made):
     ]
 
 
+@pytest.mark.thorough
 def test_one_target_of_several_is_told_with_what_concerns_none(made):
     other = event("elect", 4, target=1)
     rows = [event("elect", 3), other, event("crash", 5, target=-1)]
@@ -380,6 +385,7 @@ def test_one_target_of_several_is_told_with_what_concerns_none(made):
     assert sentences(both, target=1) == ["node 4 was elected cluster head (target 1)", "node 5 crashed"]
 
 
+@pytest.mark.thorough
 def test_only_the_rows_of_the_step_and_replicate_are_told_however_they_are_read(made, monkeypatch):
     strange = [event("elect", 1, step=1), event("elect", 2), event("elect", 3, step=3), event("elect", 4, replicate=1)]
     path = made([*strange, event("elect", 5)])

@@ -55,6 +55,7 @@ def test_importing_a_component_imports_no_other():
     assert found.stdout.strip() == "False"
 
 
+@pytest.mark.thorough(fast=["fault-blackout"])
 @pytest.mark.parametrize(("role", "kind"), KINDS)
 def test_a_component_survives_its_form_in_a_scenario(role, kind):
     cls = load_class(find(role, kind))
@@ -67,6 +68,7 @@ def test_a_component_survives_its_form_in_a_scenario(role, kind):
     assert built(part_model(role, kind).model_validate(values)) == component
 
 
+@pytest.mark.thorough(fast=["two_targets"])
 @pytest.mark.parametrize("name", ["ekf_real", "li_tsch", "recorded_network", "imm", "two_targets"])
 def test_every_component_of_a_scenario_can_stand_in_a_dict(name):
     loaded = wsnsim.load(name)

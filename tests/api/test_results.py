@@ -108,6 +108,7 @@ def test_a_result_survives_a_pickle(result, tmp_path):
     assert column_digests(again.save(tmp_path / "a.h5")) == column_digests(result.save(tmp_path / "b.h5"))
 
 
+@pytest.mark.thorough
 def test_plots_draw_on_given_axes_or_on_their_own(result, plain):
     from matplotlib import pyplot
 

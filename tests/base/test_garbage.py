@@ -85,6 +85,7 @@ def test_what_the_caller_froze_stays_frozen() -> None:
     assert gc.get_freeze_count() >= 0.9 * count and own() is not None
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("was_on", [True, False])
 def test_what_is_put_off_goes_on_afterwards_as_it_was_even_after_an_error(was_on: bool) -> None:
     (gc.enable if was_on else gc.disable)()

@@ -126,6 +126,7 @@ def test_a_batch_has_the_readings_of_single_runs(tmp_path: Any) -> None:
     assert [one.run["fingerprint"] for one in report.summaries] == single
 
 
+@pytest.mark.thorough
 def test_filters_ignore_it_or_widen_their_noise_and_claim_less_then() -> None:
     sensor = Rssi(sd=2.0, shadowing=4.0, gain_spread=3.0)
     points, nodes, traits = np.array([[3.0], [4.0]]), np.zeros((1, 2)), np.array([[1.5]])

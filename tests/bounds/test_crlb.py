@@ -279,6 +279,7 @@ def test_no_tracker_is_significantly_better_than_the_unconditional_bound(name):
     assert not found.reason and (found.rmse**2).mean() <= most
 
 
+@pytest.mark.thorough
 def test_the_comparison_would_notice_a_bound_that_is_too_high():
     scenario = {**ON_THE_LINE, "tracker": EKF}
     errors, low = squares(scenario, 20), bound(scenario, range(20))

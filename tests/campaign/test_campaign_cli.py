@@ -111,6 +111,7 @@ def test_a_dry_run_says_what_it_would_take_and_writes_nothing(
     assert [place for place in sorted(Path().rglob("*")) if "__pycache__" not in place.parts] == before
 
 
+@pytest.mark.thorough
 def test_a_dry_run_of_a_campaign_that_is_begun_counts_what_is_there(
     sweep: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -163,6 +164,7 @@ def test_what_fails_is_named_and_kept_and_the_rest_is_done(poisoned: str, capsys
     assert not list(Path("c/failed").iterdir())
 
 
+@pytest.mark.thorough(fast=["0/2"])
 @pytest.mark.parametrize("shard", ["0/2", "3/2", "1/0", "2", "a/b", "1/2/3", "-1/2"])
 def test_a_shard_that_is_none_is_refused(sweep: str, shard: str, capsys: pytest.CaptureFixture[str]) -> None:
     for more in ([], ["--dry-run"]):

@@ -61,6 +61,7 @@ def own_change(monkeypatch: pytest.MonkeyPatch, name: str = "wsnsim/trackers/ekf
     tasks._demand_code.cache_clear()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["moody.py", "helper.py", "wsnsim/trackers/ekf.py"])
 def test_a_changed_tracker_is_refused_and_named(
     begun: str, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -122,6 +123,7 @@ def test_a_complete_campaign_is_shown_and_an_incomplete_one_is_not_resumed_from_
     assert main(["sweep", str(RESULTS), "--plugins", "-q"]) == 0, "no run is there"
 
 
+@pytest.mark.thorough
 def test_shards_of_different_code_are_not_merged(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sweep = write_sweep(lab / "moods.yaml", sweep_of([{"pause": 0.0}], 4))
     for shard in ("1", "2"):
@@ -171,6 +173,7 @@ def test_differing_files_are_named_plugins_first_with_what_is_new_and_gone() -> 
     assert changed_files(before, before) == []
 
 
+@pytest.mark.thorough
 def test_merged_folders_keep_the_changes_of_their_shards(begun: str) -> None:
     change("moody.py")
     assert main(["sweep", begun, FLAG, "-q"]) == 0

@@ -151,6 +151,7 @@ def test_an_address_where_no_scheduler_is_is_refused(
         DaskEngine(tmp_path, address)
 
 
+@pytest.mark.thorough
 def test_a_port_where_nobody_answers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_connection, "CONNECT_TIMEOUT", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(UsageError, match="does not answer"):

@@ -65,6 +65,7 @@ def test_a_known_link_is_recovered_within_its_intervals_for_most_seeds(tmp_path:
     assert sum(hits.values()) >= 0.75 * seeds * len(names), hits
 
 
+@pytest.mark.thorough
 def test_pairs_that_were_not_heard_count(tmp_path: Path) -> None:
     links, nodes = write(tmp_path, 1)
     found = wsnsim.fit(links, nodes, law="log_normal")

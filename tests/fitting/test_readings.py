@@ -143,6 +143,7 @@ def test_the_rows_of_a_trajectory_may_stand_in_any_order_and_bad_ones_are_skippe
     assert lines == [str(len(rows) + 2), str(len(rows) + 3)]
 
 
+@pytest.mark.thorough(fast=["straight_04"])
 @pytest.mark.parametrize("name", ALL)
 def test_each_shipped_track_may_be_the_trajectory_of_its_readings(name: str) -> None:
     nodes, how = read_nodes(str(BLE / "receivers.csv"), {}), ReadingOptions(tracks=ble(name), skip_bad_rows=True)

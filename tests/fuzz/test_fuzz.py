@@ -260,6 +260,7 @@ def relabelled(values: dict[str, np.ndarray], kind: str, other: str) -> np.ndarr
     return np.where((values["kind"] == KIND[kind]) & (values["packets"] > 0), KIND[other], values["kind"])
 
 
+@pytest.mark.thorough
 def test_each_packet_has_one_fate_and_a_missing_or_a_second_one_is_noticed(
     sound: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -283,6 +284,7 @@ def packets_in(run: Run) -> list[str]:
     return list(packets_in_are_packets_out_and_lost(run))
 
 
+@pytest.mark.thorough
 def test_each_property_notices_a_table_in_which_it_is_broken(sound: Run) -> None:
     assert broken(sound) == []
     assert {*DOCTORED, "nobody_hears_with_the_radio_off"} == {rule.__name__ for rule in (*OF_ALL, *OF_NETWORKS)}

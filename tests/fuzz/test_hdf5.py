@@ -172,6 +172,7 @@ def test_a_heap_of_texts_that_has_no_end_is_refused(intact: bytes) -> None:
             read("x.h5")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("column", ["time", "px"])
 def test_an_index_whose_branches_are_shared_is_refused_before_hdf5_visits_each(intact: bytes, column: str) -> None:
     """Five nodes, each with 32 times the next one, name 32 million chunks; a sixth would take minutes."""
@@ -263,6 +264,7 @@ def test_what_a_chunk_lacks_is_not_filled_from_memory(intact: bytes) -> None:
         read_table("x.h5", "truth", ["time"])
 
 
+@pytest.mark.thorough
 def test_a_shuffled_and_a_plain_chunk_are_read_as_hdf5_reads_them(tmp_path: Path, states, rows_of) -> None:
     with ResultFile(tmp_path / "x.h5", states, {"truth": True}) as file:
         file.write("truth", rows_of("truth", 70_000))

@@ -153,6 +153,7 @@ def test_a_truth_without_noise_follows_the_power_of_the_matrix(model: MotionMode
     assert np.array_equal(silent.matrices(states.T, T)[1], model.matrices(states.T, T, 0.0)[1])
 
 
+@pytest.mark.thorough(fast=["liu"])
 @CASES
 def test_a_truth_starts_at_the_start_and_keeps_to_the_model(
     model: MotionModel, transition: np.ndarray, covariance: np.ndarray
@@ -221,6 +222,7 @@ def test_one_step_in_a_room_is_a_normal_cut_off_at_its_walls() -> None:
     assert kstest(ends[:, 2] / deviation, "norm").pvalue > 0.01
 
 
+@pytest.mark.thorough
 def test_truths_in_a_room_are_distributed_as_one_by_one_rejection_gives_them() -> None:
     model, rng = (
         in_a_room(room=(-1.0, 1.0, -1.0, 1.0), slack=0.2, start_sd=(0.5, 0.1, 0.5, 0.1)),

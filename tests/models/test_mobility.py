@@ -244,6 +244,7 @@ def test_a_longer_truth_begins_like_a_shorter_one(model: MotionModel, state: lis
     assert np.array_equal(short, long[:21])
 
 
+@pytest.mark.thorough(fast=["gauss_markov-ekf"])
 @pytest.mark.parametrize("tracker", ["ekf", "pf", "gpf"])
 @pytest.mark.parametrize("kind", ["gauss_markov", "coordinated_turn"])
 def test_trackers_that_know_the_law_follow_on_a_bench(kind: str, tracker: str) -> None:

@@ -69,6 +69,7 @@ def reference_sums(schedule, key, since, until):
     return seconds, changes
 
 
+@pytest.mark.thorough(fast=["DutyCycle(period=10.0, awake_share=0.3, phases='synchronous')"])
 @schedules
 def test_awake_nodes_are_those_that_a_period_by_period_scan_finds(schedule):
     for time in np.random.default_rng(1).uniform(0.0, 80.0, 30):

@@ -59,6 +59,7 @@ def test_the_energy_of_an_appointed_cluster_is_what_a_hand_count_gives():
     assert [row["node"] for row in run.events("join")] == [1, 2], "they joined, without a packet"
 
 
+@pytest.mark.thorough
 def test_the_head_hands_over_along_the_way_and_every_step_has_an_estimate_from_nearly_all_in_range():
     run = along()
     track = run.outcome.tracks[0]

@@ -103,6 +103,7 @@ def test_the_packet_delivery_ratio_is_that_of_other_simulators():
     assert counters.in_range == pytest.approx(20 * near.sum(), rel=2e-3)
 
 
+@pytest.mark.thorough
 def test_the_counts_are_those_of_the_event_log():
     run = cross_check()
     counters, sends = run.outcome.counters, events_of_kind(run, SEND)

@@ -139,6 +139,7 @@ class Twin:
         return math.prod(1.0 - bit_error(self.ratio(frame, time)) for time in times)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 2])
 def test_locks_and_probabilities_are_those_of_a_slow_twin(seed, monkeypatch):
     """Up to sixty frames from twelve nodes within ten airtimes, begun at whole bits without listening before."""

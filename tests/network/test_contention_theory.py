@@ -240,6 +240,7 @@ def test_frames_on_the_air_begin_after_a_free_channel_or_together_and_are_lost_w
     assert taken + sum(silences) <= 5.0 and len(ends) * airtime(payload) > taken
 
 
+@pytest.mark.thorough
 def test_the_first_backoff_is_uniform_over_eight_periods():
     network = saturated_network(1, 12.0)
     saturate(network, 1, 12, 12.0)

@@ -544,6 +544,7 @@ def test_a_fault_at_the_beginning_of_a_step_is_of_that_step_and_a_tiny_one_passe
     assert (10, 0.4) in rows and (15, 0.6) in rows and all(step == round(time / DT) for step, time in rows)
 
 
+@pytest.mark.thorough
 def test_thousands_of_overlapping_faults_combine():
     script = [Blackout(at=0.1 + 0.0001 * i, duration=0.5, nodes=(3,)) for i in range(3000)]
     lossy = [

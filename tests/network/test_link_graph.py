@@ -34,6 +34,7 @@ def answer(graph: nx.DiGraph, source: int, to: int) -> tuple[float, list[int]] |
         return None
 
 
+@pytest.mark.thorough(fast=["removed2-1"])
 @pytest.mark.parametrize("costs", [1, 3, 1000])
 @pytest.mark.parametrize("removed", [(), (5,), (5, 41, 7)])
 def test_the_path_is_that_of_networkx_among_equally_cheap_ones_too(costs, removed):

@@ -74,6 +74,7 @@ def test_a_plugin_fault_named_in_a_scenario_does_harm_and_passes(tmp_path):
     assert leaks.node.tolist() == [3, 5] and leaks.joules.tolist() == [0.375, 0.375]
 
 
+@pytest.mark.thorough
 def test_a_plugin_fault_and_a_crash_of_the_same_node_hold_it_down_until_both_have_passed(tmp_path):
     events, _ = run(
         tmp_path,

@@ -129,6 +129,7 @@ def test_a_plugin_mac_carries_a_track(tmp_path):
     assert result.lost == 0 and result.rmse < 10.0
 
 
+@pytest.mark.thorough
 def test_a_plugin_mac_carries_beacons_and_starts_them_at_slots(tmp_path):
     tables = run(tmp_path, "beacons", "duration=5 s", "deploy={kind: uniform, nodes: 50, width: 200 m, height: 200 m}")
     events = tables["events"]

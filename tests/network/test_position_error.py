@@ -40,6 +40,7 @@ def recorded(scenario: dict, error: float, replicate: int = 0) -> Memory:
     return memory
 
 
+@pytest.mark.thorough
 def test_the_errors_of_assumed_positions_are_gaussian_on_each_axis_and_of_their_own_stream() -> None:
     known = sample_initial_conditions(setup_of(OFFLINE, 0.0), 0)
     assert known.assumed is known.positions

@@ -234,6 +234,7 @@ def test_a_sensor_stuck_before_it_ever_read_repeats_its_first_reading_and_only_w
     assert read[0] == pytest.approx(60.0, abs=1e-4) and len(set(read)) == 1
 
 
+@pytest.mark.thorough(fast=["1.0"])
 @pytest.mark.parametrize("offset", [0.7, -0.7, 1.0, 100.0, -100.0])
 def test_a_clock_that_is_wrong_reads_the_target_where_it_is_when_the_clock_shows_the_time(offset):
     points = np.column_stack([np.arange(30) * 7.0, np.arange(30) ** 2 * 0.2])

@@ -79,6 +79,7 @@ LINKS = {"disk": Disk(reach=75.0), "lossy": Disk(reach=75.0, loss=0.2), "log_nor
 ENERGIES = {"first": FirstOrder(), "2002": FirstOrder2002(), "cheap": FirstOrder(electronics=1e-9)}
 
 
+@pytest.mark.thorough(fast=["disk-hop-False"])
 @pytest.mark.parametrize("corridor", [False, True])
 @pytest.mark.parametrize("weight", ["energy", "hop"])
 @pytest.mark.parametrize("link", first(1, list(LINKS)))
@@ -93,6 +94,7 @@ def test_a_path_is_the_cheapest_in_a_corridor_and_in_the_whole_network(link, wei
         assert disagreements(net, draw.integers(0, 90, (25, 2)).tolist()) == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("energy", ENERGIES)
 def test_a_corridor_is_widened_until_its_path_is_proved_the_cheapest(energy, monkeypatch):
     """With cheap electronics a detour with short hops is the cheapest path; the first corridor is too narrow for it."""

@@ -62,6 +62,7 @@ def test_no_node_forwards_a_message_twice(floods):
     assert sum(len(run.events("relay", what="track")) for run in floods) > 20
 
 
+@pytest.mark.thorough
 def test_tracking_nodes_are_in_the_region_and_forwarding_nodes_are_not(floods):
     for run in floods:
         wakeups, where = run.table("wakeups"), places(run)
@@ -252,6 +253,7 @@ def test_an_unreachable_sink_is_reported():
     assert not run.events("report")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("tracker", "word"), [("cluster", "empty_region"), ("gmtt", "nobody_woken")])
 def test_a_region_without_nodes_loses_the_track_and_logs_why(tracker, word):
     """A row of nodes, and a target that leaves it at a right angle."""
@@ -299,6 +301,7 @@ def test_a_run_continues_after_a_moving_head_crashes_at_any_time(at):
     assert np.nanmax(later) > 20.0
 
 
+@pytest.mark.thorough
 def test_nodes_that_run_out_of_charge_die_while_asleep_and_the_ledger_closes():
     """Half a joule: 8 s of listening, 6150 s of sleep."""
     energy = {"kind": "states", "radio": "cc2420", "processor": "msp430f1611", "sensing": 11e-6, "battery": 0.5}
@@ -320,6 +323,7 @@ def test_nodes_that_run_out_of_charge_die_while_asleep_and_the_ledger_closes():
     assert np.allclose(spent + nodes["energy_left"], 0.5, rtol=1e-9)
 
 
+@pytest.mark.thorough
 def test_two_targets_are_tracked_by_two_moving_heads():
     targets = [{"kind": "waypoints", "points": [[0, -120, -100], [60, 0, -100]]},
                {"kind": "waypoints", "points": [[0, 120, 100], [60, 0, 100]]}]  # fmt: skip
@@ -440,6 +444,7 @@ def test_the_energy_of_a_step_is_never_negative_and_zero_after_all_nodes_died():
     assert (steps["time"][steps["joules"] > 1e-12] <= last + 1e-9).all()
 
 
+@pytest.mark.thorough
 def test_a_call_that_takes_no_time_still_wakes():
     run = Run(scenario("cluster", wakeup={"kind": "region", "call": 0.0}))
     assert run.events("called") and run.summary.run["tracked"] > 0.5
@@ -482,6 +487,7 @@ def test_the_first_step_after_a_detection_between_steps_is_as_long_as_the_time_p
     assert asked[0] == pytest.approx(0.5) and set(np.round(asked[1:], 9)) == {2.0}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tracker", ["gmtt", "ekf"])
 def test_a_moving_head_wakes_nodes_between_the_detection_and_the_first_step(tracker):
     run = Run({**scenario("gmtt"), "tracker": {"kind": tracker}})

@@ -96,6 +96,7 @@ def test_a_join_that_arrives_after_the_head_has_gone_on_makes_a_member_all_the_s
         assert 0.0 <= time - received[received <= time].max() < 1e-3, "once its acknowledgement has come"
 
 
+@pytest.mark.thorough
 def test_few_candidates_broadcast_where_a_broadcast_takes_long():
     changes = (*CALM[1:], "step=1 s", "duration=2 s")
     late, prompt = (

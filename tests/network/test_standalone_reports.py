@@ -71,6 +71,7 @@ def readings_of(*changes: dict[str, Any]) -> list[tuple[float, ...]]:
     return sorted(zip(*(table[name].tolist() for name in table), strict=True))
 
 
+@pytest.mark.thorough(fast=["missed", "restart in a crash while stuck", "a range and a bearing"])
 @pytest.mark.parametrize("case", CASES)
 def test_readings_are_those_of_the_network_run(case: str) -> None:
     change = CASES[case]

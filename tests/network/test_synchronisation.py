@@ -156,6 +156,7 @@ def test_the_network_synchronises_over_lossy_links():
     assert run.table["spread_max"][-1] < 1e-4 and run.table["synchronised"][-1] == 1.0
 
 
+@pytest.mark.thorough
 def test_nodes_that_sleep_send_when_they_wake_and_hear_what_they_are_awake_for():
     sleep = {"kind": "duty_cycle", "period": 10.0, "awake_share": 0.2, "phases": "synchronous"}
     run = ran(duration=2400.0, mac={"kind": "csma"}, sleep=sleep, sync={"kind": "ftsp", "period": 30.0})

@@ -194,6 +194,7 @@ def test_a_node_without_the_time_sends_nothing_and_its_bursts_end():
     assert "reading" not in words(network, "send")
 
 
+@pytest.mark.thorough
 def test_clocks_that_begin_wrong_must_join_first():
     mac = Tsch(slotframe=7, eb_period=1.0)
     network = RadioNetwork(FIELD[:6], mac=mac, clock=DriftingClock(sd=10e-6, offset=0.2), horizon=1e4)

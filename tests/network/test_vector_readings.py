@@ -46,6 +46,7 @@ def values(memory: Memory) -> dict[tuple[int, int, int], float]:
     return dict(zip(keys, table["reading"].tolist(), strict=True))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sensor", ["bearing", "range_bearing"])
 def test_readings_are_the_same_with_a_network_and_without_one_and_the_target_is_tracked(sensor: str) -> None:
     memory, summary = simulated(scenario(sensor=sensor))
@@ -125,6 +126,7 @@ def test_an_election_takes_equal_bearings_for_equal_and_the_shortest_range() -> 
         assert head == (min(first, key=first.__getitem__) if nearest else min(first))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sensor", ["bearing", "range_bearing"])
 def test_heads_that_move_search_with_them_and_follow_the_target(sensor: str) -> None:
     clusters = {"kind": "moving_head", "main": "detection", "sampling": 0.01, "quiet": 0.1, "cap": 0.3, "patience": 3}
@@ -145,6 +147,7 @@ def test_a_file_has_a_row_for_each_component_and_diff_names_the_one_that_differs
     assert "component" not in wsnsim.read(tmp_path / "c.h5", "readings")
 
 
+@pytest.mark.thorough
 def test_runs_without_a_network_are_made_one_by_one_or_at_once_with_the_same_rows(tmp_path: Path) -> None:
     for sensor, engine in (("bearing", "batch"), ("range_bearing", "composed")):
         made = scenario(network=False, sensor=sensor, record={}, tracker={"kind": "pf", "particles": 100})

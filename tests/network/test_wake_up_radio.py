@@ -25,6 +25,7 @@ def calls_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
     return np.array([row["node"] for row in rows]), np.array([row["peer"] for row in rows])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("wakeup", ["directed_flood", "experience_zones"])
 def test_a_call_reaches_nodes_at_which_it_arrives_with_the_sensitivity(wakeup):
     """Before, calls reached links over which the same message arrives in less than one case of a hundred."""

@@ -195,6 +195,7 @@ def test_a_cluster_that_stays_too_small_does_not_hand_over_at_every_step():
     assert len(run.outcome.tracks[0].estimates) == 20
 
 
+@pytest.mark.thorough
 def test_an_open_cluster_takes_readings_of_all_sensing_nodes_over_several_hops_and_never_hands_over():
     run = Run(network_setup(clusters=Central(), steps=100))
     assert len(run.outcome.tracks[0].clusters) == 1

@@ -117,6 +117,7 @@ def _file(path: Any, batch: bool, record: str) -> Any:
     return path
 
 
+@pytest.mark.thorough
 def test_files_of_both_engines_have_equal_tables_and_say_which_engine_made_them(tmp_path):
     paths = [_file(tmp_path / f"{batch}.h5", batch, "covariances") for batch in (True, False)]
     assert [json.loads(read_text(path, "provenance_json"))["engine"] for path in paths] == ["batch", "composed"]

@@ -51,6 +51,7 @@ def test_the_same_seed_repeats_and_replicates_differ():
     assert first == again != other
 
 
+@pytest.mark.thorough
 def test_the_file_has_the_columns_and_the_units_of_the_state(tmp_path: Path):
     report = experiment.run(scenario.load(GROWTH), replicates=2, out=tmp_path / "growth.h5")
     about = recording.attributes(report.out)
@@ -61,6 +62,7 @@ def test_the_file_has_the_columns_and_the_units_of_the_state(tmp_path: Path):
     assert verification.verify(report.out).ok
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tracker", ["ekf", "pf"])
 def test_with_all_sensors_in_one_cluster_the_network_gives_the_benchs_estimates(tracker):
     """So truth, prior and readings are the same; for the particle filter, the tracker's own draws are, too."""

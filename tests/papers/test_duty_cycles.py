@@ -90,6 +90,7 @@ def test_the_replication_has_the_points_of_the_first_study_on_another_seed(first
     assert again.full == first.full and hypotheses.OF_EXPERIMENT[again.name] is hypotheses.OF_EXPERIMENT[first.name]
 
 
+@pytest.mark.thorough
 def test_the_replication_explores_more_points_on_jiangs_field():
     more = scenarios_of("jiang_again").keys() - scenarios_of("jiang").keys()
     macs = {"contikimac 250", "tsch 11", "tsch 31, shared 4", "tsch 11, shared 4"}

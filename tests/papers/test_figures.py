@@ -39,6 +39,7 @@ def test_a_band_is_between_the_percentiles_of_a_slow_loop_over_the_same_draws():
     np.testing.assert_allclose(figure_style.rmse_interval(rows, 50), slow_interval(rows, taken), rtol=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_band_is_that_of_other_draws_of_whole_runs_but_for_their_noise():
     rows = np.abs(np.random.default_rng(2).normal(size=(40, 5)))
     picks = np.random.default_rng(3).integers(0, 40, (4000, 40))

@@ -140,6 +140,7 @@ def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory
     assert all(file.stat().st_size > 10_000 for file in files)
 
 
+@pytest.mark.thorough
 def test_with_its_own_cell_each_sensor_is_alone_and_both_filters_are_one(monkeypatch, tmp_path_factory):
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     where = tmp_path_factory.mktemp("liu2012")

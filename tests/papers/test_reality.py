@@ -185,6 +185,7 @@ def test_answers_follow_from_the_rows(monkeypatch):
     assert consistency.answer == "yes" and [each.value for each in consistency.found] == pytest.approx([7.0, 2.0])
 
 
+@pytest.mark.thorough(fast=["changes1-wanted1"])
 @pytest.mark.parametrize(
     ("changes", "wanted"),
     [

@@ -91,6 +91,7 @@ def test_an_order_needs_the_whole_interval_on_one_side_of_zero():
     assert verdict_on_order(NAN, NAN) == "undecided"
 
 
+@pytest.mark.thorough
 def test_the_interval_of_a_ratio_has_both_errors():
     """Of a mean of many values it is exp(±1.96 s) with s² = cv² (1/n + 1/m) around measured / published."""
     ours = sample(lognormal(1, 900, 0.2))

@@ -54,6 +54,7 @@ def test_the_second_reading_opens_no_result_file(tmp_path, files, monkeypatch):
     assert [path.name for path in kept_in(tmp_path).parent.iterdir()] == ["runs.npz"]
 
 
+@pytest.mark.thorough
 def test_a_replaced_an_added_and_a_missing_file_are_noticed(tmp_path, files, write):
     for change in (
         lambda: write(files[1].name, 9),
@@ -75,6 +76,7 @@ def test_a_file_changed_in_place_with_its_size_and_times_put_back_is_noticed(tmp
     assert_rows(read_consolidated(tmp_path, "runs", files), files)
 
 
+@pytest.mark.thorough(fast=["0.0"])
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.6, 0.99])
 def test_what_is_kept_is_not_believed_when_damaged(tmp_path, files, share):
     read_consolidated(tmp_path, "runs", files)

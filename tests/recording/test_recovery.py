@@ -104,6 +104,7 @@ def test_a_column_that_fell_behind_shortens_the_others(tmp_path, tmp):
     assert tables(recover(tmp))["events"].rows == 2 * 65_536
 
 
+@pytest.mark.thorough(fast=["5000"])
 @pytest.mark.parametrize("cut", [0, 7, 90, 5_000, -3_000])
 def test_a_truncated_temporary_file_is_refused_with_a_reason(tmp_path, tmp, cut):
     tmp.write_bytes(tmp.read_bytes()[:cut])
@@ -112,6 +113,7 @@ def test_a_truncated_temporary_file_is_refused_with_a_reason(tmp_path, tmp, cut)
     assert [path.name for path in tmp_path.iterdir()] == [tmp.name]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("column", "chunk", "left"), [("node", 2, 2), ("time", 1, 1), ("node", 0, 0)])
 def test_damaged_rows_are_never_recovered(tmp_path, tmp, column, chunk, left):
     with h5py.File(tmp) as file:
@@ -166,6 +168,7 @@ def test_a_run_that_still_writes_is_left_alone(tmp_path, states, rows_of):
     assert tables(tmp_path / "x.h5")["truth"].rows == 70_000
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "final"), [("a.b.node-1.17.tmp", "a.b.h5"), ("x.host.17-2.tmp", "x.h5"), ("x.hdf5.h.1.tmp", "x.hdf5.h5")]
 )

@@ -192,6 +192,7 @@ def test_plain_h5py_and_pandas_read_a_table_in_two_lines(tmp_path, states, rows_
     np.testing.assert_array_equal(frame["error"], rows["error"])
 
 
+@pytest.mark.thorough
 def test_the_words_of_a_run_are_the_meanings_of_what(tmp_path, states, rows_of):
     rows = rows_of("events", 3)
     with ResultFile(tmp_path / "x.h5", states, EVERYTHING) as file:
@@ -247,6 +248,7 @@ def test_the_file_has_a_superblock_with_a_checksum_that_hdf5_1_8_reads(tmp_path,
     assert start == b"\x89HDF\r\n\x1a\n\x02"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit])
 def test_an_exception_leaves_what_was_there_before(tmp_path, states, rows_of, error):
     (tmp_path / "x.h5").write_text("of old")

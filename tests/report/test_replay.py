@@ -39,6 +39,7 @@ def test_places_are_those_of_the_tables_to_a_rounding(real):
     np.testing.assert_allclose(at["error"][1:], guess["error"], rtol=1e-6)
 
 
+@pytest.mark.thorough
 def test_states_and_charges_are_what_a_loop_over_the_log_gives(tmp_path):
     path = write_result(tmp_path / "x.h5", events=True, steps=12, nodes=7)
     header, at = decoded(replay.encode(path, 0, 10**6).text)
@@ -182,6 +183,7 @@ def test_how_late_estimates_were_known_is_noted(tmp_path):
     assert "cluster heads computed it up to 1.25 s later" in " ".join(replay.encode(path, 0, 10**6).notes)
 
 
+@pytest.mark.thorough
 def test_true_counts_are_kept_where_fewer_are_drawn(tmp_path, monkeypatch):
     path = write_result(tmp_path / "x.h5", events=True, steps=12, nodes=30)
     whole = decoded(replay.encode(path, 0, 10**6).text)[1]

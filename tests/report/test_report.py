@@ -269,6 +269,7 @@ def test_several_results_have_an_answer_each_under_their_names(real, tmp_path, m
     assert (tmp_path / "x.html").read_text().count(f"</bdi></b>: {said}</p>") == 2
 
 
+@pytest.mark.thorough(fast=["4"])
 @pytest.mark.parametrize("count", [2, 4, 7, 10])
 def test_the_title_of_a_figure_with_a_long_legend_is_inside_the_figure(count):
     figure = Figure(figsize=svg_figures.SIZE)

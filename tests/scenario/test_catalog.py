@@ -23,6 +23,7 @@ ROWS = [(role.name, row) for role in ROLES.values() for row in role.kinds]
 WORDS = ("paper", "idea", "state", "messages", "variants")
 
 
+@pytest.mark.thorough(fast=["deploy-jittered_grid"])
 @pytest.mark.parametrize(("role", "row"), ROWS, ids=[f"{role}-{row.kind}" for role, row in ROWS])
 def test_every_row_leads_to_a_part_that_can_stand_behind_its_role(role: str, row: Kind) -> None:
     model = part_model(role, row.kind)
@@ -36,6 +37,7 @@ def test_the_rows_of_trackers_say_what_their_classes_say(row: Kind) -> None:
     assert {word: getattr(row, word) for word in WORDS} == {word: getattr(part, word) for word in WORDS}
 
 
+@pytest.mark.thorough(fast=["fault"])
 @pytest.mark.parametrize("role", ROLES)
 def test_a_role_with_a_default_kind_may_be_left_out(role: str) -> None:
     default = ROLES[role].default

@@ -47,6 +47,7 @@ seed: 2
     ]
 
 
+@pytest.mark.thorough(fast=["changes0-faults0"])
 @pytest.mark.parametrize(
     ("changes", "faults"),
     [

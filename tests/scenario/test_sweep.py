@@ -194,6 +194,7 @@ def test_the_command_line_replaces_name_and_timeout_and_what_it_does_not_say_sta
     assert (plan.name, plan.timeout) == ("a", 2.0)
 
 
+@pytest.mark.thorough(fast=["vary2-expected2"])
 @pytest.mark.parametrize(
     ("vary", "expected"),
     [

@@ -149,6 +149,7 @@ def test_with_one_and_two_ranges_it_is_the_solution_nearest_to_the_prediction() 
     assert after.mean[[0, 2]] == pytest.approx(chase.positions[1] + radius * ray / np.hypot(*ray), abs=1e-4)
 
 
+@pytest.mark.thorough
 def test_the_velocity_is_as_uncertain_as_the_two_fixes_it_comes_from() -> None:
     """Over many trials, the errors of the last step's estimate spread as its covariance says."""
     chase, tracker = Chase(PATH, PLACES, Range(sd=0.5, reach=1e4)), GreyTracking()

@@ -54,6 +54,7 @@ class Textbook:
             assert found == pytest.approx(value, rel=rel, abs=rel)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("seed", "start"), [(0, (1.0, 0.1, 0.01)), (1, MIDWAY)])
 def test_fifty_steps_on_the_papers_line_are_those_of_a_textbook_loop(seed, start) -> None:
     line, tracker = Line(seed, start), InteractingKalman()

@@ -148,6 +148,7 @@ def test_a_new_course_forgets_the_velocity_and_is_that_of_draws() -> None:
     assert mean == pytest.approx([10.0, 0.0, -5.0, 0.0]) and spread == pytest.approx(np.cov(drawn), abs=0.4)
 
 
+@pytest.mark.thorough
 def test_after_a_turn_it_finds_the_target_again_and_one_mode_does_later() -> None:
     path = straight((5.0, 10.0), (3.0, 3.0), 20, 2.0)
     path[10:] = straight(tuple(path[9, [0, 2]]), (-4.0, -4.0), 11, 2.0)[1:]

@@ -94,6 +94,7 @@ def test_a_step_is_the_papers_by_hand_with_the_same_noise(prior_fit: str, rankin
     assert max(carried) > 1.0, "a share that moves must carry unequal weights from a step without a move"
 
 
+@pytest.mark.thorough(fast=["tracker4"])
 @pytest.mark.parametrize(
     "tracker",
     [

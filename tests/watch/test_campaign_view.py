@@ -109,6 +109,7 @@ def test_nothing_in_the_folder_changes_but_what_reading_keeps(folder):
     assert folder.state() == before
 
 
+@pytest.mark.thorough
 def test_failures_and_running_tasks_are_counted(folder):
     without_point(folder, 1)
     point = folder.manifest().points[1].id

@@ -96,6 +96,7 @@ def test_error_and_energy_so_far_approach_those_of_the_result(tmp_path):
     assert set(frames.joules) == {str(cause) for cause in by_cause[by_cause > 0].index}
 
 
+@pytest.mark.thorough
 def test_the_energy_spent_is_a_curve_that_ends_at_what_was_spent(tmp_path):
     frames, portions = watched(tmp_path / "x.h5", "pso_mhpf", SHORT)
     times, joules = np.array([point for part, _ in portions for point in part["spent"]]).T

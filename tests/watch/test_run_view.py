@@ -53,6 +53,7 @@ def test_a_run_that_is_looked_at_in_every_step_has_the_same_result(tmp_path, ask
     assert state["note"] == "" and state["run"] == 2 and len(state["texts"]) > 1
 
 
+@pytest.mark.thorough
 def test_a_tab_gets_each_text_once_and_another_one_gets_all(tmp_path, ask):
     with RunView("x", interval=0.0) as view:
         assert json.loads(ask(view.url, "state?run=0&from=0")[2])["texts"] == []
