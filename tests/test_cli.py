@@ -385,6 +385,7 @@ def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(
     assert "Traceback" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_nobody_reading_is_no_error() -> None:
     reading, writing = os.pipe()
     os.close(reading)

@@ -49,6 +49,7 @@ def test_the_first_cluster_is_the_same_for_trackers_under_the_same_policy(files,
             assert first[0][column][rows[0]] == first[1][column][rows[1]]
 
 
+@pytest.mark.thorough
 def test_replicates_differ_and_each_is_the_same_whatever_ran_before_it(files):
     prints = recording.read_table(files / "pso_mhpf.h5", "runs")["fingerprint"]
     assert prints[0] != prints[1]

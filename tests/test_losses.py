@@ -11,6 +11,7 @@ from wsnsim.base.recorders import Memory
 WINDOW, LIMIT = 5, 0.4
 
 
+@pytest.mark.thorough
 def test_a_run_counts_its_losses_and_the_bits_of_its_handovers():
     """A limit of 40 cm is exceeded now and then; the steps are counted one by one."""
     overrides = [

@@ -101,6 +101,7 @@ def test_an_error_in_a_plugin_names_its_file_and_line(kind: str, said: str, caps
     assert not list(Path("results").glob("*"))
 
 
+@pytest.mark.thorough
 def test_in_a_network_too(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--set", "tracker.kind=faulty:Steps", "--set", "duration=0.4 s", "--quiet"]
     assert main(["run", "jiang_field", *words]) == 1

@@ -128,6 +128,7 @@ def test_a_sensor_fault_changes_what_was_recorded(tmp_path: Path) -> None:
     assert first_difference(estimates(data), estimates(biased)) == 10
 
 
+@pytest.mark.thorough
 def test_many_runs_at_once_give_the_same_as_one_by_one(tmp_path: Path) -> None:
     data = world(tmp_path)
     for batch in (True, False):
@@ -165,6 +166,7 @@ def test_sampled_readings_have_the_heights_of_nodes_and_of_a_recorded_track(tmp_
     assert len(expected) >= 4 * STEPS and np.abs(found["reading"] - expected).max() < 1e-4
 
 
+@pytest.mark.thorough
 def test_nodes_that_search_between_steps_find_what_was_recorded_there(tmp_path: Path) -> None:
     """The recording has readings at the steps alone, and so have the instants of a search."""
     data = network_world(tmp_path) | {
@@ -243,6 +245,7 @@ def test_a_law_may_be_a_plugin_which_the_provenance_names(tmp_path: Path) -> Non
     assert scenario.plugins(scenario.load(data)) == ("sensor wsnsim.models.ranging:Range",)
 
 
+@pytest.mark.thorough
 def test_a_file_that_changed_or_is_gone_is_refused_with_its_result(tmp_path: Path) -> None:
     path, out = tmp_path / "readings.csv", tmp_path / "out.h5"
     wsnsim.run(world(tmp_path), replicates=1, out=out)

@@ -54,6 +54,7 @@ def test_the_table_is_off_by_default_and_does_not_change_the_run():
     assert recorded.state_names.all() == ("node", "probability")
 
 
+@pytest.mark.thorough
 def test_names_of_any_tracker_reach_the_file_and_a_tracker_that_has_nothing_to_report_writes_no_row(tmp_path):
     changes = ("duration=11 s", "record.tracker_state=true")
     source = wsnsim.load("rkf", [*changes, f"tracker.kind={__name__}:Growing"])

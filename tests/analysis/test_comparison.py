@@ -85,6 +85,7 @@ def four(place: Place, lose: bool = False, **about: Any) -> Folder:
     return place.campaign(points, **about)
 
 
+@pytest.mark.thorough
 def test_every_figure_of_a_point_is_that_reckoned_by_hand(place: Place) -> None:
     table = comparison.compare(four(place, lose=True), by=[KIND]).table
     assert not table["front"].any()  # all lose more than a twentieth of their runs
@@ -108,6 +109,7 @@ def test_every_figure_of_a_point_is_that_reckoned_by_hand(place: Place) -> None:
             assert row[f"{name}_low"] <= row[name] <= row[f"{name}_high"]
 
 
+@pytest.mark.thorough
 def test_trackers_are_compared_within_each_value_of_the_other_key(place: Place) -> None:
     found = comparison.compare(four(place), by=[KIND])
     table = found.table
@@ -122,18 +124,21 @@ def test_trackers_are_compared_within_each_value_of_the_other_key(place: Place) 
     assert (found.by, found.unpaired, found.metric, found.keys) == ((KIND,), "", "rmse", (KIND, SIZE))
 
 
+@pytest.mark.thorough
 def test_by_the_other_key_the_other_pairs_are_compared(place: Place) -> None:
     table = comparison.compare(four(place), by=[SIZE]).table
     np.testing.assert_array_equal(table["difference"], [NAN, -1.0, NAN, -2.0])
     np.testing.assert_array_equal(table["effect"][1], -1.0)
 
 
+@pytest.mark.thorough
 def test_by_both_keys_all_are_compared_with_the_first(place: Place) -> None:
     table = comparison.compare(four(place), by=[KIND, SIZE]).table
     np.testing.assert_array_equal(table["difference"], [NAN, -1.0, 1.0, 0.0])
     assert table["front"].tolist() == [True, True, True, False]
 
 
+@pytest.mark.thorough
 def test_without_a_key_to_compare_by_there_is_no_difference_and_one_front(place: Place) -> None:
     found = comparison.compare(four(place))
     assert found.by == ()
@@ -169,6 +174,7 @@ def test_points_that_gave_the_same_runs_are_named_whatever_time_they_took(place:
     assert found.same in comparison_text.text(found) and comparison.as_json(found)["same"] == found.same
 
 
+@pytest.mark.thorough
 def test_the_baseline_is_found_where_points_have_no_results_yet(place: Place) -> None:
     folder = place.campaign([({KIND: kind}, "w", {"rmse": rmse}) for kind, rmse in (
         ("a", []), ("b", [1.0] * 5), ("c", [3.0] * 5),
@@ -207,6 +213,7 @@ def test_replicates_are_paired_by_their_number_and_not_by_their_place(place: Pla
     assert tuple(table.loc[1, ["difference", "difference_low", "difference_high", "effect"]]) == (1.0, 1.0, 1.0, 1.0)
 
 
+@pytest.mark.thorough
 def test_where_no_energy_is_spent_nothing_is_said_of_it(place: Place) -> None:
     for energy in (NAN, 0.0):
         folder = place.campaign([({SIZE: n}, "w", {"rmse": [1.0] * 5, "energy": energy}) for n in (1, 2)])
@@ -242,6 +249,7 @@ def test_groups_are_named_in_conclusions(place: Place) -> None:
     assert max(map(len, (line for line in text.splitlines() if line.startswith("- ")))) <= 120
 
 
+@pytest.mark.thorough
 def test_any_column_of_runs_that_is_a_figure_may_be_compared(place: Place) -> None:
     folder = place.campaign([({SIZE: n}, "w", {"rmse": [1.0] * 5, "handovers": [n, 2, 3, 4, 9]}) for n in (1, 2)])
     assert comparison.compare(folder, "handovers").table["median"].tolist() == [3.0, 3.0]
@@ -256,6 +264,7 @@ def test_a_folder_without_a_campaign_or_without_results_says_so(place: Place) ->
         comparison.compare(place.campaign([({SIZE: 1}, "w", {"rmse": []})]))
 
 
+@pytest.mark.thorough
 def test_the_text_has_a_line_a_point_with_its_figures(place: Place) -> None:
     found = comparison.compare(four(place), by=[KIND])
     text = comparison_text.text(found)

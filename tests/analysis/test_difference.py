@@ -163,6 +163,7 @@ def test_settings_that_differ_have_dotted_paths_and_both_values(made):
     assert found.same, "what was simulated is what is compared"
 
 
+@pytest.mark.thorough
 def test_what_only_one_holds_is_named_and_the_two_are_not_the_same(made):
     found = differ(made("a", tables=("runs", "truth")), made("b", tables=("runs", "nodes"), replicates=(0, 1, 2)))
     assert found.lacking == ["only A holds table truth", "only B holds table nodes", "only B holds replicate 2"]

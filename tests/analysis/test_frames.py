@@ -67,6 +67,7 @@ def test_a_table_without_rows_is_an_empty_frame_with_its_columns(write):
     assert isinstance(frame["kind"].dtype, pd.CategoricalDtype)
 
 
+@pytest.mark.thorough
 def test_a_pattern_puts_files_below_each_other_and_names_them(tmp_path, write, rows_of):
     for name, count in (("b1.h5", 3), ("b2.h5", 2), ("other.h5", 9)):
         write(name, truth=rows_of("truth", count, seed=count))
@@ -82,6 +83,7 @@ def test_a_pattern_is_relative_to_where_one_stands(tmp_path, write, rows_of, mon
     assert read(f"{tmp_path.name}/?.h5", "truth")["file"].tolist() == [f"{tmp_path.name}/x.h5"]
 
 
+@pytest.mark.thorough
 def test_words_that_files_learnt_in_different_orders_are_the_same_words(tmp_path, write, rows_of):
     write("a.h5", ["weights", "counts"], events=rows_of("events", 2) | {"what": [1, 2]})
     write("b.h5", ["counts", "ack", "weights"], events=rows_of("events", 3) | {"what": [1, 2, 3]})

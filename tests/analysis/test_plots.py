@@ -157,6 +157,7 @@ def test_each_state_is_drawn_as_the_tables_hold_it(write, layout):
         assert ("estimated ±2σ" in labels(axes)) == (number in layout.position)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("column", "half"), [("px", 3.0), ("py", 5.0)])
 def test_the_band_is_twice_the_sd_that_the_filter_claims_for_this_column(write, column, half):
     path = write(SWAPPED)
@@ -184,6 +185,7 @@ def test_a_track_in_the_plane_shows_ground_truth_estimates_nodes_and_the_cluster
     assert "5 nodes" in labels(axes)
 
 
+@pytest.mark.thorough
 def test_the_regions_in_which_nodes_were_woken_are_marked_by_their_centres(write):
     path = write(network=True, woken=4, targets=2, gaps=(3, 4))
     axes, regions = plots.track(axes_of(), path, replicate=1), rows(path, "wakeups", 1)
@@ -283,6 +285,7 @@ def test_a_cloud_shows_the_weighted_particles_and_the_ground_truth(write, layout
     assert labels(axes)[0] == "30 of 40 particles"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("layout", "column", "density"),
     [(PLANE, "vx", "probability density [1/(m/s)]"), (LINE, None, "probability density [1/m]"),

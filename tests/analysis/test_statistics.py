@@ -86,6 +86,7 @@ def test_the_medians_interval_ends_where_the_bootstraps_exact_distribution_says(
         assert chance[up_to] >= level - four_deviations
 
 
+@pytest.mark.thorough
 def test_the_medians_interval_covers_the_true_median_about_as_often_as_it_says() -> None:
     rng = np.random.default_rng(7)
     runs = 100

@@ -213,6 +213,7 @@ def ran(tmp_path_factory):
     return experiment.run(loaded, replicates=6, out=path), path
 
 
+@pytest.mark.thorough
 def test_a_real_runs_figures_are_those_of_its_tables(ran):
     report, path = ran
     figures = summary.as_json(report, {})

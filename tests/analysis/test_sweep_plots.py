@@ -63,6 +63,7 @@ def drawn(axes):
     return {line.get_label(): tuple(line.get_data()) for line in axes.get_lines() if line.get_marker() != "None"}
 
 
+@pytest.mark.thorough
 def test_a_single_key_makes_one_line_through_the_medians_with_a_band(made):
     lines = sweep_plots.lines_of(made(PARTICLES))
     axes = axes_of()
@@ -98,6 +99,7 @@ def test_several_scenarios_are_a_line_each_and_differences_are_from_the_first(ma
     assert "from pso_mhpf" in axes.get_title("left")
 
 
+@pytest.mark.thorough
 def test_differences_along_a_single_line_are_from_its_first_point_as_it_was_written(made):
     said = {"scenario": "pso_mhpf", "grid": {"tracker.particles": [100, 50, 800]}}
     lines = sweep_plots.lines_of(made(said))
@@ -163,6 +165,7 @@ def test_another_key_can_be_chosen_and_one_that_is_not_there_is_refused(made):
         sweep_plots.lines_of(folder, key="tracker.particle")
 
 
+@pytest.mark.thorough
 def test_a_span_of_more_than_ten_times_is_logarithmic_with_the_values_as_ticks(made):
     axes = sweep_plots.median(axes_of(), sweep_plots.lines_of(made(PARTICLES)))
     assert axes.get_xscale() == "log"

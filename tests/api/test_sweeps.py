@@ -45,6 +45,7 @@ def test_a_sweep_and_runs_of_its_points_are_the_same():
     assert found.runs.fingerprint[2:].tolist() == alone.runs.fingerprint.tolist()
 
 
+@pytest.mark.thorough
 def test_a_temporary_sweep_goes_with_its_result():
     found = wsnsim.sweep({"extends": "rkf", "name": "mine"}, ["seed=1,2"], **FEW)
     folder = found.out
@@ -68,6 +69,7 @@ def test_trackers_are_compared_by_name_by_component_and_under_names_of_ones_own(
     assert (again.metric, again.baseline) == ("median_error", "many")
 
 
+@pytest.mark.thorough
 def test_a_component_has_all_of_its_values_in_a_comparison():
     base = {"extends": "rkf", "name": "mine", "tracker": {"kind": "pf", "particles": 20}}
     usual = Pf().particles

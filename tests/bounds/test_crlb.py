@@ -33,6 +33,7 @@ RECEIVERS = {
 JIANG = {"extends": "scenarios/central_pf.yaml", "duration": "2 s"}
 
 
+@pytest.mark.thorough
 def test_on_a_line_the_bound_is_what_the_kalman_filter_claims_at_every_step(tmp_path):
     result = run(ON_THE_LINE, replicates=3, out=tmp_path / "x.h5").out
     claimed = read(result, "estimates").sd_x.to_numpy().reshape(3, 40)
@@ -50,6 +51,7 @@ def test_a_tracker_that_does_not_know_the_gains_has_the_bound_for_unknown_ones()
     assert bound(JIANG, range(2), "per_trajectory").query.gains == "known"
 
 
+@pytest.mark.thorough
 def test_unknown_gains_never_lower_the_bound_and_matter_where_they_differ():
     known, unknown = (bound(JIANG, range(3), "per_trajectory", gains) for gains in GAINS)
     assert np.all(unknown.each >= known.each * (1 - 1e-9)) and unknown.time_mean > 1.05 * known.time_mean

@@ -206,6 +206,7 @@ def test_a_task_of_another_version_is_not_run(lab: Path) -> None:
     assert not list(folder.path.glob("*/r*"))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("marks", "outcome"),
     [
@@ -246,6 +247,7 @@ def test_an_outcome_is_small(lab: Path) -> None:
     assert max(len(pickle.dumps(thing)) for thing in (outcome, first_task(folder))) < 1000
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("batch", [True, False])
 def test_standalone_runs_of_a_task_are_made_at_once_unless_the_campaign_says_otherwise(lab: Path, batch: bool) -> None:
     plan = load_sweep(["ungm_pf"], ["tracker.particles=20"], ["duration=3 s"], replicates=4)

@@ -210,6 +210,7 @@ def test_gains_predict_a_track_that_was_not_fitted() -> None:
         assert row.fitted.log_likelihood > row.plain.log_likelihood
 
 
+@pytest.mark.thorough
 def test_a_corrupt_row_is_refused_or_skipped_and_named() -> None:
     with pytest.raises(RunError, match=r"straight_05\.csv\.gz:176: reading 42 dBm must be between -200 and 0"):
         wsnsim.fit(ble("straight_05"), BLE / "receivers.csv")

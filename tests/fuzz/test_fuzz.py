@@ -183,6 +183,7 @@ def test_most_random_scenarios_are_valid_and_all_kinds_of_cases_differ_by_their_
 LISTS = {"motion": "targets", "fault": "faults"}
 
 
+@pytest.mark.thorough
 def test_every_kind_of_every_role_occurs_in_the_random_scenarios() -> None:
     missing = {(name, info.kind) for name, role in ROLES.items() for info in role.kinds}
     for number in range(400):

@@ -27,6 +27,7 @@ def test_campaigns_that_are_killed_lose_and_double_nothing(
     assert re.match(r"[3-9] kills \(.*\), \d campaigns of 48 tasks", capsys.readouterr().out)
 
 
+@pytest.mark.thorough
 def test_a_lost_run_and_a_leftover_are_found(tmp_path: Path) -> None:
     written = {"scenario": "ungm_pf", "set": {"duration": "2 s"}, "name": "c", "block": 1}
     plan = load_sweep({**written, "grid": {"tracker.particles": [10]}, "replicates": 3})

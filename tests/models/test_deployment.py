@@ -40,6 +40,7 @@ def written(folder, text):
     return str(path)
 
 
+@pytest.mark.thorough
 def test_a_uniform_deployment_covers_the_field_if_asked():
     for seed in range(20):
         positions = Uniform().draw(60.0, generator(seed))

@@ -175,6 +175,7 @@ def test_a_longer_truth_begins_like_a_shorter_one(
     assert np.array_equal(short, long[:51])
 
 
+@pytest.mark.thorough
 def test_the_start_of_a_truth_may_be_drawn_about_the_start() -> None:
     """4000 draws: five standard errors of a mean are 0.08, of a deviation 0.056, in deviations."""
     sd = (2.0, 1.0, 0.5, 0.0)

@@ -123,6 +123,7 @@ def test_the_appointment_of_a_target_on_a_line_covers_an_interval():
     assert rule.covers(np.array([[15.0, 0.0], [15.1, 0.0], [5.0, 10.0]]), line).tolist() == [True, False, True]
 
 
+@pytest.mark.thorough
 def test_heads_and_members_go_by_the_assumed_positions(monkeypatch):
     made = ["duration=2 s", "tracker.kind=ekf", "clusters={kind: appointed}", "deploy.position_error=15 m"]
     setup = wsnsim.scenario.build(wsnsim.load("jiang_field", made))

@@ -11,6 +11,7 @@ from wsnsim.network.clusters.appointed_cluster import AppointedCluster
 from wsnsim.network.clusters.appointing import AppointingProtocol
 
 
+@pytest.mark.thorough
 def test_the_head_wakes_nodes_before_its_first_step_and_those_woken_are_members():
     said = scenario("gmtt", clusters={"kind": "appointed"}, duration=30.0) | {"tracker": {"kind": "ekf"}}
     run = SleepingRun(said)
@@ -48,6 +49,7 @@ def test_no_message_wakes_a_region_in_which_everybody_is_a_member_already():
     run.books()
 
 
+@pytest.mark.thorough
 def test_a_head_knows_only_of_those_from_which_a_packet_has_arrived_that_they_need_no_waking(monkeypatch):
     asked: list[tuple[int, int, set[int], set[int], bool]] = []
 

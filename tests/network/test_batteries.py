@@ -113,6 +113,7 @@ def datasheets(draw: st.DrawFn, switching: st.SearchStrategy[float] = SECONDS) -
     return States(radio=radio, processor=processor, battery=draw(BATTERIES), sensing=draw(price(1e-6, 3e-2)))
 
 
+@pytest.mark.thorough
 @given(datasheets(), SCHEDULES)
 def test_by_datasheets_too_whichever_state_is_the_dearest(energy, schedule):
     radio, processor = energy.radio, energy.processor

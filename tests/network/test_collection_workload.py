@@ -52,6 +52,7 @@ def test_a_report_that_reaches_no_sink_is_dropped_with_a_reason_and_the_summary_
     assert "reports received at a sink" in said and "dropped: no route was found in time" in said
 
 
+@pytest.mark.thorough
 def test_reports_of_beacons_are_none(tmp_path):
     report = wsnsim.experiment.run(load("beacons", ["duration=1 s", "deploy.nodes=20"]), out=tmp_path / "b.h5")
     assert beaconing.as_json(report)["reports"] == 0.0 and "reports sent" not in beaconing.text(report)

@@ -251,6 +251,7 @@ def test_the_first_backoff_is_uniform_over_eight_periods():
     assert len(counts) == 8 and chisquare(counts).pvalue > 1e-3
 
 
+@pytest.mark.thorough
 def test_the_range_of_the_backoff_doubles_to_thirty_two_periods_while_the_channel_is_busy():
     network, times = saturated_network(1, 60.0), []
     network.mac.channel.is_busy = lambda node: bool(times.append(network.env.now)) or True

@@ -66,6 +66,7 @@ def test_the_idle_power_is_that_of_two_assessments_an_interval():
     assert checks * T_R / 100.0 == pytest.approx(0.0031, abs=5e-5)
 
 
+@pytest.mark.thorough
 def test_a_unicast_without_phase_lock_takes_half_an_interval_and_the_next_copy():
     network = low_power(UNLOCKED)
     phase, count = phases(network)[1], 48

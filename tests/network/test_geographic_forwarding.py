@@ -112,6 +112,7 @@ def test_a_sleeping_destination_is_woken_on_the_last_hop_where_it_can_be():
     assert sent.arrived and woken == [(1, 2)]
 
 
+@pytest.mark.thorough
 def test_over_lossy_links_datagrams_end_and_the_ledger_adds_up():
     rng = np.random.default_rng(3)
     network = TreeNetwork(rng.uniform(0, 150, (50, 2)), link=LogNormal())

@@ -65,6 +65,7 @@ def plain_seconds(nodes):
     return np.array([(node.sent, node.on - node.sent - 2 * TURNAROUND * node.count) for node in nodes])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", [XMac, ContikiMac])
 def test_without_contention_every_node_sends_and_listens_as_in_the_plain_simulation(kind):
     """One sender, one receiver, and two nodes that overhear them."""

@@ -68,6 +68,7 @@ def scenario(**changes):
     return {**said, **changes}
 
 
+@pytest.mark.thorough
 def test_a_plug_in_broadcasts_and_sends_over_several_hops_in_a_run_that_starts_from_a_scenario(tmp_path):
     out = tmp_path / "run.h5"
     wsnsim.run(scenario(), replicates=1, out=out)
@@ -81,6 +82,7 @@ def test_a_plug_in_broadcasts_and_sends_over_several_hops_in_a_run_that_starts_f
     assert wsnsim.read(out, "runs")["energy"].sum() > 0
 
 
+@pytest.mark.thorough
 def test_a_plug_in_works_on_the_ideal_channel_and_with_crashed_nodes():
     faults = [{"kind": "crash", "at": 0.5, "fraction": 0.5}]
     whole = wsnsim.experiment.simulate_run(scenario(mac={"kind": "ideal"})).run

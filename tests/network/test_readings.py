@@ -116,6 +116,7 @@ def test_who_began_and_who_ceased_to_report_add_up_to_who_reports():
         assert sorted(reporting) == list(found.readings(step))
 
 
+@pytest.mark.thorough
 def test_false_alarms_come_as_often_as_stated_from_nodes_out_of_range_and_from_anywhere_in_their_reach():
     points, positions = crowd(steps=400)
     true, _ = imperfect(points, positions, RULER)

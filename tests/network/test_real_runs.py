@@ -145,6 +145,7 @@ def test_the_sink_receives_only_issued_estimates_and_none_without_a_path():
     assert "no_path" in {words[int(code)] for code in lost}
 
 
+@pytest.mark.thorough
 def test_two_targets_have_a_track_each_and_readings_of_their_own():
     run, memory = simulated("two_targets", "duration=2 s")
     truth, estimates = memory.table("truth"), memory.table("estimates")

@@ -137,6 +137,7 @@ def test_an_isolated_component_is_found_without_searching_the_whole_network(monk
     assert max(sizes) < 1000
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("weight", ["energy", "hop"])
 def test_a_corridor_of_many_nodes_gives_the_same_paths_as_one_of_few(weight, monkeypatch):
     positions = uniform(8, 400, 600.0)

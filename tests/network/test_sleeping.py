@@ -202,6 +202,7 @@ def test_a_log_changes_nothing():
     assert quiet.run["fingerprint"] == Run(said).summary.run["fingerprint"]
 
 
+@pytest.mark.thorough
 def test_a_called_node_pays_for_the_call_and_sleeps_again_when_no_target_comes():
     run = Run(scenario(duration=40.0))
     calls, called = run.events("call"), run.events("called")
@@ -240,6 +241,7 @@ def test_only_awake_nodes_search_for_a_lost_target_once_a_second():
     assert any(run.events("acquire") for run in found)
 
 
+@pytest.mark.thorough
 def test_an_unreachable_sink_is_reported():
     island = {"kind": "anchors", "width": 2000.0, "height": 2000.0, "places": [
         *([x, y] for x in range(-60, 61, 30) for y in range(-60, 61, 30)), [900.0, 900.0], [870.0, 900.0]]}  # fmt: skip
@@ -420,6 +422,7 @@ def test_each_search_costs_a_reading_with_or_without_an_explicit_interval():
     assert twice == pytest.approx(2.0 * named, rel=0.05), "but for who is held awake"
 
 
+@pytest.mark.thorough
 def test_a_node_whose_only_cost_is_switching_dies_when_its_charge_is_used():
     energy = {"kind": "first_order", "battery": 10.5e-3, "switch": 1e-3, "idle": 0.0, "sleep": 0.0}
     far = {"kind": "waypoints", "points": [[0, 5000, 5000], [60, 5000, 5000]]}
@@ -450,6 +453,7 @@ def test_a_call_that_takes_no_time_still_wakes():
     assert run.events("called") and run.summary.run["tracked"] > 0.5
 
 
+@pytest.mark.thorough
 def test_nodes_woken_by_a_head_that_died_are_counted_too():
     said = scenario(step=5.0, duration=60.0, sleep={"kind": "ris", "probability": 0.6},
                     faults=[{"kind": "crash", "at": 30.5, "head": 0, "duration": 1.0}])  # fmt: skip

@@ -62,6 +62,7 @@ def test_readings_are_the_same_with_a_network_and_without_one_and_the_target_is_
     assert (estimates["nis_dof"] == counted * estimates["readings"]).all()
 
 
+@pytest.mark.thorough
 def test_every_reading_is_one_packet_whatever_its_components() -> None:
     packets = []
     for sensor in ("bearing", "range_bearing"):
@@ -118,6 +119,7 @@ def test_missed_readings_are_whole_ones_and_false_alarms_and_biases_have_all_com
     assert np.abs(each).min() > 0.0 and abs(np.corrcoef(each.T)[0, 1]) < 0.8
 
 
+@pytest.mark.thorough
 def test_an_election_takes_equal_bearings_for_equal_and_the_shortest_range() -> None:
     for sensor, nearest in (("bearing", False), ("range_bearing", True)):
         memory, _ = simulated(scenario(sensor=sensor, prior={"sd": [1, 0.5, 1, 0.5]}))
@@ -187,6 +189,7 @@ def test_readings_of_several_components_cannot_be_recorded(tmp_path: Path) -> No
         wsnsim.scenario.build(wsnsim.load(made))
 
 
+@pytest.mark.thorough
 def test_a_head_knows_the_headings_of_its_nodes() -> None:
     own = {"kind": "bearing", "reach": "20 m", "heading": "own"}
     memory, summary = simulated(scenario() | {"sensor": own})

@@ -68,6 +68,7 @@ def test_the_idle_power_is_that_of_one_window_an_interval():
         assert joules(network, "sleep", node) == pytest.approx(off * SLEEP + 100.0 * IDLE_PROCESSOR, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_unicast_takes_half_an_interval_on_average_and_the_exchange():
     """At each of evenly spread phases it takes exactly what they say; and their mean is the closed form."""
     network = low_power(AT_ONCE)

@@ -47,6 +47,7 @@ def test_a_band_is_that_of_other_draws_of_whole_runs_but_for_their_noise():
     np.testing.assert_allclose(figure_style.rmse_interval(rows, 4000), other, rtol=0.02)
 
 
+@pytest.mark.thorough
 def test_the_band_of_many_runs_holds_the_true_rmse_at_95_percent_of_the_steps():
     low, high = figure_style.rmse_interval(np.random.default_rng(4).normal(scale=3.0, size=(200, 2000)))
     assert np.mean((low < 3.0) & (high > 3.0)) == pytest.approx(0.95, abs=0.03)

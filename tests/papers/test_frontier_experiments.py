@@ -83,6 +83,7 @@ def test_every_strategy_that_was_swept_runs_at_its_fair_setting_on_the_frontier(
         assert [name for name in usual if not {name, f"{name}, fair"} & set(VARIANTS)] == []
 
 
+@pytest.mark.thorough
 def test_a_strategy_at_its_fair_setting_is_what_the_sweep_ran_but_for_seed_and_length(quick):
     sweeps = {one.name: one for one in paper("frontier").experiments if one.name.startswith("settings_")}
     known = resolved(quick)

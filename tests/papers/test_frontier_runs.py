@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 
+import pytest
+
 from tests.papers import frontier_runs as runs
 from wsnsim.papers import reproduce
 from wsnsim.papers.paper import paper
@@ -23,6 +25,7 @@ def test_what_the_page_has_is_not_missing(monkeypatch, tmp_path):
     assert "ideal: ekf" not in runs.missing("frontier") and "ideal: ckf" in runs.missing("frontier")
 
 
+@pytest.mark.thorough
 def test_a_variant_alone_is_the_same_point_as_within_its_experiment():
     name = [*ASLEEP.variants][-1]
     alone = reproduce.plan("frontier", runs.of_variants("asleep", [name]), full=True)

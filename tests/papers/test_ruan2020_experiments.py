@@ -100,6 +100,7 @@ def test_what_is_drawn_of_the_surrogate_says_so():
     assert all(("surrogate" in figure.caption) == (figure.name in ("figure_4", "figure_5")) for figure in drawn)
 
 
+@pytest.mark.thorough
 def test_the_surrogate_differs_from_the_simulation_by_what_section_3_2_says():
     plans = {name: reproduce.plan("ruan2020", experiment) for name, experiment in
              (("room", TABLE_1_RUNS), ("indoor", INDOOR_RUNS))}  # fmt: skip

@@ -144,6 +144,7 @@ def test_no_damaged_byte_of_a_block_changes_a_value_unnoticed(tmp_path, states, 
     assert min(found.values()) >= 10
 
 
+@pytest.mark.thorough
 def test_packed_rows_hold_what_the_columns_hold(tmp_path, states, rows_of):
     written = {table: rows_of(table, 5) for table in ("runs", "tracks")}
     with ResultFile(tmp_path / "x.h5", states, dict.fromkeys(written, True)) as file:

@@ -269,6 +269,7 @@ def test_ctrl_c_while_the_file_is_being_finished_leaves_nothing(tmp_path, states
     assert names_in(tmp_path) == []
 
 
+@pytest.mark.thorough
 def test_a_complete_file_takes_the_place_of_an_older_one(tmp_path, states, rows_of):
     for count in (3, 5):
         with ResultFile(tmp_path / "x.h5", states, EVERYTHING) as file:
@@ -276,6 +277,7 @@ def test_a_complete_file_takes_the_place_of_an_older_one(tmp_path, states, rows_
         assert tables(tmp_path / "x.h5")["truth"].rows == count
 
 
+@pytest.mark.thorough
 def test_writers_of_one_name_do_not_meet(tmp_path, states, rows_of):
     with ResultFile(tmp_path / "x.h5", states, EVERYTHING) as first:
         with ResultFile(tmp_path / "x.h5", states, EVERYTHING) as second:

@@ -65,6 +65,7 @@ def test_states_and_charges_are_what_a_loop_over_the_log_gives(tmp_path):
         np.testing.assert_allclose(low + (1 - low) * level / levels, share, atol=0.51 * (1 - low) / levels)
 
 
+@pytest.mark.thorough
 def test_links_are_what_a_loop_over_the_log_gives(tmp_path):
     path = write_result(tmp_path / "x.h5", events=True, steps=12, nodes=7)
     header, at = decoded(replay.encode(path, 0, 10**6).text)
@@ -139,6 +140,7 @@ def looped(events, frames, targets, mode):
         yield list(clusters), list(mode)
 
 
+@pytest.mark.thorough
 def test_clusters_and_states_are_what_a_loop_over_the_log_gives(tmp_path):
     path = write_result(tmp_path / "x.h5", events=CLUSTER_EVENTS, steps=12, nodes=9, targets=3)
     header, at = decoded(replay.encode(path, 0, 10**6).text)

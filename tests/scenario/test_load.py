@@ -346,6 +346,7 @@ LINES = [
 ]  # fmt: skip
 
 
+@pytest.mark.thorough
 @given(st.lists(st.sampled_from(LINES), unique=True), st.lists(st.text(max_size=20), max_size=3))
 def test_any_pieces_of_scenarios_are_a_scenario_or_a_scenario_error(
     tmp_path_factory: pytest.TempPathFactory, lines: list[str], overrides: list[str]

@@ -84,6 +84,7 @@ def test_without_axes_a_sweep_is_the_scenario_as_it_is() -> None:
     assert [dict(point.settings) for point in plan.points] == [{}]
 
 
+@pytest.mark.thorough
 def test_blocks_of_every_kind_are_combined_with_each_other() -> None:
     plan = load_sweep(
         sweep(
@@ -247,6 +248,7 @@ def test_a_points_name_depends_neither_on_order_nor_on_names_replicates_or_other
     assert own in ids_of({"scenario": "spelt"}, ["seed=3", "tracker.particles=100"])
 
 
+@pytest.mark.thorough
 def test_a_points_name_depends_on_everything_else() -> None:
     changes = [
         "seed=2", "duration=8 s", "step=0.1 s", "prior.sd=[1, 1, 1, 1]", "deploy.nodes=17", "motion.bound=99 m",

@@ -98,6 +98,7 @@ def test_given_each_particle_the_gains_are_gaussian_and_the_joint_moments_those_
     assert found.cross == pytest.approx(spread[:2, 2:], abs=0.03)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tracker", EVERY[1:], ids=NAMES[1:])
 def test_particle_filters_follow_the_kalman_filter_on_a_linear_model(tracker: Any) -> None:
     """Their means stay within a third of its standard deviations, with 4 000 particles over 12 steps."""

@@ -68,6 +68,7 @@ def test_over_many_draws_the_gpf_is_the_kalman_filter_on_average() -> None:
         assert np.all(np.abs(sample.mean(axis=0)) < 4.0 * spread / np.sqrt(len(sample)) + slack)
 
 
+@pytest.mark.thorough
 def test_from_step_to_step_the_gpf_stays_with_the_kalman_filter() -> None:
     errors, ratios = against_kalman(GaussianPf(particles=2000), seeds=8)
     assert np.sqrt(np.mean(errors**2)) < 0.25, "root mean square distance of the means, in the Kalman filter's sd"

@@ -101,6 +101,7 @@ def started(tracker=FINE, prior=PRIOR):
     return perform(tracker.start(prior, scene_of(0, Walk(), Gauge())), {}, 4)
 
 
+@pytest.mark.thorough
 def test_on_a_linear_gaussian_model_it_is_the_kalman_filter_to_a_ten_thousandth() -> None:
     belief, mean, variance = started(), 1.0, 1.5
     rng = np.random.default_rng(0)

@@ -46,6 +46,7 @@ def test_on_a_linear_gaussian_model_the_filter_is_the_kalman_filter_but_for_its_
     assert np.median(ratios) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.thorough
 def test_a_proposal_much_wider_than_the_process_noise_starves_the_filter() -> None:
     """The price of weights p(x | x_prev) / q(x) where the noise is small: seen here, and in the paper's set-up."""
     errors, _ = against_kalman(InformationPf(particles=1000), seeds=4)

@@ -54,6 +54,7 @@ def by_hand(modes, chain, motions, readings, traits):
     return [(one[0] / total, *one[1:]) for one in after]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("transition", [None, CHAIN], ids=["stay", "a matrix"])
 def test_it_is_the_estimator_of_the_book_in_a_linear_world(transition) -> None:
     cluster, tracker = Cluster(5), InteractingModels(models=(CALM, ROUGH), stay=0.8, transition=transition)

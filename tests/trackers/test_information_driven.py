@@ -308,6 +308,7 @@ def test_members_without_a_reading_of_the_expected_target_are_no_candidates() ->
     assert those.rows.tolist() == has and 0 < len(has) < (away <= reach).sum() - 1
 
 
+@pytest.mark.thorough
 def test_where_nobody_sends_no_reading_counts_and_the_track_is_lost_in_time(monkeypatch) -> None:
     monkeypatch.setattr(information_driven, "outgoing", lambda member: None)
     changes = ["duration=0.6 s", "clusters.patience=0.2 s", "seed=1000"]

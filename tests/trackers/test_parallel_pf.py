@@ -29,6 +29,7 @@ def shares(log_weights: np.ndarray) -> np.ndarray:
     return weights / weights.sum()
 
 
+@pytest.mark.thorough
 def test_on_a_linear_gaussian_model_it_is_the_kalman_filter_but_for_its_particles() -> None:
     errors, ratios = against_kalman(ParallelPf(particles=2000), seeds=6)
     assert np.sqrt(np.mean(errors**2)) < 0.4

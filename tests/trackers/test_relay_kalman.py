@@ -76,6 +76,7 @@ def losing(*nodes):
     return lambda source, to, parcel: np.full(parcel.packets, source not in nodes)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("spread", [False, True])
 def test_fifty_steps_on_the_papers_line_are_those_of_a_textbook_loop(spread) -> None:
     for seed, start in ((0, (1.0, 0.1, 0.01)), (1, (380.0, 3.0, 0.05))):

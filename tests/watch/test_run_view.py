@@ -93,6 +93,7 @@ def test_what_cannot_be_shown_is_said_and_does_not_disturb_the_run(tmp_path, ask
     assert (tmp_path / "x.h5").exists()
 
 
+@pytest.mark.thorough
 def test_the_page_is_escaped_loads_nothing_and_becomes_that_of_the_result(ask):
     with RunView("<script>alert(1)</script>") as view:
         _, headers, body = ask(view.url)
