@@ -73,10 +73,10 @@ documentation: $(DOCS)  ## test that the documents say what is so and that their
 	@$(PY) -m pytest -n 2 --dist worksteal tests/documentation $(ARGS)
 
 cluster: $(READY)  ## test campaigns on Dask schedulers and workers that are processes
-	@$(PY) -m pytest tests/campaign_cluster $(ARGS)
+	@$(PY) -m pytest -n 2 --dist worksteal tests/campaign_cluster $(ARGS)
 
 browser: $(DOCS)  ## test the documentation and the pages of results in a browser; skipped without one unless WSNSIM_BROWSER=required
-	@$(PY) -m pytest tests/browser $(ARGS)
+	@$(PY) -m pytest -n 2 --dist loadfile tests/browser $(ARGS)
 
 fuzz: $(READY)  ## try random files, plug-ins, commands and scenarios for an hour; ARGS='--hours 0.1 --seed 7'
 	@$(PY) -m tests.fuzz.long $(ARGS)
