@@ -16,6 +16,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -310,8 +311,8 @@ def _made(
         number = len(summaries) + max(len(block), 1) - 1
         on_time = reporting(Progress(number, len(replicates), 0.0, setup.duration, 0.0))
         if not block:
-            with limited(task.timeout, f"the run (seed {setup.seed}, replicate {left[0]})"):
-                summaries.append(replicate_of(setup, left[0], recorder, on_time))
+            one = partial(replicate_of, setup, left[0], recorder, on_time)
+            summaries.append(limited(one, task.timeout, f"the run (seed {setup.seed}, replicate {left[0]})"))
         summaries += block
         if on_time:
             on_time(setup.duration)

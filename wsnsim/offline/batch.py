@@ -146,9 +146,13 @@ def _followed(
             block_rows.demand_shapes(estimates, block)
     except (Exception, SystemExit) as reason:  # a plug-in may exit
         name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
+        numbers, several = [each.replicate for each in streams], len(streams) > 1
+        runs = f"one of {len(streams)} runs that are computed together" if several else "the run"
+        which = f"replicates {numbers[0]} to {numbers[-1]}" if several else f"replicate {numbers[0]}"
+        said = plugin_fault(reason) or f"{name}{reason}"
         raise RunError(
-            f"the batch of {len(conditions)} runs from replicate {streams[0].replicate} on failed (seed {setup.seed}):"
-            f" {plugin_fault(reason) or f'{name}{reason}'}; --no-batch makes one run at a time, and says when it fails"
+            f"{runs} failed (seed {setup.seed}, {which}): {said}; --no-batch says {'in which, and ' * several}"
+            "at what simulated time"
         ) from reason
     if estimates is None:
         return None
