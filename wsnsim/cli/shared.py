@@ -79,7 +79,7 @@ progress_option = click.option(
 )
 timeout_option = click.option(
     "--timeout", metavar="TIME",
-    help="Time limit of one run, such as '10 min'. Standalone runs are then computed one by one (campaigns: below 10 s).",
+    help="Time limit of one run, such as '10 min'; standalone runs are then made one by one (campaigns: below 10 s).",
 )  # fmt: skip
 plugins_option = click.option(
     "--plugins",
