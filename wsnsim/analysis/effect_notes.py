@@ -31,6 +31,13 @@ def _with_targets(_: Any, setup: Setup) -> bool:
     return isinstance(setup, TrackingSetup)
 
 
+def _with_slots(part: Any, setup: Setup) -> bool:
+    """Whether a MAC has slots inside clusters, or none of TDMA's parameters for them."""
+    return _with_targets(part, setup) or part.mechanism != "tdma"
+
+
+SLOTS: Final = ("acks", "guard", "slot", "schedule_bits", "contention", "idle_slots")
+"""Parameters of TDMA that count only inside clusters."""
 CONDITIONS: Final = (
     ("detection", "stuck_at", _if("stuck"), "while no sensor is stuck: give detection.stuck"),
     ("motion", "room", _if("course", "in_room"), "on this course: give motion.course: in_room"),
@@ -40,6 +47,7 @@ CONDITIONS: Final = (
     ("link", "capture_margin", _if("interference", "sinr"), "without link.interference: sinr"),
     ("deploy", "position_error", _with_targets, "with a workload without targets"),
     ("energy", "sensing", _with_targets, "with a workload without targets"),
+    *(("mac", key, _with_slots, "with a workload without targets") for key in SLOTS),
 )
 """(role, parameter, whether it has an effect, what it needs) of parameters that depend on others."""
 
