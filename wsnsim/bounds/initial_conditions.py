@@ -68,6 +68,8 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions], plac
 
 def cautions_of_readings(setup: TrackingSetup) -> Iterator[str]:
     """Those of the cautions that are about readings: what the bound takes to be otherwise than it is."""
+    if setup.faults:
+        yield "faults are not counted: the bound for readings in range is that of a network without faults"
     if setup.recorded is not None:
         yield "readings were recorded: the bound is that of the law (sensor.law), which they need not follow"
     elif isinstance(setup.sensor, IsShadowed) and setup.sensor.shadowing:
