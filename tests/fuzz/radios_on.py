@@ -23,7 +23,7 @@ from wsnsim.base.rng import Streams, derive_all, uniforms
 from wsnsim.network.network import Network
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.channel import Channel
-from wsnsim.network.radio.tsch.radios import SlotRadios
+from wsnsim.network.radio.tsch.slots import SlotRadios
 
 INSTANT = 2e-6
 """Seconds by which times of the same instant may differ: what a slot's rounding leaves."""

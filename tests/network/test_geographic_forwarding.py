@@ -15,8 +15,7 @@ from wsnsim.models.collection import CollectionTreeProtocol
 from wsnsim.models.links import LogNormal
 from wsnsim.network.places import Places
 from wsnsim.network.radio.collection_tree import PLACE_HEADER
-from wsnsim.network.radio.datagrams import Datagram
-from wsnsim.network.radio.journeys import Journey
+from wsnsim.network.radio.datagrams import Datagram, Journey
 
 
 def hops_of(network):

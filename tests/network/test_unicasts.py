@@ -13,11 +13,10 @@ from wsnsim.base.tables import Memory
 from wsnsim.models.access import IdealMac
 from wsnsim.models.energy import FirstOrder
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.datagrams import Datagram, Hops
-from wsnsim.network.radio.mac import IdealMechanism
-from wsnsim.network.radio.path_forwarding import PathForwarding
+from wsnsim.network.radio.datagrams import Datagram, Hops, Unicasts
+from wsnsim.network.radio.radio_stack import IdealMechanism
+from wsnsim.network.radio.routing import PathForwarding
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.radio.unicasts import Unicasts
 
 POSITIONS = [(0.0, 0.0), (10.0, 0.0), (20.0, 7.0), (3.0, 30.0), (500.0, 500.0)]
 

@@ -26,9 +26,8 @@ from wsnsim.network.faults.services import FaultSite, NodeControl
 from wsnsim.network.places import Places
 from wsnsim.network.radio.collection_tree import CollectionTree
 from wsnsim.network.radio.datagrams import Forwarding, Hops
-from wsnsim.network.radio.path_forwarding import PathForwarding
 from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, sink_nodes
-from wsnsim.network.radio.routing import Router
+from wsnsim.network.radio.routing import PathForwarding, Router
 from wsnsim.network.radio.transport import Transport
 from wsnsim.network.report_rows import ReportRows
 from wsnsim.network.result_rows import NetworkOutcome

@@ -18,9 +18,8 @@ from simpy.events import EventPriority
 from wsnsim.base.arrays import Bools
 from wsnsim.base.gathered import Journeys
 from wsnsim.base.requests import Parcel, all_arrived
-from wsnsim.network.radio.datagrams import Datagram
+from wsnsim.network.radio.datagrams import Datagram, Unicasts
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.radio.unicasts import Unicasts
 
 Masks: TypeAlias = list[Bools | None]
 Exchange: TypeAlias = Generator[simpy.Event, Any, Masks]

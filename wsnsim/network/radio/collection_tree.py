@@ -1,9 +1,9 @@
 """Collection that is paid: routing over a collection tree to sinks, by geographic forwarding to all other nodes.
 
 Nodes know of each other what they heard. A network starts without a tree, and every beacon, datagram, retransmission
-and acknowledgement that makes and uses one is on the air, paid and logged. See `tree_node` for the choice of routes,
-`link_estimator` for the costs of links, `route_beacons` and `trickle` for when beacons are sent, `tree_queue` for how
-datagrams go up the tree, `geographic_forwarding` for datagrams to other nodes.
+and acknowledgement that makes and uses one is on the air, paid and logged. See `tree_node` for the choice of routes
+and for when beacons are sent, `link_estimator` for the costs of links, `tree_queue` for how datagrams go up
+the tree, `geographic_forwarding` for datagrams to other nodes.
 """
 
 from __future__ import annotations
@@ -17,15 +17,12 @@ import simpy
 
 from wsnsim.base.frames import Burst
 from wsnsim.base.routing import TreeRouting
-from wsnsim.network.radio.datagrams import A_SINK, Datagram, Hops
+from wsnsim.network.radio.datagrams import A_SINK, Copy, Datagram, Hops, Journey, node_random
 from wsnsim.network.radio.geographic_forwarding import GeographicForwarding, HeardPlaces
-from wsnsim.network.radio.journeys import Copy, Journey, node_random
 from wsnsim.network.radio.link_estimator import LinkTable
 from wsnsim.network.radio.radio_stack import RadioStack
-from wsnsim.network.radio.route_beacons import RouteBeacons
-from wsnsim.network.radio.tree_node import NOBODY, RouteBeacon, TreeNode
+from wsnsim.network.radio.tree_node import NOBODY, RouteBeacon, RouteBeacons, TreeNode, TrickleTimer
 from wsnsim.network.radio.tree_queue import LONG, QueueRules, TreeQueue
-from wsnsim.network.radio.trickle import TrickleTimer
 
 TREE_HEADER: Final = 64
 """Bits of the header of a data frame: options 8, THL 8, cost 16, origin 16, number 8, type 8 (TEP 123)."""

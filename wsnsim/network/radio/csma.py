@@ -15,9 +15,7 @@ import simpy
 from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
 from wsnsim.base.medium_access import ContendingMac
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
-from wsnsim.network.radio.contention_periods import ContentionPeriods
-from wsnsim.network.radio.mac_services import NetworkMacServices
-from wsnsim.network.radio.sender_queues import SenderQueues
+from wsnsim.network.radio.mac_services import ContentionPeriods, NetworkMacServices, SenderQueues
 from wsnsim.network.radio.transmission import Transmission
 
 

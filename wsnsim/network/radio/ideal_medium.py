@@ -15,9 +15,9 @@ from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.energy.ledger import HopCost
 from wsnsim.network.event_log import UnicastRows, event
-from wsnsim.network.radio.radio_services import RadioServices
-from wsnsim.network.radio.unicasts import Unicasts
-from wsnsim.network.radio.use_counter import UseCounter
+from wsnsim.network.radio.datagrams import Unicasts
+from wsnsim.network.radio.topology import RadioServices
+from wsnsim.network.radio.transmission import UseCounter
 
 RELAY, RECEIVE, DROP = KIND["relay"], KIND["receive"], KIND["drop"]
 TX, RX = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]

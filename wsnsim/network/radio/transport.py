@@ -15,10 +15,8 @@ from wsnsim.base.frames import EVERYONE, Burst, full_burst
 from wsnsim.base.mac_mechanisms import ExpectsMembers, KeepsIdleSlots, MacMechanism
 from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.requests import Parcel
-from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops
-from wsnsim.network.radio.radio_services import RadioServices
-from wsnsim.network.radio.topology import Neighbours
-from wsnsim.network.radio.unicasts import Unicasts
+from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops, Unicasts
+from wsnsim.network.radio.topology import Neighbours, RadioServices
 
 
 class SendsUnicasts(Protocol):

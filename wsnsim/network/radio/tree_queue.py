@@ -20,8 +20,7 @@ from typing import Final, NamedTuple, Protocol
 import simpy
 
 from wsnsim.base.frames import Burst
-from wsnsim.network.radio.datagrams import Hops
-from wsnsim.network.radio.journeys import Copy
+from wsnsim.network.radio.datagrams import Copy, Hops
 from wsnsim.network.radio.tree_node import TreeNode
 
 REMEMBERED: Final = 4

@@ -22,8 +22,7 @@ from wsnsim.base.hopping_mac import MOST_CELLS, HoppingMac
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.tsch.exchanges import Exchanges, Line
-from wsnsim.network.radio.tsch.radios import SlotRadios
-from wsnsim.network.radio.tsch.slots import Slots
+from wsnsim.network.radio.tsch.slots import SlotRadios, Slots
 
 Pair: TypeAlias = tuple[int, int]
 """Sender and receiver."""

@@ -22,9 +22,7 @@ from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
-from wsnsim.network.radio.tsch.listening_time import ListeningTime
-from wsnsim.network.radio.tsch.radios import SlotRadios
-from wsnsim.network.radio.tsch.slots import ROUNDING, Slots
+from wsnsim.network.radio.tsch.slots import ROUNDING, ListeningTime, SlotRadios, Slots
 
 
 class Line:

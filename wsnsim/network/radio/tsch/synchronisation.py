@@ -40,7 +40,7 @@ from wsnsim.network.radio.transmission import Transmission
 from wsnsim.network.radio.tsch.cell_leases import CellLeases
 from wsnsim.network.radio.tsch.corrections import NOBODY, Corrections
 from wsnsim.network.radio.tsch.exchanges import Exchanges
-from wsnsim.network.radio.tsch.radios import SlotRadios
+from wsnsim.network.radio.tsch.slots import SlotRadios
 
 FARTHEST: Final = 255
 """The largest number of hops that an enhanced beacon can state (its join metric has 8 bits)."""

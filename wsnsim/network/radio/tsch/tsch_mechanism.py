@@ -1,6 +1,6 @@
 """The mechanism of `mac: tsch`: frames of bursts and broadcasts on their way into slots.
 
-Slots are in `slots`, radios in `radios`, frames in slots in `exchanges`, cells of clusters in `cell_leases`, and the
+Slots and radios are in `slots`, frames in slots in `exchanges`, cells of clusters in `cell_leases`, and the
 clocks of nodes in `synchronisation`.
 """
 
@@ -15,8 +15,7 @@ from wsnsim.base.hopping_mac import HoppingMac
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.tsch.cell_leases import CellLeases
 from wsnsim.network.radio.tsch.exchanges import Exchanges
-from wsnsim.network.radio.tsch.radios import SlotRadios
-from wsnsim.network.radio.tsch.slots import Slots
+from wsnsim.network.radio.tsch.slots import SlotRadios, Slots
 from wsnsim.network.radio.tsch.synchronisation import Synchronisation
 
 
