@@ -17,7 +17,7 @@ from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import simulate_run
 from wsnsim.models.access import Csma
-from wsnsim.network.clusters.target_search import TargetSearch
+from wsnsim.network.clusters.network_view import TargetSearch
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.sensing.sensing import ContinuousSensing
 from wsnsim.trackers.ekf import ExtendedKalman

@@ -18,21 +18,15 @@ from wsnsim.base.progress import OnTime
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import write_readings
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.network.clusters.coordination import ClusterCoordination
-from wsnsim.network.clusters.driver import DriverServices
+from wsnsim.network.clusters.coordination import ClusterCoordination, make_head_protocol
+from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.elections import Elections
-from wsnsim.network.clusters.estimates import Estimates
-from wsnsim.network.clusters.head_messages import HeadMessages
-from wsnsim.network.clusters.head_protocol import HeadServices
-from wsnsim.network.clusters.head_protocols import make_head_protocol
-from wsnsim.network.clusters.network_view import NetworkView
-from wsnsim.network.clusters.processors import Processors
-from wsnsim.network.clusters.sink_reports import SinkReports
-from wsnsim.network.clusters.target_search import TargetSearch
+from wsnsim.network.clusters.estimates import Estimates, SinkReports
+from wsnsim.network.clusters.head_protocol import HeadMessages, HeadServices
+from wsnsim.network.clusters.network_view import NetworkView, TargetSearch
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead
+from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead, WakeUpCounters
 from wsnsim.network.clusters.wake_intervals import make_wake_intervals
-from wsnsim.network.clusters.wake_up_counters import WakeUpCounters
 from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.network import Network, Sensors, Steps
 from wsnsim.network.node import NodeProcesses, NodeServices

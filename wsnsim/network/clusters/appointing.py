@@ -18,13 +18,12 @@ from wsnsim.base.outlook import Appointment, Outlook
 from wsnsim.base.ports import Announces, Scene
 from wsnsim.base.requests import Delivery, Flow, GatheredReadings, GatherReadings, Parcel
 from wsnsim.base.vector_readings import Reading
-from wsnsim.network.clusters.appointed_cluster import AppointedCluster
+from wsnsim.network.clusters.cluster import AppointedCluster
 from wsnsim.network.clusters.driver import Driver
-from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
 from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading, Waiting
-from wsnsim.network.clusters.outlooks import NodesOnMap, Outlooks
+from wsnsim.network.clusters.network_view import NodesOnMap, Outlooks
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
-from wsnsim.network.clusters.track import Track
+from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 
 ROUNDING = 1e-9
 """Times (s) that differ by less than this are equal but for rounding."""

@@ -15,11 +15,9 @@ import simpy
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.network.clusters.collection import Deadline
-from wsnsim.network.clusters.election import Election
-from wsnsim.network.clusters.election_timing import waiting_share
-from wsnsim.network.clusters.handover import Handover
+from wsnsim.network.clusters.election import Election, waiting_share
 from wsnsim.network.clusters.network_view import NetworkView
-from wsnsim.network.clusters.track import Track
+from wsnsim.network.clusters.track import Handover, Track
 from wsnsim.network.node import NodeProcesses
 from wsnsim.network.radio.transport import Transport
 

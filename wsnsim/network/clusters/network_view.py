@@ -1,4 +1,4 @@
-"""What heads and clusters use of the network: setup, time, log, nodes, and the readings of each target."""
+"""What heads use of the network: setup, time, log, nodes, readings; what they foresee, and the search for targets."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, planar
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.outlook import NearNodes, Outlook
+from wsnsim.base.ports import Estimate, ForecastsSuccession, MotionModel, Scene
+from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.nodes import Nodes
+from wsnsim.network.sensing.imperfect_readings import Imperfections, make_search_readings
+from wsnsim.network.sensing.readings import Readings
 from wsnsim.network.step_clock import ProtocolLog, StepClock
 
 
@@ -59,3 +63,108 @@ class NetworkView:
         """The candidate assumed nearest to a point (2,); of equally near ones the first."""
         away = ((self.nodes.assumed.positions[np.array(candidates)] - point) ** 2).sum(axis=1)
         return candidates[int(np.argmin(away))]
+
+
+class TargetSearch:
+    """What awake nodes detect at the `setup.polls` instants of a step at which they search.
+
+        search.first_detection(target, poll) -> (node, {node: reading}) or None
+
+    At a step's own instant (poll 0) the readings are those of the step; between steps they have noise of their own.
+    All nodes search at the same instants; of several that detect the target, a random one reports first (our choice).
+    """
+
+    def __init__(
+        self, network: NetworkView, available: Sequence[Readings], paths: Sequence[Floats],
+        imperfections: Imperfections, key: int,
+    ) -> None:  # fmt: skip
+        """`available` and `paths`: per target, its readings at steps, and its trajectory at every poll."""
+        self._network = network
+        self._available = available
+        self._polls = network.setup.polls
+        self._key = key
+        self._between = (
+            make_search_readings(network.setup, paths, network.nodes, imperfections, key) if self._polls > 1 else []
+        )
+
+    def first_detection(self, target: int, poll: int) -> tuple[int, dict[int, Reading]] | None:
+        """The node that detects a target first at an instant, and the readings of all awake nodes; None: no node."""
+        network, step = self._network, self._network.clock.step
+        if poll:
+            readings = self._between[target].readings(step * self._polls + poll)
+        else:
+            readings = self._available[target].readings(step)
+        awake = {node: value for node, value in readings.items() if network.nodes.is_awake(node)}
+        able = np.array([node for node in awake if network.can_lead(node)], dtype=np.int64)
+        if not able.size:
+            return None
+        chances = uniforms(derive_all(derive(self._key, target, step, poll), able), 0)
+        return int(able[np.argmin(chances)]), awake
+
+
+@dataclass(frozen=True, slots=True)
+class NodesOnMap:
+    """Finds nodes near a point on the map that every head has; it does not tell who is down, but who can lead."""
+
+    network: NetworkView
+
+    def __call__(self, point: Floats, radius: float) -> NearNodes:
+        """The nodes whose assumed position is within a radius in m of a point (2,)."""
+        network, nodes = self.network, self.network.nodes
+        ids = nodes.assumed.grid.within(point, radius)
+        able = np.array([network.can_lead(node) for node in ids.tolist()], dtype=np.bool_)
+        return NearNodes(ids, nodes.assumed.positions[ids], nodes.traits[ids], able)
+
+
+class Outlooks:
+    """Puts outlooks together.
+
+    outlooks.of_belief(track.target, cluster, belief, scene) -> Outlook      outlooks.of_estimate(...) -> Outlook
+    """
+
+    def __init__(self, network: NetworkView) -> None:
+        self._network = network
+        self._nodes_near = NodesOnMap(network)
+        self._forecasts_succession = isinstance(network.setup.tracker, ForecastsSuccession)
+
+    def of_belief(self, target: int, head: int, members: Sequence[int], belief: Any, scene: Scene) -> Outlook:
+        """What a head foresees that holds a belief of the time of `scene`."""
+        setup, ahead = self._network.setup, self._network.clock.step - scene.step + 1
+        succession = forecast = setup.tracker.forecast(belief, scene, ahead)
+        if self._forecasts_succession:
+            succession = setup.successor_forecast(belief, scene, ahead)
+        return self._outlook(target, head, members, forecast, succession)
+
+    def of_estimate(self, target: int, head: int, estimate: Estimate) -> Outlook:
+        """What a head foresees that knows the first estimate of a track, of this step."""
+        network = self._network
+        clock, motion = network.clock, network.setup.filter_motions[target]
+        forecast = _one_step_on(estimate, motion, clock.dt, clock.step * clock.dt)
+        return self._outlook(target, head, [head], forecast, forecast)
+
+    def _outlook(
+        self, target: int, head: int, members: Sequence[int], forecast: Estimate, succession: Estimate
+    ) -> Outlook:
+        network = self._network
+        setup, clock, nodes = network.setup, network.clock, network.nodes
+        return Outlook(
+            head=head,
+            place=nodes.assumed.positions[head],
+            members=np.array(members, dtype=np.int64),
+            time=clock.next_step,
+            dt=clock.dt,
+            forecast=forecast,
+            succession=succession,
+            motion=setup.filter_motions[target],
+            sensor=setup.filter_sensor,
+            reach=nodes.reach,
+            nodes_near=self._nodes_near,
+        )
+
+
+def _one_step_on(estimate: Estimate, motion: MotionModel, dt: float, time: float) -> Estimate:
+    """An estimate of `time` s, predicted for the step after it."""
+    point = np.ascontiguousarray(estimate.mean[:, None])
+    transitions, noise = motion.matrices(point, dt, time)
+    cov = transitions[0] @ estimate.cov @ transitions[0].T + noise
+    return Estimate(motion.advance(point, dt, time)[:, 0], 0.5 * (cov + cov.T))
