@@ -46,8 +46,8 @@ from wsnsim.models.compilation import announced, compilation_seconds, compilatio
 from wsnsim.models.coverage import coverage_of_living
 from wsnsim.network.network import Sensors
 from wsnsim.network.result_rows import network_result, write_tables
-from wsnsim.network.sensing.standalone_reports import standalone_reports
-from wsnsim.network.workloads.workload_world import WorkloadWorld
+from wsnsim.network.standalone_reports import standalone_reports
+from wsnsim.network.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World
 from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.offline.offline_run import OfflineRun

@@ -20,8 +20,8 @@ from wsnsim.models.faults import Bias, Blackout, ClockStep, Crash, Drain, LinkLo
 from wsnsim.models.hardware import PerfectClock, Processor
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.faults.schedule import FaultSchedule
-from wsnsim.network.faults.services import FaultSite, NodeControl
+from wsnsim.network.fault_services import FaultSite, NodeControl
+from wsnsim.network.faults import FaultSchedule
 from wsnsim.network.nodes import Nodes
 
 LINE = np.column_stack([np.arange(10.0) * 10.0, np.zeros(10)])

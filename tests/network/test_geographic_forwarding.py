@@ -13,7 +13,7 @@ from wsnsim.base.requests import Parcel
 from wsnsim.models.access import Csma, IdealMac
 from wsnsim.models.collection import CollectionTreeProtocol
 from wsnsim.models.links import LogNormal
-from wsnsim.network.places import Places
+from wsnsim.network.node_states import Places
 from wsnsim.network.radio.collection_tree import PLACE_HEADER
 from wsnsim.network.radio.datagrams import Datagram, Journey
 

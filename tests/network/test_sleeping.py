@@ -19,7 +19,7 @@ from wsnsim.experiment import simulate_run
 from wsnsim.models.access import Csma
 from wsnsim.network.clusters.network_view import TargetSearch
 from wsnsim.network.radio.channel import Channel
-from wsnsim.network.sensing.sensing import ContinuousSensing
+from wsnsim.network.sensing import ContinuousSensing
 from wsnsim.trackers.ekf import ExtendedKalman
 
 

@@ -13,7 +13,7 @@ from tests.helpers import late_mac
 from tests.network.late_runs import CALM, LATE, MOVING, played
 from wsnsim.base.tables import KIND
 from wsnsim.network.clusters.wake_intervals import OneInterval, TwoIntervals, make_wake_intervals
-from wsnsim.network.step_clock import StepClock
+from wsnsim.network.event_log import StepClock
 
 
 class Clocked:

@@ -19,22 +19,18 @@ from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import Streams
 from wsnsim.base.routing import TreeRouting
 from wsnsim.base.setups import RadioSetup
-from wsnsim.network.energy.energy_steps import EnergySteps
-from wsnsim.network.event_log import EventLog
-from wsnsim.network.faults.schedule import FaultSchedule
-from wsnsim.network.faults.services import FaultSite, NodeControl
-from wsnsim.network.places import Places
+from wsnsim.network.energy.ledger import EnergySteps
+from wsnsim.network.event_log import EventLog, StepClock
+from wsnsim.network.fault_services import FaultSite, NodeControl
+from wsnsim.network.faults import FaultSchedule
+from wsnsim.network.node_states import Places
 from wsnsim.network.radio.collection_tree import CollectionTree
 from wsnsim.network.radio.datagrams import Forwarding, Hops
 from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, sink_nodes
 from wsnsim.network.radio.routing import PathForwarding, Router
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.report_rows import ReportRows
-from wsnsim.network.result_rows import NetworkOutcome
-from wsnsim.network.step_clock import StepClock
-from wsnsim.network.synchronisation.clock_errors import ClockErrors
-from wsnsim.network.synchronisation.mechanisms import make_sync
-from wsnsim.network.synchronisation.services import NetworkSyncServices
+from wsnsim.network.result_rows import NetworkOutcome, ReportRows
+from wsnsim.network.synchronisation import ClockErrors, NetworkSyncServices, make_sync
 
 Steps = Generator[simpy.Event, Any, None]
 

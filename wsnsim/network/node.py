@@ -13,8 +13,8 @@ from typing import Any, Final
 import simpy
 
 from wsnsim.base.radio import Mode
+from wsnsim.network.event_log import ProtocolLog
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.step_clock import ProtocolLog
 
 TARGET: Final = "target"
 FRAME: Final = "frame"

@@ -5,9 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, scalars
+from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.radio import Mode
 from wsnsim.network.energy.duty_cycles import DutyCycles
-from wsnsim.network.places import Places
+
+
+class Places:
+    """Positions of nodes: `positions` (N, 2) in m, single coordinates `x` and `y`, and a `grid` for neighbours."""
+
+    def __init__(self, positions: Floats) -> None:
+        self.positions = positions
+        self.grid = CellGrid(positions)
+        self.x, self.y = scalars(self.grid.x), scalars(self.grid.y)
 
 
 class NodeStates:

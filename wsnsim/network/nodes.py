@@ -14,7 +14,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.radio import Mode
 from wsnsim.base.tables import CAUSE
-from wsnsim.network.energy.battery_timers import EVERYBODY
+from wsnsim.network.energy.battery_watch import EVERYBODY
 from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger, affordable

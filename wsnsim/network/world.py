@@ -28,12 +28,12 @@ from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead, WakeUpCounters
 from wsnsim.network.clusters.wake_intervals import make_wake_intervals
 from wsnsim.network.clusters.wake_up_service import WakeUpService
+from wsnsim.network.event_log import ProtocolLog
+from wsnsim.network.imperfect_readings import make_readings
 from wsnsim.network.network import Network, Sensors, Steps
 from wsnsim.network.node import NodeProcesses, NodeServices
 from wsnsim.network.result_rows import NetworkOutcome
-from wsnsim.network.sensing.imperfect_readings import make_readings
-from wsnsim.network.sensing.sensing import CurrentReadings, SensingServices, make_sensing
-from wsnsim.network.step_clock import ProtocolLog
+from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,8 +21,8 @@ from wsnsim.network.clusters.standing_cluster import (
     StandingClusterProtocol,
 )
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
+from wsnsim.network.event_log import ProtocolLog, StepClock
 from wsnsim.network.node import NodeProcesses
-from wsnsim.network.step_clock import ProtocolLog, StepClock
 
 PROTOCOLS: Final[Mapping[str, Callable[[HeadServices], HeadProtocol]]] = {
     "standing": StandingClusterProtocol,

@@ -36,11 +36,10 @@ from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.collection import Collection
 from wsnsim.network.clusters.wake_intervals import WakeIntervals
-from wsnsim.network.event_log import EventLog, event
+from wsnsim.network.event_log import EventLog, ProtocolLog, StepClock, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.step_clock import ProtocolLog, StepClock
 
 COMPUTE: Final = KIND["compute"]
 CPU_CAUSE: Final = CAUSE["cpu"]

@@ -20,7 +20,7 @@ from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
-from wsnsim.network.report_rows import ReportRows
+from wsnsim.network.result_rows import ReportRows
 
 
 class SinkReports:

@@ -14,10 +14,10 @@ from wsnsim.base.ports import Estimate, ForecastsSuccession, MotionModel, Scene
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.vector_readings import Reading
+from wsnsim.network.event_log import ProtocolLog, StepClock
+from wsnsim.network.imperfect_readings import Imperfections, make_search_readings
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.sensing.imperfect_readings import Imperfections, make_search_readings
-from wsnsim.network.sensing.readings import Readings
-from wsnsim.network.step_clock import ProtocolLog, StepClock
+from wsnsim.network.sensing import Readings
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,8 @@ import numpy as np
 
 from wsnsim.base.mac_mechanisms import HurriesNodes, MacMechanism
 from wsnsim.base.setups import NetworkSetup
+from wsnsim.network.event_log import StepClock
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.step_clock import StepClock
 
 
 class WakeIntervals(Protocol):

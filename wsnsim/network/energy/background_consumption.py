@@ -24,8 +24,7 @@ from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals
-from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable
-from wsnsim.network.energy.radio_levels import RadioLevels
+from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable, RadioLevels
 
 
 class BackgroundConsumption(Consumption):

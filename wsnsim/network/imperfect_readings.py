@@ -24,16 +24,16 @@ from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.base.shadowing import PathShadowing, path_shadowing
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.faults.mechanisms import change_readings
+from wsnsim.network.faults import change_readings
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.sensing.readings import Readings, SensorArray
-from wsnsim.network.sensing.replayed_readings import ReplayedReadings
-from wsnsim.network.sensing.reports import Reports
+from wsnsim.network.sensing import Readings, ReplayedReadings, Reports, SensorArray
 
 DISTORTION: Final = HEAD_KEY
 """In a random key, stands for a target: for what distorts a node's readings at every step."""
 ALARMS: Final = HEAD_KEY
 """In a random key, stands for a node: for which nodes raise a false alarm at a step."""
+
+
 MISSED, DISTANCE, ANGLE = 2, 3, 4
 """Uniform numbers of (target, step, node): is the reading missed, and where the false target is. Noise uses 0 and 1."""
 

@@ -5,26 +5,105 @@ WorkloadWorld(setup, replicate, positions, streams, recorder).run() -> NetworkOu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.mechanisms import WorkloadMechanism
+from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices
 from wsnsim.base.ports import Recorder
 from wsnsim.base.progress import OnTime
 from wsnsim.base.requests import Parcel
-from wsnsim.base.rng import Streams
+from wsnsim.base.rng import Streams, derive_all, uniforms
 from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND
+from wsnsim.base.workloads import BeaconWorkload, CollectionWorkload, Workload
 from wsnsim.network.event_log import event
+from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.network import Network, Sensors, Steps
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
 from wsnsim.network.radio.radio_stack import RadioStack
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.report_rows import ReportRows
-from wsnsim.network.result_rows import NetworkOutcome
-from wsnsim.network.workloads.mechanisms import make_workload
+from wsnsim.network.result_rows import NetworkOutcome, ReportRows
+
+
+class Beacons:
+    """The built-in workload of a network without targets. `sent` is the number of beacons that nodes tried to send."""
+
+    def __init__(self, component: BeaconWorkload, services: WorkloadServices) -> None:
+        self._component = component
+        self._services = services
+        self._word = services.word("beacon")
+        self._periods: list[float] = []
+        self._actions: list[Callable[[], None]] = []
+        self.sent = 0
+
+    def begin(self) -> None:
+        """Set the timer of every node's first beacon."""
+        services, period = self._services, self._component.period
+        phases = uniforms(derive_all(services.key, np.arange(len(services.positions))), 0)
+        self._periods = [services.lasts(node, period) for node in range(len(services.positions))]
+        self._actions = [partial(self._send, node) for node in range(len(services.positions))]
+        for action, phase in zip(self._actions, (phases * period).tolist(), strict=True):
+            services.call_later(phase, action)
+
+    def _send(self, node: int) -> None:
+        """Broadcast a node's beacon if it is up and awake, and set the timer of the next one."""
+        services = self._services
+        if services.is_dead(node):
+            return
+        if services.is_awake(node):
+            self.sent += 1
+            services.broadcast(node, self._component.bits, self._word)
+        services.call_later(self._periods[node], self._actions[node])
+
+
+class CollectionReports:
+    """The workload in which all nodes report. A node that is down or asleep when its report is due leaves it out."""
+
+    def __init__(self, component: CollectionWorkload, services: WorkloadServices) -> None:
+        self._component = component
+        self._services = services
+        self._actions: dict[int, Callable[[], None]] = {}
+
+    def begin(self) -> None:
+        """Set the timer of every node's first report, at a random phase after `start_at`."""
+        services, component = self._services, self._component
+        phases = uniforms(derive_all(services.key, np.arange(len(services.positions))), 0).tolist()
+        for node, phase in enumerate(phases):
+            if node not in services.sinks:
+                self._actions[node] = partial(self._report, node)
+                services.call_later(component.start_at + phase * component.period, self._actions[node])
+
+    def _report(self, node: int) -> None:
+        services = self._services
+        if services.is_dead(node):
+            return
+        if services.is_awake(node):
+            services.collect(node, self._component.bits, "report", _ignore)
+        services.call_later(services.lasts(node, self._component.period), self._actions[node])
+
+
+def _ignore(outcome: object) -> None:
+    """Take the outcome of a broadcast or a report: nothing waits for it."""
+
+
+MECHANISMS: Final[Mapping[str, Callable[[Any, WorkloadServices], WorkloadMechanism]]] = {
+    "beacons": Beacons,
+    "collection": CollectionReports,
+}
+"""The built-in mechanisms by name. The workload 'tracking' has targets: see `world`."""
+
+
+def make_workload(component: Workload, services: WorkloadServices) -> WorkloadMechanism:
+    """The mechanism of a component: its own, or the built-in one that it names.
+
+    Raises:
+        RunError: there is neither.
+    """
+    return make_mechanism("workload", component, services, StartsWorkload, ("begin",), MECHANISMS, "tracking")
 
 
 class WorkloadNetwork:
@@ -111,7 +190,3 @@ class WorkloadWorld(Network):
     def _log_death(self, node: int) -> None:
         log = self._event_log
         log.add(event(self._env.now, log.step, -1, node, KIND["death"]))
-
-
-def _ignore(received: object) -> None:
-    """Take the result of a broadcast that nothing waits for."""

@@ -22,10 +22,10 @@ from wsnsim.base.tables import Memory
 from wsnsim.base.vector_readings import components_of
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.faults.schedule import FaultSchedule
-from wsnsim.network.faults.services import FaultSite, NodeControl
+from wsnsim.network.fault_services import FaultSite, NodeControl
+from wsnsim.network.faults import FaultSchedule
+from wsnsim.network.imperfect_readings import make_readings
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.sensing.imperfect_readings import make_readings
 
 
 def standalone_reports(
