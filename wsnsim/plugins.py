@@ -25,7 +25,6 @@ if TYPE_CHECKING:
         ExpectsMembers,
         FollowsRestarts,
         Fragmenter,
-        HurriesNodes,
         KeepsIdleSlots,
         Listening,
         MacMechanism,
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
         SharedChannel,
         Signal,
         StartsMac,
+        UsesShortInterval,
     )
     from wsnsim.base.mechanisms import (
         FaultMechanism,
@@ -148,8 +148,8 @@ HOMES: Final = {
     "wsnsim.base.faults": "FaultEvent",
     "wsnsim.base.frames": "Burst MacFrame OfferedFrame",
     "wsnsim.base.gathered": "Gathered",
-    "wsnsim.base.mac_mechanisms": "ExpectsMembers FollowsRestarts Fragmenter HurriesNodes KeepsIdleSlots Listening "
-    "MacMechanism MacServices OnAir SharedChannel Signal StartsMac",
+    "wsnsim.base.mac_mechanisms": "ExpectsMembers FollowsRestarts Fragmenter KeepsIdleSlots Listening MacMechanism "
+    "MacServices OnAir SharedChannel Signal StartsMac UsesShortInterval",
     "wsnsim.base.mechanisms": "FaultMechanism FaultServices SensorDefect StartsFault StartsWakeUp "
     "StartsWorkload WakeUpMechanism WakeUpServices WorkloadMechanism "
     "WorkloadServices",
@@ -196,7 +196,7 @@ __all__ = [
     "Evidence", "ExpectsMembers", "FaultEvent", "FaultMechanism", "FaultServices", "Field", "Floats", "Flow",
     "FollowsRestarts", "ForecastsSuccession", "Foresees", "Fragmenter", "Framed", "FramedMac", "Gather",
     "GatherReadings", "Gathered", "GatheredReadings", "GaussianBelief", "GivesTurns", "HasHeights", "HasSeveralSinks",
-    "HeadCloud", "HeadFilter", "HeardLinks", "HurriesNodes", "Informs", "Innovation", "Ints", "IsShadowed",
+    "HeadCloud", "HeadFilter", "HeardLinks", "Informs", "Innovation", "Ints", "IsShadowed",
     "Issue", "KalmanBelief", "KeepsIdleSlots", "Keys", "KnownNodes", "KnowsLatency", "Latency", "LimitsReadings",
     "LinearGaussian", "LinkModel", "Listening", "Local", "Mac", "MacFrame", "MacMechanism", "MacServices",
     "MeasuresEnergy", "Member", "Mode", "ModePower", "MotionModel", "MovesInSpace", "MovingPolicy",
@@ -206,10 +206,10 @@ __all__ = [
     "Scatter", "Scene", "SeesGeometry", "Send", "SensorDefect", "SensorModel", "Setup", "SharedChannel",
     "Signal", "Sink", "SleepSchedule", "Snapshots", "StandaloneBlock", "StandaloneRun", "StartsFault",
     "StartsMac", "StartsSync", "StartsWakeUp", "StartsWithOffsets", "StartsWorkload", "Streams",
-    "SwitchesRadio", "SyncMechanism", "SyncServices", "TimeSync", "Tracker", "TrackingSetup", "VectorReadings",
-    "WakeUp", "WakeUpMechanism", "WakeUpMessage", "WakeUpPlan", "WakeUpRadio", "WakeUpRound", "WakeUpServices",
-    "WholeRuns", "Words", "Workload", "WorkloadMechanism", "WorkloadServices", "demand_digest", "derive",
-    "derive_all", "forecast", "fused_by_variance", "gather_readings", "kalman_estimate", "moment_packets",
+    "SwitchesRadio", "SyncMechanism", "SyncServices", "TimeSync", "Tracker", "TrackingSetup", "UsesShortInterval",
+    "VectorReadings", "WakeUp", "WakeUpMechanism", "WakeUpMessage", "WakeUpPlan", "WakeUpRadio", "WakeUpRound",
+    "WakeUpServices", "WholeRuns", "Words", "Workload", "WorkloadMechanism", "WorkloadServices", "demand_digest",
+    "derive", "derive_all", "forecast", "fused_by_variance", "gather_readings", "kalman_estimate", "moment_packets",
     "near", "normals", "only_predicted", "parcel", "part", "predicted", "reading_parcel", "rows",
     "send_moments", "state_packets", "symmetric", "uniforms",
 ]  # fmt: skip

@@ -76,7 +76,7 @@ class RadiosOn:
         """A frame ends."""
         if self.mac is not None:
             ids = sent.neighbours.ids
-            local = dict(zip(ids.tolist(), self._clocks.local(ids, sent.start).tolist(), strict=True))
+            local = dict(zip(ids.tolist(), self._clocks.local_times(ids, sent.start).tolist(), strict=True))
             sensing = frozenset(ids[sent.neighbours.senses].tolist())
             self.frames[number] = OnAir(sent.source, sent.frame.to, sent.start, sent.end, local, sensing)
             self._ends.setdefault(sent.source, []).append(sent.end)

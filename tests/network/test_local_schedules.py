@@ -32,9 +32,11 @@ def restless(schedule, clock=None, until=20.0):
 
     def changed(node):
         local.note_change(node, env.now)
-        history.append((env.now, node, *(float(each[0]) for each in clocks.lines(np.array([node])))))
+        history.append((env.now, node, *(float(each[0]) for each in clocks.error_lines(np.array([node])))))
 
-    history += [(-1.0, node, *map(float, line)) for node, line in enumerate(zip(*clocks.lines(NODES), strict=True))]
+    history += [
+        (-1.0, node, *map(float, line)) for node, line in enumerate(zip(*clocks.error_lines(NODES), strict=True))
+    ]
     clocks.on_step.append(changed)
     for time in np.sort(rng.uniform(0.0, until, 60)).tolist():
         env.run(until=time)

@@ -26,7 +26,7 @@ class Clocked:
         nodes = SimpleNamespace(alive=[True] * 9 + [False], size=10)
         self.intervals = TwoIntervals(self.clock, 3.0, cast(Any, nodes), self)
 
-    def hurry(self, nodes: Any, until: float) -> None:
+    def use_short_interval(self, nodes: Any, until: float) -> None:
         self.told.append((tuple(nodes.tolist()), until))
 
 

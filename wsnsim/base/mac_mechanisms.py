@@ -206,10 +206,10 @@ class KeepsIdleSlots(Protocol):
 
 
 @runtime_checkable
-class HurriesNodes(Protocol):
+class UsesShortInterval(Protocol):
     """Optional port of a MAC mechanism whose nodes have a short wake interval beside the long one."""
 
-    def hurry(self, nodes: Ints, until: float) -> None:
+    def use_short_interval(self, nodes: Ints, until: float) -> None:
         """Have nodes (n,) that are up use the short interval until a time in s, later than they were told before."""
 
 

@@ -40,11 +40,7 @@ EACH: Final = -2
 """Stands for the node's number in an event that is shared by several nodes."""
 UNICASTS: Final = -3
 """Stands for the node's number in a row that is replaced by those of unicasts."""
-
-
 NONE, TX, RX = EVENT_CAUSE["none"], EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
-
-
 Event = tuple[float, int, int, int, int, int, int, int, int, int, int, float, int]
 
 

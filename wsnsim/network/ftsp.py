@@ -22,6 +22,8 @@ from wsnsim.base.synchronisation import FloodingSync, SyncServices
 
 PATIENCE: Final = 3
 """Outliers in a row that are left out; the next one makes a node forget its reference points."""
+PHASE, WAIT, STAMP = 0, 1, 2
+"""In a random key, what a number is for: a node's first message, its time in an awake spell, a time stamp."""
 
 
 class ReferencePoints:
@@ -71,10 +73,6 @@ class ReferencePoints:
         spread = sum([(own - self._own) ** 2 for own, _ in points])
         if spread > 0.0:
             self._skew = sum([(own - self._own) * (offset - self._offset) for own, offset in points]) / spread
-
-
-PHASE, WAIT, STAMP = 0, 1, 2
-"""In a random key, what a number is for: a node's first message, its time in an awake spell, a time stamp."""
 
 
 class _Node:

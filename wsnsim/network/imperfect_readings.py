@@ -32,8 +32,6 @@ DISTORTION: Final = HEAD_KEY
 """In a random key, stands for a target: for what distorts a node's readings at every step."""
 ALARMS: Final = HEAD_KEY
 """In a random key, stands for a node: for which nodes raise a false alarm at a step."""
-
-
 MISSED, DISTANCE, ANGLE = 2, 3, 4
 """Uniform numbers of (target, step, node): is the reading missed, and where the false target is. Noise uses 0 and 1."""
 

@@ -45,6 +45,7 @@ class Nodes(NodeStates):
         self.on_death: Callable[[int], None] = self.died_early.append
         self._spent = self.ledger.spent_by
         self.consumption = Consumption() if consumption is None else consumption
+        # A node owes at most `most` until it is settled, and may still consume as much: below twice that, settle first.
         self._reserve, self._tight = self.consumption.most, 2.0 * self.consumption.most
         self.consumption.start(battery, self._check)
 

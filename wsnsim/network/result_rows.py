@@ -28,6 +28,7 @@ from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
 
 NAN = float("nan")
+REPORT = KIND["report"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,9 +167,6 @@ def _wakeups(rounds: Sequence[WakeUpRound]) -> dict[str, Any]:
 def _columns(records: Sequence[Any], names: Sequence[str]) -> dict[str, Floats]:
     """One column per attribute."""
     return {name: np.array(list(map(attrgetter(name), records)), dtype=np.float64) for name in names}
-
-
-REPORT = KIND["report"]
 
 
 class ReportRows:

@@ -16,6 +16,8 @@ from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.radio_stack import RadioStack
 
+COLUMNS = ("step", "time", "error", "error_max", "spread", "spread_max", "synchronised")
+
 
 class NoSyncMechanism:
     """Nobody keeps clocks together."""
@@ -61,8 +63,8 @@ class NetworkSyncServices:
         self.size = self._nodes.size
         self.is_awake: Callable[[int], bool] = self._nodes.is_awake
         self.next_change: Callable[[int], float] = self._nodes.duty_cycles.next_change
-        self.clock: Callable[[int], float] = clocks.shows
-        self.own_clock: Callable[[int], float] = clocks.own
+        self.clock: Callable[[int], float] = clocks.local_time
+        self.own_clock: Callable[[int], float] = clocks.raw_time
         self.lasts: Callable[[int, float], float] = clocks.lasts
 
     @property
@@ -80,7 +82,7 @@ class NetworkSyncServices:
 
     def set_clock(self, node: int, shows: float, rate: float) -> None:
         """Correct the clock of a node: it shows `shows` now, and its own clock counts `rate` s per second of it."""
-        self._clocks.correct(node, shows - self._clocks.shows(node), rate)
+        self._clocks.correct(node, shows - self._clocks.local_time(node), rate)
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""
@@ -91,9 +93,6 @@ class NetworkSyncServices:
     def broadcast(self, node: int, bits: int, done: Callable[[Ints | None], None]) -> None:
         """Broadcast a message; `done` gets the nodes (n,) that received it, or None if it was not sent."""
         self._mac.offer(node, bits, done, self._word("sync"))
-
-
-COLUMNS = ("step", "time", "error", "error_max", "spread", "spread_max", "synchronised")
 
 
 class ClockErrors:

@@ -236,7 +236,7 @@ class AppointingProtocol(StandingClusterProtocol):
     def _may_be_unheard(self, lead: AppointedLead) -> bool:
         """Whether no member has answered, and none is about to, where radios are mostly off: frames collide there."""
         silent = not lead.driver.overdue and not lead.driver.answered - {lead.cluster.head}
-        return silent and self._setup.waits.keeps_undelivered
+        return silent and self._setup.waits.retries_handover
 
     def _hand_on(self, lead: AppointedLead, successor: int) -> HandingOver:
         """Send the belief to the successor, which acts at once."""
@@ -248,7 +248,7 @@ class AppointingProtocol(StandingClusterProtocol):
         flow = self._setup.tracker.hand_over(lead.belief, lead.scene, successor)
         handover = Handover(successor, lead.step, previous_head=head, last_sensed=lead.last_sensed)
         handover = yield from self._send_belief(lead.driver, flow, handover)
-        return replace(handover, at_once=True)
+        return replace(handover, acts_now=True)
 
 
 def _readings() -> Flow[GatheredReadings]:

@@ -83,7 +83,7 @@ class ClusterCoordination:
         """A head's lead of one track, from taking over until handing over."""
         head = handover.successor
         try:
-            if not handover.at_once:
+            if not handover.acts_now:
                 yield track.tick
             following = yield from self.protocol.lead(track, handover)
             if following is not None:

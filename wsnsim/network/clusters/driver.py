@@ -44,6 +44,7 @@ from wsnsim.network.radio.transport import Transport
 COMPUTE: Final = KIND["compute"]
 CPU_CAUSE: Final = CAUSE["cpu"]
 CPU_EVENT_CAUSE: Final = EVENT_CAUSE["cpu"]
+Performance = Generator[simpy.Event, Any, Any]
 
 
 class Processors:
@@ -89,9 +90,6 @@ class Processors:
                 event(clock.env.now, clock.step, target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU_EVENT_CAUSE)
             )
         return self._cpu.seconds(cycles)
-
-
-Performance = Generator[simpy.Event, Any, Any]
 
 
 class HeadDied(Exception):
@@ -292,8 +290,8 @@ class Driver:
         )
 
     def _broadcast(self, request: Broadcast) -> Generator[simpy.Event, Any, dict[int, Bools]]:
-        event, (burst,) = self._services.transport.broadcast([self._head], [request.parcel], self._target)
-        yield event
+        sent, (burst,) = self._services.transport.broadcast([self._head], [request.parcel], self._target)
+        yield sent
         return self._deliver(
             {node: (request.parcel, mask) for node, mask in burst.received.items() if node in self._members}
         )

@@ -90,7 +90,7 @@ class Elections:
         if winner == node and fills_vacancy and self.network.nodes.alive[node]:
             self.network.log.add("elect", track.target, node)
             readings = election.readings_at(node)
-            self.appoint(track, Handover(node, election.step, readings=readings, elected=True, at_once=True))
+            self.appoint(track, Handover(node, election.step, readings=readings, elected=True, acts_now=True))
 
     def _keeps_silent(self, track: Track, election: Election, node: int) -> Generator[simpy.Event, Any, bool]:
         """Where broadcasts take long, wait: the nearer the target, the shorter. Whether nothing is left to say then."""

@@ -25,6 +25,10 @@ from wsnsim.network.node import NodeProcesses
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
 
+Leading = Generator[simpy.Event, Any, Handover | None]
+HandingOver = Generator[simpy.Event, Any, Handover]
+Waiting = Generator[simpy.Event, Any, None]
+
 
 @dataclass(frozen=True, slots=True)
 class Joins:
@@ -144,15 +148,6 @@ class HeadMessages:
         datagram = Datagram(head, node, Parcel(None, 1, PACKET_BITS, "wake"))
         yield self.transport.carry([datagram], target)
         return datagram.arrived
-
-
-Leading = Generator[simpy.Event, Any, Handover | None]
-
-
-HandingOver = Generator[simpy.Event, Any, Handover]
-
-
-Waiting = Generator[simpy.Event, Any, None]
 
 
 @dataclass(frozen=True, slots=True)

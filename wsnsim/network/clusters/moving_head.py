@@ -152,7 +152,7 @@ class MovingHeadProtocol:
         if found is None:
             return None
         head, detected = found
-        return Handover(head, self._clock.step, at_once=True, detected=detected)
+        return Handover(head, self._clock.step, acts_now=True, detected=detected)
 
     def release(self, track: Track, cluster: Cluster) -> None:
         """Do nothing: members have no role."""
@@ -310,7 +310,7 @@ class MovingHeadProtocol:
         self._log.add("handover", track.target, lead.head, peer=successor)
         flow = self._setup.tracker.hand_over(lead.belief, lead.scene, successor)
         belief = yield from driver.perform(flow)
-        if belief is None and self._setup.waits.keeps_undelivered:
+        if belief is None and self._setup.waits.retries_handover:
             return None
         if belief is None or not self._network.nodes.alive[successor]:
             raise TrackLost("handover_lost")
@@ -327,7 +327,7 @@ class MovingHeadProtocol:
         lead.track.handovers += 1
         return replace(
             handover,
-            at_once=True,
+            acts_now=True,
             previous_head=lead.head,
             last_sensed=lead.last_sensed,
             belief_time=lead.belief_time,

@@ -81,7 +81,7 @@ class StandingClusterProtocol:
         """Announce the cluster and let those that sense join; a handover if an election gave the lead to another."""
         target, head, network = track.target, handover.successor, self._network
         joins = yield from self._services.messages.recruit(target, head)
-        if joins.is_unanswered and self._setup.waits.keeps_undelivered:
+        if joins.is_unanswered and self._setup.waits.retries_handover:
             joins = yield from self._services.messages.recruit(target, head)
         cluster = Cluster(network, target, head, list(joins.readings))
         cluster.reported = joins.readings if joins.step == handover.belief_step else {}
@@ -137,7 +137,7 @@ class StandingClusterProtocol:
         self, track: Track, head: int, readings: Mapping[int, Reading]
     ) -> Generator[simpy.Event, Any, Mapping[int, Reading]]:
         """The readings that a new head knows: those of the candidates that it heard."""
-        yield from ()
+        yield from ()  # a generator, as others of this protocol take time here
         return readings
 
     def _pass_on(self, track: Track, cluster: Cluster, handover: Handover) -> HandingOver:
@@ -183,7 +183,7 @@ class StandingClusterProtocol:
         self, track: Track, head: int, nearest: int | None
     ) -> Generator[simpy.Event, Any, tuple[int | None, bool]]:
         """The next head, and whether an election chose it: the node nearest to the forecast."""
-        yield from ()
+        yield from ()  # a generator, as others of this protocol take time here
         return nearest, False
 
     def _send_belief(self, driver: Driver, flow: Flow[Any], handover: Handover) -> HandingOver:
@@ -196,7 +196,7 @@ class StandingClusterProtocol:
         return replace(
             handover,
             belief=belief,
-            at_once=handover.elected,
+            acts_now=handover.elected,
             hops=handover.hops + driver.hops,
             bits=handover.bits + driver.bits,
         )
@@ -206,7 +206,7 @@ class StandingClusterProtocol:
         try:
             return (yield from handing_over)
         except NotDelivered:
-            if self._setup.waits.keeps_undelivered:
+            if self._setup.waits.retries_handover:
                 return None
             raise
 
@@ -236,7 +236,7 @@ class ElectingClusterProtocol(StandingClusterProtocol):
         if nearest is None:
             return None, False
         awake = yield from self._services.messages.wake(track.target, head, nearest)
-        if not awake and self._setup.waits.keeps_undelivered:
+        if not awake and self._setup.waits.retries_handover:
             raise NotDelivered
         if not awake:
             return None, True
@@ -256,14 +256,14 @@ class OpenClusterProtocol(StandingClusterProtocol):
         head = self._setup.clusters.successor(np.zeros(2), network.nodes.assumed.positions, network.who_can_lead())
         if head is None or not (network.readings[track.target] or step == 0):
             return None
-        return Handover(head, step, readings={}, elected=True, at_once=True)
+        return Handover(head, step, readings={}, elected=True, acts_now=True)
 
     def release(self, track: Track, cluster: Cluster) -> None:
         """Do nothing: members have no role."""
 
     def _form(self, track: Track, handover: Handover) -> Generator[simpy.Event, Any, Cluster | Handover]:
         """A cluster that costs no frame."""
-        yield from ()
+        yield from ()  # a generator, as others of this protocol take time here
         cluster = OpenCluster(self._network, track.target, handover.successor, [])
         self._open(track, cluster, handover)
         return cluster

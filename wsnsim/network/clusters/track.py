@@ -28,7 +28,7 @@ class Handover:
         hops: number of hops of the belief to the successor.
         bits: bits sent on these hops.
         elected: a network-wide election has chosen the successor.
-        at_once: the successor acts in the present step, not at the next tick.
+        acts_now: the successor acts in the present step, not at the next tick.
         detected: {node: reading} of a target without a track. This and the following are used by moving heads only.
         wakes_nodes: the successor has nodes woken before it does anything else.
         last_sensed: time in s at which the target was last sensed.
@@ -43,7 +43,7 @@ class Handover:
     hops: int = 0
     bits: int = 0
     elected: bool = False
-    at_once: bool = False
+    acts_now: bool = False
     detected: Mapping[int, Reading] | None = None
     wakes_nodes: bool = False
     last_sensed: float = 0.0

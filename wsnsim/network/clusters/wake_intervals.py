@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from wsnsim.base.mac_mechanisms import HurriesNodes, MacMechanism
+from wsnsim.base.mac_mechanisms import MacMechanism, UsesShortInterval
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.event_log import StepClock
 from wsnsim.network.nodes import Nodes
@@ -55,7 +55,7 @@ class OneInterval:
 class TwoIntervals:
     """A short interval for nodes that were told of a target, a long one for all others."""
 
-    def __init__(self, clock: StepClock, wait: float, nodes: Nodes, mechanism: HurriesNodes) -> None:
+    def __init__(self, clock: StepClock, wait: float, nodes: Nodes, mechanism: UsesShortInterval) -> None:
         """`wait`: s for which woken nodes wait for the target."""
         self._clock = clock
         self._after = max(wait, clock.dt)
@@ -73,7 +73,7 @@ class TwoIntervals:
             return
         self._seconds += sum([until - max(known[node], now) for node in longer])
         self._until.update(dict.fromkeys(longer, until))
-        self._mechanism.hurry(np.array(longer, dtype=np.int64), until)
+        self._mechanism.use_short_interval(np.array(longer, dtype=np.int64), until)
 
     def shorten_for_next_step(self, nodes: Iterable[int]) -> None:
         """`shorten` until the next step and a while after it."""
@@ -92,6 +92,6 @@ class TwoIntervals:
 
 def make_wake_intervals(setup: NetworkSetup, clock: StepClock, nodes: Nodes, mechanism: MacMechanism) -> WakeIntervals:
     """The wake intervals of a scenario and its MAC's mechanism: two where `mac.near` exists and is set."""
-    if getattr(setup.mac, "near", None) is None or not isinstance(mechanism, HurriesNodes):
+    if getattr(setup.mac, "near", None) is None or not isinstance(mechanism, UsesShortInterval):
         return OneInterval()
     return TwoIntervals(clock, setup.wakeup.wait, nodes, mechanism)

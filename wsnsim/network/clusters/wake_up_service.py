@@ -217,7 +217,7 @@ class WakeUpService:
 
     def clock(self, node: int) -> float:
         """What the clock of a node shows now, in s."""
-        return self._clocks.shows(node)
+        return self._clocks.local_time(node)
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
@@ -257,7 +257,7 @@ class WakeUpService:
         copy = replace(message, sender=node, place=self.place(node))
         parcel = Parcel(copy, 1, copy.bits, self._message_name)
         sequence = round.sequence if relayed else 0
-        event, (burst,) = self._transport.broadcast([node], [parcel], copy.target, sequence, relayed)
+        sent, (burst,) = self._transport.broadcast([node], [parcel], copy.target, sequence, relayed)
 
         def ended(_: Any) -> None:
             round.sequence = round.sequence or burst.sequence
@@ -265,8 +265,8 @@ class WakeUpService:
             for listener in sorted(burst.received):
                 on_heard(listener, copy)
 
-        assert event.callbacks is not None
-        event.callbacks.append(ended)
+        assert sent.callbacks is not None
+        sent.callbacks.append(ended)
 
     def call(
         self, round: WakeUpRound, node: int, sleepers: Sequence[int], bits: int, on_awake: Callable[[list[int]], None]
@@ -286,7 +286,7 @@ class WakeUpService:
         The node goes by its own clock.
         """
         round.tracking[node] = message
-        until = self._clocks.when(node, message.due + self._protocol.wait)
+        until = self._clocks.true_time(node, message.due + self._protocol.wait)
         self._processes.of(node).keep_awake(message.target, until, FRAME)
         self._intervals.shorten([node], until)
 

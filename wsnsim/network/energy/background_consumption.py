@@ -91,7 +91,7 @@ class BackgroundConsumption(Consumption):
             charges = self._table.by_schedule(awake, passed, switched, busy, computed, state // MODES)
         else:
             charges = self._table.by_state(state, passed, busy, computed)
-        if self._duty_cycled:
+        if self._duty_cycled:  # the last two charges are listening and switching by the duty: see `PowerTable.by_state`
             charges[-2:] = self._levels.with_added(node, charges[-2:])
         return charges, awake
 

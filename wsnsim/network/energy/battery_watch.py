@@ -19,8 +19,6 @@ SOON: Final = 1e-9
 """A charge that lasts for less than this time (s) is what rounding leaves: the battery is empty."""
 SHORTEST: Final = 5e-3
 """Mean time (s) between changes of the fastest schedule: two in its period of 10 ms."""
-
-
 EVERYBODY = -1
 """Stands for a node: every node is to be checked."""
 

@@ -25,14 +25,8 @@ ON: Final = len(CAUSES)
 MODES: Final = len(Mode)
 HELD: Final = 1
 """The level of a radio that a duty-cycled MAC has switched on."""
-
-
 IDLE, SLEEP, SENSE, SWITCH = CAUSE["idle"], CAUSE["sleep"], CAUSE["sense"], CAUSE["switch"]
-
-
 AWAKE, ASLEEP, SCHEDULED = int(Mode.AWAKE), int(Mode.ASLEEP), int(Mode.SCHEDULED)
-
-
 Number = TypeVar("Number", float, Floats)
 
 

@@ -38,6 +38,7 @@ from wsnsim.network.radio.transmission import (
 
 DROP: Final = KIND["drop"]
 WHOLE: Final = 1.0
+TX, SWITCH = EVENT_CAUSE["tx"], CAUSE["switch"]
 
 
 class NoLinkCounters:
@@ -116,9 +117,6 @@ class LinkCounters:
                 received[at] += each.received
         sent_over_each = np.full(ids.size, sent, dtype=np.int64)
         return {"node": ids, "power": powers, "chance": chance, "sent": sent_over_each, "received": received}
-
-
-TX, SWITCH = EVENT_CAUSE["tx"], CAUSE["switch"]
 
 
 class Channel:

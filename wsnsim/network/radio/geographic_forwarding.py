@@ -27,7 +27,6 @@ from wsnsim.network.radio.topology import RadioServices
 
 REMEMBERED: Final = 16
 """Datagrams that a node remembers after it has received them (our choice)."""
-
 Place = tuple[float, float]
 
 

@@ -67,7 +67,7 @@ class IdealMechanism:
         if self._rate is not None:
             return self._env.process(self._one_by_one(bursts, self._rate))
         event = self._env.event()
-        event.callbacks.append(lambda _: self._at_once(bursts))
+        event.callbacks.append(lambda _: self._carry_each(bursts))
         return event.succeed()
 
     def send_unicasts(self, unicasts: Unicasts) -> simpy.Event | None:
@@ -90,7 +90,7 @@ class IdealMechanism:
         """Stop a node that died or crashed: what it is sending is lost."""
         self._silenced[node] = self._silenced.get(node, 0) + 1
 
-    def _at_once(self, bursts: Sequence[Burst]) -> None:
+    def _carry_each(self, bursts: Sequence[Burst]) -> None:
         for burst in bursts:
             self._medium.carry(burst)
 

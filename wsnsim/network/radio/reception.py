@@ -30,12 +30,11 @@ NO_TIMES: Final = np.zeros(0)
 ALL: Final = np.zeros(0, dtype=np.bool_)
 NO_NUMBERS: Final = (0, 0, 0)
 Numbers: TypeAlias = tuple[int, int, int]
-
-
 NONE, RX, OVERHEARD = (EVENT_CAUSE[name] for name in ("none", "rx", "overhear"))
-
-
 LEDGER: Final = {RX: CAUSE["rx"], OVERHEARD: CAUSE["overhear"]}
+RECEIVE, COLLIDE, OVERHEAR = (KIND[name] for name in ("receive", "collide", "overhear"))
+KINDS: Final = {RECEIVED: (RECEIVE, RX), COLLIDED: (COLLIDE, RX), FOREIGN: (OVERHEAR, OVERHEARD)}
+"""Kind and cause of the events that follow from an outcome."""
 
 
 class ReceptionCharges:
@@ -88,13 +87,6 @@ class ReceptionCharges:
                   sent.source, frame.packets, bits, joules, cause),
             ids,
         )  # fmt: skip
-
-
-RECEIVE, COLLIDE, OVERHEAR = (KIND[name] for name in ("receive", "collide", "overhear"))
-
-
-KINDS: Final = {RECEIVED: (RECEIVE, RX), COLLIDED: (COLLIDE, RX), FOREIGN: (OVERHEAR, OVERHEARD)}
-"""Kind and cause of the events that follow from an outcome."""
 
 
 class Reception:
@@ -151,7 +143,7 @@ class Reception:
                 continue
             share = WHOLE if sent.overlapping is None else (sent.end - paid_until) / (sent.end - sent.start)
             self._charges.book_group(sent, group, share, *KINDS[outcome])
-            paying = int(end)
+            paying = int(end)  # the kernel puts those who lost the frame and pay nothing last
             received += group.size if outcome == RECEIVED else 0
             collided += group.size if outcome == COLLIDED else 0
         self._count(sent, in_range if everyone or nodes.alive[frame.to] else 0, delivered, collided)

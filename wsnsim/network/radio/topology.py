@@ -39,6 +39,7 @@ MOST_PAIRS: Final = 4_000_000
 """If more pairs may be linked, neighbours are found on first use: all of them may take 200 MB and a second."""
 PAIRS_AT_ONCE: Final = 50_000
 """Pairs whose powers are computed together: 10 MB."""
+PAIR, DIRECTION, BURSTS = 0, 1, 2
 
 
 class LinkStates:
@@ -78,9 +79,6 @@ class LinkStates:
             self._next = advance(self._keys, self._durations, time, self._good, self._until, self._counts)
             self._ratios = np.where(self._good, self._when_good, self._when_bad)
         return self._ratios
-
-
-PAIR, DIRECTION, BURSTS = 0, 1, 2
 
 
 class Neighbours:

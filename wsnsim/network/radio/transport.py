@@ -45,8 +45,8 @@ class Transport:
         self._topology = radio.topology
         self._forwarding = forwarding
         self.hops = hops
-        at_once = defined_together(type(mac), "send_unicasts", "send")
-        self._send_unicasts = cast(SendsUnicasts, mac).send_unicasts if at_once else _send_no_unicasts
+        as_lists = defined_together(type(mac), "send_unicasts", "send")
+        self._send_unicasts = cast(SendsUnicasts, mac).send_unicasts if as_lists else _send_no_unicasts
         self.keeps_idle_slots = isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots
         self._expect = mac.expect if isinstance(mac, ExpectsMembers) else _expect_nobody
         self._pairs: set[tuple[int, int]] = set()
@@ -81,7 +81,7 @@ class Transport:
             events.append(self._one_hop(direct, target, head))
         return events[0] if len(events) == 1 else self._env.all_of(events)
 
-    def at_once(self, unicasts: Unicasts, one_hop: bool) -> simpy.Event | None:
+    def carry_unicasts(self, unicasts: Unicasts, one_hop: bool) -> simpy.Event | None:
         """Send parcels over one hop each and without a datagram.
 
         Args:

@@ -220,7 +220,7 @@ class PhaseLocks:
         return expected - period, expected
 
     def _local(self, node: int, time: float) -> float:
-        return float(self._clocks.local(np.array([node]), time)[0])
+        return float(self._clocks.local_times(np.array([node]), time)[0])
 
 
 class ContikiMacMechanism:
@@ -241,7 +241,7 @@ class ContikiMacMechanism:
         self._senders = senders = Senders(mac, services, radios, self.channel, self)
         services.radio.log.code("no_channel")
         self._ack = services.radio.log.code("ack")
-        self.send, self.offer, self.hurry = senders.send, senders.offer, radios.hurry
+        self.send, self.offer, self.use_short_interval = senders.send, senders.offer, radios.use_short_interval
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: its frames are lost, and it forgets when others wake."""

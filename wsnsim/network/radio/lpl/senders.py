@@ -302,12 +302,12 @@ class Senders(SenderQueues[RepeatingSender]):
         """
         sender.current.acknowledged = awake
         frame, following = sender.current, sender.queue.popleft() if sender.queue else None
-        at_once = awake and following is not None and following.to == frame.to
+        sends_on = awake and following is not None and following.to == frame.to
         self._take(sender, following)
         frame.finish(received)
         if sender.stopped:
             return
-        if at_once:
+        if sends_on:
             self._protocol.transmit_next(sender)
             return
         self._radios.release(sender.node, SENDS)

@@ -111,7 +111,7 @@ class XMacMechanism:
         code = services.radio.log.code
         code("no_channel")
         self._strobe_code, self._early_ack, self._ack = code("strobe"), code("early_ack"), code("ack")
-        self.send, self.offer, self.hurry = senders.send, senders.offer, radios.hurry
+        self.send, self.offer, self.use_short_interval = senders.send, senders.offer, radios.use_short_interval
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: its frames are lost, and it forgets what it expected."""
@@ -269,6 +269,7 @@ class XMacMechanism:
             return
         now = self._env.now
         window = listeners[self._radios.on_since(listeners) == np.inf]
+        # What an overlapping frame has taken the place of was given back with that.
         back = now - np.maximum(sent.start, self._heard_until[window])
         self._heard_until[window] = now
         read = np.ones(window.size, dtype=np.bool_)

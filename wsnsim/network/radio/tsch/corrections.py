@@ -98,7 +98,7 @@ class Corrections:
     def correct(self, node: int, source: int) -> None:
         """Set the clock of a node by that of a neighbour."""
         now = self._env.now
-        both = self._clocks.local(np.array([node, source]), now)
+        both = self._clocks.local_times(np.array([node, source]), now)
         tick = self._mac.tick
         offset = round(float(both[1] - both[0]) / tick) * tick if tick else float(both[1] - both[0])
         self._at[node] = now

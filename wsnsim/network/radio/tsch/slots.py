@@ -39,7 +39,7 @@ class Slots:
 
     def local(self, node: int, time: float) -> float:
         """What the clock of a node shows at a time, in s."""
-        return float(self._clocks.local(np.array([node]), time)[0]) if not self._clocks.perfect else time
+        return float(self._clocks.local_times(np.array([node]), time)[0]) if not self._clocks.perfect else time
 
     def current(self, node: int, time: float) -> int:
         """The ASN of a node's slot at a time."""
@@ -52,7 +52,7 @@ class Slots:
     def when(self, node: int, asn: int, offset: float) -> float:
         """The time `offset` s after the start of a node's slot, by its clock."""
         local = asn * self._length + offset
-        return self._clocks.when(node, local) if not self._clocks.perfect else local
+        return self._clocks.true_time(node, local) if not self._clocks.perfect else local
 
     def shared_cell(self, asn: int, skipped: int = 0) -> int:
         """The ASN of the first shared cell that is not before `asn`, after skipping some."""
@@ -72,7 +72,7 @@ class Slots:
 
     def places(self, nodes: Ints, time: float) -> tuple[Ints, Floats]:
         """(n,) ASN of the present slots of nodes, and (n,) seconds since their start, by the nodes' clocks."""
-        local = self._clocks.local(nodes, time) if not self._clocks.perfect else np.full(nodes.size, time)
+        local = self._clocks.local_times(nodes, time) if not self._clocks.perfect else np.full(nodes.size, time)
         asn = np.floor(local / self._length + ROUNDING).astype(np.int64)
         return asn, local - asn * self._length
 
