@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from wsnsim.base.mechanisms import (
         FaultMechanism,
         FaultServices,
+        NodeServices,
         SensorDefect,
         StartsFault,
         StartsWakeUp,
@@ -150,9 +151,8 @@ HOMES: Final = {
     "wsnsim.base.gathered": "Gathered",
     "wsnsim.base.mac_mechanisms": "ExpectsMembers FollowsRestarts Fragmenter KeepsIdleSlots Listening MacMechanism "
     "MacServices OnAir SharedChannel Signal StartsMac UsesShortInterval",
-    "wsnsim.base.mechanisms": "FaultMechanism FaultServices SensorDefect StartsFault StartsWakeUp "
-    "StartsWorkload WakeUpMechanism WakeUpServices WorkloadMechanism "
-    "WorkloadServices",
+    "wsnsim.base.mechanisms": "FaultMechanism FaultServices NodeServices SensorDefect StartsFault StartsWakeUp "
+    "StartsWorkload WakeUpMechanism WakeUpServices WorkloadMechanism WorkloadServices",
     "wsnsim.base.medium_access": "FramedMac Mac Packing",
     "wsnsim.base.optional_ports": "Announces ConstantGaussian Continuous Detects Drifts ForecastsSuccession "
     "Foresees HasHeights Informs IsShadowed LimitsReadings LinearGaussian "
@@ -200,7 +200,7 @@ __all__ = [
     "Issue", "KalmanBelief", "KeepsIdleSlots", "Keys", "KnownNodes", "KnowsLatency", "Latency", "LimitsReadings",
     "LinearGaussian", "LinkModel", "Listening", "Local", "Mac", "MacFrame", "MacMechanism", "MacServices",
     "MeasuresEnergy", "Member", "Mode", "ModePower", "MotionModel", "MovesInSpace", "MovingPolicy",
-    "NamesNodes", "NearNodes", "NetworkSetup", "OfRole", "OfferedFrame", "OnAir", "Outlook", "Packing",
+    "NamesNodes", "NearNodes", "NetworkSetup", "NodeServices", "OfRole", "OfferedFrame", "OnAir", "Outlook", "Packing",
     "Parcel", "Pool", "Portable", "Prediction", "PriorModel", "Quantity", "RadioDuty", "RadioSetup", "Ranks",
     "RecordedFile", "Recorder", "Recording", "RecordsLinks", "Region", "Replays", "ReportsState", "Routing",
     "Scatter", "Scene", "SeesGeometry", "Send", "SensorDefect", "SensorModel", "Setup", "SharedChannel",

@@ -11,6 +11,7 @@ from typing import Protocol, runtime_checkable
 from wsnsim.base.arrays import Bools, Ints
 from wsnsim.base.counters import Counters
 from wsnsim.base.frames import Burst, MacFrame, Received
+from wsnsim.base.mechanisms import NodeServices
 from wsnsim.base.medium_access import FramedMac
 
 
@@ -102,12 +103,8 @@ class Fragmenter(Protocol):
         """
 
 
-class MacServices(Protocol):
+class MacServices(NodeServices, Protocol):
     """What a MAC may use of the network."""
-
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
 
     @property
     def step(self) -> int:
@@ -120,12 +117,6 @@ class MacServices(Protocol):
     def key(self, stream: str) -> int:
         """Return the key of a random stream, for `derive`."""
 
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-
-    def is_awake(self, node: int) -> bool:
-        """Whether a node is up and listens."""
-
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, ascending."""
 
@@ -134,12 +125,6 @@ class MacServices(Protocol):
 
     def release(self, node: int) -> None:
         """Let a node follow its schedule again."""
-
-    def lasts(self, node: int, seconds: float) -> float:
-        """Return the seconds that pass while a node's clock counts `seconds`."""
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
 
     def signal(self) -> Signal:
         """Return a new signal, for the end of bursts."""

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Ints
+from wsnsim.base.mechanisms import NodeServices
 
 
 class TimeSync(Protocol):
@@ -49,12 +50,8 @@ class FloodingSync(TimeSync, Protocol):
     outlier: float
 
 
-class SyncServices(Protocol):
-    """What time synchronisation may use of the network. The network books and logs what nodes send."""
-
-    @property
-    def now(self) -> float:
-        """The simulated time in s. A node does not know it."""
+class SyncServices(NodeServices, Protocol):
+    """What time synchronisation may use of the network, which books and logs what nodes send. No node knows `now`."""
 
     @property
     def size(self) -> int:
@@ -63,15 +60,6 @@ class SyncServices(Protocol):
     @property
     def key(self) -> int:
         """The random key of time synchronisation, for `derive`."""
-
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-
-    def is_dead(self, node: int) -> bool:
-        """Whether the battery of a node is empty."""
-
-    def is_awake(self, node: int) -> bool:
-        """Whether a node is up, and its sleep schedule does not keep it asleep."""
 
     def next_change(self, node: int) -> float:
         """The earliest time in s at which the sleep schedule of a node may wake it or let it sleep; infinite: never."""
@@ -90,12 +78,6 @@ class SyncServices(Protocol):
             shows: What its clock shows now, in s.
             rate: Seconds on its own clock per second on its clock, from now on.
         """
-
-    def lasts(self, node: int, seconds: float) -> float:
-        """The seconds that pass while the own clock of a node counts `seconds`."""
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
 
     def broadcast(self, node: int, bits: int, done: Callable[[Ints | None], None]) -> None:
         """Broadcast a message with a payload of `bits`, at the next opportunity that the MAC gives.

@@ -24,7 +24,7 @@ Change = Callable[[], Any]
 
 
 @dataclass(frozen=True, slots=True)
-class NodeServices:
+class ProcessServices:
     """What a node process uses. `on_wake(node, target, by_frame)` is called at each wake-up."""
 
     env: simpy.Environment
@@ -40,7 +40,7 @@ class NodeProcess:
     which it stays awake until a time.
     """
 
-    def __init__(self, services: NodeServices, index: int) -> None:
+    def __init__(self, services: ProcessServices, index: int) -> None:
         self.index = index
         self.senses: set[int] = set()
         self.serves: set[int] = set()
@@ -150,7 +150,7 @@ class NodeProcess:
 class NodeProcesses:
     """The processes of all nodes that have been awake, by index."""
 
-    def __init__(self, services: NodeServices) -> None:
+    def __init__(self, services: ProcessServices) -> None:
         self._services = services
         self._processes: dict[int, NodeProcess] = {}
 

@@ -12,7 +12,7 @@ from wsnsim.base.ports import Recorder
 from wsnsim.base.synchronisation import StartsSync, SyncMechanism, SyncServices, TimeSync
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.ftsp import FtspMechanism
-from wsnsim.network.mechanisms import make_mechanism
+from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.radio_stack import RadioStack
 
@@ -51,44 +51,22 @@ def make_sync(component: TimeSync, services: SyncServices) -> SyncMechanism:
     return make_mechanism("sync", component, services, StartsSync, ("begin", "forget", "is_synchronised"), MECHANISMS)
 
 
-class NetworkSyncServices:
+class NetworkSyncServices(NetworkServices):
     """What time synchronisation may use of one network. `key` is its random key."""
 
     def __init__(self, stack: RadioStack, key: int) -> None:
-        self._env, self._nodes = stack.radio.env, stack.radio.nodes
+        super().__init__(stack.radio.env, stack.radio.nodes, stack.clocks)
         self._mac = stack.mac
-        self._clocks = clocks = stack.clocks
         self._word = stack.radio.log.code
         self.key = key
         self.size = self._nodes.size
-        self.is_awake: Callable[[int], bool] = self._nodes.is_awake
         self.next_change: Callable[[int], float] = self._nodes.duty_cycles.next_change
-        self.clock: Callable[[int], float] = clocks.local_time
-        self.own_clock: Callable[[int], float] = clocks.raw_time
-        self.lasts: Callable[[int, float], float] = clocks.lasts
-
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
-        return self._env.now
-
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-        return bool(self._nodes.alive[node])
-
-    def is_dead(self, node: int) -> bool:
-        """Whether the battery of a node is empty."""
-        return node in self._nodes.died_at
+        self.clock: Callable[[int], float] = stack.clocks.local_time
+        self.own_clock: Callable[[int], float] = stack.clocks.raw_time
 
     def set_clock(self, node: int, shows: float, rate: float) -> None:
         """Correct the clock of a node: it shows `shows` now, and its own clock counts `rate` s per second of it."""
         self._clocks.correct(node, shows - self._clocks.local_time(node), rate)
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
-        timer = self._env.timeout(seconds)
-        assert timer.callbacks is not None
-        timer.callbacks.append(lambda _: action())
 
     def broadcast(self, node: int, bits: int, done: Callable[[Ints | None], None]) -> None:
         """Broadcast a message; `done` gets the nodes (n,) that received it, or None if it was not sent."""

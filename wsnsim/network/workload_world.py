@@ -21,7 +21,7 @@ from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND
 from wsnsim.base.workloads import BeaconWorkload, CollectionWorkload, Workload
 from wsnsim.network.event_log import event
-from wsnsim.network.mechanisms import make_mechanism
+from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.network import Network, Sensors, Steps
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
 from wsnsim.network.radio.radio_stack import RadioStack
@@ -106,39 +106,20 @@ def make_workload(component: Workload, services: WorkloadServices) -> WorkloadMe
     return make_mechanism("workload", component, services, StartsWorkload, ("begin",), MECHANISMS, "tracking")
 
 
-class WorkloadNetwork:
+class WorkloadNetwork(NetworkServices):
     """What a workload may use of a network (`mechanisms.WorkloadServices`). `key` is the workload's random key."""
 
     def __init__(
         self, stack: RadioStack, transport: Transport, reports: ReportRows, sinks: Sequence[int], key: int
     ) -> None:  # fmt: skip
-        nodes = stack.radio.nodes
-        self._env = stack.radio.env
-        self._nodes = nodes
+        super().__init__(stack.radio.env, stack.radio.nodes, stack.clocks)
         self._mac = stack.mac
         self._transport = transport
         self._reports = reports
         self.sinks = sinks
         self.key = key
-        self.positions = nodes.positions
-        self.is_awake: Callable[[int], bool] = nodes.is_awake
-        self.lasts: Callable[[int, float], float] = stack.clocks.lasts
+        self.positions = stack.radio.nodes.positions
         self.word: Callable[[str], int] = stack.radio.log.code
-
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
-        return self._env.now
-
-    def is_dead(self, node: int) -> bool:
-        """Whether the battery of a node is empty."""
-        return node in self._nodes.died_at
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
-        timer = self._env.timeout(seconds)
-        assert timer.callbacks is not None
-        timer.callbacks.append(lambda _: action())
 
     def broadcast(self, node: int, bits: int, word: int) -> None:
         """Broadcast a payload of `bits` to all in range."""

@@ -31,7 +31,7 @@ from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.event_log import ProtocolLog
 from wsnsim.network.imperfect_readings import make_readings
 from wsnsim.network.network import Network, Sensors, Steps
-from wsnsim.network.node import NodeProcesses, NodeServices
+from wsnsim.network.node import NodeProcesses, ProcessServices
 from wsnsim.network.result_rows import NetworkOutcome
 from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
 
@@ -81,7 +81,7 @@ class World(Network):
         self._intervals = intervals = make_wake_intervals(setup, clock, nodes, self._stack.mac)
         wakes_ahead = setup.wakeup.mechanism != "none"
         on_wake = _ignore_wake if wakes_ahead else self._wake_up_counters.count_wake
-        self._processes = NodeProcesses(NodeServices(self._env, nodes, self._log, on_wake))
+        self._processes = NodeProcesses(ProcessServices(self._env, nodes, self._log, on_wake))
         sensing = SensingServices(clock, nodes, self._processes, self._event_log, available, setup.energy.sense())
         self._sensing = make_sensing(sensing, readings, setup.nodes_search)
         self._coordination = ClusterCoordination(clock, self._log, self._processes, self._tracks)

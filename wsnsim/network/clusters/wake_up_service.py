@@ -27,7 +27,7 @@ from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_intervals import WakeIntervals
 from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.mechanisms import make_mechanism
+from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.node import FRAME, NodeProcesses
 from wsnsim.network.radio.transport import Transport
 
@@ -157,7 +157,7 @@ def make_wake_up(component: WakeUp, services: WakeUpServices) -> WakeUpMechanism
     return make_mechanism("wakeup", component, services, StartsWakeUp, ("begin",), MECHANISMS, "none")
 
 
-class WakeUpService:
+class WakeUpService(NetworkServices):
     """Starts wake-up rounds, and performs what the mechanism of the scenario's `wakeup` does in them.
 
     `key` is the random key of the nodes' chances.
@@ -167,6 +167,7 @@ class WakeUpService:
         self, network: NetworkView, processes: NodeProcesses, transport: Transport, intervals: WakeIntervals,
         clocks: Clocks, event_log: EventLog, key: int,
     ) -> None:  # fmt: skip
+        super().__init__(network.clock.env, network.nodes, clocks)
         setup = network.setup
         self._protocol = setup.wakeup
         self._energy = setup.energy
@@ -174,10 +175,7 @@ class WakeUpService:
         self._processes = processes
         self._transport = transport
         self._intervals = intervals
-        self._clocks = clocks
         self._event_log = event_log
-        self._nodes = network.nodes
-        self._env = network.clock.env
         self._key = key
         self._message_name = MESSAGE_NAMES.get(setup.wakeup.mechanism, "wake")
         rate = getattr(setup.mac, "rate", None)
@@ -210,19 +208,9 @@ class WakeUpService:
         self._call(node, [to], target, PACKET_BITS, awake)
         return done
 
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
-        return self._env.now
-
     def clock(self, node: int) -> float:
         """What the clock of a node shows now, in s."""
         return self._clocks.local_time(node)
-
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-        result: bool = self._nodes.alive[node]
-        return result
 
     def place(self, node: int) -> Point:
         """The assumed position of a node."""

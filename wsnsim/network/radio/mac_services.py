@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
 import simpy
@@ -18,6 +17,7 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.tables import KIND
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import event
+from wsnsim.network.mechanisms import NetworkServices
 from wsnsim.network.radio.channel import Channel, LinkCounters, NoLinkCounters
 from wsnsim.network.radio.fragmentation import Fragmentation
 from wsnsim.network.radio.topology import RadioServices
@@ -26,25 +26,20 @@ from wsnsim.network.radio.transmission import LossSamples, UseCounter
 DROP = KIND["drop"]
 
 
-@dataclass(frozen=True, slots=True)
-class NetworkMacServices:
+class NetworkMacServices(NetworkServices):
     """Services of one network. Built-in MACs also use `radio` and `clocks` directly, where speed matters.
 
     `sinks` are the nodes that collect the estimates; none if nobody does.
     """
 
-    radio: RadioServices
-    packing: Packing
-    clocks: Clocks
-    streams: Streams
-    links: LinkCounters | NoLinkCounters
-    uses: UseCounter = field(default_factory=UseCounter)
-    sinks: tuple[int, ...] = ()
-
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
-        return float(self.radio.env.now)
+    def __init__(
+        self, radio: RadioServices, packing: Packing, clocks: Clocks, streams: Streams,
+        links: LinkCounters | NoLinkCounters, sinks: tuple[int, ...] = (),
+    ) -> None:  # fmt: skip
+        super().__init__(radio.env, radio.nodes, clocks)
+        self.radio, self.clocks, self.sinks = radio, clocks, sinks
+        self._packing, self._streams, self.links = packing, streams, links
+        self._uses = UseCounter()
 
     @property
     def step(self) -> int:
@@ -58,15 +53,7 @@ class NetworkMacServices:
 
     def key(self, stream: str) -> int:
         """Return the key of a random stream."""
-        return self.streams.key(stream)
-
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-        return bool(self.radio.nodes.alive[node])
-
-    def is_awake(self, node: int) -> bool:
-        """Whether a node is up and listens."""
-        return bool(self.radio.nodes.is_awake(node))
+        return self._streams.key(stream)
 
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, ascending."""
@@ -80,15 +67,6 @@ class NetworkMacServices:
         """Let a node follow its schedule again."""
         self.radio.nodes.end_sending(node)
 
-    def lasts(self, node: int, seconds: float) -> float:
-        """Return the seconds that pass while a node's clock counts `seconds`."""
-        return self.clocks.lasts(node, seconds)
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
-        timeout = self.radio.env.timeout(seconds)
-        timeout.callbacks.append(lambda _: action())
-
     def signal(self) -> simpy.Event:
         """Return a new signal, for the end of bursts."""
         return self.radio.env.event()
@@ -101,12 +79,12 @@ class NetworkMacServices:
             assessment: Duration of a clear channel assessment in s.
             listening: Which radios are on; None: those of all nodes that are awake.
         """
-        losses = LossSamples(self.streams.key("link"), self.uses)
+        losses = LossSamples(self._streams.key("link"), self._uses)
         return Channel(self.radio, mac, assessment, losses, self.links, listening)
 
     def fragmentation(self, mac: FramedMac) -> Fragmentation:
         """Return what splits bursts into the frames of a MAC."""
-        return Fragmentation(mac, self.packing, self.radio.log)
+        return Fragmentation(mac, self._packing, self.radio.log)
 
     def log_drop(self, node: int, dropped: Burst | MacFrame, reason: str) -> None:
         """Log that a node dropped a burst or a frame without sending it."""
