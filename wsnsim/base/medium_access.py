@@ -16,14 +16,6 @@ class Mac(Protocol):
         """The name of the mechanism."""
 
 
-class IdealAccess(Mac, Protocol):
-    """An ideal channel."""
-
-    @property
-    def rate(self) -> float | None:
-        """Bit/s on the air; None: sending takes no time."""
-
-
 class FramedMac(Mac, Protocol):
     """A MAC whose frames take time."""
 
@@ -63,45 +55,6 @@ class FramedMac(Mac, Protocol):
 
     def spacing(self, bits: int) -> float:
         """Seconds between the end of a frame of this length and the sender's next one."""
-
-
-class ContendingMac(FramedMac, Protocol):
-    """CSMA/CA.
-
-    Attributes:
-        backoff: Length of a backoff period in s.
-        min_be: Initial backoff exponent BE: the wait is below 2^BE periods.
-        max_be: Largest backoff exponent.
-        max_backoffs: Attempts after the first before a frame is dropped.
-        cca: Duration of a clear channel assessment in s.
-    """
-
-    backoff: float
-    min_be: int
-    max_be: int
-    max_backoffs: int
-    cca: float
-
-
-class SlottedMac(ContendingMac, Protocol):
-    """TDMA inside clusters, CSMA/CA elsewhere. `acks` is about unicasts in slots; those outside always have them.
-
-    Attributes:
-        guard: Silence at both ends of a slot, in s.
-        slot: Length of a slot in s; None: as long as needed.
-        schedule_bits: Bits of one entry in the schedule that the head broadcasts.
-        contention: Shortest time between two rounds of a head, in s.
-        idle_slots: 'skipped' or 'kept': whether a round leaves out the slots of members that have nothing to send.
-    """
-
-    guard: float
-    slot: float | None
-    schedule_bits: int
-    contention: float
-    idle_slots: str
-
-    def slot_needed(self, bits: int) -> float:
-        """Seconds of a slot for a frame of this length: turnaround, acknowledgement and guards included."""
 
 
 class Packing(Protocol):

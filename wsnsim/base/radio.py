@@ -14,16 +14,10 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats, Keys
 from wsnsim.base.faults import FaultEvent as FaultEvent
-from wsnsim.base.medium_access import ContendingMac as ContendingMac
 from wsnsim.base.medium_access import FramedMac as FramedMac
-from wsnsim.base.medium_access import IdealAccess as IdealAccess
 from wsnsim.base.medium_access import Mac as Mac
 from wsnsim.base.medium_access import Packing as Packing
-from wsnsim.base.medium_access import SlottedMac as SlottedMac
 from wsnsim.base.routing import Routing as Routing
-from wsnsim.base.routing import TreeRouting as TreeRouting
-from wsnsim.base.workloads import BeaconWorkload as BeaconWorkload
-from wsnsim.base.workloads import CollectionWorkload as CollectionWorkload
 from wsnsim.base.workloads import HasSeveralSinks as HasSeveralSinks
 from wsnsim.base.workloads import Sink as Sink
 from wsnsim.base.workloads import Workload as Workload

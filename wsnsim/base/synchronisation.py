@@ -24,32 +24,6 @@ class TimeSync(Protocol):
         """The name of the mechanism."""
 
 
-class FloodingSync(TimeSync, Protocol):
-    """The Flooding Time Synchronization Protocol.
-
-    Attributes:
-        period: Seconds between the messages of a node, on its own clock.
-        bits: Payload of a message.
-        jitter: Standard deviation in s of a time stamp of the MAC layer.
-        entries: Reference points in the regression.
-        entries_to_send: Reference points that a node needs before it sends.
-        entries_to_sync: Reference points that a node needs before it corrects its clock.
-        root_timeout: Periods without a message of the root after which a node declares itself the root.
-        ignore_root: Periods for which a new root ignores messages of other roots.
-        outlier: Error in s from which on a reference point is not used; after four in a row the others are forgotten.
-    """
-
-    period: float
-    bits: int
-    jitter: float
-    entries: int
-    entries_to_send: int
-    entries_to_sync: int
-    root_timeout: int
-    ignore_root: int
-    outlier: float
-
-
 class SyncServices(NodeServices, Protocol):
     """What time synchronisation may use of the network, which books and logs what nodes send. No node knows `now`."""
 

@@ -19,29 +19,6 @@ class Workload(Protocol):
         """The name of the mechanism: 'tracking'; 'beacons' or another one of a network without targets."""
 
 
-class BeaconWorkload(Workload, Protocol):
-    """Every node broadcasts a payload of `bits` once per `period` (s) of its own clock."""
-
-    @property
-    def period(self) -> float: ...
-
-    @property
-    def bits(self) -> int: ...
-
-
-class CollectionWorkload(Workload, Protocol):
-    """Every node sends a report of `bits` to a sink once per `period` (s) of its own clock, after `start_at` s."""
-
-    @property
-    def period(self) -> float: ...
-
-    @property
-    def bits(self) -> int: ...
-
-    @property
-    def start_at(self) -> float: ...
-
-
 class Sink(Protocol):
     """The node that collects the estimates."""
 

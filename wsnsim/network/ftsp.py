@@ -18,7 +18,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.rng import derive, derive_all, normals, uniforms
-from wsnsim.base.synchronisation import FloodingSync, SyncServices
+from wsnsim.base.synchronisation import SyncServices
+from wsnsim.models.synchronisation import Ftsp
 
 PATIENCE: Final = 3
 """Outliers in a row that are left out; the next one makes a node forget its reference points."""
@@ -101,7 +102,7 @@ class _Node:
 class FtspMechanism:
     """FTSP on all nodes of a network."""
 
-    def __init__(self, component: FloodingSync, services: SyncServices) -> None:
+    def __init__(self, component: Ftsp, services: SyncServices) -> None:
         self._component = component
         self._services = services
         self._nodes = [_Node(component.entries) for _ in range(services.size)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -49,7 +50,7 @@ def make_mechanism(
     services: Services,
     port: type,
     members: Sequence[str],
-    built_in: Mapping[str, Callable[[Any, Services], Mechanism]],
+    built_in: Mapping[str, str | Callable[[Any, Services], Mechanism]],
     *others: str,
 ) -> Mechanism:
     """Return the mechanism of a component.
@@ -60,7 +61,7 @@ def make_mechanism(
         services: All of the network that the mechanism may use.
         port: The protocol of a component that starts its own mechanism.
         members: What such a mechanism must have.
-        built_in: What makes the built-in mechanisms, by name.
+        built_in: What makes the built-in mechanisms, by name: the class, or "module:class" if it is imported now only.
         others: Names of mechanisms that are not made here, for messages.
 
     Raises:
@@ -75,7 +76,12 @@ def make_mechanism(
             f"{role}: unknown mechanism '{component.mechanism}', and the component has no start(services); "
             f"known: {known}"
         )
-    return built_in[component.mechanism](component, services)
+    makes: Any = built_in[component.mechanism]
+    if isinstance(makes, str):
+        module, name = makes.split(":")
+        makes = getattr(importlib.import_module(module), name)
+    mechanism: Mechanism = makes(component, services)
+    return mechanism
 
 
 def _started(role: str, component: Any, services: Any, members: Sequence[str]) -> Any:

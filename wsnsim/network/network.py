@@ -17,14 +17,12 @@ from wsnsim.base.mac_mechanisms import FollowsRestarts
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import Streams
-from wsnsim.base.routing import TreeRouting
 from wsnsim.base.setups import RadioSetup
 from wsnsim.network.energy.ledger import EnergySteps
 from wsnsim.network.event_log import EventLog, StepClock
 from wsnsim.network.fault_services import FaultSite, NodeControl
 from wsnsim.network.faults import FaultSchedule
 from wsnsim.network.node_states import Places
-from wsnsim.network.radio.collection_tree import CollectionTree
 from wsnsim.network.radio.datagrams import Forwarding, Hops
 from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, sink_nodes
 from wsnsim.network.radio.routing import PathForwarding, Router
@@ -172,5 +170,8 @@ class Network(ABC):
 def make_forwarding(setup: RadioSetup, stack: RadioStack, hops: Hops, sinks: tuple[int, ...], key: int) -> Forwarding:
     """Return how the datagrams of a scenario find their way. `key`: the random key of what nodes do for it."""
     if setup.routing.weight == "etx":
-        return CollectionTree(stack, hops, cast(TreeRouting, setup.routing), sinks, key)
+        from wsnsim.models.collection import CollectionTreeProtocol
+        from wsnsim.network.radio.collection_tree import CollectionTree
+
+        return CollectionTree(stack, hops, cast(CollectionTreeProtocol, setup.routing), sinks, key)
     return PathForwarding(stack.radio, hops, Router(stack.radio, setup.routing.weight, setup.link.audible), sinks)

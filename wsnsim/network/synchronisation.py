@@ -11,7 +11,6 @@ from wsnsim.base.arrays import Ints
 from wsnsim.base.ports import Recorder
 from wsnsim.base.synchronisation import StartsSync, SyncMechanism, SyncServices, TimeSync
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.ftsp import FtspMechanism
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.radio_stack import RadioStack
@@ -35,9 +34,9 @@ class NoSyncMechanism:
         return False
 
 
-MECHANISMS: Final[Mapping[str, Callable[[Any, SyncServices], SyncMechanism]]] = {
+MECHANISMS: Final[Mapping[str, str | Callable[[Any, SyncServices], SyncMechanism]]] = {
     "none": NoSyncMechanism,
-    "ftsp": FtspMechanism,
+    "ftsp": "wsnsim.network.ftsp:FtspMechanism",
 }
 """The built-in mechanisms by name."""
 

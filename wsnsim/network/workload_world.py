@@ -19,7 +19,9 @@ from wsnsim.base.requests import Parcel
 from wsnsim.base.rng import Streams, derive_all, uniforms
 from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND
-from wsnsim.base.workloads import BeaconWorkload, CollectionWorkload, Workload
+from wsnsim.base.workloads import Workload
+from wsnsim.models.collection import PeriodicCollection
+from wsnsim.models.workload import Periodic
 from wsnsim.network.event_log import event
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.network import Network, Sensors, Steps
@@ -32,7 +34,7 @@ from wsnsim.network.result_rows import NetworkOutcome, ReportRows
 class Beacons:
     """The built-in workload of a network without targets. `sent` is the number of beacons that nodes tried to send."""
 
-    def __init__(self, component: BeaconWorkload, services: WorkloadServices) -> None:
+    def __init__(self, component: Periodic, services: WorkloadServices) -> None:
         self._component = component
         self._services = services
         self._word = services.word("beacon")
@@ -63,7 +65,7 @@ class Beacons:
 class CollectionReports:
     """The workload in which all nodes report. A node that is down or asleep when its report is due leaves it out."""
 
-    def __init__(self, component: CollectionWorkload, services: WorkloadServices) -> None:
+    def __init__(self, component: PeriodicCollection, services: WorkloadServices) -> None:
         self._component = component
         self._services = services
         self._actions: dict[int, Callable[[], None]] = {}

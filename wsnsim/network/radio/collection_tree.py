@@ -9,14 +9,13 @@ the tree, `geographic_forwarding` for datagrams to other nodes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
 from typing import Final
 
 import numpy as np
 import simpy
 
 from wsnsim.base.frames import Burst
-from wsnsim.base.routing import TreeRouting
+from wsnsim.models.collection import CollectionTreeProtocol
 from wsnsim.network.radio.datagrams import A_SINK, Copy, Datagram, Hops, Journey, node_random
 from wsnsim.network.radio.geographic_forwarding import GeographicForwarding, HeardPlaces
 from wsnsim.network.radio.link_estimator import LinkTable
@@ -57,7 +56,9 @@ class CollectionTree:
         beacons: The beacons of the nodes.
     """
 
-    def __init__(self, stack: RadioStack, hops: Hops, routing: TreeRouting, sinks: Sequence[int], key: int) -> None:
+    def __init__(
+        self, stack: RadioStack, hops: Hops, routing: CollectionTreeProtocol, sinks: Sequence[int], key: int
+    ) -> None:
         radio = stack.radio
         self._env = radio.env
         self._nodes = radio.nodes
@@ -158,7 +159,7 @@ class CollectionTree:
             node in self._sinks,
             LinkTable(routing.table, uniform),
             routing.hysteresis,
-            getattr(routing, "largest_cost", inf),
+            routing.largest_cost,
         )
         queue = TreeQueue(self._env, route, self._rules_of(node), self, self._hops, uniform)
         places = self._places[node] = HeardPlaces(routing.places, uniform)

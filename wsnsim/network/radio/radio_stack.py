@@ -14,13 +14,14 @@ from wsnsim.base.continuous_power import NoPower, continuous_power
 from wsnsim.base.counters import Counters
 from wsnsim.base.frames import EVERYONE, Burst, Received, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
-from wsnsim.base.medium_access import IdealAccess, Mac
+from wsnsim.base.medium_access import Mac
 from wsnsim.base.radio import ContinuousPower, Mode
 from wsnsim.base.radio_duty import DutyCycledMac
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRadio
+from wsnsim.models.access import IdealMac
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.consumption import Consumption
@@ -31,15 +32,10 @@ from wsnsim.network.event_log import EventLog
 from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.channel import LinkCounters, NoLinkCounters
-from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.datagrams import Unicasts
 from wsnsim.network.radio.ideal_medium import IdealMedium
-from wsnsim.network.radio.lpl.contikimac import ContikiMacMechanism
-from wsnsim.network.radio.lpl.xmac import XMacMechanism
 from wsnsim.network.radio.mac_services import NetworkMacServices
-from wsnsim.network.radio.tdma import TdmaMechanism
 from wsnsim.network.radio.topology import RadioServices, Topology
-from wsnsim.network.radio.tsch.tsch_mechanism import TschMechanism
 
 
 class IdealMechanism:
@@ -54,7 +50,7 @@ class IdealMechanism:
     frame to its end.
     """
 
-    def __init__(self, mac: IdealAccess, services: NetworkMacServices) -> None:
+    def __init__(self, mac: IdealMac, services: NetworkMacServices) -> None:
         self._env = services.radio.env
         self._nodes = services.radio.nodes
         self._log = services.radio.log
@@ -106,15 +102,15 @@ class IdealMechanism:
             self._nodes.end_sending(burst.source)
 
 
-MECHANISMS: Final[dict[str, Callable[[Any, NetworkMacServices], MacMechanism]]] = {
-    "ideal": IdealMechanism,
-    "csma": CsmaMechanism,
-    "tdma": TdmaMechanism,
-    "xmac": XMacMechanism,
-    "contikimac": ContikiMacMechanism,
-    "tsch": TschMechanism,
+MECHANISMS: Final = {
+    "ideal": "wsnsim.network.radio.radio_stack:IdealMechanism",
+    "csma": "wsnsim.network.radio.csma:CsmaMechanism",
+    "tdma": "wsnsim.network.radio.tdma:TdmaMechanism",
+    "xmac": "wsnsim.network.radio.lpl.xmac:XMacMechanism",
+    "contikimac": "wsnsim.network.radio.lpl.contikimac:ContikiMacMechanism",
+    "tsch": "wsnsim.network.radio.tsch.tsch_mechanism:TschMechanism",
 }
-"""The built-in mechanisms by name."""
+"""The built-in mechanisms by name: a run imports its own only."""
 
 
 def make_mac(mac: Mac, services: NetworkMacServices) -> MacMechanism:

@@ -25,8 +25,8 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received, full_burst
-from wsnsim.base.medium_access import SlottedMac
 from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.models.access import Tdma
 from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.mac_services import ContentionPeriods, NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
@@ -58,7 +58,7 @@ class _Slot:
 class TdmaMechanism:
     """Rounds of slots, one at a time for each cluster head; all other bursts use CSMA/CA."""
 
-    def __init__(self, mac: SlottedMac, services: NetworkMacServices) -> None:
+    def __init__(self, mac: Tdma, services: NetworkMacServices) -> None:
         self._services = services
         self._env = services.radio.env
         self._nodes = services.radio.nodes

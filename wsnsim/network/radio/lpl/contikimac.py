@@ -17,7 +17,7 @@ import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
-from wsnsim.base.low_power_macs import RepeatingMac
+from wsnsim.models.contikimac import ContikiMac
 from wsnsim.network.radio.capture import HEADER_BITS
 from wsnsim.network.radio.lpl.radios import EXPECTS, NEVER, RECEIVES, ROUNDING, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import CopyCounts, CopyTrain, FrameCopy, RepeatingSender, Senders
@@ -47,7 +47,7 @@ class ChannelChecks:
     4.
     """
 
-    def __init__(self, mac: RepeatingMac, services: NetworkMacServices, radios: LowPowerRadios) -> None:
+    def __init__(self, mac: ContikiMac, services: NetworkMacServices, radios: LowPowerRadios) -> None:
         self._mac = mac
         self._env = services.radio.env
         self._nodes = services.radio.nodes
@@ -226,7 +226,7 @@ class PhaseLocks:
 class ContikiMacMechanism:
     """ContikiMAC of all nodes on one channel."""
 
-    def __init__(self, mac: RepeatingMac, services: NetworkMacServices) -> None:
+    def __init__(self, mac: ContikiMac, services: NetworkMacServices) -> None:
         self._mac = mac
         self._env = services.radio.env
         self._nodes = services.radio.nodes

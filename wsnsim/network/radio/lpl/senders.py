@@ -18,9 +18,10 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
-from wsnsim.base.low_power_macs import LowPowerMac
 from wsnsim.base.radio_duty import off_time
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
+from wsnsim.models.contikimac import ContikiMac
+from wsnsim.models.xmac import XMac
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.lpl.radios import SENDS, LowPowerRadios
 from wsnsim.network.radio.mac_services import NetworkMacServices, SenderQueues
@@ -180,7 +181,7 @@ class Senders(SenderQueues[RepeatingSender]):
     """All nodes that have something to send."""
 
     def __init__(
-        self, mac: LowPowerMac, services: NetworkMacServices, radios: LowPowerRadios, channel: Channel,
+        self, mac: XMac | ContikiMac, services: NetworkMacServices, radios: LowPowerRadios, channel: Channel,
         protocol: SendingProtocol,
     ) -> None:  # fmt: skip
         super().__init__(mac, services)

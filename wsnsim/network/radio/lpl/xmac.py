@@ -17,8 +17,8 @@ import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
-from wsnsim.base.low_power_macs import StrobingMac
 from wsnsim.base.radio_duty import off_time
+from wsnsim.models.xmac import XMac
 from wsnsim.network.radio.lpl.overhearing import Overhearing
 from wsnsim.network.radio.lpl.radios import EXPECTS, RECEIVES, ROUNDING, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import RepeatingSender, Senders
@@ -36,7 +36,7 @@ class Countdowns:
     forgets what it expects when it crashes.
     """
 
-    def __init__(self, mac: StrobingMac, services: NetworkMacServices, radios: LowPowerRadios) -> None:
+    def __init__(self, mac: XMac, services: NetworkMacServices, radios: LowPowerRadios) -> None:
         self._env = services.radio.env
         self._nodes = services.radio.nodes
         self._radios = radios
@@ -91,7 +91,7 @@ class _Train:
 class XMacMechanism:
     """X-MAC of all nodes on one channel."""
 
-    def __init__(self, mac: StrobingMac, services: NetworkMacServices) -> None:
+    def __init__(self, mac: XMac, services: NetworkMacServices) -> None:
         self._mac = mac
         self._env = services.radio.env
         self._nodes = services.radio.nodes

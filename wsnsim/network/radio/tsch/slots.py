@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.hopping_mac import MOST_CELLS, HoppingMac
+from wsnsim.models.tsch import MOST_CELLS, Tsch
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.transmission import Transmission
@@ -27,7 +27,7 @@ NO_SLOT: Final = -(2**62)
 class Slots:
     """The slots of all nodes. The ASN (absolute slot number) of a node counts the slots by its own clock."""
 
-    def __init__(self, mac: HoppingMac, clocks: Clocks) -> None:
+    def __init__(self, mac: Tsch, clocks: Clocks) -> None:
         self._mac = mac
         self._clocks = clocks
         self._length, self._size = mac.slot, mac.slotframe
@@ -95,7 +95,7 @@ class SlotRadios:
         receiving: {node: {slot: channel offset}} the cells in which a node receives, beside the shared ones.
     """
 
-    def __init__(self, mac: HoppingMac, slots: Slots, nodes: Nodes) -> None:
+    def __init__(self, mac: Tsch, slots: Slots, nodes: Nodes) -> None:
         self._mac = mac
         self._slots = slots
         self._nodes = nodes
@@ -205,7 +205,7 @@ class ListeningTime:
     acknowledgement, in which the radio neither sends nor listens, is not charged.
     """
 
-    def __init__(self, mac: HoppingMac, slots: Slots, radios: SlotRadios, nodes: Nodes) -> None:
+    def __init__(self, mac: Tsch, slots: Slots, radios: SlotRadios, nodes: Nodes) -> None:
         self._mac = mac
         self._slots = slots
         self._radios = radios

@@ -33,8 +33,8 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
-from wsnsim.base.hopping_mac import HoppingMac
 from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.models.tsch import Tsch
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
 from wsnsim.network.radio.tsch.cell_leases import CellLeases
@@ -88,7 +88,7 @@ class Synchronisation:
     """
 
     def __init__(
-        self, mac: HoppingMac, services: NetworkMacServices, radios: SlotRadios, air: Exchanges, leases: CellLeases
+        self, mac: Tsch, services: NetworkMacServices, radios: SlotRadios, air: Exchanges, leases: CellLeases
     ) -> None:
         self._mac = mac
         self._services = services

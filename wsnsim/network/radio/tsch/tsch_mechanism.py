@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import simpy
 
 from wsnsim.base.frames import EVERYONE, Burst, MacFrame, OfferedFrame, Received
-from wsnsim.base.hopping_mac import HoppingMac
+from wsnsim.models.tsch import Tsch
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.tsch.cell_leases import CellLeases
 from wsnsim.network.radio.tsch.exchanges import Exchanges
@@ -22,7 +22,7 @@ from wsnsim.network.radio.tsch.synchronisation import Synchronisation
 class TschMechanism:
     """TSCH of all nodes."""
 
-    def __init__(self, mac: HoppingMac, services: NetworkMacServices) -> None:
+    def __init__(self, mac: Tsch, services: NetworkMacServices) -> None:
         self._mac = mac
         self._services = services
         self._env = services.radio.env
