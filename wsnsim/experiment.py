@@ -44,9 +44,9 @@ from wsnsim.base.tables import Memory
 from wsnsim.base.time_limit import limited, time_limit
 from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation
 from wsnsim.models.coverage import coverage_of_living
+from wsnsim.network.imperfect_readings import standalone_reports
 from wsnsim.network.network import Sensors
 from wsnsim.network.result_rows import network_result, write_tables
-from wsnsim.network.standalone_reports import standalone_reports
 from wsnsim.network.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World
 from wsnsim.offline.batch import Batches, offers_batch

@@ -12,7 +12,7 @@ import simpy
 from tests.helpers import late_mac
 from tests.network.late_runs import CALM, LATE, MOVING, played
 from wsnsim.base.tables import KIND
-from wsnsim.network.clusters.wake_intervals import OneInterval, TwoIntervals, make_wake_intervals
+from wsnsim.network.clusters.network_view import OneInterval, TwoIntervals, make_wake_intervals
 from wsnsim.network.event_log import StepClock
 
 

@@ -18,7 +18,6 @@ from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import RadioSetup
-from wsnsim.network.energy.ledger import EnergySteps
 from wsnsim.network.event_log import EventLog, StepClock
 from wsnsim.network.fault_services import FaultSite, NodeControl
 from wsnsim.network.faults import FaultSchedule
@@ -27,7 +26,7 @@ from wsnsim.network.radio.datagrams import Forwarding, Hops
 from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, sink_nodes
 from wsnsim.network.radio.routing import PathForwarding, Router
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.result_rows import NetworkOutcome, ReportRows
+from wsnsim.network.result_rows import EnergySteps, NetworkOutcome, ReportRows
 from wsnsim.network.synchronisation import ClockErrors, NetworkSyncServices, make_sync
 
 Steps = Generator[simpy.Event, Any, None]

@@ -23,10 +23,9 @@ from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.elections import Elections
 from wsnsim.network.clusters.estimates import Estimates, SinkReports
 from wsnsim.network.clusters.head_protocol import HeadMessages, HeadServices
-from wsnsim.network.clusters.network_view import NetworkView, TargetSearch
+from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, make_wake_intervals
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead, WakeUpCounters
-from wsnsim.network.clusters.wake_intervals import make_wake_intervals
 from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.event_log import ProtocolLog
 from wsnsim.network.imperfect_readings import make_readings

@@ -35,7 +35,7 @@ from wsnsim.base.requests import (
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.collection import Collection
-from wsnsim.network.clusters.wake_intervals import WakeIntervals
+from wsnsim.network.clusters.network_view import WakeIntervals
 from wsnsim.network.event_log import EventLog, ProtocolLog, StepClock, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram

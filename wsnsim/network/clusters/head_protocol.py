@@ -17,10 +17,9 @@ from wsnsim.network.clusters.collection import Deadline
 from wsnsim.network.clusters.driver import DriverServices, HeadDied
 from wsnsim.network.clusters.elections import Elections
 from wsnsim.network.clusters.estimates import Estimates
-from wsnsim.network.clusters.network_view import NetworkView, TargetSearch
+from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Handover, Track
 from wsnsim.network.clusters.wake_ahead import WakesAhead
-from wsnsim.network.clusters.wake_intervals import WakeIntervals
 from wsnsim.network.node import NodeProcesses
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport

@@ -23,9 +23,8 @@ from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.sleeping import Decision, Point, WakeUp, WakeUpMessage, WakeUpRadio, WakeUpRound
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.clusters.network_view import NetworkView
+from wsnsim.network.clusters.network_view import NetworkView, WakeIntervals
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_intervals import WakeIntervals
 from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.node import FRAME, NodeProcesses

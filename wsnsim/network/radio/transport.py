@@ -7,7 +7,7 @@ transport.broadcast(sources, parcels, target) -> (event, bursts)
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, cast
+from typing import cast
 
 import simpy
 
@@ -16,14 +16,8 @@ from wsnsim.base.mac_mechanisms import ExpectsMembers, KeepsIdleSlots, MacMechan
 from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.requests import Parcel
 from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops, Unicasts
+from wsnsim.network.radio.radio_stack import IdealMechanism
 from wsnsim.network.radio.topology import Neighbours, RadioServices
-
-
-class SendsUnicasts(Protocol):
-    """A MAC that can send unicasts at one instant: its class defines both this and `send`."""
-
-    def send_unicasts(self, unicasts: Unicasts) -> simpy.Event | None:
-        """Send them by one event; None if sending takes time."""
 
 
 class Transport:
@@ -46,7 +40,7 @@ class Transport:
         self._forwarding = forwarding
         self.hops = hops
         as_lists = defined_together(type(mac), "send_unicasts", "send")
-        self._send_unicasts = cast(SendsUnicasts, mac).send_unicasts if as_lists else _send_no_unicasts
+        self._send_unicasts = cast(IdealMechanism, mac).send_unicasts if as_lists else _send_no_unicasts
         self.keeps_idle_slots = isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots
         self._expect = mac.expect if isinstance(mac, ExpectsMembers) else _expect_nobody
         self._pairs: set[tuple[int, int]] = set()
