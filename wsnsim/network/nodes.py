@@ -10,14 +10,17 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.continuous_power import NoPower
 from wsnsim.base.radio import Mode
 from wsnsim.base.tables import CAUSE
+from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.battery_watch import EVERYBODY
-from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger, affordable
+from wsnsim.network.energy.power_table import PowerTable
 from wsnsim.network.node_states import NodeStates
 
 RECEIVE, SWITCH = CAUSE["rx"], CAUSE["switch"]
@@ -35,7 +38,7 @@ class Nodes(NodeStates):
 
     def __init__(
         self, positions: Floats, traits: Floats, battery: float, reach: float,
-        duty_cycles: DutyCycles | None = None, consumption: Consumption | None = None,
+        duty_cycles: DutyCycles | None = None, consumption: BackgroundConsumption | None = None,
     ) -> None:  # fmt: skip
         super().__init__(positions, traits, reach, DutyCycles() if duty_cycles is None else duty_cycles)
         self.battery = battery
@@ -44,7 +47,10 @@ class Nodes(NodeStates):
         self.died_early: list[int] = []
         self.on_death: Callable[[int], None] = self.died_early.append
         self._spent = self.ledger.spent_by
-        self.consumption = Consumption() if consumption is None else consumption
+        if consumption is None:
+            table = PowerTable(NoPower())
+            consumption = BackgroundConsumption(simpy.Environment(), table, self.duty_cycles, self.size, 0.0)
+        self.consumption = consumption
         # A node owes at most `most` until it is settled, and may still consume as much: below twice that, settle first.
         self._reserve, self._tight = self.consumption.most, 2.0 * self.consumption.most
         self.consumption.start(battery, self._check)
@@ -247,7 +253,7 @@ class Nodes(NodeStates):
                 self._die(node, ())
         for nodes, cause, joules in self.consumption.pending_charges(living[~tight]):
             self.ledger.book_each(nodes, cause, np.maximum(joules, -self.ledger.joules[cause][nodes]))
-        self.consumption = Consumption()
+        self.consumption.close()
         self._reserve = self._tight = 0.0
 
     def _settle(self, node: int) -> bool:

@@ -326,9 +326,5 @@ class MovingHeadProtocol:
             raise LastClusterDone
         lead.track.handovers += 1
         return replace(
-            handover,
-            acts_now=True,
-            previous_head=lead.head,
-            last_sensed=lead.last_sensed,
-            belief_time=lead.belief_time,
+            handover, acts_now=True, previous_head=lead.head, last_sensed=lead.last_sensed, belief_time=lead.belief_time
         )

@@ -20,15 +20,17 @@ from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.radio import Mode
 from wsnsim.kernels.charging import mark_busy
 from wsnsim.network.energy.battery_watch import BatteryWatch
-from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals
 from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable, RadioLevels
 
 
-class BackgroundConsumption(Consumption):
-    """The background consumption of all nodes.
+class BackgroundConsumption:
+    """The background consumption of all nodes; with a table of zeros, of nodes for which time costs nothing.
+
+    It knows neither the nodes nor their ledger: `Nodes` requests charges and books them. While a radio sends or
+    receives, or a processor computes, that is booked elsewhere: the `mark_` methods exclude this time.
 
     Attributes:
         most: Joules that one node can consume at most in the whole run.
@@ -66,6 +68,8 @@ class BackgroundConsumption(Consumption):
         self._grand_totals, self._grand = self._network.array, self._network.joules
         self._watch = BatteryWatch(env, table, duty_cycles, self._per_switch, horizon)
         self.most = self._watch.most
+        self._free = not (self.most or self._per_switch or table.duties)
+        """Whether nothing is consumed: time costs nothing, or the run is over."""
         self._start_duties(size)
 
     def _start_duties(self, size: int) -> None:
@@ -97,13 +101,15 @@ class BackgroundConsumption(Consumption):
 
     def pending(self, node: int) -> float:
         """Joules consumed since the node was last settled. Changes nothing."""
-        return sum(max(joules, 0.0) for _, joules in self._charges(node)[0])
+        return 0.0 if self._free else sum(max(joules, 0.0) for _, joules in self._charges(node)[0])
 
     def pending_charges(self, nodes: Ints) -> Iterator[tuple[Ints, int, Floats]]:
         """(nodes, cause, joules) consumed since the nodes were settled, in pieces.
 
         They are negative where a MAC has taken more off the cost of a duty than there has been since.
         """
+        if self._free:
+            return
         states, now = self._states[nodes], self._env.now
         for state in np.unique(states).tolist():
             chosen = nodes[states == state]
@@ -136,6 +142,8 @@ class BackgroundConsumption(Consumption):
 
     def mark_radio_busy(self, node: int, seconds: float) -> None:
         """The radio of a node sends or receives for this time."""
+        if self._free:
+            return
         state = self._state[node]
         self._grand[self._radio_cause[state]] -= self._radio[state] * seconds
         if self._duty_cycled:
@@ -144,6 +152,8 @@ class BackgroundConsumption(Consumption):
 
     def mark_radios_busy(self, nodes: Ints, seconds: float) -> None:
         """`mark_radio_busy` for different nodes (n,)."""
+        if self._free:
+            return
         mark_busy(nodes, seconds, self._radio_busy, self._states, self._counts, *self._radio_law, self._grand_totals)
         if self._duty_cycled:
             self._grand[ON] += float(self._off @ self._counts) * seconds
@@ -157,6 +167,8 @@ class BackgroundConsumption(Consumption):
 
     def mark_all_computing(self, nodes: Sequence[int], cycles: Sequence[float]) -> None:
         """`mark_computing` for several nodes in turn, each for cycles of its own."""
+        if self._free:
+            return
         for node, count in zip(nodes, cycles, strict=True):
             self.mark_computing(node, count)
 
@@ -256,7 +268,11 @@ class BackgroundConsumption(Consumption):
 
     def totals(self, settled: list[float]) -> list[float]:
         """The network's totals by cause until now, given the settled ones, without `scheduled_totals`."""
-        return self._network.until(self._env.now, settled, self._awake_at())
+        return settled if self._free else self._network.until(self._env.now, settled, self._awake_at())
+
+    def close(self) -> None:
+        """The end of a run: everything is booked, and nothing is consumed from now on."""
+        self._free = True
 
     def radio_on(self) -> float | None:
         """Share of the time of all nodes until now in which radios were on: sent, received or listened."""

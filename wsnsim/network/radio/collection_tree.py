@@ -307,11 +307,7 @@ class CollectionTree:
     def _begin(self, node: int) -> None:
         routing, uniform = self._routing, node_random(self._key, node)
         route = TreeNode(
-            node,
-            node in self._sinks,
-            LinkTable(routing.table, uniform),
-            routing.hysteresis,
-            routing.largest_cost,
+            node, node in self._sinks, LinkTable(routing.table, uniform), routing.hysteresis, routing.largest_cost
         )
         queue = TreeQueue(self._env, route, self._rules_of(node), self, self._hops, uniform)
         places = self._places[node] = HeardPlaces(routing.places, uniform)

@@ -24,7 +24,6 @@ from wsnsim.base.sleeping import WakeUpRadio
 from wsnsim.models.access import IdealMac
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.energy.background_consumption import BackgroundConsumption
-from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles, ScheduledDutyCycles
 from wsnsim.network.energy.local_schedules import LocalSchedules
 from wsnsim.network.energy.power_table import PowerTable
@@ -179,14 +178,12 @@ def make_nodes(
     if setup.sleep.rest is Mode.SCHEDULED:
         schedules = LocalSchedules(setup.sleep, derive_all(key, np.arange(len(positions))), clocks)
         duty_cycles = ScheduledDutyCycles(env, schedules)
-    consumption: Consumption = Consumption()
-    model, searching = continuous_power(setup.energy), _search_power(setup)
     duties = setup.mac.duties if isinstance(setup.mac, DutyCycledMac) else ()
-    if model is None and duties:
-        model = NoPower()
-    if model is not None and (_costs_over_time(model) or searching or duties):
-        table = PowerTable(model, duties, searching, _standby_power(setup, model))
-        consumption = BackgroundConsumption(env, table, duty_cycles, len(positions), setup.duration)
+    model = continuous_power(setup.energy)
+    searching = 0.0 if model is None and not duties else _search_power(setup)
+    model = NoPower() if model is None else model
+    table = PowerTable(model, duties, searching, _standby_power(setup, model))
+    consumption = BackgroundConsumption(env, table, duty_cycles, len(positions), setup.duration)
     nodes = Nodes(positions, traits, setup.energy.battery, setup.link.reach, duty_cycles, consumption)
     if nodes.follows_schedules:
         clocks.on_step.append(nodes.note_clock)
@@ -207,11 +204,3 @@ def _standby_power(setup: RadioSetup, model: ContinuousPower) -> float:
         return 0.0
     radio: WakeUpRadio = getattr(setup.wakeup, "radio", WakeUpRadio())
     return radio.standby
-
-
-def _costs_over_time(model: ContinuousPower) -> bool:
-    """Whether waiting or switching costs anything in any mode."""
-    powers = [model.mode_power(mode) for mode in Mode]
-    return any(power.radio or power.processor for power in powers) or any(
-        model.switching(before, after) for before in Mode for after in Mode
-    )
