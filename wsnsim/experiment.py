@@ -44,8 +44,8 @@ from wsnsim.base.tables import Memory
 from wsnsim.base.time_limit import limited, time_limit
 from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation
 from wsnsim.models.coverage import coverage_of_living
+from wsnsim.network.base_network import Sensors
 from wsnsim.network.imperfect_readings import standalone_reports
-from wsnsim.network.network import Sensors
 from wsnsim.network.result_rows import network_result, write_tables
 from wsnsim.network.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World

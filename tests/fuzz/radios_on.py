@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from wsnsim.base.rng import Streams, derive_all, uniforms
-from wsnsim.network.network import Network
+from wsnsim.network.base_network import BaseNetwork
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.tsch.slots import SlotRadios
@@ -61,7 +61,7 @@ class RadiosOn:
         """Whether radios use several channels: one that is on hears nothing of the others."""
         return hasattr(self.mac, "slotframe")
 
-    def open(self, network: Network) -> None:
+    def open(self, network: BaseNetwork) -> None:
         """Note the network of the run."""
         setup = network._setup
         self.mac = setup.mac if hasattr(setup.mac, "duties") else None
@@ -211,8 +211,8 @@ def watched_radios() -> Iterator[RadiosOn]:
             (Channel, "_end", lambda self, timeout: radios.note_end(timeout.value.number, timeout.value)),
         ):  # fmt: skip
             patch.setattr(owner, name, _noting(getattr(owner, name), note))
-        start = Network._start
-        patch.setattr(Network, "_start", wraps(start)(lambda self: (radios.open(self), start(self))[1]))
+        start = BaseNetwork._start
+        patch.setattr(BaseNetwork, "_start", wraps(start)(lambda self: (radios.open(self), start(self))[1]))
         yield radios
 
 

@@ -138,7 +138,7 @@ def overlap(run, period=10.0, awake=2.0):
 
 def awake_together(run, times):
     """(T,) the same from what the schedules say: awake together within a period before a time, over awake at all."""
-    schedules = run.world._nodes.duty_cycles._schedules
+    schedules = run.world._nodes.sleep_states._schedules
     shares = []
     for time in times:
         moments = np.linspace(time - 10.0, time, 2000, endpoint=False)

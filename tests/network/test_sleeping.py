@@ -389,7 +389,7 @@ def test_all_four_methods_get_the_same_readings_from_the_same_awake_nodes(monkey
 
     def record_step(self, target):
         services, step = self._services, self._services.clock.step
-        awake = [services.nodes.duty_cycles.scheduled(node) for node in range(200)]
+        awake = [services.nodes.sleep_states.scheduled(node) for node in range(200)]
         readings = dict(services.available[target].readings(step))
         seen.setdefault(self.tag, []).append((step, readings, awake))
         update(self, target)

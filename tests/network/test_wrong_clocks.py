@@ -8,7 +8,7 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.node import NodeProcess
+from wsnsim.network.node_process import NodeProcess
 from wsnsim.scenario import build, load
 
 SPEED = 4.0

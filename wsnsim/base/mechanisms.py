@@ -218,10 +218,10 @@ class WorkloadServices(NodeServices, Protocol):
     def key(self) -> int:
         """The random key of the workload, for `derive`."""
 
-    def word(self, what: str) -> int:
+    def code_of(self, what: str) -> int:
         """The code of a word in the column `events.what`."""
 
-    def broadcast(self, node: int, bits: int, word: int) -> None:
+    def broadcast(self, node: int, bits: int, code: int) -> None:
         """Broadcast a payload of `bits` to all in range."""
 
     def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:

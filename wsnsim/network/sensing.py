@@ -22,7 +22,7 @@ from wsnsim.base.shadowing import PathShadowing
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.base.vector_readings import SCALAR, Reading, as_readings, components_of
 from wsnsim.network.event_log import EACH, EventLog, StepClock, event
-from wsnsim.network.node import NodeProcesses
+from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.nodes import Nodes
 
 SENSE: Final = KIND["sense"]

@@ -59,7 +59,7 @@ class NetworkSyncServices(NetworkServices):
         self._word = stack.radio.log.code
         self.key = key
         self.size = self._nodes.size
-        self.next_change: Callable[[int], float] = self._nodes.duty_cycles.next_change
+        self.next_change: Callable[[int], float] = self._nodes.sleep_states.next_change
         self.clock: Callable[[int], float] = stack.clocks.local_time
         self.own_clock: Callable[[int], float] = stack.clocks.raw_time
 

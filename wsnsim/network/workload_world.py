@@ -22,9 +22,9 @@ from wsnsim.base.tables import KIND
 from wsnsim.base.workloads import Workload
 from wsnsim.models.collection import PeriodicCollection
 from wsnsim.models.workload import Periodic
+from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
 from wsnsim.network.event_log import event
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
-from wsnsim.network.network import Network, Sensors, Steps
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
 from wsnsim.network.radio.radio_stack import RadioStack
 from wsnsim.network.radio.transport import Transport
@@ -37,7 +37,7 @@ class Beacons:
     def __init__(self, component: Periodic, services: WorkloadServices) -> None:
         self._component = component
         self._services = services
-        self._word = services.word("beacon")
+        self._code = services.code_of("beacon")
         self._periods: list[float] = []
         self._actions: list[Callable[[], None]] = []
         self.sent = 0
@@ -58,7 +58,7 @@ class Beacons:
             return
         if services.is_awake(node):
             self.sent += 1
-            services.broadcast(node, self._component.bits, self._word)
+            services.broadcast(node, self._component.bits, self._code)
         services.call_later(self._periods[node], self._actions[node])
 
 
@@ -121,11 +121,11 @@ class WorkloadNetwork(NetworkServices):
         self.sinks = sinks
         self.key = key
         self.positions = stack.radio.nodes.positions
-        self.word: Callable[[str], int] = stack.radio.log.code
+        self.code_of: Callable[[str], int] = stack.radio.log.code
 
-    def broadcast(self, node: int, bits: int, word: int) -> None:
+    def broadcast(self, node: int, bits: int, code: int) -> None:
         """Broadcast a payload of `bits` to all in range."""
-        self._mac.offer(node, bits, _ignore, word)
+        self._mac.offer(node, bits, _ignore, code)
 
     def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:
         """Send a payload of `bits` to a node over the path of `routing`; `on_end(arrived)` is called at the end."""
@@ -142,7 +142,7 @@ class WorkloadNetwork(NetworkServices):
         ended.callbacks.append(lambda _: on_end(report.to if report.arrived else -1))
 
 
-class WorkloadWorld(Network):
+class WorkloadWorld(BaseNetwork):
     """One network without targets."""
 
     _setup: BeaconSetup

@@ -18,6 +18,7 @@ from wsnsim.base.progress import OnTime
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import write_readings
 from wsnsim.base.setups import NetworkSetup
+from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
 from wsnsim.network.clusters.coordination import ClusterCoordination, make_head_protocol
 from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.elections import Elections
@@ -29,8 +30,7 @@ from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhea
 from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.event_log import ProtocolLog
 from wsnsim.network.imperfect_readings import make_readings
-from wsnsim.network.network import Network, Sensors, Steps
-from wsnsim.network.node import NodeProcesses, ProcessServices
+from wsnsim.network.node_process import NodeProcesses, ProcessServices
 from wsnsim.network.result_rows import NetworkOutcome
 from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
 
@@ -47,7 +47,7 @@ class Targets:
     paths: Sequence[Floats] = ()
 
 
-class World(Network):
+class World(BaseNetwork):
     """One network, its targets and the order of events in a step."""
 
     _setup: NetworkSetup

@@ -22,7 +22,7 @@ from wsnsim.network.clusters.standing_cluster import (
 )
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 from wsnsim.network.event_log import ProtocolLog, StepClock
-from wsnsim.network.node import NodeProcesses
+from wsnsim.network.node_process import NodeProcesses
 
 PROTOCOLS: Final[Mapping[str, Callable[[HeadServices], HeadProtocol]]] = {
     "standing": StandingClusterProtocol,

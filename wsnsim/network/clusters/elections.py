@@ -18,7 +18,7 @@ from wsnsim.network.clusters.collection import Deadline
 from wsnsim.network.clusters.election import Election, waiting_share
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Handover, Track
-from wsnsim.network.node import NodeProcesses
+from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.radio.transport import Transport
 
 ELECTION_KEY: Final = 7

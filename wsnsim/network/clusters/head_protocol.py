@@ -20,7 +20,7 @@ from wsnsim.network.clusters.estimates import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Handover, Track
 from wsnsim.network.clusters.wake_ahead import WakesAhead
-from wsnsim.network.node import NodeProcesses
+from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
 

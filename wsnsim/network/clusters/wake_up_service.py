@@ -27,7 +27,7 @@ from wsnsim.network.clusters.network_view import NetworkView, WakeIntervals
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
-from wsnsim.network.node import FRAME, NodeProcesses
+from wsnsim.network.node_process import FRAME, NodeProcesses
 from wsnsim.network.radio.transport import Transport
 
 MESSAGE_NAMES: Final = {"flood": "track", "region": "announce", "invite": "invitation"}

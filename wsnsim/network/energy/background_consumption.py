@@ -20,10 +20,10 @@ from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.radio import Mode
 from wsnsim.kernels.charging import mark_busy
 from wsnsim.network.energy.battery_watch import BatteryWatch
-from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals
 from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable, RadioLevels
+from wsnsim.network.energy.sleep_states import SleepStates
 
 
 class BackgroundConsumption:
@@ -38,22 +38,22 @@ class BackgroundConsumption:
     """
 
     def __init__(
-        self, env: simpy.Environment, table: PowerTable, duty_cycles: DutyCycles, size: int, horizon: float
+        self, env: simpy.Environment, table: PowerTable, sleep_states: SleepStates, size: int, horizon: float
     ) -> None:
         """Begin at time 0.
 
         Args:
             env: The clock.
             table: The power of a node in each state.
-            duty_cycles: Which nodes are awake; all are in its mode `rest`.
+            sleep_states: Which nodes are awake; all are in its mode `rest`.
             size: Number of nodes.
             horizon: End of the run in s.
         """
         self._env = env
         self._table = table
         self._model = model = table.model
-        self._duty_cycles = duty_cycles
-        rest = duty_cycles.rest
+        self._sleep_states = sleep_states
+        rest = sleep_states.rest
         self._radio, self._radio_cause, self._share = table.radio, table.radio_cause, table.share
         self._processor, self._processor_cause = table.processor, table.processor_cause
         self._sensor, self._scheduled = table.sensor, table.scheduled
@@ -64,9 +64,9 @@ class BackgroundConsumption:
         self._state, self._since = scalars(self._states), scalars(self._settled_at)
         self._radio_busy_of, self._computed_of = scalars(self._radio_busy), scalars(self._computed)
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
-        self._network = NetworkTotals(table, duty_cycles, size, self._per_switch)
+        self._network = NetworkTotals(table, sleep_states, size, self._per_switch)
         self._grand_totals, self._grand = self._network.array, self._network.joules
-        self._watch = BatteryWatch(env, table, duty_cycles, self._per_switch, horizon)
+        self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon)
         self.most = self._watch.most
         self._free = not (self.most or self._per_switch or table.duties)
         """Whether nothing is consumed: time costs nothing, or the run is over."""
@@ -90,7 +90,7 @@ class BackgroundConsumption:
         busy, computed = self._radio_busy_of[node], self._computed_of[node]
         awake = passed
         if self._scheduled[state]:
-            awake, switches = self._duty_cycles.tally_one(node, self._since[node], self._env.now)
+            awake, switches = self._sleep_states.tally_one(node, self._since[node], self._env.now)
             switched = self._per_switch * switches
             charges = self._table.by_schedule(awake, passed, switched, busy, computed, state // MODES)
         else:
@@ -115,7 +115,7 @@ class BackgroundConsumption:
             chosen = nodes[states == state]
             passed, busy, computed = now - self._settled_at[chosen], self._radio_busy[chosen], self._computed[chosen]
             if self._scheduled[state]:
-                awake, switches = self._duty_cycles.tally(chosen, self._settled_at[chosen], now)
+                awake, switches = self._sleep_states.tally(chosen, self._settled_at[chosen], now)
                 switched = self._per_switch * switches
                 charges = self._table.by_schedule(awake, passed, switched, busy, computed, state // MODES)
             else:
@@ -186,7 +186,7 @@ class BackgroundConsumption:
 
     def _resolved(self, node: int, mode: Mode) -> Mode:
         """The mode, or what the schedule says now if it is SCHEDULED."""
-        return mode if mode is not Mode.SCHEDULED else self._duty_cycles.scheduled(node)
+        return mode if mode is not Mode.SCHEDULED else self._sleep_states.scheduled(node)
 
     def change_mode(self, node: int, mode: Mode) -> None:
         """A settled node is in another mode from now on. One that goes down forgets what its radio did."""
@@ -280,7 +280,7 @@ class BackgroundConsumption:
 
     def _awake_at(self) -> list[float]:
         """Seconds for which nodes with schedules were awake, by the level of their radios."""
-        return self._levels.awake(self._duty_cycles, self._settled_at, self._env.now)
+        return self._levels.awake(self._sleep_states, self._settled_at, self._env.now)
 
     def scheduled_totals(self, times: Floats) -> Floats:
         """(T, causes) what all nodes would have consumed by each time, had they only followed their schedules."""

@@ -17,8 +17,8 @@ from wsnsim.base.arrays import Floats, scalars
 from wsnsim.base.radio import ContinuousPower, Mode
 from wsnsim.base.radio_duty import RadioDuty, SwitchesRadio
 from wsnsim.base.tables import CAUSE, CAUSES
-from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import Charges
+from wsnsim.network.energy.sleep_states import SleepStates
 
 ON: Final = len(CAUSES)
 """Stands for a cause: the seconds in which radios are on are added up as joules are."""
@@ -261,12 +261,12 @@ class RadioLevels:
         self._held.pop(node, None)
         self._duty_level.pop(node, None)
 
-    def awake(self, duty_cycles: DutyCycles, settled_at: Floats, now: float) -> list[float]:
+    def awake(self, sleep_states: SleepStates, settled_at: Floats, now: float) -> list[float]:
         """For each level, seconds for which nodes with schedules were awake at it. Level 0 is left out."""
         result = list(self._awake)
         if self._scheduled:
             nodes = np.fromiter(self._scheduled, np.int64)
-            awake, _ = duty_cycles.tally(nodes, settled_at[nodes], now)
+            awake, _ = sleep_states.tally(nodes, settled_at[nodes], now)
             for level, seconds in zip(self._scheduled.values(), awake.tolist(), strict=True):
                 result[level] += seconds
         return result if self.active else []

@@ -24,9 +24,9 @@ from wsnsim.base.sleeping import WakeUpRadio
 from wsnsim.models.access import IdealMac
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.energy.background_consumption import BackgroundConsumption
-from wsnsim.network.energy.duty_cycles import DutyCycles, ScheduledDutyCycles
 from wsnsim.network.energy.local_schedules import LocalSchedules
 from wsnsim.network.energy.power_table import PowerTable
+from wsnsim.network.energy.sleep_states import ScheduledSleepStates, SleepStates
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.nodes import Nodes
@@ -164,7 +164,7 @@ def sink_nodes(setup: RadioSetup, nodes: Nodes) -> tuple[int, ...]:
 def make_nodes(
     env: simpy.Environment, setup: RadioSetup, positions: Floats, traits: Floats, key: int, clocks: Clocks
 ) -> Nodes:
-    """Return the nodes of a scenario with their duty cycles and background consumption.
+    """Return the nodes of a scenario with their sleep states and background consumption.
 
     Args:
         env: The clock.
@@ -174,17 +174,17 @@ def make_nodes(
         key: The random key of sleep schedules.
         clocks: The clocks of the nodes, by which their schedules go.
     """
-    duty_cycles: DutyCycles = DutyCycles(setup.sleep.rest)
+    sleep_states: SleepStates = SleepStates(setup.sleep.rest)
     if setup.sleep.rest is Mode.SCHEDULED:
         schedules = LocalSchedules(setup.sleep, derive_all(key, np.arange(len(positions))), clocks)
-        duty_cycles = ScheduledDutyCycles(env, schedules)
+        sleep_states = ScheduledSleepStates(env, schedules)
     duties = setup.mac.duties if isinstance(setup.mac, DutyCycledMac) else ()
     model = continuous_power(setup.energy)
     searching = 0.0 if model is None and not duties else _search_power(setup)
     model = NoPower() if model is None else model
     table = PowerTable(model, duties, searching, _standby_power(setup, model))
-    consumption = BackgroundConsumption(env, table, duty_cycles, len(positions), setup.duration)
-    nodes = Nodes(positions, traits, setup.energy.battery, setup.link.reach, duty_cycles, consumption)
+    consumption = BackgroundConsumption(env, table, sleep_states, len(positions), setup.duration)
+    nodes = Nodes(positions, traits, setup.energy.battery, setup.link.reach, sleep_states, consumption)
     if nodes.follows_schedules:
         clocks.on_step.append(nodes.note_clock)
     return nodes

@@ -44,7 +44,7 @@ class Sensors:
     assumed: Floats | None = None
 
 
-class Network(ABC):
+class BaseNetwork(ABC):
     """A network: its nodes, their radio stack, the faults, and how nodes go down and come back.
 
     A subclass defines what happens in a step and how a death is logged, and makes the faults.
@@ -102,7 +102,7 @@ class Network(ABC):
         except (Exception, SystemExit) as raised:  # a plug-in may exit
             reason = raised.__cause__ or raised
             raise failed_run(self._env.now, self._setup.seed, self._replicate, reason) from reason
-        awake, radio_on = self._nodes.duty_cycles.awake_fraction(self._env.now), self._nodes.consumption.radio_on()
+        awake, radio_on = self._nodes.sleep_states.awake_fraction(self._env.now), self._nodes.consumption.radio_on()
         self._energy_steps.end(self._clock.step)
         self._energy_steps.write(self._replicate, self._setup.dt, self._recorder)
         self._clock_errors.write(self._replicate, self._recorder)
