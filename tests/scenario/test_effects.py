@@ -22,8 +22,8 @@ from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.tables import TABLES, Memory
 from wsnsim.scenario.fields import fields_of, nested_of, roles_of
 from wsnsim.scenario.kind_examples import example_of
+from wsnsim.scenario.kinds import Scope
 from wsnsim.scenario.registry import ROLES, find, load_class
-from wsnsim.scenario.roles import Scope
 
 MODES: Final = {"network": Scope(), "standalone": Scope(network=False), "workload": Scope(targets=False)}
 STEPS: Final = 10

@@ -12,7 +12,7 @@ from typing import Any, Final, TypeAlias, TypedDict
 
 from wsnsim.api.argument_checks import overrides_given, tables_given
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.base.table_columns import TABLES
+from wsnsim.base.tables import TABLES
 from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.load import Override, Overrides
 

@@ -50,8 +50,8 @@ from wsnsim.base.optional_ports import ReportsState as ReportsState
 from wsnsim.base.optional_ports import Snapshots as Snapshots
 from wsnsim.base.optional_ports import VectorReadings as VectorReadings
 from wsnsim.base.packet_joules import free_packets
-from wsnsim.base.recorders import Recorder as Recorder
 from wsnsim.base.requests import Flow
+from wsnsim.base.tables import Recorder as Recorder
 
 B = TypeVar("B")
 

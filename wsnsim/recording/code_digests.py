@@ -26,7 +26,7 @@ NOT_IN_A_RUN: Final = (
     "verification", "watch",
 )  # fmt: skip
 """What a run cannot import: the layers above `experiment`, see the import contracts."""
-SUFFIXES: Final = (".py", ".yaml", ".so", ".pyd")
+SUFFIXES: Final = (".py", ".table", ".yaml", ".so", ".pyd")
 """Files whose content counts."""
 INSTALLED: Final = ("site-packages", "dist-packages")
 

@@ -20,7 +20,7 @@ from wsnsim.base.regular_files import file_digest
 from wsnsim.scenario.datasheets import with_fields
 from wsnsim.scenario.fields import Inner, PartError, PartModel, described, names_of, roles_of
 from wsnsim.scenario.inner_models import InnerKinds, inner_models, with_inner
-from wsnsim.scenario.kinds import AT_TOP, ROLES
+from wsnsim.scenario.kinds import AT_TOP, ROLES, Role, Scope
 from wsnsim.scenario.located_values import (
     BROKEN,
     Entry,
@@ -38,7 +38,6 @@ from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.plugin_access import is_missing, not_found, permit
 from wsnsim.scenario.radio_defaults import with_radio
 from wsnsim.scenario.registry import kinds
-from wsnsim.scenario.roles import Role, Scope
 from wsnsim.scenario.schema import (
     Chosen,
     Scenario,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
-from wsnsim.scenario.roles import Role
+from wsnsim.scenario.kinds import Role
 
 BASE: Final = "jiang_field"
 """The shipped scenario that most examples extend."""

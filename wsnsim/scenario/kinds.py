@@ -1,203 +1,130 @@
-"""The table of all built-in kinds of all roles: name, class and description, as strings.
+"""The roles of a scenario, and the built-in kinds of each: the rows of kinds.table.
 
     ROLES: {role name: Role}    AT_TOP: {key at the top of a scenario: Role}
 
-Nothing is imported here: `wsnsim list` shows this table, and a test compares it with the classes.
+No class is imported here: `wsnsim list` shows this table.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
-from wsnsim.scenario.roles import IEEE, JIANG, LI, LIU, RUAN, WEI, Kind, Role
-from wsnsim.scenario.tracker_kinds import TRACKERS
+from wsnsim.base.data_tables import read_sections
 
-_ROLES: Final = (
-    Role("prior", "the prior of the target's state that filters are given", "PriorModel", "around_truth", (
-        Kind("around_truth", "wsnsim.models.acquire:AroundTruth",
-            "a Gaussian whose mean is sampled around the true start", JIANG),
-    )),
-    Role("deploy", "where the nodes stand", "Deployment", None, (
-        Kind("uniform", "wsnsim.models.deploy:Uniform", "uniform over the field, sampled again until covered", JIANG),
-        Kind("grid", "wsnsim.models.deploy:Grid", "a regular grid"),
-        Kind("jittered_grid", "wsnsim.models.deploy:JitteredGrid", "a regular grid, each node moved at random"),
-        Kind("file", "wsnsim.models.node_file:FromFile",
-            "positions from a CSV file with columns x, y, and perhaps names (id) and heights (z)"),
-        Kind("anchors", "wsnsim.models.deploy:Anchors", "nodes at the positions that the scenario lists"),
-    )),
-    Role("motion", "how the target moves", "MotionModel", None, (
-        Kind("bounded_velocity", "wsnsim.models.motion:BoundedVelocity",
-            "near-constant velocity, pulled back beyond a bound", f"{JIANG}, eq. 1-4"),
-        Kind("constant_velocity", "wsnsim.models.linear:ConstantVelocity",
-            "near-constant velocity in the plane, with the noise inputs of two papers", f"{WEI}; {RUAN}"),
-        Kind("constant_acceleration", "wsnsim.models.linear:ConstantAcceleration",
-            "near-constant acceleration along a line", f"{LIU}, eq. 15-17"),
-        Kind("ungm", "wsnsim.models.ungm:Ungm",
-            "the univariate nonstationary growth model, a scalar benchmark", WEI),
-        Kind("random_waypoint", "wsnsim.models.waypoints:RandomWaypoint",
-            "straight legs between random points of an area, from the stationary distribution",
-            f"{LI}; Navidi, Camp (2004); Le Boudec, Vojnovic (2005)"),
-        Kind("waypoints", "wsnsim.models.waypoints:Waypoints",
-            "straight legs between points with times, from the scenario or a CSV file"),
-        Kind("recorded_track", "wsnsim.models.recorded_track:RecordedTrack",
-            "a recorded trajectory from a CSV file, interpolated linearly; the height too if it has one"),
-        Kind("gauss_markov", "wsnsim.models.mobility:GaussMarkov",
-            "velocity that reverts to a mean and is driven by noise", "Liang, Haas (2003)"),
-        Kind("coordinated_turn", "wsnsim.models.mobility:CoordinatedTurn",
-            "arcs at near-constant speed and turn rate", "Bar-Shalom, Li, Kirubarajan (2001), section 11.7"),
-    ), listed="targets"),
-    Role("sensor", "what a node measures of the target", "SensorModel", None, (
-        Kind("acoustic_energy", "wsnsim.models.sensing:AcousticEnergy",
-            "energy of a sound, which falls with a power of the distance", f"{JIANG}, eq. 5-8"),
-        Kind("range", "wsnsim.models.ranging:Range", "distance from the node, with constant variance", LIU),
-        Kind("range_from_origin", "wsnsim.models.ranging:RangeFromOrigin",
-            "distance from the origin, wherever the node stands", f"{WEI}, experiment 3"),
-        Kind("coordinate", "wsnsim.models.linear_sensing:Coordinate",
-            "the target's coordinate along an axis of the node: linear, the Kalman filter is exact"),
-        Kind("rssi", "wsnsim.models.rssi:Rssi",
-            "received signal strength, which falls with the logarithm of the distance", f"{RUAN}, eq. 4"),
-        Kind("bearing", "wsnsim.models.bearing:Bearing",
-            "direction of the target from the node: an angle, with wrapped noise"),
-        Kind("range_bearing", "wsnsim.models.bearing:RangeBearing",
-            "distance and direction of the target from the node: readings of two components"),
-        Kind("recorded", "wsnsim.models.recorded_readings:RecordedSensor",
-            "readings that were recorded, from a CSV file; filters believe the law that is given for them"),
-        Kind("squared", "wsnsim.models.ungm:Squared", "the square of a scalar state, divided by 20",
-            f"{WEI}, experiment 1"),
-    )),
-    Role("energy", "the energy of each act, in joules", "EnergyModel", None, (
-        Kind("first_order", "wsnsim.models.energy:FirstOrder",
-            "electronics per bit, amplifier per bit and squared distance", f"{JIANG}, eq. 9-11; Heinzelman (2000)"),
-        Kind("first_order_2002", "wsnsim.models.energy:FirstOrder2002",
-            "free space up to a crossover distance, multipath fading beyond",
-            "Heinzelman (2002)"),
-        Kind("states", "wsnsim.models.energy:States",
-            "power by state, from the datasheets of a radio and a processor (`wsnsim list parts`)"),
-    )),
-    Role("link", "which nodes receive each other", "LinkModel", None, (
-        Kind("disk", "wsnsim.models.links:Disk", "nodes receive each other within a fixed range", JIANG),
-        Kind("log_normal", "wsnsim.models.links:LogNormal",
-            "log-normal shadowing per link; the packet error rate follows from the received power",
-            f"Zuniga, Krishnamachari (2004); {IEEE}"),
-        Kind("recorded", "wsnsim.models.recorded_links:RecordedLinks",
-            "packet delivery ratios measured in a testbed, link by link and round by round, from a K7 file",
-            "Gilbert (1960); Elliott (1963) for losses in bursts"),
-    )),
-    Role("mac", "when a frame gets the channel", "Mac", "ideal", (
-        Kind("ideal", "wsnsim.models.access:IdealMac",
-            "ideal channel: no contention, no collisions; frames arrive at once", JIANG),
-        Kind("csma", "wsnsim.models.access:Csma",
-            "carrier sense after a random backoff; acknowledgements and retransmissions", f"{IEEE}, unslotted CSMA/CA"),
-        Kind("tdma", "wsnsim.models.access:Tdma",
-            "slots that the head assigns to its members; CSMA/CA outside a cluster",
-            "Heinzelman (2002)"),
-        Kind("xmac", "wsnsim.models.xmac:XMac",
-            "radios that listen once an interval; strobes that name the destination, and early acknowledgements",
-            "Buettner, Yee, Anderson, Han (2006)"),
-        Kind("contikimac", "wsnsim.models.contikimac:ContikiMac",
-            "radios that check the channel twice an interval; frames repeated until they are acknowledged; phase lock",
-            "Dunkels (2011)"),
-        Kind("tsch", "wsnsim.models.tsch:Tsch",
-            "time-slotted channel hopping: shared cells, and cells that a head gives its members",
-            "IEEE 802.15.4-2015; RFC 8180"),
-    )),
-    Role("packing", "how many packets of a burst a frame carries", "Packing", "none", (
-        Kind("none", "wsnsim.models.hardware:NoPacking", "one packet per frame", JIANG),
-        Kind("frames", "wsnsim.models.hardware:Frames", "as many packets as the payload of a frame holds"),
-    )),
-    Role("routing", "the path of a datagram that leaves its cluster", "Routing", "minimum_energy", (
-        Kind("minimum_energy", "wsnsim.models.links:MinimumEnergy", "the path with the least energy"),
-        Kind("minimum_hop", "wsnsim.models.links:MinimumHop", "the path with the fewest hops"),
-        Kind("greedy_geographic", "wsnsim.models.links:GreedyGeographic",
-            "each hop to the neighbour nearest to the destination",
-            "Karp, Kung (2000)"),
-        Kind("ctp", "wsnsim.models.collection:CollectionTreeProtocol",
-            "reports go up a collection tree, other datagrams by position; nodes pay for what they know of each other",
-            "Gnawali, Fonseca, Jamieson, Moss, Levis (2009)"),
-    )),
-    Role("sleep", "when nodes sense and listen", "SleepSchedule", "event_wake", (
-        Kind("event_wake", "wsnsim.models.sleep:EventWake",
-            "event-driven: dormant nodes keep sensor and receiver on", JIANG),
-        Kind("always_on", "wsnsim.models.sleep:AlwaysOn", "nodes never sleep"),
-        Kind("ris", "wsnsim.models.sleep:RandomIndependent",
-            "random independent sleeping: a node is awake in each of its periods with a probability",
-            f"Kumar, Lai, Balogh (2004); {LI}"),
-        Kind("duty_cycle", "wsnsim.models.sleep:DutyCycle",
-            "each node is awake in the first part of each period, synchronised or staggered"),
-    )),
-    Role("cpu", "the time of computations", "Cpu", "processor", (
-        Kind("processor", "wsnsim.models.hardware:Processor",
-            "cycles divided by the clock rate; no time without a rate", JIANG),
-    )),
-    Role("clock", "the errors of the nodes' clocks", "Clock", "perfect", (
-        Kind("perfect", "wsnsim.models.hardware:PerfectClock", "every clock shows the true time", JIANG),
-        Kind("drift", "wsnsim.models.hardware:DriftingClock", "each clock has a constant random rate error"),
-    )),
-    Role("sync", "how nodes keep their clocks together: time synchronisation", "TimeSync", "none", (
-        Kind("none", "wsnsim.models.synchronisation:NoSync", "clocks are not corrected, unless the MAC does it", JIANG),
-        Kind("ftsp", "wsnsim.models.synchronisation:Ftsp",
-            "flooding: all nodes follow the clock of the node of lowest id, by messages that are sent and paid for",
-            "Maróti, Kusy, Simon, Lédeczi (2004)"),
-    )),
-    Role("detection", "missed detections, false alarms and sensor defects", "Detection", "perfect", (
-        Kind("perfect", "wsnsim.models.hardware:PerfectDetection",
-            "every reading is reported as it is measured", JIANG),
-        Kind("imperfect", "wsnsim.models.hardware:ImperfectDetection",
-            "missed detections, false alarms, biased and stuck sensors"),
-    )),
-    Role("sink", "the node that collects the estimates", "Sink", "none", (
-        Kind("none", "wsnsim.models.hardware:NoSink", "no sink: estimates stay at the cluster heads", JIANG),
-        Kind("node", "wsnsim.models.hardware:NearestNode",
-            "the node nearest to a point, over several hops"),
-        Kind("nodes", "wsnsim.models.collection:SeveralSinks",
-            "several sinks, the nodes nearest to points; a report goes to one of them"),
-    )),
-    Role("workload", "what the network does", "Workload", "tracking", (
-        Kind("tracking", "wsnsim.models.workload:Tracking", "the network tracks targets", JIANG),
-        Kind("beacons", "wsnsim.models.workload:Periodic",
-            "no targets: every node broadcasts a beacon once per period"),
-        Kind("collection", "wsnsim.models.collection:PeriodicCollection",
-            "no targets: every node reports to a sink once per period"),
-    )),
-    Role("fault", "what fails, when, and which nodes it hits", "FaultEvent", None, (
-        Kind("crash", "wsnsim.models.faults:Crash", "nodes go down and lose their memory"),
-        Kind("restart", "wsnsim.models.faults:Restart", "nodes restart and lose their memory"),
-        Kind("drain", "wsnsim.models.faults:Drain", "nodes lose energy at once"),
-        Kind("blackout", "wsnsim.models.faults:Blackout", "radios are jammed: they neither receive nor are received"),
-        Kind("link_loss", "wsnsim.models.faults:LinkLoss", "frames from and to nodes are lost with a probability"),
-        Kind("clock_step", "wsnsim.models.faults:ClockStep", "clocks jump"),
-        Kind("stuck", "wsnsim.models.faults:Stuck", "readings stay at a value"),
-        Kind("bias", "wsnsim.models.faults:Bias", "a constant is added to readings"),
-    ), listed="faults", optional=True),
-    Role("wakeup", "how nodes ahead of the target are woken", "WakeUp", "none", (
-        Kind("none", "wsnsim.models.wakeup:NoWakeUp", "no node is woken ahead of the target", JIANG),
-        Kind("directed_flood", "wsnsim.models.wakeup:DirectedFlood",
-            "a message is forwarded towards the predicted position and wakes the region around it",
-            f"{LI}, section 2.2"),
-        Kind("experience_zones", "wsnsim.models.wakeup:ExperienceZones",
-            "the head calls every neighbour; each tracks with a probability that depends on its zone",
-            "Ren, Li, Gao, Cheng (2009), a reconstruction"),
-        Kind("region", "wsnsim.models.wakeup:Region",
-            "the next head gets the belief first and calls the region around the predicted position",
-            "Yang, Xing, Shi, Pan (2007), a reconstruction"),
-    )),
-    Role("clusters", "which node is the cluster head, and when it hands over", "ClusterPolicy", "strongest_signal", (
-        Kind("strongest_signal", "wsnsim.models.clusters:StrongestSignal",
-            "the node with the strongest reading leads until too few of its members sense the target",
-            f"{JIANG}, section 2.3"),
-        Kind("central", "wsnsim.models.clusters:Central",
-            "one fixed head; every node that senses the target is a member"),
-        Kind("moving_head", "wsnsim.models.clusters:MovingHead",
-            "a head chosen again at each step, near the predicted position", LI),
-        Kind("appointed", "wsnsim.models.appointed:Appointed",
-            "the head appoints the nodes near its prediction, and hands over before their information is too small"),
-    )),
-    Role("acquire", "how a track starts from readings: track initiation", "Acquire", "readings", (
-        Kind("readings", "wsnsim.models.acquire:FromReadings",
-            "the position from the readings that arrived, the rest from the prior"),
-    )),
-    Role("tracker", "the tracking strategy", "Tracker", None, TRACKERS),
+OFFLINE_ROLES: Final = ("prior", "deploy", "motion", "sensor", "detection", "fault", "tracker")
+TARGET_ROLES: Final = (
+    "prior", "motion", "sensor", "wakeup", "clusters", "acquire", "detection", "sink", "tracker",
 )  # fmt: skip
-ROLES: Final = {role.name: role for role in _ROLES}
-AT_TOP: Final = {key: role for role in _ROLES for key in role.keys}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """The description of one kind.
+
+    Attributes:
+        kind: Name in a scenario.
+        path: Module and class, 'package.module:Class'.
+        idea: Description in one line.
+        paper: Source.
+        state: What a tracker keeps between steps, and where.
+        messages: What a tracker sends in a step.
+        variants: The options of a tracker that change the method.
+        plugin: Name and version of the package that adds the kind; '' if it comes with wsnsim.
+    """
+
+    kind: str
+    path: str
+    idea: str
+    paper: str = ""
+    state: str = ""
+    messages: str = ""
+    variants: str = ""
+    plugin: str = ""
+
+
+@dataclass(frozen=True)
+class Role:
+    """A role of a scenario.
+
+    Attributes:
+        name: the role's name, and its key in a scenario.
+        purpose: what the role decides.
+        port: name of the Protocol that its components satisfy.
+        default: the kind of a role that is left out; None: the role must be given.
+        kinds: the kinds that come with wsnsim.
+        listed: the key of a list of several components, instead of one under the role's name; '' if not allowed.
+        optional: the components stand in a list only, and the list may be empty.
+    """
+
+    name: str
+    purpose: str
+    port: str
+    default: str | None
+    kinds: tuple[Kind, ...]
+    listed: str = ""
+    optional: bool = False
+
+    @property
+    def of_network(self) -> bool:
+        """Whether only scenarios with a network use the role."""
+        return self.name not in OFFLINE_ROLES
+
+    @property
+    def of_targets(self) -> bool:
+        """Whether only scenarios with targets use the role."""
+        return self.name in TARGET_ROLES
+
+    @property
+    def offline_default(self) -> str | None:
+        """The kind of the role in a scenario without a network. Default deployment: one node at the origin."""
+        return "anchors" if self.name == "deploy" else self.default
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of a scenario under which components of the role stand."""
+        return tuple(key for key in ("" if self.optional else self.name, self.listed) if key)
+
+    @property
+    def plural(self) -> str:
+        """The plural of the role's name: trackers, energies, clusters."""
+        if self.name == "energy":
+            return "energies"
+        return self.name if self.name.endswith("s") else self.name + "s"
+
+    @property
+    def group(self) -> str:
+        """The entry-point group through which packages add kinds to the role."""
+        return f"wsnsim.{self.plural}"
+
+
+def _read() -> dict[str, Role]:
+    """Return every role by name."""
+    found = {}
+    for (name, *cells), rows in read_sections(Path(__file__).with_name("kinds.table")):
+        purpose, port, default, listed, only, *_ = (*cells, "", "", "")
+        kinds = tuple(Kind(*row) for row in rows)
+        found[name] = Role(name, purpose, port, default or None, kinds, listed, only == "only")
+    return found
+
+
+ROLES: Final = _read()
+AT_TOP: Final = {key: role for role in ROLES.values() for key in role.keys}
 """The role of each key at the top of a scenario."""
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Which roles a scenario uses: with or without a network, with or without targets."""
+
+    network: bool = True
+    targets: bool = True
+
+    def uses(self, role: Role) -> bool:
+        """Return whether a run builds components of the role."""
+        return (self.network or not role.of_network) and (self.targets or not role.of_targets)
+
+    def default(self, role: Role) -> str | None:
+        """Return the kind of a role that is left out; None: the role must be given."""
+        return role.default if self.network else role.offline_default

@@ -1,6 +1,6 @@
 """The registry: every kind of every role, installed plug-ins included, and its class.
 
-Nothing heavy is imported here. A kind comes from the table in `kinds`, from an installed package (entry-point groups
+Nothing heavy is imported here. A kind comes from the rows of kinds.table, from an installed package (entry-point groups
 `wsnsim.trackers`, `wsnsim.motions`, ...: `Role.group`), or from a dotted path given as the kind itself
 (`kind: mylab.trackers:Mine`). If names collide, the table wins.
 
@@ -20,8 +20,7 @@ from typing import Any, Final
 from wsnsim.base.errors import UsageError, did_you_mean, nearest
 from wsnsim.base.plugin_code import note_plugin, plugin_fault
 from wsnsim.base.printable import shortened
-from wsnsim.scenario.kinds import ROLES
-from wsnsim.scenario.roles import Kind, Role
+from wsnsim.scenario.kinds import ROLES, Kind, Role
 
 __all__ = ["ROLES", "SEARCHED", "Kind", "Role", "find", "kinds", "load_class", "role_named", "search"]
 

@@ -7,8 +7,6 @@ Requests of a step:
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from wsnsim.base.arrays import Floats
@@ -32,12 +30,6 @@ class AwakeOnly(RangeFix):
 
     Source: the random independent sleeping of Li, Jiang, Zhang, Zhang (2012), without its wake-up; our choice.
     """
-
-    paper: ClassVar[str] = "Li, Jiang, Zhang, Zhang (2012)"
-    idea: ClassVar[str] = "least-squares fixes from the ranges of awake nodes, without prediction or memory"
-    state: ClassVar[str] = "the last fix, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = ""
 
     def foresees(self, belief: Fixes) -> bool:
         """Never."""

@@ -25,11 +25,6 @@ class CubatureKalman(SigmaPointFilter):
     Source: Arasaratnam, Haykin (2009).
     """
 
-    paper: ClassVar[str] = "Arasaratnam, Haykin (2009)"
-    idea: ClassVar[str] = "cubature Kalman filter in the head, on all readings: sigma points of the third degree"
-    state: ClassVar[str] = "mean and covariance in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = ""
     linear_gaussian: ClassVar[bool] = True
 
     def weights(self, size: int) -> Weights:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
@@ -75,15 +75,6 @@ class CuckooPf(Nests, HeadCloud):
     networks.
     """
 
-    paper: ClassVar[str] = "Wei, Guo (2022)"
-    idea: ClassVar[str] = "particle filter with a cuckoo search for resampling: Lévy flights and replaced nests"
-    state: ClassVar[str] = "particles in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = (
-        "variant literal|resample_first|metropolis, alpha random|fixed, fitness gaussian|absolute, move all|position, "
-        "handover particles|gaussian"
-    )
-
     alpha: Annotated[Literal["random", "fixed"], "whether a standard normal multiplies the step, eq. 5"] = "random"
     length: Annotated[float, LENGTH, "α: length of a flight, eq. 5"] = 0.01
     keep: Annotated[float, PROBABILITY, "p_a: probability that a nest is kept, eq. 7 as printed"] = 0.25
@@ -101,15 +92,6 @@ class ImprovedCuckooPf(Nests, HeadCloud):
 
     Δk is that of the previous generation, since the printed one needs the fitness after the flight.
     """
-
-    paper: ClassVar[str] = "Wei, Guo (2022)"
-    idea: ClassVar[str] = "cuckoo search particle filter; step length and replacement shrink over the generations"
-    state: ClassVar[str] = "particles in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = (
-        "variant literal|resample_first|metropolis, fitness gaussian|absolute, move all|position, "
-        "handover particles|gaussian"
-    )
 
     p_max: Annotated[float, PROBABILITY, "P_max: by how much the probability of keeping decreases, eq. 8"] = 0.3
     p_min: Annotated[float, PROBABILITY, "P_min: probability of keeping in the last generation, eq. 8"] = 0.01

@@ -47,11 +47,6 @@ class ExtendedKalman(HeadFilter):
     show that they are Gauss-Newton steps.
     """
 
-    paper: ClassVar[str] = ""
-    idea: ClassVar[str] = "extended Kalman filter in the head, on all readings or the nearest sensor's: a reference"
-    state: ClassVar[str] = "mean and covariance in the head"
-    messages: ClassVar[str] = "a reading up per member; or a poll down and a reading up, of the nearest"
-    variants: ClassVar[str] = "readings all|nearest, iterations"
     linear_gaussian: ClassVar[bool] = True
     estimates_gains: ClassVar[bool] = True
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, cast
+from typing import Annotated, cast
 
 import numpy as np
 
@@ -70,12 +70,6 @@ class InteractingModels(HeadFilter):
 
     Source: Blom, Bar-Shalom (1988); Bar-Shalom, Li, Kirubarajan (2001), section 11.6.6.
     """
-
-    paper: ClassVar[str] = "Blom, Bar-Shalom (1988)"
-    idea: ClassVar[str] = "interacting multiple models: a Kalman filter per motion model, mixed by a Markov chain"
-    state: ClassVar[str] = "mean, covariance and probability of one filter per motion model, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "models"
 
     models: Annotated[tuple[MotionModel, ...], OfRole("motion"), "a motion model per mode; none: see manoeuvre"] = ()
     manoeuvre: Annotated[

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
@@ -108,12 +108,6 @@ class InformationDriven(HeadFilter):
     optimization", IEEE Trans. Signal Processing 57(2), doi:10.1109/TSP.2008.2007095; thresholds that members apply
     themselves, packed readings and the way they are joined with the filter are our choice.
     """
-
-    paper: ClassVar[str] = ""
-    idea: ClassVar[str] = "a near-exact filter in the head; members send readings that are worth their energy"
-    state: ClassVar[str] = "a mixture of Gaussians, mostly of one, and the members' plan, in the head"
-    messages: ClassVar[str] = "a plan down when the last no longer fits; readings up, of those that it asks for"
-    variants: ClassVar[str] = ""
 
     keep: Annotated[
         float,

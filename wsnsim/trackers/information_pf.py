@@ -81,11 +81,6 @@ class InformationPf:
     linearised.
     """
 
-    paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
-    idea: ClassVar[str] = "particle filter in the head whose proposal is the update of an extended Kalman filter"
-    state: ClassVar[str] = "particles in the head, each with a covariance"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "proposal per_particle|local|cloud, handover particles|gaussian"
     angles: ClassVar[bool] = True
     vector_readings: ClassVar[bool] = True
 

@@ -52,11 +52,6 @@ class InteractingKalman(HeadFilter):
     Source: Liu, Wang (2012), eqs. 18-25.
     """
 
-    paper: ClassVar[str] = "Liu, Wang (2012)"
-    idea: ClassVar[str] = "one Kalman filter per sensor, mixed at each step by a Markov chain over the sensors"
-    state: ClassVar[str] = "mean, covariance and probability of one filter per sensor, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "mixing corrected|printed"
     vector_readings: ClassVar[bool] = False
 
     stay: Annotated[float, Quantity("", ge=0, le=1), "diagonal of M; the other entries are equal"] = 0.93

@@ -90,11 +90,6 @@ class MixturePf(HeadFilter):
     are resampled if their effective number is below half of their number (our choice).
     """
 
-    paper: ClassVar[str] = "Yang, Xing, Shi, Pan (2007), after Li, Jiang, Zhang, Zhang (2012)"
-    idea: ClassVar[str] = "Rao-Blackwellised particle filter: particles for the turns, Kalman filters for the state"
-    state: ClassVar[str] = "modes, each with a Kalman filter, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
     angles: ClassVar[bool] = False
     vector_readings: ClassVar[bool] = False

@@ -92,13 +92,6 @@ class ParallelPf:
     weighed rightly. Resampling restores the full number of particles after a loss.
     """
 
-    paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
-    idea: ClassVar[str] = "bootstrap particle filter split evenly over the members; the head sends resampling counts"
-    state: ClassVar[str] = "particles on the active members; mean, covariance and weights in the head"
-    messages: ClassVar[str] = (
-        "readings up and down; weights and a mean up; counts down and surplus particles when resampling"
-    )
-    variants: ClassVar[str] = "measurements all|own, handover particles|gaussian"
     angles: ClassVar[bool] = True
     vector_readings: ClassVar[bool] = True
 

@@ -68,18 +68,6 @@ class PsoMhpf:
     particles' share of the head is our choice.
     """
 
-    paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
-    idea: ClassVar[str] = (
-        "particle filter on the members; a swarm move with a Metropolis-Hastings test replaces resampling"
-    )
-    state: ClassVar[str] = "particles on the active members; mean and covariance in the head"
-    messages: ClassVar[str] = "a local estimate up per member; moved particles when membership changes"
-    variants: ClassVar[str] = (
-        "measurements own|all, acceptance gaussian|transition|likelihood, prior_fit weighted|unweighted, "
-        "ranking weight|likelihood, random_factors, step_length one|dt, "
-        "estimate_when after|before, resample_first, resample_always, fusion share|inverse_variance, feedback, "
-        "handover particles|gaussian"
-    )
     angles: ClassVar[bool] = True
     vector_readings: ClassVar[bool] = True
 

@@ -56,11 +56,6 @@ class RelayKalman(HeadFilter):
     Source: Liu, Wang (2012), eqs. 8-20.
     """
 
-    paper: ClassVar[str] = "Liu, Wang (2012)"
-    idea: ClassVar[str] = "one Kalman filter that weights each reading by the probability that it comes from the target"
-    state: ClassVar[str] = "mean, covariance and one probability per sensor, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "spread false|true"
     vector_readings: ClassVar[bool] = False
 
     stay: Annotated[float, Quantity("", ge=0, le=1), "diagonal of M; the other entries are equal"] = 0.93

@@ -35,11 +35,6 @@ class UnscentedKalman(SigmaPointFilter):
     Source: Julier, Uhlmann (2004); Wan, van der Merwe (2000) for α, β and κ.
     """
 
-    paper: ClassVar[str] = "Julier, Uhlmann (2004)"
-    idea: ClassVar[str] = "unscented Kalman filter in the head, on all readings: sigma points instead of slopes"
-    state: ClassVar[str] = "mean and covariance in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = ""
     linear_gaussian: ClassVar[bool] = True
 
     alpha: Annotated[float, Quantity("", ge=1e-3, le=1), "α: spread of the sigma points"] = 1.0
