@@ -28,7 +28,7 @@ if TYPE_CHECKING:
         Issue as Issue, ResultError as ResultError, RunError as RunError, ScenarioError as ScenarioError,
         StorageError as StorageError, UsageError as UsageError, WsnsimError as WsnsimError,
     )
-    from wsnsim.base.gathered import Gathered as Gathered
+    from wsnsim.base.requests import Gathered as Gathered
     from wsnsim.base.part import part as part, Quantity as Quantity
     from wsnsim.base.ports import (
         Estimate as Estimate, MotionModel as MotionModel, Scene as Scene, SensorModel as SensorModel,

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
         AppointingPolicy as AppointingPolicy, ClusterPolicy as ClusterPolicy, MovingPolicy as MovingPolicy,
         SeesGeometry as SeesGeometry,
     )
-    from wsnsim.base.deployment import Deployment as Deployment, Field as Field
+    from wsnsim.base.network_ports import Deployment as Deployment, Field as Field
     from wsnsim.base.errors import Issue as Issue
     from wsnsim.base.estimate import Estimate as Estimate, Innovation as Innovation
-    from wsnsim.base.faults import FaultEvent as FaultEvent
+    from wsnsim.base.network_ports import FaultEvent as FaultEvent
     from wsnsim.base.frames import Burst as Burst, MacFrame as MacFrame, OfferedFrame as OfferedFrame
-    from wsnsim.base.gathered import Gathered as Gathered
+    from wsnsim.base.requests import Gathered as Gathered
     from wsnsim.base.mac_mechanisms import (
         ExpectsMembers as ExpectsMembers, FollowsRestarts as FollowsRestarts, Fragmenter as Fragmenter,
         HurriesNodes as HurriesNodes, KeepsIdleSlots as KeepsIdleSlots, Listening as Listening,
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
         Recording as Recording, Replays as Replays, ReportsState as ReportsState, Snapshots as Snapshots,
         VectorReadings as VectorReadings,
     )
-    from wsnsim.base.outlook import Appointment as Appointment, NearNodes as NearNodes, Outlook as Outlook
+    from wsnsim.base.clustering import Appointment as Appointment, NearNodes as NearNodes, Outlook as Outlook
     from wsnsim.base.part import OfRole as OfRole, part as part, Quantity as Quantity
     from wsnsim.base.ports import (
         Acquire as Acquire, Detection as Detection, KnownNodes as KnownNodes, MotionModel as MotionModel,
@@ -57,11 +57,11 @@ if TYPE_CHECKING:
         Clock as Clock, ContinuousPower as ContinuousPower, Cpu as Cpu, EnergyModel as EnergyModel,
         LinkModel as LinkModel, Mode as Mode, ModePower as ModePower, StartsWithOffsets as StartsWithOffsets,
     )
-    from wsnsim.base.radio_duty import (
+    from wsnsim.base.medium_access import (
         DutyCycledMac as DutyCycledMac, GivesTurns as GivesTurns, KnowsLatency as KnowsLatency, Latency as Latency,
         RadioDuty as RadioDuty, SwitchesRadio as SwitchesRadio,
     )
-    from wsnsim.base.recorded_links import (
+    from wsnsim.base.radio import (
         BurstyLosses as BurstyLosses, HeardLinks as HeardLinks, RecordsLinks as RecordsLinks,
     )
     from wsnsim.base.requests import (
@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from wsnsim.base.rng import (
         derive as derive, derive_all as derive_all, normals as normals, Streams as Streams, uniforms as uniforms,
     )
-    from wsnsim.base.routing import Routing as Routing
+    from wsnsim.base.network_ports import Routing as Routing
     from wsnsim.base.setups import (
         BeaconSetup as BeaconSetup, NetworkSetup as NetworkSetup, RadioSetup as RadioSetup, Setup as Setup,
         TrackingSetup as TrackingSetup,
@@ -90,7 +90,7 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.tables import Recorder as Recorder, Words as Words
     from wsnsim.base.vector_readings import near as near, rows as rows
-    from wsnsim.base.workloads import HasSeveralSinks as HasSeveralSinks, Sink as Sink, Workload as Workload
+    from wsnsim.base.network_ports import HasSeveralSinks as HasSeveralSinks, Sink as Sink, Workload as Workload
     from wsnsim.models.access import Framed as Framed
     from wsnsim.models.appointed import Appointed as Appointed
     from wsnsim.models.csvfile import demand_digest as demand_digest

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.scenes import make_scene
-from wsnsim.base.expected_readings import informations
+from wsnsim.base.sensing import informations
 from wsnsim.models.linear_sensing import Coordinate
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range, Rssi

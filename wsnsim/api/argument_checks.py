@@ -12,8 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.errors import Issue, ScenarioError, StorageError, UsageError
-from wsnsim.base.shown_value import shown_value
+from wsnsim.base.errors import Issue, ScenarioError, StorageError, UsageError, shown_value
 from wsnsim.scenario.load import Override, Overrides, listed
 from wsnsim.scenario.source_checks import demand_scenario
 

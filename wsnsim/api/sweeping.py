@@ -16,9 +16,8 @@ from wsnsim.api.arguments import Changes, overrides_of
 from wsnsim.api.progress import shown
 from wsnsim.api.shown_comparison import ShownComparison, shown_comparison
 from wsnsim.api.sweep_result import SweepResult
-from wsnsim.base.errors import RunError, UsageError
+from wsnsim.base.errors import RunError, UsageError, shown_value
 from wsnsim.base.run_numbers import run_count
-from wsnsim.base.shown_value import shown_value
 from wsnsim.campaign.status import CampaignOutcome, CampaignProgress
 from wsnsim.campaign.sweeping import TrackersText, needs_main_guard
 from wsnsim.campaign.sweeping import sweep as run_sweep

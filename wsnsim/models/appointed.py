@@ -12,8 +12,8 @@ from typing import Annotated, ClassVar, Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, planar
+from wsnsim.base.clustering import Appointment, Outlook, steps_in
 from wsnsim.base.errors import Issue
-from wsnsim.base.outlook import Appointment, Outlook, steps_in
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.clusters import TIMES, LeadsByPlace, Threshold, too_little_charge

@@ -8,8 +8,8 @@ from math import ceil, floor
 from typing import Annotated, ClassVar, Final
 
 from wsnsim.base.errors import Issue
+from wsnsim.base.medium_access import Latency, RadioDuty
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.radio_duty import Latency, RadioDuty
 from wsnsim.base.setups import Setup
 from wsnsim.models.access import TICK
 from wsnsim.models.low_power_listening import ROUNDING, SHORT, LowPowerListening

@@ -14,7 +14,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.cell_grid import CellGrid, ranges
-from wsnsim.base.deployment import Deployment
+from wsnsim.base.network_ports import Deployment
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

@@ -3,7 +3,7 @@
     seen = ExpectedInformation.along(outlook, path)      seen.spread(chosen)
 
 The Fisher information of a reading about the position is that at the predicted position; nodes that would have no
-reading there have none (`base.expected_readings`). What is compared is the trace of the inverse (A-optimality): the
+reading there have none (`base.sensing`). What is compared is the trace of the inverse (A-optimality): the
 mean square error of the position that the readings of one step leave. Source: Bar-Shalom, Li, Kirubarajan (2001),
 section 2.7.
 """
@@ -17,8 +17,8 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, planar
-from wsnsim.base.expected_readings import detected, informations
-from wsnsim.base.outlook import NearNodes, Outlook
+from wsnsim.base.clustering import NearNodes, Outlook
+from wsnsim.base.sensing import detected, informations
 
 PRIOR: Final = 4.0
 """Over the squared sensing range: the information of being somewhere in a disc of that radius, along each axis."""

@@ -12,8 +12,8 @@ from math import log2
 from typing import Annotated, Final
 
 from wsnsim.base.errors import Issue
+from wsnsim.base.medium_access import off_time
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.radio_duty import off_time
 from wsnsim.base.setups import Setup
 from wsnsim.models.access import Framed
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import Issue, RunError
-from wsnsim.base.node_names import node_names
+from wsnsim.base.initial_conditions import node_names
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import LimitsReadings, Recording, Replays, SensorModel
+from wsnsim.base.sensing import recorded_traits
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.traits import recorded_traits
 from wsnsim.base.vector_readings import means
 from wsnsim.models.csvfile import (
     SKIPPING,

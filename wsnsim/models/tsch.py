@@ -13,8 +13,8 @@ from typing import Annotated, ClassVar, Final
 
 from wsnsim.base.errors import Issue
 from wsnsim.base.hopping_mac import MOST_CELLS
+from wsnsim.base.medium_access import Latency, RadioDuty
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.radio_duty import Latency, RadioDuty
 from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.access import SPAN, TICK, Framed
 

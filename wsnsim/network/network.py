@@ -12,12 +12,12 @@ import simpy
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, failed_run
-from wsnsim.base.following import RunNow, TrackNow, follower_of
 from wsnsim.base.mac_mechanisms import FollowsRestarts
 from wsnsim.base.mechanisms import SensorDefect
+from wsnsim.base.network_ports import TreeRouting
 from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import Streams
-from wsnsim.base.routing import TreeRouting
+from wsnsim.base.rows import RunNow, TrackNow, follower_of
 from wsnsim.base.setups import RadioSetup
 from wsnsim.network.energy.energy_steps import EnergySteps
 from wsnsim.network.event_log import EventLog

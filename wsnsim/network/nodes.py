@@ -74,8 +74,8 @@ class Nodes(NodeStates):
         """Switch the radio of a node on, until `release_radio`; nothing happens if it is held already.
 
         It listens, and pays for it, while it neither sends nor receives. Only for duty-cycled MACs (see
-        `base.radio_duty`): a radio that follows no duty always listens. A node with a sleep schedule must be held awake
-        meanwhile: see `begin_sending`.
+        `base.medium_access`): a radio that follows no duty always listens. A node with a sleep schedule must be held
+        awake meanwhile: see `begin_sending`.
 
         Args:
             node: The node.

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.counters import Counters
+from wsnsim.base.frames import Counters
 from wsnsim.base.ports import Recorder
 from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResult
+from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.base.tables import CAUSES
-from wsnsim.base.traits import gain_factors
 from wsnsim.network.clusters.track import ClusterRecord, Track
 from wsnsim.network.nodes import Nodes
 

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.python_statements import NOT_PYTHON, statements
+from wsnsim.base.plugin_code import NOT_PYTHON, statements
 
 PACKAGE: Final = "wsnsim"
 NOT_IN_A_RUN: Final = (

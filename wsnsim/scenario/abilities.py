@@ -23,7 +23,7 @@ MOST_COMPONENTS: Final = 4
 
 def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for each ability that the tracker needs, or assumes, and the sensor does not have."""
-    from wsnsim.base.traits import HEIGHT, may_have_gains, samples_gains
+    from wsnsim.base.sensing import HEIGHT, may_have_gains, samples_gains
 
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     lacking = [

@@ -17,9 +17,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.errors import UsageError, did_you_mean, nearest
+from wsnsim.base.errors import UsageError, did_you_mean, nearest, shortened
 from wsnsim.base.plugin_code import note_plugin, plugin_fault
-from wsnsim.base.printable import shortened
 from wsnsim.scenario.kinds import ROLES, Kind, Role
 
 __all__ = ["ROLES", "SEARCHED", "Kind", "Role", "find", "kinds", "load_class", "role_named", "search"]

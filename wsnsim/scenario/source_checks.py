@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wsnsim.base.errors import UsageError
-from wsnsim.base.shown_value import shown_value
+from wsnsim.base.errors import UsageError, shown_value
 
 
 def demand_scenario(value: Any) -> None:

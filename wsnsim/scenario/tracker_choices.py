@@ -17,8 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
-from wsnsim.base.printable import shortened
+from wsnsim.base.errors import Issue, ScenarioError, did_you_mean, shortened
 from wsnsim.scenario.axes import Settings, joined
 from wsnsim.scenario.component_values import defaults_of
 from wsnsim.scenario.load import Assignment, keys_of

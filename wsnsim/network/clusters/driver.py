@@ -16,13 +16,13 @@ import simpy
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.errors import PluginAnswerError, RunError
-from wsnsim.base.gathered import Gathered
 from wsnsim.base.requests import (
     Broadcast,
     Compute,
     Delivery,
     Flow,
     Gather,
+    Gathered,
     GatheredReadings,
     GatherReadings,
     Local,

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.clustering import NearNodes, Outlook
 from wsnsim.base.estimate import Estimate
-from wsnsim.base.outlook import NearNodes, Outlook
 from wsnsim.base.ports import ForecastsSuccession, MotionModel, Scene
 from wsnsim.network.clusters.network_view import NetworkView
 

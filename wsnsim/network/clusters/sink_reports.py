@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import simpy
 
+from wsnsim.base.network_ports import Sink
 from wsnsim.base.requests import Parcel
-from wsnsim.base.workloads import Sink
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
 from wsnsim.network.report_rows import ReportRows
 

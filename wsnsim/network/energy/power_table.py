@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from typing import Final, TypeVar
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.medium_access import RadioDuty, SwitchesRadio
 from wsnsim.base.radio import ContinuousPower, Mode
-from wsnsim.base.radio_duty import RadioDuty, SwitchesRadio
 from wsnsim.base.tables import CAUSE, CAUSES
 
 IDLE, SLEEP, SENSE, SWITCH = CAUSE["idle"], CAUSE["sleep"], CAUSE["sense"], CAUSE["switch"]

@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.faults import FaultEvent
 from wsnsim.base.mechanisms import (
     NOBODY,
     FaultMechanism,
@@ -16,6 +15,7 @@ from wsnsim.base.mechanisms import (
     SensorDefect,
     StartsFault,
 )
+from wsnsim.base.network_ports import FaultEvent
 from wsnsim.network.mechanisms import make_mechanism
 
 CHANGE_READINGS: Final = frozenset({"clock_step", "stuck", "bias"})

@@ -16,8 +16,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.cell_grid import CellGrid
-from wsnsim.base.faults import FaultEvent
 from wsnsim.base.mechanisms import NOBODY
+from wsnsim.base.network_ports import FaultEvent
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.network.faults.mechanisms import make_fault
 from wsnsim.network.faults.services import Combination, FaultSite, Outages, RadioDisturbances, SiteServices, Timeline

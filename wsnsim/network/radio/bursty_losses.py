@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Keys
-from wsnsim.base.recorded_links import BurstyLosses
+from wsnsim.base.radio import BurstyLosses
 from wsnsim.base.rng import uniforms
 from wsnsim.kernels.bursty_losses import advance
 

@@ -15,10 +15,10 @@ from typing import Any, Final
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.frames import EVERYONE, MacFrame
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac
+from wsnsim.base.radio import continuous_power
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.event_log import event
 from wsnsim.network.radio.capture import HEADER_BITS, CapturingReceivers

@@ -16,7 +16,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.frames import Burst
-from wsnsim.base.routing import TreeRouting
+from wsnsim.base.network_ports import TreeRouting
 from wsnsim.network.radio.datagrams import A_SINK, Datagram, Hops
 from wsnsim.network.radio.geographic_forwarding import GeographicForwarding, HeardPlaces
 from wsnsim.network.radio.journeys import Copy, Journey, node_random

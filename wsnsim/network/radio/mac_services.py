@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.counters import Counters
-from wsnsim.base.frames import Burst, MacFrame
+from wsnsim.base.frames import Burst, Counters, MacFrame
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac, Packing
 from wsnsim.base.rng import Streams

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import simpy
 
-from wsnsim.base.counters import Counters
+from wsnsim.base.frames import Counters
 from wsnsim.base.radio import EnergyModel
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.nodes import Nodes

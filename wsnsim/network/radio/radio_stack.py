@@ -8,11 +8,10 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.continuous_power import NoPower, continuous_power
-from wsnsim.base.counters import Counters
+from wsnsim.base.frames import Counters
 from wsnsim.base.mac_mechanisms import MacMechanism
-from wsnsim.base.radio import ContinuousPower, Mode
-from wsnsim.base.radio_duty import DutyCycledMac
+from wsnsim.base.medium_access import DutyCycledMac
+from wsnsim.base.radio import ContinuousPower, Mode, NoPower, continuous_power
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup

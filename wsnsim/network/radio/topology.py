@@ -18,8 +18,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.radio import LinkModel
-from wsnsim.base.recorded_links import RecordsLinks
+from wsnsim.base.radio import LinkModel, RecordsLinks
 from wsnsim.base.rng import derive, derive_all
 from wsnsim.kernels.reception import find_links
 from wsnsim.network.nodes import Nodes

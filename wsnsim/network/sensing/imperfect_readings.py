@@ -14,14 +14,12 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys, planar
-from wsnsim.base.detection import is_perfect
-from wsnsim.base.initial_conditions import measured_points
+from wsnsim.base.initial_conditions import measured_points, node_names
 from wsnsim.base.mechanisms import SensorDefect
-from wsnsim.base.node_names import node_names
 from wsnsim.base.ports import Detection, Detects
 from wsnsim.base.rng import HEAD_KEY, component_noise, derive, derive_all, derive_each, uniforms
+from wsnsim.base.sensing import PathShadowing, is_perfect, path_shadowing
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
-from wsnsim.base.shadowing import PathShadowing, path_shadowing
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.faults.mechanisms import change_readings

@@ -18,7 +18,7 @@ from wsnsim.base.arrays import Bools, Floats, Ints, planar
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.ports import Detects, SensorModel
 from wsnsim.base.rng import derive, reading_noise
-from wsnsim.base.shadowing import PathShadowing
+from wsnsim.base.sensing import PathShadowing
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
 
 

@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from wsnsim.base.mechanisms import WorkloadServices
+from wsnsim.base.network_ports import CollectionWorkload
 from wsnsim.base.rng import derive_all, uniforms
-from wsnsim.base.workloads import CollectionWorkload
 
 
 class CollectionReports:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices
-from wsnsim.base.workloads import Workload
+from wsnsim.base.network_ports import Workload
 from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.workloads.beacons import Beacons
 from wsnsim.network.workloads.collection_reports import CollectionReports

@@ -20,7 +20,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.low_power_macs import RepeatingMac
+from wsnsim.base.medium_access import RepeatingMac
 from wsnsim.network.radio.lpl.radios import EXPECTS, NEVER, ROUNDING, LowPowerRadios
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
-from wsnsim.base.low_power_macs import RepeatingMac
+from wsnsim.base.medium_access import RepeatingMac
 from wsnsim.network.radio.capture import HEADER_BITS
 from wsnsim.network.radio.lpl.channel_checks import ChannelChecks
 from wsnsim.network.radio.lpl.copies import CopyCounts, CopyTrain, FrameCopy

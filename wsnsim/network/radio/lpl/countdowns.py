@@ -14,8 +14,7 @@ from typing import Any
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.low_power_macs import StrobingMac
-from wsnsim.base.radio_duty import off_time
+from wsnsim.base.medium_access import StrobingMac, off_time
 from wsnsim.network.radio.lpl.radios import EXPECTS, LowPowerRadios
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission

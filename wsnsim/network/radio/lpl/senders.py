@@ -16,8 +16,7 @@ from typing import Any, Final, Protocol
 import simpy
 
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
-from wsnsim.base.low_power_macs import LowPowerMac
-from wsnsim.base.radio_duty import off_time
+from wsnsim.base.medium_access import LowPowerMac, off_time
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.lpl.copies import CopyTrain

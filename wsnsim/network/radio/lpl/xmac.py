@@ -14,7 +14,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
-from wsnsim.base.low_power_macs import StrobingMac
+from wsnsim.base.medium_access import StrobingMac
 from wsnsim.network.radio.lpl.countdowns import Countdowns
 from wsnsim.network.radio.lpl.overhearing import Overhearing
 from wsnsim.network.radio.lpl.radios import RECEIVES, ROUNDING, LowPowerRadios

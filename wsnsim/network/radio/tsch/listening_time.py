@@ -1,9 +1,9 @@
 """Listening time: what slots with a frame cost beside the closed form of idle slots.
 
-A duty (see `base.radio_duty`) charges a node for `rx_wait` of listening in each of its cells. In a slot with a frame, a
-receiver listens only until the first frame begins, and the sender of a frame in a shared cell does not listen. A sender
-in a cell of its own switches its radio on once more. The time between a frame and its acknowledgement, in which the
-radio neither sends nor listens, is not charged.
+A duty (see `base.medium_access`) charges a node for `rx_wait` of listening in each of its cells. In a slot with a
+frame, a receiver listens only until the first frame begins, and the sender of a frame in a shared cell does not
+listen. A sender in a cell of its own switches its radio on once more. The time between a frame and its
+acknowledgement, in which the radio neither sends nor listens, is not charged.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
-"""The row of a track, from columns written by hand."""
+"""Rows of a track: losses and lateness."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from wsnsim.base.tracking import TrackRule, track_row
+from wsnsim.base.results import TrackRule, track_row
 
 STEPS, DT = 700, 0.02
 
