@@ -28,7 +28,6 @@ if TYPE_CHECKING:
         Issue as Issue, ResultError as ResultError, RunError as RunError, ScenarioError as ScenarioError,
         StorageError as StorageError, UsageError as UsageError, WsnsimError as WsnsimError,
     )
-    from wsnsim.base.requests import Gathered as Gathered
     from wsnsim.base.part import part as part, Quantity as Quantity
     from wsnsim.base.ports import (
         Estimate as Estimate, MotionModel as MotionModel, Scene as Scene, SensorModel as SensorModel,
@@ -36,8 +35,8 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.requests import (
         Broadcast as Broadcast, Compute as Compute, Delivery as Delivery, Flow as Flow, Gather as Gather,
-        GatheredReadings as GatheredReadings, GatherReadings as GatherReadings, Local as Local, Member as Member,
-        Parcel as Parcel, Scatter as Scatter, Send as Send,
+        Gathered as Gathered, GatheredReadings as GatheredReadings, GatherReadings as GatherReadings, Local as Local,
+        Member as Member, Parcel as Parcel, Scatter as Scatter, Send as Send,
     )
     from wsnsim.base.tables import Memory as Memory
     from wsnsim.bounds import bound as bound

@@ -16,15 +16,12 @@ if TYPE_CHECKING:
     # isort: off
     from wsnsim.base.arrays import Bools as Bools, Floats as Floats, Ints as Ints, Keys as Keys
     from wsnsim.base.clustering import (
-        AppointingPolicy as AppointingPolicy, ClusterPolicy as ClusterPolicy, MovingPolicy as MovingPolicy,
-        SeesGeometry as SeesGeometry,
+        AppointingPolicy as AppointingPolicy, Appointment as Appointment, ClusterPolicy as ClusterPolicy,
+        MovingPolicy as MovingPolicy, NearNodes as NearNodes, Outlook as Outlook, SeesGeometry as SeesGeometry,
     )
-    from wsnsim.base.network_ports import Deployment as Deployment, Field as Field
     from wsnsim.base.errors import Issue as Issue
     from wsnsim.base.estimate import Estimate as Estimate, Innovation as Innovation
-    from wsnsim.base.network_ports import FaultEvent as FaultEvent
     from wsnsim.base.frames import Burst as Burst, MacFrame as MacFrame, OfferedFrame as OfferedFrame
-    from wsnsim.base.requests import Gathered as Gathered
     from wsnsim.base.mac_mechanisms import (
         ExpectsMembers as ExpectsMembers, FollowsRestarts as FollowsRestarts, Fragmenter as Fragmenter,
         HurriesNodes as HurriesNodes, KeepsIdleSlots as KeepsIdleSlots, Listening as Listening,
@@ -37,7 +34,14 @@ if TYPE_CHECKING:
         WakeUpMechanism as WakeUpMechanism, WakeUpServices as WakeUpServices, WorkloadMechanism as WorkloadMechanism,
         WorkloadServices as WorkloadServices,
     )
-    from wsnsim.base.medium_access import FramedMac as FramedMac, Mac as Mac, Packing as Packing
+    from wsnsim.base.medium_access import (
+        DutyCycledMac as DutyCycledMac, FramedMac as FramedMac, GivesTurns as GivesTurns, KnowsLatency as KnowsLatency,
+        Latency as Latency, Mac as Mac, Packing as Packing, RadioDuty as RadioDuty, SwitchesRadio as SwitchesRadio,
+    )
+    from wsnsim.base.network_ports import (
+        Deployment as Deployment, FaultEvent as FaultEvent, Field as Field, HasSeveralSinks as HasSeveralSinks,
+        Routing as Routing, Sink as Sink, Workload as Workload,
+    )
     from wsnsim.base.optional_ports import (
         Announces as Announces, ConstantGaussian as ConstantGaussian, Continuous as Continuous, Detects as Detects,
         Drifts as Drifts, ForecastsSuccession as ForecastsSuccession, Foresees as Foresees, HasHeights as HasHeights,
@@ -47,32 +51,24 @@ if TYPE_CHECKING:
         Recording as Recording, Replays as Replays, ReportsState as ReportsState, Snapshots as Snapshots,
         VectorReadings as VectorReadings,
     )
-    from wsnsim.base.clustering import Appointment as Appointment, NearNodes as NearNodes, Outlook as Outlook
     from wsnsim.base.part import OfRole as OfRole, part as part, Quantity as Quantity
     from wsnsim.base.ports import (
         Acquire as Acquire, Detection as Detection, KnownNodes as KnownNodes, MotionModel as MotionModel,
         PriorModel as PriorModel, Scene as Scene, SensorModel as SensorModel, Tracker as Tracker,
     )
     from wsnsim.base.radio import (
-        Clock as Clock, ContinuousPower as ContinuousPower, Cpu as Cpu, EnergyModel as EnergyModel,
-        LinkModel as LinkModel, Mode as Mode, ModePower as ModePower, StartsWithOffsets as StartsWithOffsets,
-    )
-    from wsnsim.base.medium_access import (
-        DutyCycledMac as DutyCycledMac, GivesTurns as GivesTurns, KnowsLatency as KnowsLatency, Latency as Latency,
-        RadioDuty as RadioDuty, SwitchesRadio as SwitchesRadio,
-    )
-    from wsnsim.base.radio import (
-        BurstyLosses as BurstyLosses, HeardLinks as HeardLinks, RecordsLinks as RecordsLinks,
+        BurstyLosses as BurstyLosses, Clock as Clock, ContinuousPower as ContinuousPower, Cpu as Cpu,
+        EnergyModel as EnergyModel, HeardLinks as HeardLinks, LinkModel as LinkModel, Mode as Mode,
+        ModePower as ModePower, RecordsLinks as RecordsLinks, StartsWithOffsets as StartsWithOffsets,
     )
     from wsnsim.base.requests import (
         Broadcast as Broadcast, Compute as Compute, Delivery as Delivery, Flow as Flow, Gather as Gather,
-        GatheredReadings as GatheredReadings, GatherReadings as GatherReadings, Local as Local, Member as Member,
-        PACKET_BITS as PACKET_BITS, Parcel as Parcel, Scatter as Scatter, Send as Send,
+        Gathered as Gathered, GatheredReadings as GatheredReadings, GatherReadings as GatherReadings, Local as Local,
+        Member as Member, PACKET_BITS as PACKET_BITS, Parcel as Parcel, Scatter as Scatter, Send as Send,
     )
     from wsnsim.base.rng import (
         derive as derive, derive_all as derive_all, normals as normals, Streams as Streams, uniforms as uniforms,
     )
-    from wsnsim.base.network_ports import Routing as Routing
     from wsnsim.base.setups import (
         BeaconSetup as BeaconSetup, NetworkSetup as NetworkSetup, RadioSetup as RadioSetup, Setup as Setup,
         TrackingSetup as TrackingSetup,
@@ -90,7 +86,6 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.tables import Recorder as Recorder, Words as Words
     from wsnsim.base.vector_readings import near as near, rows as rows
-    from wsnsim.base.network_ports import HasSeveralSinks as HasSeveralSinks, Sink as Sink, Workload as Workload
     from wsnsim.models.access import Framed as Framed
     from wsnsim.models.appointed import Appointed as Appointed
     from wsnsim.models.csvfile import demand_digest as demand_digest

@@ -46,7 +46,8 @@ def facade(module: str, modules: Collection[str] = ()) -> tuple[Callable[[str], 
 @functools.cache
 def homes(module: str) -> dict[str, tuple[str, str]]:
     """Return {name: (module, name there)} of what a façade hands on, read from its source."""
-    source = sys.modules[module].__spec__.loader.get_source(module)  # type: ignore[union-attr]
+    text = sys.modules[module].__spec__.loader.get_source(module)  # type: ignore[union-attr]
+    source = text.partition("if TYPE_CHECKING:")[2]
     imports = ((home, names.strip("()").split(",")) for home, names in _IMPORT.findall(source))
     found = {name.split()[0]: home for home, names in imports for name in names if name.strip()}
     return {name: (home, name) for name, home in found.items()} | {

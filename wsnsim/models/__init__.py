@@ -17,11 +17,6 @@ if TYPE_CHECKING:
     from wsnsim.models.appointed import Appointed as Appointed
     from wsnsim.models.bearing import Bearing as Bearing, RangeBearing as RangeBearing
     from wsnsim.models.clusters import Central as Central, MovingHead as MovingHead, StrongestSignal as StrongestSignal
-    from wsnsim.models.collection import (
-        CollectionTreeProtocol as CollectionTreeProtocol, PeriodicCollection as PeriodicCollection,
-        SeveralSinks as SeveralSinks,
-    )
-    from wsnsim.models.contikimac import ContikiMac as ContikiMac
     from wsnsim.models.deploy import Anchors as Anchors, Grid as Grid, JitteredGrid as JitteredGrid, Uniform as Uniform
     from wsnsim.models.energy import FirstOrder as FirstOrder, FirstOrder2002 as FirstOrder2002, States as States
     from wsnsim.models.faults import (
@@ -34,11 +29,11 @@ if TYPE_CHECKING:
         PerfectDetection as PerfectDetection, Processor as Processor,
     )
     from wsnsim.models.linear import ConstantAcceleration as ConstantAcceleration, ConstantVelocity as ConstantVelocity
-    from wsnsim.models.linear_sensing import Coordinate as Coordinate
     from wsnsim.models.links import (
         Disk as Disk, GreedyGeographic as GreedyGeographic, LogNormal as LogNormal, MinimumEnergy as MinimumEnergy,
         MinimumHop as MinimumHop,
     )
+    from wsnsim.models.low_power_listening import ContikiMac as ContikiMac, XMac as XMac
     from wsnsim.models.mobility import CoordinatedTurn as CoordinatedTurn, GaussMarkov as GaussMarkov
     from wsnsim.models.motion import BoundedVelocity as BoundedVelocity
     from wsnsim.models.node_file import FromFile as FromFile
@@ -47,7 +42,7 @@ if TYPE_CHECKING:
     from wsnsim.models.recorded_readings import RecordedSensor as RecordedSensor
     from wsnsim.models.recorded_track import RecordedTrack as RecordedTrack
     from wsnsim.models.rssi import Rssi as Rssi
-    from wsnsim.models.sensing import AcousticEnergy as AcousticEnergy
+    from wsnsim.models.sensing import AcousticEnergy as AcousticEnergy, Coordinate as Coordinate
     from wsnsim.models.sleep import (
         AlwaysOn as AlwaysOn, DutyCycle as DutyCycle, EventWake as EventWake, RandomIndependent as RandomIndependent,
     )
@@ -58,8 +53,10 @@ if TYPE_CHECKING:
         DirectedFlood as DirectedFlood, ExperienceZones as ExperienceZones, NoWakeUp as NoWakeUp, Region as Region,
     )
     from wsnsim.models.waypoints import RandomWaypoint as RandomWaypoint, Waypoints as Waypoints
-    from wsnsim.models.workload import Periodic as Periodic, Tracking as Tracking
-    from wsnsim.models.xmac import XMac as XMac
+    from wsnsim.models.workloads import (
+        CollectionTreeProtocol as CollectionTreeProtocol, Periodic as Periodic,
+        PeriodicCollection as PeriodicCollection, SeveralSinks as SeveralSinks, Tracking as Tracking,
+    )
 
     AnchorsDeployment = Anchors
     AppointedClusters = Appointed

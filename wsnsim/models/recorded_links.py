@@ -19,11 +19,10 @@ from wsnsim.base.errors import Issue, RunError, did_you_mean
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import BurstyLosses, HeardLinks
 from wsnsim.base.setups import Setup
-from wsnsim.models.bounds import LENGTH
+from wsnsim.models.bounds import LENGTH, number_of_nodes
 from wsnsim.models.csvfile import demand_digest, row_texts
 from wsnsim.models.k7file import HIGHEST_CHANNEL, read_links
 from wsnsim.models.link_recording import LinkRecording
-from wsnsim.models.node_count import number_of_nodes
 
 SHARE = Quantity("", ge=0.0, le=1.0)
 

@@ -20,9 +20,8 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.sensing import GAIN_DB, HEIGHT
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import ranging as kernels
-from wsnsim.models.bounds import LENGTH
-from wsnsim.models.distances import FITTED_ON, REACH, OfDistance, reach_issues, squared_distances, unit_noise
-from wsnsim.models.node_count import number_of_nodes
+from wsnsim.models.bounds import LENGTH, number_of_nodes
+from wsnsim.models.ranging import FITTED_ON, REACH, OfDistance, reach_issues, squared_distances, unit_noise
 
 LARGEST_EXPONENT: Final = 600.0
 """e to this power times any d0 is finite."""

@@ -1,10 +1,12 @@
-"""The acoustic sensor: readings, likelihoods and slopes against SciPy and finite differences."""
+"""The acoustic-energy sensor and the coordinate sensor."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
-from wsnsim.models.sensing import AcousticEnergy
+from wsnsim.models.sensing import AcousticEnergy, Coordinate
 
 SENSOR = AcousticEnergy()
 
@@ -197,3 +199,38 @@ def test_a_target_on_the_x_axis_is_one_in_the_plane_with_y_zero(sensor):
     assert np.array_equal(
         sensor.measure(line.T[:7], positions, traits, normals), sensor.measure(plane.T[:7], positions, traits, normals)
     )
+
+
+RNG = np.random.default_rng(1)
+COORDINATE = Coordinate(sd=0.5)
+POSITIONS = RNG.normal(size=(3, 2))
+THETA = np.array([[0.0], [np.pi / 2], [0.7]])
+
+
+@pytest.mark.parametrize("columns", (1, 2))
+def test_readings_are_linear_and_their_gradients_are_the_axes(columns):
+    points = RNG.normal(size=(columns, 5))
+    expected, gradients, variances = COORDINATE.linearise(points, POSITIONS, THETA)
+    exact = np.repeat(points.T, 3, axis=0)
+    noiseless = COORDINATE.measure(exact, np.tile(POSITIONS, (5, 1)), np.tile(THETA, (5, 1)), np.zeros(15))
+    assert np.allclose(expected.T.ravel(), noiseless)
+    assert np.allclose((gradients * points).sum(axis=1), expected) and gradients.shape == (3, columns, 5)
+    assert (variances == 0.25).all()
+    assert np.allclose(COORDINATE.information(points, POSITIONS, THETA)[0, 0, 0], 4.0)
+
+
+def test_the_likelihood_is_the_normal_density_of_all_readings_or_of_each_particles_own():
+    points, readings = RNG.normal(size=(2, 4)), RNG.normal(size=3)
+    expected = COORDINATE.linearise(points, POSITIONS, THETA)[0]
+    logs = -0.5 * ((readings[:, None] - expected) / 0.5) ** 2 - np.log(0.5 * np.sqrt(2 * np.pi))
+    assert np.allclose(COORDINATE.log_likelihood(points, readings, POSITIONS, THETA), logs.sum(axis=0))
+    owners = np.array([0, 2, 1, 1])
+    own = COORDINATE.log_likelihood(points, readings, POSITIONS, THETA, owners)
+    assert np.allclose(own, logs[owners, np.arange(4)])
+    assert (COORDINATE.log_likelihood(points, np.empty(0), POSITIONS[:0], THETA[:0]) == 0.0).all()
+    assert COORDINATE.log_likelihood(np.array([[np.inf], [0.0]]), readings, POSITIONS, THETA)[0] == -np.inf
+
+
+def test_axes_are_uniform_over_half_a_turn():
+    theta = COORDINATE.draw_traits(10_000, np.random.default_rng(2))[:, 0]
+    assert theta.min() >= 0.0 and theta.max() < np.pi and abs(theta.mean() - np.pi / 2) < 0.04
