@@ -100,11 +100,9 @@ if TYPE_CHECKING:
     from wsnsim.trackers.shared.moments import (
         forecast as forecast, fused_by_variance as fused_by_variance, predicted as predicted, symmetric as symmetric,
     )
-    from wsnsim.trackers.shared.parcels import (
-        moment_packets as moment_packets, parcel as parcel, state_packets as state_packets,
-    )
     from wsnsim.trackers.shared.readings import (
-        Evidence as Evidence, gather_readings as gather_readings, reading_parcel as reading_parcel,
+        Evidence as Evidence, gather_readings as gather_readings, moment_packets as moment_packets, parcel as parcel,
+        reading_parcel as reading_parcel, state_packets as state_packets,
     )
 
 __getattr__, __dir__ = facade(__name__)

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     # isort: off
     from wsnsim.trackers.awake_only import AwakeOnly as AwakeOnly
     from wsnsim.trackers.centralised import CentralPf as CentralPf
-    from wsnsim.trackers.ckf import CubatureKalman as CubatureKalman
     from wsnsim.trackers.cuckoo_pf import CuckooPf as CuckooPf, ImprovedCuckooPf as ImprovedCuckooPf
     from wsnsim.trackers.ekf import ExtendedKalman as ExtendedKalman
     from wsnsim.trackers.gaussian_pf import (
@@ -32,9 +31,9 @@ if TYPE_CHECKING:
     from wsnsim.trackers.parallel_pf import ParallelPf as ParallelPf
     from wsnsim.trackers.pso_mhpf import PsoMhpf as PsoMhpf
     from wsnsim.trackers.relay_kalman import RelayKalman as RelayKalman
+    from wsnsim.trackers.sigma_points import CubatureKalman as CubatureKalman, UnscentedKalman as UnscentedKalman
     from wsnsim.trackers.sir import Sir as Sir
     from wsnsim.trackers.trilateration import Trilateration as Trilateration
-    from wsnsim.trackers.ukf import UnscentedKalman as UnscentedKalman
 
     Ckf = CubatureKalman
     Cluster = MixturePf

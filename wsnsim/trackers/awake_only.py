@@ -12,8 +12,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.part import part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.trackers.shared.fixes import Fixes, RangeFix
-from wsnsim.trackers.shared.localising import Ranged
+from wsnsim.trackers.shared.fixes import Fixes, Ranged, RangeFix
 
 HANDOVER_BITS = 88
 """Size of the last fix, as in a report: 11 bytes."""

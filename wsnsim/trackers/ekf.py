@@ -24,8 +24,7 @@ from wsnsim.trackers.shared.gains import Gains, gain_prior, gains_before, no_gai
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.parcels import parcel
-from wsnsim.trackers.shared.readings import Evidence, gather_readings, reading_parcel
+from wsnsim.trackers.shared.readings import Evidence, gather_readings, parcel, reading_parcel
 from wsnsim.trackers.shared.whole_runs import kalman_runs
 
 POLL = "poll"

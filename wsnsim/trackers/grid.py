@@ -21,8 +21,7 @@ from wsnsim.base.requests import Compute, Flow, Member, Send
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.grid import WINDOW, spread, weigh
 from wsnsim.trackers.shared.heads import WEIGH_CYCLES, GaussianBelief, HeadFilter
-from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packets
-from wsnsim.trackers.shared.readings import gather_readings
+from wsnsim.trackers.shared.readings import gather_readings, moment_packets, parcel, weight_packets
 
 SPREAD_CYCLES = 15.0
 """CPU cycles to add a share of one cell's mass to another cell."""

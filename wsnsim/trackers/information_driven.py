@@ -20,15 +20,19 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Parcel, Send
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
-from wsnsim.trackers.shared.late_readings import PREDICTION_CYCLES, Kept, by_step, filter_cycles, filtered
 from wsnsim.trackers.shared.mixtures import (
+    PREDICTION_CYCLES,
     Hypotheses,
     Hypothesis,
+    Kept,
+    by_step,
+    filter_cycles,
+    filtered,
     moments_of,
     predicted_mixture,
     reduced,
 )
-from wsnsim.trackers.shared.parcels import arrived_groups, parcel, weight_packets
+from wsnsim.trackers.shared.readings import arrived_groups, parcel, weight_packets
 from wsnsim.trackers.shared.selection import (
     DECISION_CYCLES,
     EXTRAPOLATION_CYCLES,

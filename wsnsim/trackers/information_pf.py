@@ -34,8 +34,7 @@ from wsnsim.trackers.shared.dealing import (
     send_moments,
 )
 from wsnsim.trackers.shared.moments import forecast, noise_issues, predicted, symmetric
-from wsnsim.trackers.shared.parcels import arrived_groups, covariance_packets, state_packets
-from wsnsim.trackers.shared.readings import Evidence, gather_readings
+from wsnsim.trackers.shared.readings import Evidence, arrived_groups, covariance_packets, gather_readings, state_packets
 from wsnsim.trackers.shared.stacks import MOVE, Score, propagated_by, snapshot
 
 

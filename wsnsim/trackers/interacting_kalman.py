@@ -21,8 +21,17 @@ from wsnsim.base.vector_readings import near
 from wsnsim.kernels.relay import filter_each, mix
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.parcels import arrived_groups, moment_packets, parcel, weight_packets
-from wsnsim.trackers.shared.sensors import LIKELIHOOD_CYCLES, arrived_probabilities, carried, chain_readings, linearised
+from wsnsim.trackers.shared.readings import (
+    LIKELIHOOD_CYCLES,
+    arrived_groups,
+    arrived_probabilities,
+    carried,
+    chain_readings,
+    linearised,
+    moment_packets,
+    parcel,
+    weight_packets,
+)
 from wsnsim.trackers.shared.whole_runs import HEAD, Outcome, scenes_of
 
 

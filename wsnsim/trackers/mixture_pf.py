@@ -21,9 +21,9 @@ from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Parcel, Send
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.trackers.shared.filter_banks import PLACE, updated_by_fix, updated_by_readings
+from wsnsim.trackers.shared.fixes import fix_cycles, fixed, usable
 from wsnsim.trackers.shared.heads import HeadFilter
-from wsnsim.trackers.shared.localising import fix_cycles, fixed, usable
+from wsnsim.trackers.shared.kalman import PLACE, updated_by_fix, updated_by_readings
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
 

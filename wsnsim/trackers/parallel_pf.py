@@ -33,10 +33,8 @@ from wsnsim.trackers.shared.dealing import (
     resampled,
     update_deal,
 )
-from wsnsim.trackers.shared.likelihoods import likelihood_of
-from wsnsim.trackers.shared.local_estimates import LOCAL, LocalEstimate, cycles_of
 from wsnsim.trackers.shared.moments import forecast
-from wsnsim.trackers.shared.parcels import (
+from wsnsim.trackers.shared.readings import (
     UNKNOWN,
     arrived_groups,
     arrived_particles,
@@ -45,11 +43,22 @@ from wsnsim.trackers.shared.parcels import (
     is_whole,
     log_mean,
     parcel,
+    share_readings,
     state_packets,
     weight_packets,
 )
-from wsnsim.trackers.shared.readings import share_readings
-from wsnsim.trackers.shared.spread import Spread, begin, hand_on, look, only_predicted, within_predicted
+from wsnsim.trackers.shared.spread import (
+    LOCAL,
+    LocalEstimate,
+    Spread,
+    begin,
+    cycles_of,
+    hand_on,
+    likelihood_of,
+    look,
+    only_predicted,
+    within_predicted,
+)
 from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,

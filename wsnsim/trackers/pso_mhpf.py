@@ -28,19 +28,24 @@ from wsnsim.trackers.shared.dealing import (
     predict_only,
     update_deal,
 )
-from wsnsim.trackers.shared.likelihoods import likelihood_of
-from wsnsim.trackers.shared.local_estimates import (
+from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
+from wsnsim.trackers.shared.readings import share_readings, state_packets
+from wsnsim.trackers.shared.spread import (
     LOCAL,
     LocalEstimate,
+    Spread,
+    begin,
+    collected,
     cycles_of,
     feed_back,
+    hand_on,
+    likelihood_of,
     local_estimate,
+    look,
+    only_predicted,
     reported_variances,
+    within_predicted,
 )
-from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
-from wsnsim.trackers.shared.parcels import state_packets
-from wsnsim.trackers.shared.readings import share_readings
-from wsnsim.trackers.shared.spread import Spread, begin, collected, hand_on, look, only_predicted, within_predicted
 from wsnsim.trackers.shared.stacks import LOG_WEIGHTS, Shares, propagated
 from wsnsim.trackers.shared.swarms import Pull, Rules, filter_swarms
 

@@ -21,15 +21,17 @@ from wsnsim.base.vector_readings import near
 from wsnsim.kernels.relay import filter_each
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packets
-from wsnsim.trackers.shared.sensors import (
+from wsnsim.trackers.shared.readings import (
     LIKELIHOOD_CYCLES,
     Linear,
     arrived_probabilities,
     carried,
     chain_readings,
     linearised,
+    moment_packets,
+    parcel,
     stay_after,
+    weight_packets,
 )
 from wsnsim.trackers.shared.whole_runs import Outcome, priors
 from wsnsim.trackers.shared.whole_runs import predicted as predicted_runs

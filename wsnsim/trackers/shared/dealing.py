@@ -19,7 +19,7 @@ from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Member
 from wsnsim.base.rng import uniforms
 from wsnsim.kernels.allocation import allocate
 from wsnsim.kernels.particles import moments, systematic
-from wsnsim.trackers.shared.parcels import (
+from wsnsim.trackers.shared.readings import (
     MOMENTS,
     arrived_particles,
     guessed,

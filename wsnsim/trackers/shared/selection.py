@@ -19,7 +19,7 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Member, Parcel
 from wsnsim.base.sensing import detected, informations
 from wsnsim.base.vector_readings import Reading, components_of, is_finite
-from wsnsim.trackers.shared.parcels import parcel, weight_packets
+from wsnsim.trackers.shared.readings import parcel, weight_packets
 
 PLAN: Final = "plan"
 EXPECTED: Final = "expected"

@@ -1,4 +1,4 @@
-"""Least squares on ranges: SciPy's answer, circles by hand, nodes in a line, the covariance by trial, operations."""
+"""Least-squares fixes from ranges."""
 
 from __future__ import annotations
 
@@ -9,16 +9,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
-from wsnsim.models.ranging import Range, Rssi
-from wsnsim.trackers.shared.localising import (
-    ITERATIONS,
-    Ranged,
-    fix_covariance,
-    fix_cycles,
-    fixed,
-    least_squares,
-    usable,
-)
+from wsnsim.models.ranging import Range
+from wsnsim.models.rssi import Rssi
+from wsnsim.trackers.shared.fixes import ITERATIONS, Ranged, fix_covariance, fix_cycles, fixed, least_squares, usable
 from wsnsim.trackers.shared.readings import Evidence
 
 RANGE = SimpleNamespace(sensor=Range(sd=2.0, reach=40.0))
