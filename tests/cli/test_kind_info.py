@@ -12,8 +12,7 @@ from wsnsim import scenario
 from wsnsim.cli import main
 from wsnsim.cli.kind_text import kinds_text
 from wsnsim.cli.word_info import word_text
-from wsnsim.scenario.citations import OTHER_FORMS, citations, cited_in
-from wsnsim.scenario.kind_info import KindInfo, kind_info, kinds_named
+from wsnsim.scenario.kind_info import OTHER_FORMS, KindInfo, citations, cited_in, kind_info, kinds_named
 from wsnsim.scenario.parameter_info import DIMENSIONLESS
 from wsnsim.scenario.registry import ROLES, load_class
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from tests.documentation.pages_of_docs import text
-from wsnsim.scenario.citations import NOT_LOOKED_UP, citations
+from wsnsim.scenario.kind_info import NOT_LOOKED_UP, citations
 
 PAGE = " ".join(text("docs/bibliography.md").split())
 ENTRIES = re.findall(r"- \*\*(.+?)\*\*:? (.*?)(?= - \*\*| ## |$)", PAGE)

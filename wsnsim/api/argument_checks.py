@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.base.errors import Issue, ScenarioError, StorageError, UsageError, shown_value
+from wsnsim.scenario.build import demand_scenario
 from wsnsim.scenario.load import Override, Overrides, listed
-from wsnsim.scenario.source_checks import demand_scenario
 
 OPTIONS: Final = {"--set": "overrides", "--trackers": "trackers", "--replicates": "replicates", "--vary": "vary"}
 """Options of the command line, and the arguments of Python with the same meaning."""

@@ -13,8 +13,8 @@ from typing import Any, Final, TypeAlias, TypedDict
 from wsnsim.api.argument_checks import overrides_given, tables_given
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import TABLES
-from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.load import Override, Overrides
+from wsnsim.scenario.registry import AT_TOP
 
 Choice: TypeAlias = Any
 """A component (`PsoMhpf(particles=200)`), the name of a kind ('pso_mhpf'), or values to change ({'particles': 200})."""

@@ -15,7 +15,7 @@ from wsnsim.base.progress import Progress
 from wsnsim.base.run_numbers import run_number, run_numbers
 from wsnsim.recording.atomic_files import sole_writer
 from wsnsim.scenario import Overrides
-from wsnsim.scenario.source_checks import demand_scenario
+from wsnsim.scenario.build import demand_scenario
 
 Source: TypeAlias = Any
 """A scenario: the name of a shipped one, a file, a dict, what `load` returned, or a result file to be run again."""

@@ -11,8 +11,7 @@ from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLE_MEANINGS, TABLES, Colu
 from wsnsim.cli.listing import paragraph, wrapped_table
 from wsnsim.cli.shared import group
 from wsnsim.scenario.kind_info import kind_info
-from wsnsim.scenario.kinds import AT_TOP
-from wsnsim.scenario.registry import ROLES
+from wsnsim.scenario.registry import AT_TOP, ROLES
 
 
 def words_known() -> list[str]:
