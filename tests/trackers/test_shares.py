@@ -7,7 +7,7 @@ import pytest
 
 from tests.helpers.linear_cluster import Cluster
 from wsnsim.base.requests import Delivery, Member
-from wsnsim.kernels.swarm_move import move_own
+from wsnsim.kernels.swarm import move_own
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.trackers.pso_mhpf import PsoMhpf

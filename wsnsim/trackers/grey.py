@@ -15,8 +15,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.kernels.grey import forecast_at
-from wsnsim.kernels.line import line_at
+from wsnsim.kernels.grey import forecast_at, line_at
 from wsnsim.trackers.shared.fixes import Fixes, RangeFix
 
 LEAST_FIXES: Final = 4

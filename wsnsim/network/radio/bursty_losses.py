@@ -10,7 +10,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Keys
 from wsnsim.base.radio import BurstyLosses
 from wsnsim.base.rng import uniforms
-from wsnsim.kernels.bursty_losses import advance
+from wsnsim.kernels.reception import advance
 
 
 class LinkStates:
