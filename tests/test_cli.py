@@ -19,7 +19,7 @@ from tests.helpers.thorough import thorough
 from wsnsim.cli import main
 from wsnsim.cli.progress import MODES, RUN, display
 from wsnsim.experiment import Progress
-from wsnsim.scenario.kinds import ROLES
+from wsnsim.scenario.registry import ROLES
 
 HEAVY = ("numpy", "pandas", "scipy", "numba", "h5py", "matplotlib", "networkx", "pydantic", "yaml", "simpy")
 QUICK = ("--set", "duration=0.4 s", "--set", "tracker.particles=40")

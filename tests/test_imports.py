@@ -62,7 +62,7 @@ def test_the_graph_sees_lazy_and_type_only_imports() -> None:
     graph = import_graph()
     assert graph.has_edge("wsnsim.scenario.load", "wsnsim.scenario.check"), "imported inside a function"
     assert graph.has_edge("wsnsim.scenario.load", "wsnsim.scenario.schema"), "imported for its types"
-    assert graph.has_edge("wsnsim.scenario.check", "wsnsim.scenario.kinds"), "imported at the top"
+    assert graph.has_edge("wsnsim.scenario.check", "wsnsim.scenario.registry"), "imported at the top"
     assert len(graph) > 150
 
 

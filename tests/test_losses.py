@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wsnsim
-from wsnsim.base.recorders import Memory
+from wsnsim.base.tables import Memory
 
 WINDOW, LIMIT = 5, 0.4
 

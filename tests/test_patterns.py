@@ -56,6 +56,7 @@ OWN = {
     "analysis.sweep_lines": "descriptions of our fields",
     "cli.listing": "files we ship",
     "base.border": "annotations of our ports",
+    "base.facades": "our façades",
 }
 """Modules whose patterns meet our own texts, or names of files, which have at most 255 characters."""
 

@@ -15,8 +15,8 @@ from wsnsim.analysis import notes
 from wsnsim.analysis.result_info import info_text
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.initial_conditions import sample_initial_conditions
-from wsnsim.base.recorders import Memory
 from wsnsim.base.regular_files import file_digest
+from wsnsim.base.tables import Memory
 from wsnsim.bounds import crlb
 from wsnsim.experiment import load, replicate_of
 from wsnsim.recording import read_json

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from wsnsim.scenario.kinds import ROLES
-from wsnsim.scenario.registry import load_class
+from wsnsim.scenario.registry import ROLES, load_class
 from wsnsim.testing import check_sync, check_wakeup, check_workload
 
 CHECKS = {"sync": check_sync, "wakeup": check_wakeup, "workload": check_workload}

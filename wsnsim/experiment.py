@@ -23,7 +23,6 @@ from typing import Any, NamedTuple
 import wsnsim.scenario as scenarios
 from wsnsim.base.contained import contained
 from wsnsim.base.errors import plugin_faults_of_run
-from wsnsim.base.following import RunStart, follower_of
 from wsnsim.base.garbage import only_own_garbage
 from wsnsim.base.initial_conditions import (
     InitialConditions,
@@ -37,9 +36,9 @@ from wsnsim.base.progress import OnTime, Progress, throttled
 from wsnsim.base.recorded_files import provenance_of
 from wsnsim.base.results import Report, RunResult, Summary, summarise
 from wsnsim.base.rng import Streams
+from wsnsim.base.rows import RunStart, follower_of
 from wsnsim.base.run_numbers import run_numbers
-from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
-from wsnsim.base.table_layout import TableLayout, table_layout
+from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TableLayout, TrackingSetup, table_layout
 from wsnsim.base.tables import Memory
 from wsnsim.base.time_limit import limited, time_limit
 from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation

@@ -7,220 +7,103 @@ The modules are imported at first use. The names are stable; the modules behind 
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING
 
-from wsnsim.base.errors import did_you_mean
+from wsnsim.base.facades import facade
 
 if TYPE_CHECKING:
-    from wsnsim.base.arrays import Bools, Floats, Ints, Keys
-    from wsnsim.base.clustering import AppointingPolicy, ClusterPolicy, MovingPolicy, SeesGeometry
-    from wsnsim.base.deployment import Deployment, Field
-    from wsnsim.base.errors import Issue
-    from wsnsim.base.estimate import Estimate, Innovation
-    from wsnsim.base.faults import FaultEvent
-    from wsnsim.base.frames import Burst, MacFrame, OfferedFrame
-    from wsnsim.base.gathered import Gathered
+    # fmt: off
+    # isort: off
+    from wsnsim.base.arrays import Bools as Bools, Floats as Floats, Ints as Ints, Keys as Keys
+    from wsnsim.base.clustering import (
+        AppointingPolicy as AppointingPolicy, Appointment as Appointment, ClusterPolicy as ClusterPolicy,
+        MovingPolicy as MovingPolicy, NearNodes as NearNodes, Outlook as Outlook, SeesGeometry as SeesGeometry,
+    )
+    from wsnsim.base.errors import Issue as Issue
+    from wsnsim.base.estimate import Estimate as Estimate, Innovation as Innovation
+    from wsnsim.base.frames import Burst as Burst, MacFrame as MacFrame, OfferedFrame as OfferedFrame
     from wsnsim.base.mac_mechanisms import (
-        ExpectsMembers,
-        FollowsRestarts,
-        Fragmenter,
-        KeepsIdleSlots,
-        Listening,
-        MacMechanism,
-        MacServices,
-        OnAir,
-        SharedChannel,
-        Signal,
-        StartsMac,
-        UsesShortInterval,
+        ExpectsMembers as ExpectsMembers, FollowsRestarts as FollowsRestarts, Fragmenter as Fragmenter,
+        KeepsIdleSlots as KeepsIdleSlots, Listening as Listening,
+        MacMechanism as MacMechanism, MacServices as MacServices, OnAir as OnAir, SharedChannel as SharedChannel,
+        Signal as Signal, StartsMac as StartsMac, UsesShortInterval as UsesShortInterval,
     )
     from wsnsim.base.mechanisms import (
-        FaultMechanism,
-        FaultServices,
-        NodeServices,
-        SensorDefect,
-        StartsFault,
-        StartsWakeUp,
-        StartsWorkload,
-        WakeUpMechanism,
-        WakeUpServices,
-        WorkloadMechanism,
-        WorkloadServices,
+        FaultMechanism as FaultMechanism, FaultServices as FaultServices, NodeServices as NodeServices,
+        SensorDefect as SensorDefect,
+        StartsFault as StartsFault, StartsWakeUp as StartsWakeUp, StartsWorkload as StartsWorkload,
+        WakeUpMechanism as WakeUpMechanism, WakeUpServices as WakeUpServices, WorkloadMechanism as WorkloadMechanism,
+        WorkloadServices as WorkloadServices,
     )
-    from wsnsim.base.medium_access import FramedMac, Mac, Packing
+    from wsnsim.base.medium_access import (
+        DutyCycledMac as DutyCycledMac, FramedMac as FramedMac, GivesTurns as GivesTurns, KnowsLatency as KnowsLatency,
+        Latency as Latency, Mac as Mac, Packing as Packing, RadioDuty as RadioDuty, SwitchesRadio as SwitchesRadio,
+    )
+    from wsnsim.base.network_ports import (
+        Deployment as Deployment, FaultEvent as FaultEvent, Field as Field, HasSeveralSinks as HasSeveralSinks,
+        Routing as Routing, Sink as Sink, Workload as Workload,
+    )
     from wsnsim.base.optional_ports import (
-        Announces,
-        ConstantGaussian,
-        Continuous,
-        Detects,
-        Drifts,
-        ForecastsSuccession,
-        Foresees,
-        HasHeights,
-        Informs,
-        IsShadowed,
-        LimitsReadings,
-        LinearGaussian,
-        MeasuresEnergy,
-        MovesInSpace,
-        NamesNodes,
-        Portable,
-        Ranks,
-        RecordedFile,
-        Recording,
-        Replays,
-        ReportsState,
-        Snapshots,
-        VectorReadings,
+        Announces as Announces, ConstantGaussian as ConstantGaussian, Continuous as Continuous, Detects as Detects,
+        Drifts as Drifts, ForecastsSuccession as ForecastsSuccession, Foresees as Foresees, HasHeights as HasHeights,
+        Informs as Informs, IsShadowed as IsShadowed, LimitsReadings as LimitsReadings,
+        LinearGaussian as LinearGaussian, MeasuresEnergy as MeasuresEnergy, MovesInSpace as MovesInSpace,
+        NamesNodes as NamesNodes, Portable as Portable, Ranks as Ranks, RecordedFile as RecordedFile,
+        Recording as Recording, Replays as Replays, ReportsState as ReportsState, Snapshots as Snapshots,
+        VectorReadings as VectorReadings,
     )
-    from wsnsim.base.outlook import Appointment, NearNodes, Outlook
-    from wsnsim.base.part import OfRole, Quantity, part
-    from wsnsim.base.ports import Acquire, Detection, KnownNodes, MotionModel, PriorModel, Scene, SensorModel, Tracker
+    from wsnsim.base.part import OfRole as OfRole, part as part, Quantity as Quantity
+    from wsnsim.base.ports import (
+        Acquire as Acquire, Detection as Detection, KnownNodes as KnownNodes, MotionModel as MotionModel,
+        PriorModel as PriorModel, Scene as Scene, SensorModel as SensorModel, Tracker as Tracker,
+    )
     from wsnsim.base.radio import (
-        Clock,
-        ContinuousPower,
-        Cpu,
-        EnergyModel,
-        LinkModel,
-        Mode,
-        ModePower,
-        StartsWithOffsets,
+        BurstyLosses as BurstyLosses, Clock as Clock, ContinuousPower as ContinuousPower, Cpu as Cpu,
+        EnergyModel as EnergyModel, HeardLinks as HeardLinks, LinkModel as LinkModel, Mode as Mode,
+        ModePower as ModePower, RecordsLinks as RecordsLinks, StartsWithOffsets as StartsWithOffsets,
     )
-    from wsnsim.base.radio_duty import DutyCycledMac, GivesTurns, KnowsLatency, Latency, RadioDuty, SwitchesRadio
-    from wsnsim.base.recorded_links import BurstyLosses, HeardLinks, RecordsLinks
-    from wsnsim.base.recorders import Recorder, Words
     from wsnsim.base.requests import (
-        PACKET_BITS,
-        Broadcast,
-        Compute,
-        Delivery,
-        Flow,
-        Gather,
-        GatheredReadings,
-        GatherReadings,
-        Local,
-        Member,
-        Parcel,
-        Scatter,
-        Send,
+        Broadcast as Broadcast, Compute as Compute, Delivery as Delivery, Flow as Flow, Gather as Gather,
+        Gathered as Gathered, GatheredReadings as GatheredReadings, GatherReadings as GatherReadings, Local as Local,
+        Member as Member, PACKET_BITS as PACKET_BITS, Parcel as Parcel, Scatter as Scatter, Send as Send,
     )
-    from wsnsim.base.rng import Streams, derive, derive_all, normals, uniforms
-    from wsnsim.base.routing import Routing
-    from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup, TrackingSetup
+    from wsnsim.base.rng import (
+        derive as derive, derive_all as derive_all, normals as normals, Streams as Streams, uniforms as uniforms,
+    )
+    from wsnsim.base.setups import (
+        BeaconSetup as BeaconSetup, NetworkSetup as NetworkSetup, RadioSetup as RadioSetup, Setup as Setup,
+        TrackingSetup as TrackingSetup,
+    )
     from wsnsim.base.sleeping import (
-        Decision,
-        SleepSchedule,
-        WakeUp,
-        WakeUpMessage,
-        WakeUpPlan,
-        WakeUpRadio,
-        WakeUpRound,
+        Decision as Decision, SleepSchedule as SleepSchedule, WakeUp as WakeUp, WakeUpMessage as WakeUpMessage,
+        WakeUpPlan as WakeUpPlan, WakeUpRadio as WakeUpRadio, WakeUpRound as WakeUpRound,
     )
-    from wsnsim.base.standalone import BlockEstimates, StandaloneBlock, StandaloneRun, WholeRuns
-    from wsnsim.base.synchronisation import StartsSync, SyncMechanism, SyncServices, TimeSync
-    from wsnsim.base.vector_readings import near, rows
-    from wsnsim.base.workloads import HasSeveralSinks, Sink, Workload
-    from wsnsim.models.access import Framed
-    from wsnsim.models.appointed import Appointed
-    from wsnsim.models.csvfile import demand_digest
-    from wsnsim.models.faults import Aimed
-    from wsnsim.models.wakeup import Region
-    from wsnsim.trackers.shared.dealing import Arrival, Pool, send_moments
+    from wsnsim.base.standalone import (
+        BlockEstimates as BlockEstimates, StandaloneBlock as StandaloneBlock, StandaloneRun as StandaloneRun,
+        WholeRuns as WholeRuns,
+    )
+    from wsnsim.base.synchronisation import (
+        StartsSync as StartsSync, SyncMechanism as SyncMechanism, SyncServices as SyncServices, TimeSync as TimeSync,
+    )
+    from wsnsim.base.tables import Recorder as Recorder, Words as Words
+    from wsnsim.base.vector_readings import near as near, rows as rows
+    from wsnsim.models.access import Framed as Framed
+    from wsnsim.models.appointed import Appointed as Appointed
+    from wsnsim.models.csvfile import demand_digest as demand_digest
+    from wsnsim.models.faults import Aimed as Aimed
+    from wsnsim.models.wakeup import Region as Region
+    from wsnsim.trackers.shared.dealing import Arrival as Arrival, Pool as Pool, send_moments as send_moments
     from wsnsim.trackers.shared.heads import (
-        CloudBelief,
-        GaussianBelief,
-        HeadCloud,
-        HeadFilter,
-        Prediction,
-        only_predicted,
+        CloudBelief as CloudBelief, GaussianBelief as GaussianBelief, HeadCloud as HeadCloud, HeadFilter as HeadFilter,
+        only_predicted as only_predicted, Prediction as Prediction,
     )
-    from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate
-    from wsnsim.trackers.shared.moments import forecast, fused_by_variance, predicted, symmetric
-    from wsnsim.trackers.shared.parcels import moment_packets, parcel, state_packets
-    from wsnsim.trackers.shared.readings import Evidence, gather_readings, reading_parcel
+    from wsnsim.trackers.shared.kalman import kalman_estimate as kalman_estimate, KalmanBelief as KalmanBelief
+    from wsnsim.trackers.shared.moments import (
+        forecast as forecast, fused_by_variance as fused_by_variance, predicted as predicted, symmetric as symmetric,
+    )
+    from wsnsim.trackers.shared.readings import (
+        Evidence as Evidence, gather_readings as gather_readings, moment_packets as moment_packets, parcel as parcel,
+        reading_parcel as reading_parcel, state_packets as state_packets,
+    )
 
-HOMES: Final = {
-    "wsnsim.base.arrays": "Bools Floats Ints Keys",
-    "wsnsim.base.clustering": "AppointingPolicy ClusterPolicy MovingPolicy SeesGeometry",
-    "wsnsim.base.deployment": "Deployment Field",
-    "wsnsim.base.errors": "Issue",
-    "wsnsim.base.estimate": "Estimate Innovation",
-    "wsnsim.base.faults": "FaultEvent",
-    "wsnsim.base.frames": "Burst MacFrame OfferedFrame",
-    "wsnsim.base.gathered": "Gathered",
-    "wsnsim.base.mac_mechanisms": "ExpectsMembers FollowsRestarts Fragmenter KeepsIdleSlots Listening MacMechanism "
-    "MacServices OnAir SharedChannel Signal StartsMac UsesShortInterval",
-    "wsnsim.base.mechanisms": "FaultMechanism FaultServices NodeServices SensorDefect StartsFault StartsWakeUp "
-    "StartsWorkload WakeUpMechanism WakeUpServices WorkloadMechanism WorkloadServices",
-    "wsnsim.base.medium_access": "FramedMac Mac Packing",
-    "wsnsim.base.optional_ports": "Announces ConstantGaussian Continuous Detects Drifts ForecastsSuccession "
-    "Foresees HasHeights Informs IsShadowed LimitsReadings LinearGaussian "
-    "MeasuresEnergy MovesInSpace NamesNodes Portable Ranks RecordedFile "
-    "Recording Replays ReportsState Snapshots VectorReadings",
-    "wsnsim.base.outlook": "Appointment NearNodes Outlook",
-    "wsnsim.base.part": "OfRole Quantity part",
-    "wsnsim.base.ports": "Acquire Detection KnownNodes MotionModel PriorModel Scene SensorModel Tracker",
-    "wsnsim.base.radio": "Clock ContinuousPower Cpu EnergyModel LinkModel Mode ModePower StartsWithOffsets",
-    "wsnsim.base.radio_duty": "DutyCycledMac GivesTurns KnowsLatency Latency RadioDuty SwitchesRadio",
-    "wsnsim.base.recorded_links": "BurstyLosses HeardLinks RecordsLinks",
-    "wsnsim.base.recorders": "Recorder Words",
-    "wsnsim.base.requests": "PACKET_BITS Broadcast Compute Delivery Flow Gather GatherReadings "
-    "GatheredReadings Local Member Parcel Scatter Send",
-    "wsnsim.base.rng": "Streams derive derive_all normals uniforms",
-    "wsnsim.base.routing": "Routing",
-    "wsnsim.base.setups": "BeaconSetup NetworkSetup RadioSetup Setup TrackingSetup",
-    "wsnsim.base.sleeping": "Decision SleepSchedule WakeUp WakeUpMessage WakeUpPlan WakeUpRadio WakeUpRound",
-    "wsnsim.base.standalone": "BlockEstimates StandaloneBlock StandaloneRun WholeRuns",
-    "wsnsim.base.synchronisation": "StartsSync SyncMechanism SyncServices TimeSync",
-    "wsnsim.base.vector_readings": "near rows",
-    "wsnsim.base.workloads": "HasSeveralSinks Sink Workload",
-    "wsnsim.models.access": "Framed",
-    "wsnsim.models.appointed": "Appointed",
-    "wsnsim.models.csvfile": "demand_digest",
-    "wsnsim.models.faults": "Aimed",
-    "wsnsim.models.wakeup": "Region",
-    "wsnsim.trackers.shared.dealing": "Arrival Pool send_moments",
-    "wsnsim.trackers.shared.heads": "CloudBelief GaussianBelief HeadCloud HeadFilter Prediction only_predicted",
-    "wsnsim.trackers.shared.kalman": "KalmanBelief kalman_estimate",
-    "wsnsim.trackers.shared.moments": "forecast fused_by_variance predicted symmetric",
-    "wsnsim.trackers.shared.parcels": "moment_packets parcel state_packets",
-    "wsnsim.trackers.shared.readings": "Evidence gather_readings reading_parcel",
-}
-"""The names that each module gives."""
-__all__ = [
-    "PACKET_BITS", "Acquire", "Aimed", "Announces", "Appointed", "AppointingPolicy", "Appointment", "Arrival",
-    "BeaconSetup", "BlockEstimates", "Bools", "Broadcast", "Burst", "BurstyLosses", "Clock", "CloudBelief",
-    "ClusterPolicy", "Compute", "ConstantGaussian", "Continuous", "ContinuousPower", "Cpu", "Decision",
-    "Delivery", "Deployment", "Detection", "Detects", "Drifts", "DutyCycledMac", "EnergyModel", "Estimate",
-    "Evidence", "ExpectsMembers", "FaultEvent", "FaultMechanism", "FaultServices", "Field", "Floats", "Flow",
-    "FollowsRestarts", "ForecastsSuccession", "Foresees", "Fragmenter", "Framed", "FramedMac", "Gather",
-    "GatherReadings", "Gathered", "GatheredReadings", "GaussianBelief", "GivesTurns", "HasHeights", "HasSeveralSinks",
-    "HeadCloud", "HeadFilter", "HeardLinks", "Informs", "Innovation", "Ints", "IsShadowed",
-    "Issue", "KalmanBelief", "KeepsIdleSlots", "Keys", "KnownNodes", "KnowsLatency", "Latency", "LimitsReadings",
-    "LinearGaussian", "LinkModel", "Listening", "Local", "Mac", "MacFrame", "MacMechanism", "MacServices",
-    "MeasuresEnergy", "Member", "Mode", "ModePower", "MotionModel", "MovesInSpace", "MovingPolicy",
-    "NamesNodes", "NearNodes", "NetworkSetup", "NodeServices", "OfRole", "OfferedFrame", "OnAir", "Outlook", "Packing",
-    "Parcel", "Pool", "Portable", "Prediction", "PriorModel", "Quantity", "RadioDuty", "RadioSetup", "Ranks",
-    "RecordedFile", "Recorder", "Recording", "RecordsLinks", "Region", "Replays", "ReportsState", "Routing",
-    "Scatter", "Scene", "SeesGeometry", "Send", "SensorDefect", "SensorModel", "Setup", "SharedChannel",
-    "Signal", "Sink", "SleepSchedule", "Snapshots", "StandaloneBlock", "StandaloneRun", "StartsFault",
-    "StartsMac", "StartsSync", "StartsWakeUp", "StartsWithOffsets", "StartsWorkload", "Streams",
-    "SwitchesRadio", "SyncMechanism", "SyncServices", "TimeSync", "Tracker", "TrackingSetup", "UsesShortInterval",
-    "VectorReadings", "WakeUp", "WakeUpMechanism", "WakeUpMessage", "WakeUpPlan", "WakeUpRadio", "WakeUpRound",
-    "WakeUpServices", "WholeRuns", "Words", "Workload", "WorkloadMechanism", "WorkloadServices", "demand_digest",
-    "derive", "derive_all", "forecast", "fused_by_variance", "gather_readings", "kalman_estimate", "moment_packets",
-    "near", "normals", "only_predicted", "parcel", "part", "predicted", "reading_parcel", "rows",
-    "send_moments", "state_packets", "symmetric", "uniforms",
-]  # fmt: skip
-
-
-def __getattr__(name: str) -> Any:
-    home = next((module for module, names in HOMES.items() if name in names.split()), None)
-    if home is None:
-        raise AttributeError(f"module 'wsnsim.plugins' has no attribute {name!r} ({did_you_mean(name, __all__)})")
-    return getattr(importlib.import_module(home), name)
-
-
-def __dir__() -> list[str]:
-    return list(__all__)
+__getattr__, __dir__ = facade(__name__)

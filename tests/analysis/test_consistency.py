@@ -21,7 +21,7 @@ from wsnsim.base.ports import Estimate
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import METRICS, Memory, columns_of, product_unit
 from wsnsim.experiment import replicate_of
-from wsnsim.models.linear_sensing import Coordinate
+from wsnsim.models.sensing import Coordinate
 from wsnsim.report.svg_figures import svg_figures
 from wsnsim.scenario import build, load
 

@@ -18,8 +18,7 @@ import pytest
 
 import wsnsim
 from wsnsim.base import border, clustering, mac_mechanisms, ports, radio, sleeping, synchronisation
-from wsnsim.base.border import checked
-from wsnsim.base.checked_services import CheckedServices
+from wsnsim.base.border import CheckedServices, checked
 from wsnsim.base.contained import contained
 from wsnsim.base.errors import PluginAnswerError, RunError, UsageError
 from wsnsim.base.estimate import Estimate

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from wsnsim.base.errors import did_you_mean, nearest
-from wsnsim.base.synonyms import SYNONYMS, meant_by
+from wsnsim.base.synonyms import meant_by, synonyms
 from wsnsim.base.tables import TABLES
 from wsnsim.cli import main
 from wsnsim.cli.shared import group
@@ -68,7 +68,7 @@ def test_every_name_in_the_tables_is_a_kind_a_key_a_command_or_a_column() -> Non
             columns = getattr(part, "columns", ())
             names |= {row.kind, *names_of(part), *(columns if isinstance(columns, tuple) else ())}
     names |= {column.name for columns in TABLES.values() for column in columns}
-    meant = {name for candidates in SYNONYMS.values() for name in candidates}
+    meant = {name for candidates in synonyms().values() for name in candidates}
     assert meant <= names, sorted(meant - names)
 
 

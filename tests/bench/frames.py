@@ -1,4 +1,4 @@
-"""Frames on the air and their receivers, as arguments of the kernels `reception`, `charging` and `sleeping`."""
+"""Frames on the air and their receivers, as arguments of the kernels `reception` and `nodes`."""
 
 from __future__ import annotations
 

@@ -12,8 +12,7 @@ from wsnsim import scenario
 from wsnsim.cli import main
 from wsnsim.cli.kind_text import kinds_text
 from wsnsim.cli.word_info import word_text
-from wsnsim.scenario.citations import CITATIONS, OTHER_FORMS, cited_in
-from wsnsim.scenario.kind_info import KindInfo, kind_info, kinds_named
+from wsnsim.scenario.kind_info import OTHER_FORMS, KindInfo, citations, cited_in, kind_info, kinds_named
 from wsnsim.scenario.parameter_info import DIMENSIONLESS
 from wsnsim.scenario.registry import ROLES, load_class
 
@@ -232,9 +231,9 @@ def test_citations_are_found_in_every_form_in_which_the_code_cites() -> None:
     assert [one.key for one in cited_in("Heinzelman and others (2000); Li, Jiang, Zhang,\n Zhang (2012)")] == [
         "Heinzelman (2000)", "Li, Jiang, Zhang, Zhang (2012)",
     ]  # fmt: skip
-    keys = [one.key for one in CITATIONS]
+    keys = [one.key for one in citations()]
     assert len(keys) == len(set(keys))
-    assert all(re.fullmatch(r"10\.\d{4,}/\S+|", one.doi) for one in CITATIONS)
+    assert all(re.fullmatch(r"10\.\d{4,}/\S+|", one.doi) for one in citations())
     assert isinstance(kind_info("tracker", "ekf"), KindInfo)
 
 

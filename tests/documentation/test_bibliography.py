@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from tests.documentation.pages_of_docs import text
-from wsnsim.scenario.citations import CITATIONS, NOT_LOOKED_UP
+from wsnsim.scenario.kind_info import NOT_LOOKED_UP, citations
 
 PAGE = " ".join(text("docs/bibliography.md").split())
 ENTRIES = re.findall(r"- \*\*(.+?)\*\*:? (.*?)(?= - \*\*| ## |$)", PAGE)
@@ -28,7 +28,7 @@ NO_PUBLICATION = {
 def test_every_publication_that_kinds_cite_is_there_with_its_title_and_doi():
     entries = dict(ENTRIES)
     assert len(entries) == len(ENTRIES) > 60
-    for one in CITATIONS:
+    for one in citations():
         entry = entries[one.key.rstrip(":")]
         assert one.title.lower() in entry.lower(), one.key
         assert f"(https://doi.org/{one.doi})" in entry if one.doi else "doi.org" not in entry, one.key
@@ -36,10 +36,10 @@ def test_every_publication_that_kinds_cite_is_there_with_its_title_and_doi():
 
 def test_a_doi_that_nobody_looked_up_is_marked_in_the_page_and_in_the_code():
     marked = {name for name, entry in ENTRIES if f") ({NOT_LOOKED_UP})." in entry}
-    cited = {one.key.rstrip(":") for one in CITATIONS}
+    cited = {one.key.rstrip(":") for one in citations()}
     assert NOT_LOOKED_UP in PAGE.split("## ")[0] and len(marked) == 8
-    assert marked & cited == {one.key.rstrip(":") for one in CITATIONS if not one.looked_up}
-    assert all(one.text().endswith(f"doi:{one.doi} ({NOT_LOOKED_UP})") for one in CITATIONS if not one.looked_up)
+    assert marked & cited == {one.key.rstrip(":") for one in citations() if not one.looked_up}
+    assert all(one.text().endswith(f"doi:{one.doi} ({NOT_LOOKED_UP})") for one in citations() if not one.looked_up)
 
 
 def test_a_doi_stands_once_and_has_the_form_of_one():

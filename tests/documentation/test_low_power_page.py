@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from tests.network.low_power import LISTEN, SEND, joules, low_power
-from wsnsim.models.contikimac import ContikiMac
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import States
-from wsnsim.models.xmac import XMac
+from wsnsim.models.low_power_listening import ContikiMac, XMac
 
 PAGE = Path(__file__).parents[2] / "docs" / "low_power_listening.md"
 MACS = (XMac(), ContikiMac(), ContikiMac(phase_lock=False))

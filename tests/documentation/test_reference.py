@@ -14,8 +14,7 @@ from wsnsim.scenario.datasheets import datasheet
 from wsnsim.scenario.files import shipped_parts
 from wsnsim.scenario.json_schema import json_schema
 from wsnsim.scenario.kind_info import kind_info
-from wsnsim.scenario.kinds import AT_TOP
-from wsnsim.scenario.registry import ROLES
+from wsnsim.scenario.registry import AT_TOP, ROLES
 
 EXTENSIONS = Path(__file__).resolve().parents[2] / "docs" / "_ext"
 ROWS = [(role.name, row.kind) for role in ROLES.values() for row in role.kinds]

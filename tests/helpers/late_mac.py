@@ -8,8 +8,8 @@ from typing import Annotated, Any, ClassVar
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, Burst, Received
+from wsnsim.base.medium_access import Latency, RadioDuty
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.radio_duty import Latency, RadioDuty
 from wsnsim.base.rng import derive
 from wsnsim.models.access import Csma
 from wsnsim.network.radio.csma import CsmaMechanism

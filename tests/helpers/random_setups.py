@@ -11,7 +11,6 @@ from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.access import Csma, IdealMac, Tdma
 from wsnsim.models.appointed import Appointed
 from wsnsim.models.clusters import Central, StrongestSignal
-from wsnsim.models.collection import SeveralSinks
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.deploy import Uniform
 from wsnsim.models.energy import FirstOrder, States
@@ -28,6 +27,7 @@ from wsnsim.models.hardware import (
     Processor,
 )
 from wsnsim.models.links import Disk, GreedyGeographic, LogNormal, MinimumEnergy, MinimumHop
+from wsnsim.models.workloads import SeveralSinks
 
 DT = 0.04
 SIDE = 140.0

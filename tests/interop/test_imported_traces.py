@@ -14,8 +14,7 @@ import pytest
 
 import wsnsim
 from tests.helpers.commands import run_command
-from wsnsim.base.errors import RunError, UsageError, WsnsimError
-from wsnsim.base.printable import printable
+from wsnsim.base.errors import RunError, UsageError, WsnsimError, printable
 from wsnsim.interop import ns3, sumo, traces, trajectories
 from wsnsim.interop.trajectories import Placement
 from wsnsim.models.csvfile import Wanted, bad_rows_text, read_rows

@@ -9,7 +9,7 @@ from wsnsim.models.access import Csma, IdealMac, Tdma
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import FirstOrder, States
 from wsnsim.models.hardware import Frames, NearestNode, NoPacking, NoSink, Processor
-from wsnsim.models.workload import Periodic, Tracking
+from wsnsim.models.workloads import Periodic, Tracking
 
 SYMBOL = 16e-6
 TEXT = {"name": "X", "source": "a sheet"}

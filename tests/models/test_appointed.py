@@ -7,13 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wsnsim.base.clustering import SeesGeometry
+from wsnsim.base.clustering import Appointment, NearNodes, Outlook, SeesGeometry, predicted_path, steps_in
 from wsnsim.base.estimate import Estimate
-from wsnsim.base.outlook import Appointment, NearNodes, Outlook, predicted_path, steps_in
-from wsnsim.models.appointed import Appointed
+from wsnsim.models.appointed import PRIOR, Appointed, ExpectedInformation
 from wsnsim.models.clusters import MovingHead, StrongestSignal
 from wsnsim.models.energy import FirstOrder
-from wsnsim.models.expected_information import PRIOR, ExpectedInformation
 from wsnsim.models.hardware import Processor
 from wsnsim.models.links import Disk
 from wsnsim.models.motion import BoundedVelocity

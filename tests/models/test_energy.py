@@ -5,8 +5,7 @@ import math
 
 import pytest
 
-from wsnsim.base.continuous_power import continuous_power
-from wsnsim.base.radio import ContinuousPower, Mode
+from wsnsim.base.radio import ContinuousPower, Mode, continuous_power
 from wsnsim.base.setups import BeaconSetup, TrackingSetup
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import FirstOrder, FirstOrder2002, States

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wsnsim.base.rng import derive_all
-from wsnsim.models.draws import truncated_normals
+from wsnsim.models.bounds import truncated_normals
 from wsnsim.models.hardware import (
     DriftingClock,
     ImperfectDetection,

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wsnsim.base.errors import RunError
-from wsnsim.base.printable import printable
+from wsnsim.base.errors import RunError, printable
 from wsnsim.models.k7file import read_links
 from wsnsim.models.link_recording import LinkRecording
 

@@ -7,8 +7,8 @@ import pytest
 
 from wsnsim.base.rng import derive_all
 from wsnsim.base.setups import BeaconSetup
+from wsnsim.models.datasheets import bit_error, snr_at_sensitivity, snr_for, success
 from wsnsim.models.links import Disk, GreedyGeographic, LogNormal, MinimumEnergy, MinimumHop
-from wsnsim.models.modulation import bit_error, snr_at_sensitivity, snr_for, success
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
 

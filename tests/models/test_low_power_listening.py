@@ -3,8 +3,7 @@
 import pytest
 
 from tests.models.test_access import SLOW, company, issues
-from wsnsim.models.contikimac import ContikiMac
-from wsnsim.models.xmac import XMac
+from wsnsim.models.low_power_listening import ContikiMac, XMac
 
 SYMBOL = 16e-6
 

@@ -11,7 +11,8 @@ from scipy.stats import norm
 
 from wsnsim.base.ports import Detects
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
-from wsnsim.models.ranging import Range, RangeFromOrigin, Rssi
+from wsnsim.models.ranging import Range, RangeFromOrigin
+from wsnsim.models.rssi import Rssi
 
 SENSORS = {
     "range": Range(sd=0.7),

@@ -10,8 +10,7 @@ import pytest
 from wsnsim.base.errors import RunError
 from wsnsim.models.bearing import Bearing
 from wsnsim.models.ranging import Range
-from wsnsim.models.recorded_readings import ReadingColumns, RecordedSensor
-from wsnsim.models.repeated_readings import RepeatedReadings
+from wsnsim.models.recorded_readings import ReadingColumns, RecordedSensor, RepeatedReadings
 from wsnsim.models.rssi import Rssi
 
 NAN = np.nan

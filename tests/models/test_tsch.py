@@ -3,7 +3,7 @@
 import pytest
 
 from tests.models.test_access import company, issues
-from wsnsim.base.radio_duty import hop_latency
+from wsnsim.base.medium_access import hop_latency
 from wsnsim.models.hardware import DriftingClock
 from wsnsim.models.tsch import HOPPING, Tsch
 

@@ -1,7 +1,7 @@
 """A second, plain account of radios that are mostly off: it integrates the states of one node from event to event.
 
 It shares no code with `wsnsim.network.energy`: every piece of time is booked by what the radio does in it, in the words
-of `wsnsim.base.radio_duty`.
+of `wsnsim.base.medium_access`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tests.network.radio_network import RadioNetwork
+from wsnsim.base.medium_access import RadioDuty
 from wsnsim.base.radio import Mode, ModePower
-from wsnsim.base.radio_duty import RadioDuty
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.access import Csma
 

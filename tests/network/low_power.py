@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from tests.network.radio_network import RadioNetwork
 from wsnsim.base.tables import CAUSE
-from wsnsim.models.contikimac import ContikiMac
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import States
+from wsnsim.models.low_power_listening import ContikiMac
 
 TURNAROUND, ACK = 192e-6, 88 / 250e3
 LISTEN, SEND, SLEEP, SWITCHING, START, STOP = 62e-3, 57.42e-3, 66e-6, 62e-3, 1.054e-3 * 12.55e-3, 0.05e-3 * 1.4e-3

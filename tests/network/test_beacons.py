@@ -20,7 +20,7 @@ from wsnsim.models.hardware import DriftingClock, NoPacking, PerfectClock, Proce
 from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.synchronisation import NoSync
-from wsnsim.models.workload import Periodic
+from wsnsim.models.workloads import Periodic
 from wsnsim.network.workload_world import WorkloadWorld
 
 REACH, AIRTIME, TURNAROUND = 75.0, 29 * 8 / 250e3, 192e-6

@@ -14,7 +14,7 @@ from tests.network.test_channel import AIRTIME, BITS, TURNAROUND, play
 from wsnsim.base.frames import EVERYONE, MacFrame
 from wsnsim.models.deploy import Uniform
 from wsnsim.models.links import LogNormal
-from wsnsim.models.workload import Periodic
+from wsnsim.models.workloads import Periodic
 from wsnsim.network.radio.capture import CapturingReceivers
 
 HEADER, BIT = 160e-6, 4e-6

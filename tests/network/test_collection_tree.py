@@ -9,12 +9,11 @@ from wsnsim.base.frames import EVERYONE
 from wsnsim.base.tables import KIND, RECORDED_BY_DEFAULT, Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.models.access import Csma, IdealMac, Tdma
-from wsnsim.models.collection import CollectionTreeProtocol
-from wsnsim.models.contikimac import ContikiMac
 from wsnsim.models.links import Disk, LogNormal
+from wsnsim.models.low_power_listening import ContikiMac, XMac
 from wsnsim.models.sleep import DutyCycle
 from wsnsim.models.tsch import Tsch
-from wsnsim.models.xmac import XMac
+from wsnsim.models.workloads import CollectionTreeProtocol
 from wsnsim.scenario import build, load
 
 LINE = [(60.0 * i, 0.0) for i in range(5)]

@@ -22,7 +22,7 @@ from tests.network.low_power import (
 )
 from wsnsim.base.frames import EVERYONE, full_burst
 from wsnsim.base.requests import Parcel
-from wsnsim.models.contikimac import ContikiMac
+from wsnsim.models.low_power_listening import ContikiMac
 
 T_R, T_C, T_I = 192e-6, 500e-6, 400e-6
 FRAME = 29 * 8 / 250e3

@@ -24,9 +24,9 @@ from tests.network.duty_cycled_radios import (
 )
 from tests.network.radio_network import RadioNetwork
 from wsnsim.base.frames import MacFrame
+from wsnsim.base.medium_access import RadioDuty
 from wsnsim.base.part import part
 from wsnsim.base.radio import Mode
-from wsnsim.base.radio_duty import RadioDuty
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.models.access import Csma

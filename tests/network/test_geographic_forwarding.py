@@ -11,8 +11,8 @@ from tests.network.tree_network import TreeNetwork, grid
 from wsnsim.base.frames import Burst
 from wsnsim.base.requests import Parcel
 from wsnsim.models.access import Csma, IdealMac
-from wsnsim.models.collection import CollectionTreeProtocol
 from wsnsim.models.links import LogNormal
+from wsnsim.models.workloads import CollectionTreeProtocol
 from wsnsim.network.node_states import Places
 from wsnsim.network.radio.collection_tree import PLACE_HEADER
 from wsnsim.network.radio.datagrams import Datagram, Journey

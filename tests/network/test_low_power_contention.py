@@ -13,8 +13,7 @@ from tests.network import plain_contikimac, plain_xmac
 from tests.network.low_power import LISTEN, SEND, TURNAROUND, joules, low_power, phases
 from wsnsim.base.frames import full_burst
 from wsnsim.base.requests import PACKET_BITS, Parcel
-from wsnsim.models.contikimac import ContikiMac
-from wsnsim.models.xmac import XMac
+from wsnsim.models.low_power_listening import ContikiMac, XMac
 
 SECONDS, INTERVAL = 20.0, 0.125
 CELLS = [(XMac, 3, 1.0), (XMac, 8, 1.0), (ContikiMac, 3, 1.0), (ContikiMac, 8, 2.0)]

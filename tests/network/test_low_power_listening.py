@@ -8,12 +8,11 @@ from hypothesis import strategies as st
 from tests.network.low_power import CC2420, IN_IDLE, LISTEN, PAIR, PROCESSOR, joules, low_power, phases, spent
 from wsnsim.base.frames import EVERYONE, full_burst
 from wsnsim.base.requests import PACKET_BITS, Parcel
-from wsnsim.models.contikimac import ContikiMac
 from wsnsim.models.energy import FirstOrder, States
 from wsnsim.models.hardware import DriftingClock, Frames, NoPacking, PerfectClock
 from wsnsim.models.links import Disk, LogNormal
+from wsnsim.models.low_power_listening import ContikiMac, XMac
 from wsnsim.models.sleep import DutyCycle, EventWake, RandomIndependent
-from wsnsim.models.xmac import XMac
 
 BOTH = pytest.mark.parametrize("kind", [XMac, ContikiMac])
 INTERVAL = 0.125

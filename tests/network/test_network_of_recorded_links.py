@@ -20,7 +20,7 @@ from tests.models.test_recorded_links import second_half
 from tests.network.radio_network import RadioNetwork
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.frames import EVERYONE, OfferedFrame, full_burst
-from wsnsim.base.recorded_links import BurstyLosses
+from wsnsim.base.radio import BurstyLosses
 from wsnsim.base.requests import Parcel
 from wsnsim.base.rng import derive_all
 from wsnsim.base.tables import KIND, RECORDED_BY_DEFAULT, Memory

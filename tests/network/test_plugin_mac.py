@@ -13,9 +13,8 @@ from wsnsim.base.frames import OfferedFrame
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.rng import derive, uniforms
 from wsnsim.models.access import Csma, Framed, IdealMac, Tdma
-from wsnsim.models.contikimac import ContikiMac
+from wsnsim.models.low_power_listening import ContikiMac, XMac
 from wsnsim.models.tsch import Tsch
-from wsnsim.models.xmac import XMac
 from wsnsim.scenario.registry import kinds
 from wsnsim.testing import check_mac
 

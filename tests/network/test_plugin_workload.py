@@ -10,7 +10,7 @@ import pytest
 import wsnsim
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.part import Quantity, part
-from wsnsim.models.workload import Periodic
+from wsnsim.models.workloads import Periodic
 from wsnsim.testing import check_workload
 
 HERE = "tests.network.test_plugin_workload"

@@ -8,7 +8,7 @@ import pytest
 import wsnsim
 from tests.helpers.centroid_network import Centroid, Run, network_setup, passing, standing
 from wsnsim.base.initial_conditions import sample_initial_conditions
-from wsnsim.base.packet_joules import PacketJoules
+from wsnsim.base.radio import PacketJoules
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import Streams
 from wsnsim.models.clusters import Central, StrongestSignal

@@ -26,8 +26,8 @@ from tests.network.low_power import (
 )
 from wsnsim.base.frames import EVERYONE, full_burst
 from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.models.low_power_listening import XMac
 from wsnsim.models.sleep import DutyCycle
-from wsnsim.models.xmac import XMac
 
 STROBE, GAP = 17 * 8 / 250e3, 864e-6 + TURNAROUND
 PERIOD, WINDOW = STROBE + GAP, 2 * STROBE + GAP

@@ -9,7 +9,7 @@ import simpy
 
 from tests.network.radio_network import RadioNetwork
 from wsnsim.base.requests import PACKET_BITS, Parcel
-from wsnsim.models.collection import CollectionTreeProtocol
+from wsnsim.models.workloads import CollectionTreeProtocol
 from wsnsim.network.radio.collection_tree import CollectionTree
 from wsnsim.network.radio.datagrams import A_SINK, Datagram, Hops
 from wsnsim.network.radio.radio_stack import RadioStack

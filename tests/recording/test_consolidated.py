@@ -120,10 +120,10 @@ def test_files_that_may_still_change_unnoticed_are_not_kept(tmp_path, files, mon
 
 
 def test_files_with_other_columns_are_not_put_together(tmp_path, files, monkeypatch, states, rows_of):
-    from wsnsim.base import table_columns
+    from wsnsim.base import tables
 
     with monkeypatch.context() as patch:
-        patch.setitem(table_columns.TABLES, "runs", table_columns.TABLES["runs"][:-1])
+        patch.setitem(tables.TABLES, "runs", tables.TABLES["runs"][:-1])
         with ResultFile(tmp_path / "point" / "old.h5", states, {"runs": True}) as file:
             file.write("runs", rows_of("runs", 5))
     assert read_consolidated(tmp_path, "runs", [*files, tmp_path / "point" / "old.h5"]) is None

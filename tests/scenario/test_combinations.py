@@ -9,7 +9,7 @@ from wsnsim import load
 from wsnsim.base.errors import ScenarioError
 from wsnsim.experiment import simulate_run
 from wsnsim.scenario import build
-from wsnsim.scenario.combinations import RULES
+from wsnsim.scenario.abilities import RULES
 
 HOP = LateCsma(interval=0.5).latency(96).unicast
 

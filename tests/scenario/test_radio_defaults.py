@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from wsnsim.base.errors import ScenarioError
-from wsnsim.base.radio_duty import off_time
+from wsnsim.base.medium_access import off_time
 from wsnsim.models.access import Csma
 from wsnsim.scenario.build import build, resolved
 from wsnsim.scenario.datasheets import datasheet

@@ -20,10 +20,9 @@ from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.offline.loopback import perform
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.cuckoo_pf import CuckooPf, ImprovedCuckooPf
-from wsnsim.trackers.shared import nests
+from wsnsim.trackers import cuckoo_pf
+from wsnsim.trackers.cuckoo_pf import FLIGHT, NEST, CuckooPf, Generation, ImprovedCuckooPf, Search, hunt, walk
 from wsnsim.trackers.shared.heads import keys_of
-from wsnsim.trackers.shared.nests import FLIGHT, NEST, Generation, Search, hunt, walk
 
 BOTH = (CuckooPf, ImprovedCuckooPf)
 VARIANTS = ("literal", "resample_first", "metropolis")
@@ -175,15 +174,15 @@ def test_the_walk_leaves_the_product_of_the_targets_as_it_is(plan: Search, parti
 def test_that_check_would_notice_a_missing_hastings_ratio(
     monkeypatch: pytest.MonkeyPatch, particles: int, clouds: int
 ) -> None:
-    honest = nests.fly_cuckoos
-    monkeypatch.setattr(nests, "fly_cuckoos", lambda *given: (honest(*given)[0], np.zeros(given[0].shape[1])))
+    honest = cuckoo_pf.fly_cuckoos
+    monkeypatch.setattr(cuckoo_pf, "fly_cuckoos", lambda *given: (honest(*given)[0], np.zeros(given[0].shape[1])))
     assert least_p(whitened_after_a_walk(PLANS["fixed"], particles, clouds)) < 1e-9
 
 
 @pytest.mark.thorough
 def test_that_check_would_notice_a_best_nest_that_depends_on_who_moves(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where all five nests, the mover's own too, may be the best, the walk is no longer invariant."""
-    honest = nests._advance
+    """Where all five cuckoo_pf, the mover's own too, may be the best, the walk is no longer invariant."""
+    honest = cuckoo_pf._advance
 
     def selfish(mine: Any, others: Any, *more: Any) -> None:
         both = {
@@ -192,7 +191,7 @@ def test_that_check_would_notice_a_best_nest_that_depends_on_who_moves(monkeypat
         }
         honest(mine, SimpleNamespace(**both), *more)
 
-    monkeypatch.setattr(nests, "_advance", selfish)
+    monkeypatch.setattr(cuckoo_pf, "_advance", selfish)
     assert least_p(whitened_after_a_walk(PLANS["fixed"], 5, 1500)) < 1e-9
 
 

@@ -11,11 +11,12 @@ from tests.helpers.range_cluster import Chase, asked, straight
 from wsnsim.base.requests import Compute, Send
 from wsnsim.kernels.grey import equal_intervals, forecast
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
-from wsnsim.models.ranging import Range, Rssi
+from wsnsim.models.ranging import Range
+from wsnsim.models.rssi import Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.grey import GreyTracking, grey_cycles, line_cycles
-from wsnsim.trackers.shared.localising import fix_cycles
+from wsnsim.trackers.shared.fixes import fix_cycles
 
 PLACES = [(0.0, 0.0), (40.0, 10.0), (10.0, 45.0), (50.0, 50.0), (-20.0, 30.0)]
 PATH = straight((5.0, 10.0), (3.0, 1.5), 12, 2.0)

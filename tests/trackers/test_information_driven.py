@@ -13,11 +13,10 @@ from wsnsim.base.requests import Broadcast, Delivery, Gather, Member, Send, all_
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.models.bearing import Bearing
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
-from wsnsim.models.linear_sensing import Coordinate
 from wsnsim.models.mobility import CoordinatedTurn
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range
-from wsnsim.models.sensing import AcousticEnergy
+from wsnsim.models.sensing import AcousticEnergy, Coordinate
 from wsnsim.offline.loopback import perfect, perform, silent
 from wsnsim.testing import Table, check_tracker
 from wsnsim.testing.table import FIRST

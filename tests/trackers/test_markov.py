@@ -10,11 +10,12 @@ import pytest
 from tests.helpers.range_cluster import Chase, asked, straight
 from wsnsim.base.requests import Compute
 from wsnsim.models.linear import ConstantAcceleration
-from wsnsim.models.ranging import Range, Rssi
+from wsnsim.models.ranging import Range
+from wsnsim.models.rssi import Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.markov import TwoPhase
-from wsnsim.trackers.shared.localising import fix_cycles, least_squares
+from wsnsim.trackers.shared.fixes import fix_cycles, least_squares
 
 PLACES = [(0.0, 0.0), (40.0, 10.0), (10.0, 45.0), (50.0, 50.0)]
 PATH = straight((5.0, 10.0), (3.0, 1.5), 8, 2.0)

@@ -17,11 +17,12 @@ from tests.helpers.thorough import thorough
 from wsnsim.base.errors import RunError
 from wsnsim.base.requests import Compute
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
-from wsnsim.models.ranging import Range, Rssi
+from wsnsim.models.ranging import Range
+from wsnsim.models.rssi import Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.mixture_pf import MixturePf, new_course
-from wsnsim.trackers.shared.localising import fix_cycles, fixed, usable
+from wsnsim.trackers.shared.fixes import fix_cycles, fixed, usable
 from wsnsim.trackers.shared.readings import Evidence
 
 PLACES = [(0.0, 0.0), (40.0, 10.0), (10.0, 45.0), (50.0, 50.0)]

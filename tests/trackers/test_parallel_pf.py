@@ -8,7 +8,7 @@ import pytest
 from tests.helpers.linear_cluster import Cluster, against_kalman, sent
 from tests.helpers.losses import losing
 from wsnsim.base.requests import Delivery, Gather, Scatter
-from wsnsim.kernels.allocation import allocate
+from wsnsim.kernels.particles import allocate
 from wsnsim.offline.loopback import silent
 from wsnsim.trackers.parallel_pf import COUNTS, ParallelPf, replicate
 from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, present

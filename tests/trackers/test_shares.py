@@ -7,13 +7,13 @@ import pytest
 
 from tests.helpers.linear_cluster import Cluster
 from wsnsim.base.requests import Delivery, Member
-from wsnsim.kernels.swarm_move import move_own
+from wsnsim.kernels.swarm import move_own
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.trackers.pso_mhpf import PsoMhpf
 from wsnsim.trackers.shared import swarms
 from wsnsim.trackers.shared.dealing import give
-from wsnsim.trackers.shared.parcels import particles_parcel
+from wsnsim.trackers.shared.readings import particles_parcel
 from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, Shares, keep, settle
 
 

@@ -15,11 +15,9 @@ from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.ranging import Range
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.ckf import CubatureKalman
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.shared.readings import Evidence
-from wsnsim.trackers.shared.sigma_points import points, predicted, updated
-from wsnsim.trackers.ukf import UnscentedKalman
+from wsnsim.trackers.sigma_points import CubatureKalman, UnscentedKalman, points, predicted, updated
 
 EVERY = [
     UnscentedKalman(),

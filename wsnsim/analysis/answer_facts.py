@@ -16,9 +16,9 @@ import wsnsim.scenario as scenarios
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.stored_arrays import position_unit
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.columns import CAUSES
 from wsnsim.base.results import Report
 from wsnsim.base.setups import TrackingSetup
+from wsnsim.base.tables import CAUSES
 from wsnsim.recording import read_table, tables
 
 Table = Mapping[str, Any]

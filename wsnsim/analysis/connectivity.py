@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.recorded_links import RecordsLinks
+from wsnsim.base.radio import RecordsLinks
 from wsnsim.base.setups import BeaconSetup, NetworkSetup
 
 MOST: Final = 20_000

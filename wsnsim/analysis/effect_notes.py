@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.errors import RunError
-from wsnsim.base.faults import FaultEvent
 from wsnsim.base.initial_conditions import sample_positions
+from wsnsim.base.network_ports import FaultEvent
 from wsnsim.base.rng import Streams, derive
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
 from wsnsim.network.fault_services import ROUNDING

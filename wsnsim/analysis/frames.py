@@ -14,8 +14,7 @@ import pandas as pd
 
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.data_frames import read_file, stacked
-from wsnsim.base.errors import ResultError, UsageError
-from wsnsim.base.shown_value import shown_value
+from wsnsim.base.errors import ResultError, UsageError, shown_value
 from wsnsim.base.tables import TABLES
 from wsnsim.recording import table_names
 

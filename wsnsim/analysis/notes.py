@@ -18,8 +18,7 @@ from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.setup_notes import of_values, window_out_of_reach
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError
-from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions, sample_positions
-from wsnsim.base.node_names import node_names
+from wsnsim.base.initial_conditions import InitialConditions, node_names, sample_initial_conditions, sample_positions
 from wsnsim.base.recorded_files import COUNTS, ROWS, provenance_of
 from wsnsim.base.results import Report
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup

@@ -22,13 +22,11 @@ from wsnsim.analysis.effect_notes import (
     keys_without_effect,
     parameters_without_effect,
 )
-from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.errors import RunError
 from wsnsim.base.hop_times import CAP_SHARE, is_duty_cycled
 from wsnsim.base.initial_conditions import sample_positions
 from wsnsim.base.ports import Field
-from wsnsim.base.radio import Mode
-from wsnsim.base.recorded_links import RecordsLinks
+from wsnsim.base.radio import Mode, RecordsLinks, continuous_power
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
 

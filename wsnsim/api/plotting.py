@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from wsnsim.api.result import Result
 from wsnsim.api.result_plots import ResultPlots
-from wsnsim.base.errors import UsageError
-from wsnsim.base.shown_value import shown_value
+from wsnsim.base.errors import UsageError, shown_value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,10 +15,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, final
 
-from wsnsim.api.argument_checks import file_given, result_file
+from wsnsim.api.arguments import file_given, result_file
 from wsnsim.api.result_plots import ResultPlots
 from wsnsim.base.errors import ResultError, UsageError, WsnsimError, did_you_mean
-from wsnsim.base.table_columns import TABLES
+from wsnsim.base.tables import TABLES
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Any, TypeAlias, Unpack
 
 import wsnsim.experiment as experiment
-from wsnsim.api.argument_checks import named_as_in_python, result_file
-from wsnsim.api.arguments import Changes, overrides_of
+from wsnsim.api.arguments import Changes, named_as_in_python, overrides_of, result_file
 from wsnsim.api.progress import shown
 from wsnsim.api.result import Result
 from wsnsim.base.progress import Progress
 from wsnsim.base.run_numbers import run_number, run_numbers
 from wsnsim.recording.atomic_files import sole_writer
 from wsnsim.scenario import Overrides
-from wsnsim.scenario.source_checks import demand_scenario
+from wsnsim.scenario.build import demand_scenario
 
 Source: TypeAlias = Any
 """A scenario: the name of a shipped one, a file, a dict, what `load` returned, or a result file to be run again."""

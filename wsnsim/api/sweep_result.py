@@ -1,22 +1,59 @@
-"""The result of a sweep: its points, their tables, and what failed or is missing."""
+"""The result of a sweep: its points, their tables, what failed or is missing, and a comparison that shows itself.
+
+A comparison is shown as the table and sentences of `wsnsim compare`, and as HTML in a notebook.
+"""
 
 from __future__ import annotations
 
+import html
 import html as markup
 import os
 import shutil
 import weakref
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
+from wsnsim.analysis.comparison import Comparison, conclusions_of
 from wsnsim.base.errors import did_you_mean
 from wsnsim.campaign.status import CampaignOutcome
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from wsnsim.api.shown_comparison import ShownComparison
+
+@final
+@dataclass(frozen=True, repr=False)
+class ShownComparison(Comparison):
+    """A `Comparison` whose `print` shows table, conclusions and notes."""
+
+    def __str__(self) -> str:
+        from wsnsim.analysis import comparison_text
+
+        return comparison_text.text(self)
+
+    def __repr__(self) -> str:
+        return f"<Comparison {self.name}: {self.metric} of {len(self.table)} points>"
+
+    def _repr_html_(self) -> str:
+        from wsnsim.analysis import comparison_text
+
+        heads, rows = comparison_text.columns(self)
+        body = "".join(f"<tr>{_cells(row, 'td')}</tr>" for row in rows)
+        sentences = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in conclusions_of(self))
+        table = f"<table><thead><tr>{_cells(heads, 'th')}</tr></thead><tbody>{body}</tbody></table>"
+        return f"<div>{table}<ul>{sentences}</ul></div>"
+
+
+def shown_comparison(found: Comparison) -> ShownComparison:
+    """Return a comparison as one that shows itself."""
+    values: dict[str, Any] = vars(found)
+    return ShownComparison(**values)
+
+
+def _cells(texts: list[str], tag: str) -> str:
+    return "".join(f"<{tag}>{html.escape(text)}</{tag}>" for text in texts)
 
 
 @final
@@ -81,7 +118,6 @@ class SweepResult:
             ResultError: there are no results.
         """
         from wsnsim.analysis.comparison import compare
-        from wsnsim.api.shown_comparison import shown_comparison
 
         return shown_comparison(compare(self.out, metric, baseline=baseline))
 

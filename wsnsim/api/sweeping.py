@@ -11,14 +11,18 @@ from pathlib import Path
 from typing import Any, Final, Unpack
 
 from wsnsim.analysis import comparison
-from wsnsim.api.argument_checks import demand_several, demand_sweep, demand_trackers, named_as_in_python
-from wsnsim.api.arguments import Changes, overrides_of
+from wsnsim.api.arguments import (
+    Changes,
+    demand_several,
+    demand_sweep,
+    demand_trackers,
+    named_as_in_python,
+    overrides_of,
+)
 from wsnsim.api.progress import shown
-from wsnsim.api.shown_comparison import ShownComparison, shown_comparison
-from wsnsim.api.sweep_result import SweepResult
-from wsnsim.base.errors import RunError, UsageError
+from wsnsim.api.sweep_result import ShownComparison, SweepResult, shown_comparison
+from wsnsim.base.errors import RunError, UsageError, shown_value
 from wsnsim.base.run_numbers import run_count
-from wsnsim.base.shown_value import shown_value
 from wsnsim.campaign.status import CampaignOutcome, CampaignProgress
 from wsnsim.campaign.sweeping import TrackersText, needs_main_guard
 from wsnsim.campaign.sweeping import sweep as run_sweep

@@ -13,8 +13,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from wsnsim.base.errors import shown_value
 from wsnsim.base.requests import Parcel
-from wsnsim.base.shown_value import shown_value
 from wsnsim.base.vector_readings import components_of
 
 LARGEST: Final = 1e100

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from wsnsim.base.answers import cycles_fault, ids_fault, number_fault, parcel_fault, told
-from wsnsim.base.errors import PluginAnswerError
+from wsnsim.base.errors import PluginAnswerError, shown_value
 from wsnsim.base.plugin_code import code_place, line_place
 from wsnsim.base.requests import (
     Broadcast,
@@ -25,7 +25,6 @@ from wsnsim.base.requests import (
     Scatter,
     Send,
 )
-from wsnsim.base.shown_value import shown_value
 
 MOST_REQUESTS: Final = 10_000
 """Of one flow: shipped trackers make at most a few dozen. A flow with more would hardly ever end."""

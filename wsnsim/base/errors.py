@@ -1,4 +1,4 @@
-"""The errors of wsnsim, as one tree.
+r"""The errors of wsnsim, as one tree.
 
 WsnsimError                    exit code
 ├── UsageError                 2   the command line is wrong
@@ -7,18 +7,21 @@ WsnsimError                    exit code
 │   └── StorageError           1   it cannot be written, and neither can any other file of the folder
 └── RunError                   1   a simulation failed; names seed, replicate and simulated time
     └── PluginAnswerError      1   a plug-in answered otherwise than its port says
+
+Texts of files, plug-ins and names are printed with escapes (`printable`): a name such as 'x\x1b[2J' would clear the
+terminal, and bidirectional characters reorder a line.
 """
 
 from __future__ import annotations
 
 import contextlib
 import difflib
+import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from wsnsim.base.plugin_code import plugin_fault
-from wsnsim.base.printable import printable
 from wsnsim.base.synonyms import meant_by
 
 MOST_PRINTED: Final = 50
@@ -156,3 +159,48 @@ def nearest(word: str, known: Sequence[str]) -> list[str]:
 def _spelled(word: str, known: Sequence[str], cutoff: float) -> list[str]:
     near = difflib.get_close_matches(word.lower(), [name.lower() for name in known], n=1, cutoff=cutoff)
     return [next(name for name in known if name.lower() == near[0])] if near else []
+
+
+def printable(text: str) -> str:
+    """The text with every character escaped that is neither visible nor a space, a tab or the end of a line."""
+    return text if _is_plain(text) else "".join(c if _is_shown(c) else _escaped(c) for c in text)
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """The text, or its beginning and its end with '…' between them if it has more than `most` characters."""
+    return text if len(text) <= most else f"{text[: most - 10]}…{text[-9:]}"
+
+
+def printable_json(text: str) -> str:
+    """The JSON text with the same characters escaped as JSON escapes them; it holds the same values."""
+    return text if _is_plain(text) else "".join(c if _is_shown(c) else _escaped_json(c) for c in text)
+
+
+def _is_plain(text: str) -> bool:
+    """Whether nothing is escaped: a quick answer for most texts."""
+    return text.replace("\n", "").replace("\t", "").isprintable()
+
+
+def _is_shown(c: str) -> bool:
+    return c.isprintable() or c in "\n\t" or unicodedata.category(c) == "Zs"
+
+
+def _escaped(c: str) -> str:
+    return c.encode("unicode_escape").decode("ascii")
+
+
+def _escaped_json(c: str) -> str:
+    units = c.encode("utf-16-be", "surrogatepass")
+    return "".join(f"\\u{units[i]:02x}{units[i + 1]:02x}" for i in range(0, len(units), 2))
+
+
+LONGEST_VALUE: Final = 80
+"""Characters of a value in a message."""
+
+
+def shown_value(value: Any) -> str:
+    """Return a value as a message shows it: cut where it is long, and its type where it takes several lines."""
+    text = repr(value)
+    if "\n" in text:
+        return f"a {type(value).__name__}"
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 3]}..."

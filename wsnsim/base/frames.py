@@ -1,8 +1,4 @@
-"""What a MAC is given and what it sends: bursts and MAC frames.
-
-A tracker sends a `Parcel` (see `base.requests`). Its packets cross one hop as a `Burst`. The MAC sends a burst as one
-`MacFrame` or several, its fragments.
-"""
+"""Bursts, MAC frames, and the counters of a run's frames."""
 
 from __future__ import annotations
 
@@ -16,6 +12,34 @@ import numpy as np
 from wsnsim.base.arrays import Bools
 from wsnsim.base.requests import Parcel, all_arrived
 from wsnsim.base.tables import KIND
+
+
+@dataclass(slots=True)
+class Counters:
+    """Totals of one run, over all nodes.
+
+    Attributes:
+        transmissions: MAC frames on the air, acknowledgements included. The other counters leave those out.
+        frames_sent: Frames sent; on an ideal channel, bursts.
+        frames_lost: Of these, frames that did not reach every node that they were meant for.
+        packets_sent: Packets in the frames sent.
+        in_range: Receptions that were intended: one per frame and node that it was meant for.
+        delivered: Of these, receptions that succeeded.
+        collided: Of these, receptions lost because another transmission overlapped.
+        access_failures: Frames dropped because the channel was busy at every assessment.
+        retries: Frames sent again because no acknowledgement came.
+    """
+
+    transmissions: int = 0
+    frames_sent: int = 0
+    frames_lost: int = 0
+    packets_sent: int = 0
+    in_range: int = 0
+    delivered: int = 0
+    collided: int = 0
+    access_failures: int = 0
+    retries: int = 0
+
 
 EVERYONE: Final = -1
 """Destination of a broadcast."""

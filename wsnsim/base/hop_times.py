@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any, Final, NamedTuple, Protocol
 
-from wsnsim.base.radio_duty import DutyCycledMac, hop_latency
+from wsnsim.base.medium_access import DutyCycledMac, hop_latency
 from wsnsim.base.requests import PACKET_BITS
 
 LEAST_QUIET: Final = 12e-3

@@ -1,9 +1,12 @@
-"""What is random in a run before the clock starts: node positions, sensor traits, trajectories and priors."""
+"""What is random in a run before the clock starts: node positions, sensor traits, trajectories and priors.
+
+`node_names` are the names of nodes by which recorded data refer to them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,8 +14,27 @@ from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError, plugin_faults_of_run
 from wsnsim.base.ports import Continuous, Estimate, MotionModel, MovesInSpace, SensorModel
 from wsnsim.base.rng import Streams, derive_all, normals
+from wsnsim.base.sensing import HEIGHT, recorded_traits
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
-from wsnsim.base.traits import HEIGHT, recorded_traits
+
+
+def node_names(setup: Any, nodes: int | None = None) -> tuple[str, ...]:
+    """The name of each node: what the deployment calls it (`NamesNodes`), else its number.
+
+    Args:
+        setup: the scenario's setup.
+        nodes: how many nodes a run has; None: as many as its first run.
+
+    Raises:
+        RunError: the deployment cannot tell, such as a file that cannot be read.
+    """
+    named: tuple[str, ...] | None = getattr(setup.deploy, "names", None)
+    if named is not None:
+        return named
+    if nodes is None:
+        reach = setup.sensor.reach if hasattr(setup, "sensor") else setup.link.reach
+        nodes = len(setup.deploy.draw(reach, Streams(setup.seed, 0)("deploy")))
+    return tuple(map(str, range(nodes)))
 
 
 class InitialConditions(NamedTuple):

@@ -9,8 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Ints
-from wsnsim.base.counters import Counters
-from wsnsim.base.frames import Burst, MacFrame, Received
+from wsnsim.base.frames import Burst, Counters, MacFrame, Received
 from wsnsim.base.mechanisms import NodeServices
 from wsnsim.base.medium_access import FramedMac
 

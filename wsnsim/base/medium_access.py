@@ -1,8 +1,12 @@
-"""The ports of medium access control: what a MAC component, and the packing of its frames, must offer."""
+"""Ports of medium access control: what a MAC and the packing of its frames must offer, and MACs that switch radios off.
+
+A radio is *on* while it sends, receives or listens; a node *sleeps*, or is awake. A duty-cycled MAC switches the radios
+of awake nodes: `network.nodes.Nodes` books what that costs. Times in s.
+"""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 
 class Mac(Protocol):
@@ -62,3 +66,166 @@ class Packing(Protocol):
 
     def packets(self, packet_bits: int, most_bits: int) -> int:
         """The number of packets of `packet_bits` in a frame whose payload holds `most_bits`; at least 1."""
+
+
+class RadioDuty(NamedTuple):
+    """The law of a radio whose node has nothing to send and whose wake-ups hear nothing.
+
+    What it costs is a closed form: no event happens. The time in which the radio is switched on or off belongs neither
+    to `on` nor to its sleep.
+
+    Attributes:
+        interval: Wake interval or slotframe, in s.
+        starts: How often the radio is switched on in an interval.
+        on: Seconds in an interval in which it listens.
+    """
+
+    interval: float
+    starts: float
+    on: float
+
+
+@runtime_checkable
+class DutyCycledMac(Protocol):
+    """Optional port of a MAC component that switches radios off. A MAC without it listens always."""
+
+    @property
+    def duties(self) -> tuple[RadioDuty, ...]:
+        """The laws that radios may follow; the first one is that of a node at the start."""
+
+
+@runtime_checkable
+class SwitchesRadio(Protocol):
+    """Optional port of an energy model: what it costs to switch the radio alone. Without it, nothing.
+
+    A radio that is off has the power of a sleeping one, or that of a member `radio_off() -> W`, if there is one. The
+    processor time of a wake-up is not charged.
+    """
+
+    def radio_start(self) -> tuple[float, float]:
+        """(s, J) of the radio from its sleep state to listening."""
+
+    def radio_stop(self) -> tuple[float, float]:
+        """(s, J) of the radio from listening to its sleep state."""
+
+
+def off_time(energy: object) -> float:
+    """Return the seconds for which a radio is off at least: its stop and its start; 0 if the model does not know."""
+    return energy.radio_stop()[0] + energy.radio_start()[0] if isinstance(energy, SwitchesRadio) else 0.0
+
+
+class Latency(NamedTuple):
+    """Seconds that one hop takes at most without contention and retries.
+
+    Attributes:
+        unicast: of a unicast.
+        broadcast: of a broadcast.
+        granted: of the unicasts that a head gathers, where the MAC first gives each sender a time of its own; else 0.
+    """
+
+    unicast: float
+    broadcast: float
+    granted: float = 0.0
+
+
+NO_LATENCY = Latency(0.0, 0.0)
+"""The latency of a MAC that does not know its own, such as the ideal one."""
+
+
+@runtime_checkable
+class KnowsLatency(Protocol):
+    """Optional port of a MAC component: how long a hop takes."""
+
+    def latency(self, bits: int) -> Latency:
+        """The latency of a payload of `bits`."""
+
+
+def hop_latency(mac: object, bits: int) -> Latency:
+    """Return the latency of a MAC component for a payload of `bits`; zero if it does not know."""
+    return mac.latency(bits) if isinstance(mac, KnowsLatency) else NO_LATENCY
+
+
+@runtime_checkable
+class GivesTurns(Protocol):
+    """Optional port of a MAC component that gives each member of a cluster a turn of its own, used or not."""
+
+    def turns(self, members: int) -> float:
+        """Seconds until each of this number of members has had its turn; 0: only those that send take time."""
+
+
+class LowPowerMac(FramedMac, Protocol):
+    """A MAC whose nodes listen once an interval.
+
+    Attributes:
+        interval: Wake interval.
+        near: Wake interval of nodes that expect a target; None: the same.
+        first_backoff: The longest random wait before a sender first listens.
+        max_backoffs: Attempts after the first before a frame is dropped.
+        linger: How long a receiver stays on for further frames.
+    """
+
+    interval: float
+    near: float | None
+    first_backoff: float
+    max_backoffs: int
+    linger: float
+
+    @property
+    def congestion(self) -> float:
+        """The longest random wait after a busy channel or a missing acknowledgement."""
+
+    @property
+    def assessment(self) -> float:
+        """For how long a sender listens first."""
+
+
+class StrobingMac(LowPowerMac, Protocol):
+    """X-MAC."""
+
+    @property
+    def strobe_bits(self) -> int:
+        """Bits of a strobe on the air."""
+
+    @property
+    def gap(self) -> float:
+        """S_al: between two strobes."""
+
+    @property
+    def period(self) -> float:
+        """S_p + S_al: from the start of a strobe to that of the next one."""
+
+    @property
+    def window(self) -> float:
+        """R_l: how long a node listens at each wake-up."""
+
+    @property
+    def strobes(self) -> int:
+        """Strobes of a broadcast, and of a unicast that nobody answers."""
+
+
+class RepeatingMac(LowPowerMac, Protocol):
+    """ContikiMAC.
+
+    Attributes:
+        cca: t_r: duration of a clear channel assessment.
+        cca_gap: t_c: between the two assessments of a wake-up.
+        frame_gap: t_i: between two copies of a frame.
+        phase_lock: Whether senders learn when their destinations wake.
+        guard: How long before a known wake-up a sender begins.
+    """
+
+    cca: float
+    cca_gap: float
+    frame_gap: float
+    phase_lock: bool
+    guard: float
+
+    @property
+    def longest(self) -> float:
+        """Airtime of the longest frame."""
+
+    def period(self, bits: int) -> float:
+        """From the start of one copy of a frame to that of the next one."""
+
+    def copies(self, bits: int) -> int:
+        """Copies of a broadcast, and of a unicast that nobody acknowledges."""

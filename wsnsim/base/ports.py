@@ -21,11 +21,11 @@ from wsnsim.base.clustering import AppointingPolicy as AppointingPolicy
 from wsnsim.base.clustering import ClusterPolicy as ClusterPolicy
 from wsnsim.base.clustering import MovingPolicy as MovingPolicy
 from wsnsim.base.clustering import SeesGeometry as SeesGeometry
-from wsnsim.base.deployment import Deployment as Deployment
-from wsnsim.base.deployment import Field as Field
 from wsnsim.base.estimate import NO_INNOVATION as NO_INNOVATION
 from wsnsim.base.estimate import Estimate as Estimate
 from wsnsim.base.estimate import Innovation as Innovation
+from wsnsim.base.network_ports import Deployment as Deployment
+from wsnsim.base.network_ports import Field as Field
 from wsnsim.base.optional_ports import Announces as Announces
 from wsnsim.base.optional_ports import ConstantGaussian as ConstantGaussian
 from wsnsim.base.optional_ports import Continuous as Continuous
@@ -49,9 +49,9 @@ from wsnsim.base.optional_ports import Replays as Replays
 from wsnsim.base.optional_ports import ReportsState as ReportsState
 from wsnsim.base.optional_ports import Snapshots as Snapshots
 from wsnsim.base.optional_ports import VectorReadings as VectorReadings
-from wsnsim.base.packet_joules import free_packets
-from wsnsim.base.recorders import Recorder as Recorder
+from wsnsim.base.radio import free_packets
 from wsnsim.base.requests import Flow
+from wsnsim.base.tables import Recorder as Recorder
 
 B = TypeVar("B")
 

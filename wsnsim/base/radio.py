@@ -1,7 +1,6 @@
-"""The ports of energy models, links, clocks and processors.
+"""Ports of energy models, links, clocks and processors, and what an energy model makes of time and of a packet.
 
-The ports of MACs (`base.medium_access`), routing (`base.routing`), workloads and sinks (`base.workloads`) and faults
-(`base.faults`) can be imported from here too.
+Ports of MACs (`base.medium_access`) and of `base.network_ports` can be imported from here too.
 
 Each port is implemented by frozen `@part` classes. Quantities are in SI units, received powers in dBm. `keys` are
 counter keys (see `base.rng`): equal keys give equal random numbers.
@@ -9,18 +8,22 @@ counter keys (see `base.rng`): equal keys give equal random numbers.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from wsnsim.base.arrays import Bools, Floats, Keys
-from wsnsim.base.faults import FaultEvent as FaultEvent
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.medium_access import FramedMac as FramedMac
 from wsnsim.base.medium_access import Mac as Mac
 from wsnsim.base.medium_access import Packing as Packing
-from wsnsim.base.routing import Routing as Routing
-from wsnsim.base.workloads import HasSeveralSinks as HasSeveralSinks
-from wsnsim.base.workloads import Sink as Sink
-from wsnsim.base.workloads import Workload as Workload
+from wsnsim.base.network_ports import FaultEvent as FaultEvent
+from wsnsim.base.network_ports import HasSeveralSinks as HasSeveralSinks
+from wsnsim.base.network_ports import Routing as Routing
+from wsnsim.base.network_ports import Sink as Sink
+from wsnsim.base.network_ports import Workload as Workload
+from wsnsim.base.requests import PACKET_BITS
 
 
 class Mode(IntEnum):
@@ -168,3 +171,89 @@ class StartsWithOffsets(Protocol):
 
     def offsets(self, keys: Keys) -> Floats:
         """(n,) seconds by which the clock of each node is ahead at time 0, given one counter key per node."""
+
+
+class HeardLinks(NamedTuple):
+    """The links of one sender in one round.
+
+    Attributes:
+        ids: (n,) the nodes that hear it, ascending.
+        powers: (n,) received power in dBm.
+        ratios: (n,) probability that a frame arrives.
+    """
+
+    ids: Ints
+    powers: Floats
+    ratios: Floats
+
+
+class BurstyLosses(NamedTuple):
+    """The Gilbert-Elliott model of a link: it is good or bad, each for an exponentially distributed time.
+
+    Attributes:
+        bad_time: Mean duration of a bad state in s.
+        good: Probability that a frame arrives in a good state.
+        bad: The same in a bad state.
+    """
+
+    bad_time: float
+    good: float
+    bad: float
+
+
+@runtime_checkable
+class RecordsLinks(Protocol):
+    """Optional port of a link model that knows each link by itself, for one round after the other."""
+
+    @property
+    def losses(self) -> BurstyLosses | None:
+        """How losses of one link depend on each other; None if they are independent."""
+
+    def round_end(self, number: int) -> float:
+        """The simulated time in s at which a round ends; `number` counts from 0. Infinity: it is the last one."""
+
+    def heard(self, number: int, source: int) -> HeardLinks:
+        """The links of a sender in a round."""
+
+
+class NoPower:
+    """The `ContinuousPower` of a model for which time costs nothing."""
+
+    def mode_power(self, mode: Mode) -> ModePower:
+        """Return zeros."""
+        return ModePower(0.0, False, 0.0, False)
+
+    def switching(self, before: Mode, after: Mode) -> float:
+        """Return 0."""
+        return 0.0
+
+    def turnaround(self) -> float:
+        """Return 0."""
+        return 0.0
+
+    def seconds(self, cycles: float) -> float:
+        """Return 0."""
+        return 0.0
+
+
+def continuous_power(energy: EnergyModel) -> ContinuousPower | None:
+    """Return the part of an energy model that costs over time, or None if it has none."""
+    return energy if isinstance(energy, ContinuousPower) else None
+
+
+@dataclass(frozen=True, slots=True)
+class PacketJoules:
+    """The energy of one packet of `PACKET_BITS` by an energy model, at the sender and at one receiver."""
+
+    energy: EnergyModel
+
+    def __call__(self, distances: Floats) -> Floats:
+        """(n,) J that a packet costs over distances (n,) in m; headers of frames and acknowledgements excluded."""
+        transmit, received = self.energy.transmit, self.energy.receive(PACKET_BITS)
+        spent = [sum(transmit(PACKET_BITS, distance)) + received for distance in distances.tolist()]
+        return np.array(spent, dtype=np.float64)
+
+
+def free_packets(distances: Floats) -> Floats:
+    """(n,) zeros: without a network a packet costs nothing."""
+    return np.zeros(len(distances))

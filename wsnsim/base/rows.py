@@ -1,6 +1,9 @@
-"""Rows of a target in the tables `truth`, `estimates`, `particles` and `tracker_state`, and the fingerprint of a run.
+"""Rows of a target in the tables `truth`, `estimates`, `particles` and `tracker_state`, and those who follow a run.
 
 truth_rows(...), estimate_rows(...) -> columns of a table      write_belief(...)
+
+A follower of a run, such as a live view, only reads. It is asked at each step whether it wants the present state, which
+costs nothing if not.
 """
 
 from __future__ import annotations
@@ -8,7 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -16,6 +19,7 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import NO_INNOVATION, Estimate, MotionModel, Recorder, ReportsState, Snapshots
 from wsnsim.base.requests import Member
+from wsnsim.base.setups import Setup
 from wsnsim.base.vector_readings import Reading
 
 NAN = float("nan")
@@ -226,3 +230,80 @@ def write_belief(
         for name, values in tracker.report_state(belief).items():
             rows = {"name": recorder.state_names.code(name), "index": np.arange(len(values)), "value": values}
             recorder.write("tracker_state", {**key, **rows})
+
+
+class RunStart(NamedTuple):
+    """What is known of a run before its clock starts.
+
+    Attributes:
+        setup: The scenario.
+        replicate: Number of the run.
+        positions: (N, 2) positions of the nodes in m.
+        truths: The states (steps + 1, D) of each target.
+    """
+
+    setup: Setup
+    replicate: int
+    positions: Floats
+    truths: Sequence[Floats]
+
+
+class TrackNow(NamedTuple):
+    """The estimates of a target by step, and the cluster heads by step (-1: none), so far. Both grow during the run."""
+
+    target: int
+    estimates: Mapping[int, Issued]
+    heads: Sequence[int]
+
+
+class RunNow(NamedTuple):
+    """The state of a run at the beginning of a step.
+
+    Attributes:
+        step: Number of the step; all steps before it are over, and their events are written.
+        time: Simulated time in s.
+        tracks: The tracks; of a run without a network, the one that is computed.
+        joules: Energy in J that the network has spent so far, by cause; empty without a network.
+        residual: (N,) residual energies of the nodes in J, None without a network.
+    """
+
+    step: int
+    time: float
+    tracks: Sequence[TrackNow]
+    joules: Sequence[float] = ()
+    residual: Floats | None = None
+
+
+@runtime_checkable
+class FollowsRuns(Protocol):
+    """A recorder that follows runs while they compute."""
+
+    def begin(self, start: RunStart) -> None:
+        """A run begins."""
+
+    def due(self) -> bool:
+        """Whether the present state is wanted."""
+
+    def follow(self, now: RunNow) -> None:
+        """Take the present state. What it refers to changes when the run goes on."""
+
+
+class _Nobody:
+    """Follows nothing."""
+
+    def begin(self, start: RunStart) -> None:
+        pass
+
+    def due(self) -> bool:
+        return False
+
+    def follow(self, now: RunNow) -> None:
+        pass
+
+
+NOBODY: Final = _Nobody()
+
+
+def follower_of(recorder: object) -> FollowsRuns:
+    """The recorder, if it follows runs."""
+    return recorder if isinstance(recorder, FollowsRuns) else NOBODY

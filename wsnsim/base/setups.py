@@ -2,6 +2,8 @@
 
 Setup ─┬─ TrackingSetup (targets, sensor, tracker) ──┬─ NetworkSetup
        └─ RadioSetup (radio, energy, sleep) ─────────┴─ BeaconSetup has the radio alone, and a workload
+
+table_layout(setup) -> TableLayout        what decides which columns the tables have
 """
 
 from __future__ import annotations
@@ -9,15 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from wsnsim.base.clustering import ClusterPolicy
-from wsnsim.base.detection import is_perfect
-from wsnsim.base.faults import FaultEvent
 from wsnsim.base.hop_times import HeadWaits, head_waits
-from wsnsim.base.medium_access import Mac, Packing
+from wsnsim.base.medium_access import DutyCycledMac, GivesTurns, Latency, Mac, Packing, hop_latency
 from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
-from wsnsim.base.packet_joules import PacketJoules
+from wsnsim.base.network_ports import FaultEvent, HasSeveralSinks, Routing, Sink, Workload
 from wsnsim.base.ports import (
     Acquire,
     Deployment,
@@ -32,13 +32,12 @@ from wsnsim.base.ports import (
     SensorModel,
     Tracker,
 )
-from wsnsim.base.radio import Clock, Cpu, EnergyModel, LinkModel
-from wsnsim.base.radio_duty import GivesTurns, Latency, hop_latency
+from wsnsim.base.radio import Clock, Cpu, EnergyModel, LinkModel, PacketJoules
 from wsnsim.base.requests import PACKET_BITS
-from wsnsim.base.routing import Routing
+from wsnsim.base.sensing import is_perfect
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
 from wsnsim.base.synchronisation import TimeSync
-from wsnsim.base.workloads import HasSeveralSinks, Sink, Workload
+from wsnsim.base.vector_readings import components_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -269,3 +268,38 @@ class BeaconSetup(RadioSetup):
 def _no_turns(members: int) -> float:
     """0: members send when they have something to send."""
     return 0.0
+
+
+class TableLayout(NamedTuple):
+    """What `tables.columns_of` needs to know of a scenario.
+
+    Attributes:
+        states: The (name, unit) of each of the motion model's columns; none without a target.
+        position: Which of them are the position; none without a target.
+        components: The number of components of a reading.
+        duty_cycled: Whether a MAC switches radios off.
+    """
+
+    states: tuple[tuple[str, str], ...] = ()
+    position: tuple[int, ...] = ()
+    components: int = 1
+    duty_cycled: bool = False
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """All but `states`, as keyword arguments of the recorders of a result."""
+        return {
+            "position": self.position or None,
+            "components": self.components,
+            "duty_cycled": self.duty_cycled,
+        }
+
+
+def table_layout(setup: Setup) -> TableLayout:
+    """The layout of the tables of a scenario's runs."""
+    duty_cycled = isinstance(setup, RadioSetup) and isinstance(setup.mac, DutyCycledMac)
+    if not isinstance(setup, TrackingSetup):
+        return TableLayout(duty_cycled=duty_cycled)
+    motion = setup.motions[0]
+    states = tuple(zip(motion.columns, motion.units, strict=True))
+    return TableLayout(states, motion.position, len(components_of(setup.sensor)), duty_cycled)

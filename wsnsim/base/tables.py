@@ -1,4 +1,4 @@
-"""The tables of a result: which columns they have in a scenario, and which columns are metrics.
+"""The tables of a result: which columns they have in a scenario, which are metrics, and recorders of their rows.
 
 A category column holds small unsigned integers, and the words that they stand for are written with it. The words of
 `events.what` and `tracker_state.name` grow at run time, since a tracker names its own parcels and quantities: a
@@ -7,20 +7,66 @@ recorder holds them as `Words`, and writes them when it closes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Final
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, Protocol
 
-from wsnsim.base.columns import CAUSE, CAUSES, EVENT_CAUSE, EVENT_CAUSES, KIND, KINDS, STATUSES, Column
-from wsnsim.base.recorders import Memory, Words, equally_long
-from wsnsim.base.table_columns import RECORDED_BY_DEFAULT, TABLES
+import numpy as np
 
-__all__ = [
-    "CAUSE", "CAUSES", "EVENT_CAUSE", "EVENT_CAUSES", "KIND", "KINDS", "METRICS", "MORE_IS_BETTER", "ONE_IS_BEST",
-    "RECORDED_BY_DEFAULT", "STATE_AFTER", "STATUSES", "TABLES", "Column", "Memory", "Words", "columns_of",
-    "equally_long",
-]  # fmt: skip
+from wsnsim.base.data_tables import read_sections
 
+KINDS: Final = (
+    "wake", "sleep", "sense", "elect", "join", "announce", "allocate", "send", "receive", "drop", "collide", "compute",
+    "estimate", "handover", "relay", "lost", "reacquire", "crash", "restart", "death", "overhear", "fault", "report",
+    "acquire", "call", "called", "leave", "return", "stay", "resume",
+)  # fmt: skip
+CAUSES: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
+EVENT_CAUSES: Final = ("none", "tx", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
+STATUSES: Final = ("complete", "partial", "failed")
+KIND: Final = {name: code for code, name in enumerate(KINDS)}
+CAUSE: Final = {name: code for code, name in enumerate(CAUSES)}
+EVENT_CAUSE: Final = {name: code for code, name in enumerate(EVENT_CAUSES)}
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of a table.
+
+    Attributes:
+        name: Its name.
+        dtype: NumPy type.
+        units: SI unit; '1' for a count, '' for an identifier.
+        description: What it holds.
+        meanings: Words of a category column, in the order of their codes.
+        smooth: Whether neighbouring values are similar, so that shuffling bytes compresses them.
+        of_position: Whether it has the unit of the motion model's position, usually metres.
+    """
+
+    name: str
+    dtype: str
+    units: str
+    description: str
+    meanings: tuple[str, ...] = ()
+    smooth: bool = False
+    of_position: bool = False
+
+
+_CATEGORIES: Final = {"KINDS": KINDS, "CAUSES": CAUSES, "EVENT_CAUSES": EVENT_CAUSES, "STATUSES": STATUSES}
+_SECTIONS: Final = read_sections(Path(__file__).with_name("columns.table"))
+
+
+def _column(name: str, dtype: str, units: str, description: str, flag: str = "") -> Column:
+    """A row of columns.table."""
+    return Column(name, dtype, units, description, _CATEGORIES.get(flag, ()), flag == "smooth", flag == "position")
+
+
+TABLES: Final = {heading[0]: tuple(_column(*row) for row in rows) for heading, rows in _SECTIONS}
+"""The columns of each table."""
+TABLE_MEANINGS: Final = {heading[0]: heading[1] for heading, _ in _SECTIONS}
+"""What a row of each table stands for: "one row per ..."."""
+OFF_BY_DEFAULT: Final = ("clocks", "covariances", "links", "particles", "readings", "reports", "tracker_state")
+RECORDED_BY_DEFAULT: Final = {name: name not in OFF_BY_DEFAULT for name in TABLES}
 STATE_AFTER: Final = {"truth": "time", "estimates": "issued", "particles": "node"}
 """Tables with the motion model's state columns: the column after which they stand."""
 METRICS: Final = tuple(
@@ -91,3 +137,74 @@ def product_unit(one: str, other: str) -> str:
     if one == other and one.isalpha():
         return f"{one}2"
     return " ".join(unit for unit in (one, other) if unit)
+
+
+class Words:
+    """The words of a category column that grows at run time, with their codes; at most 256.
+
+    Args:
+        words: The words that have a code from the start.
+    """
+
+    def __init__(self, words: Iterable[str] = ("",)) -> None:
+        self._codes = {word: code for code, word in enumerate(words)}
+
+    def code(self, word: str) -> int:
+        """The code of a word; a new word gets the next one."""
+        code = self._codes.setdefault(word, len(self._codes))
+        assert code < 256, f"more than 256 different words in a category column, the last being {word!r}"
+        return code
+
+    def all(self) -> tuple[str, ...]:
+        """All words in the order of their codes."""
+        return tuple(self._codes)
+
+
+class Recorder(Protocol):
+    """The destination of the rows of the tables. Columns are those of the tables of a result, with `replicate`.
+
+    Two category columns get new values at run time: `words` holds the codes of `events.what`, `state_names` those of
+    `tracker_state.name` (used only where that table is wanted).
+    """
+
+    words: Words
+    state_names: Words
+
+    def wants(self, table: str) -> bool:
+        """Whether a table is recorded."""
+
+    def write(self, table: str, columns: Mapping[str, Any]) -> None:
+        """Append rows; a scalar stands for equal values in all rows."""
+
+
+class Memory:
+    """A recorder that keeps all rows in memory, for notebooks and tests: `memory.table('estimates')['error']`.
+
+    Args:
+        wanted: {table: whether it is recorded}; by default the tables that scenarios record by default.
+    """
+
+    def __init__(self, wanted: Mapping[str, bool] | None = None) -> None:
+        self._wanted = dict(RECORDED_BY_DEFAULT if wanted is None else wanted)
+        self._pieces: dict[str, list[Mapping[str, Any]]] = {}
+        self.words = Words()
+        self.state_names = Words(())
+
+    def wants(self, table: str) -> bool:
+        """Whether a table is recorded."""
+        return self._wanted.get(table, False)
+
+    def write(self, table: str, columns: Mapping[str, Any]) -> None:
+        """Append rows; a scalar stands for equal values in all rows."""
+        self._pieces.setdefault(table, []).append(columns)
+
+    def table(self, name: str) -> dict[str, np.ndarray]:
+        """{column: (rows,)} of all rows of a table that were written so far; empty if there are none."""
+        pieces = [equally_long(piece) for piece in self._pieces.get(name, [])]
+        return {key: np.concatenate([piece[key] for piece in pieces]) for key in (pieces[0] if pieces else ())}
+
+
+def equally_long(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """The columns of one `write` as arrays of equal length; scalars are repeated."""
+    arrays = np.broadcast_arrays(*(np.atleast_1d(values) for values in columns.values()))
+    return dict(zip(columns, arrays, strict=True))

@@ -28,12 +28,11 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.errors import ResultError
-from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
-from wsnsim.base.node_names import node_names
+from wsnsim.base.initial_conditions import InitialConditions, node_names, sample_initial_conditions
 from wsnsim.base.ports import Informs
 from wsnsim.base.progress import tracked
+from wsnsim.base.sensing import has_gains
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
-from wsnsim.base.traits import has_gains
 from wsnsim.bounds.covariances import ReadingsOf, covariances
 from wsnsim.bounds.information import UsedReadings, in_range
 from wsnsim.bounds.initial_conditions import (

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.sensing import gain_variance, has_gains
 from wsnsim.base.setups import Setup, TrackingSetup
-from wsnsim.base.traits import gain_variance, has_gains
 from wsnsim.bounds.unknown_constants import UnknownConstants
 
 KINDS: Final = ("unconditional", "per_trajectory")

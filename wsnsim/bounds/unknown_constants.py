@@ -21,7 +21,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.ports import Informs, SensorModel
-from wsnsim.base.traits import gain_column
+from wsnsim.base.sensing import gain_column
 from wsnsim.base.vector_readings import components_of, near
 from wsnsim.bounds.information import STEPS_PER_BLOCK, UsedReadings
 from wsnsim.bounds.recursion import LinearisedMotion, predicted

@@ -19,8 +19,7 @@ from wsnsim.base.errors import UsageError
 from wsnsim.recording.code_digests import PACKAGE, digest_of, module_digests, package_digests
 from wsnsim.recording.folder import Folder, Manifest
 from wsnsim.scenario.fields import roles_of
-from wsnsim.scenario.kinds import AT_TOP
-from wsnsim.scenario.registry import ROLES, find, load_class
+from wsnsim.scenario.registry import AT_TOP, ROLES, find, load_class
 from wsnsim.scenario.sweep_schema import Plan
 
 Code = Mapping[str, Mapping[str, str]]

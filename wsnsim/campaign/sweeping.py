@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from wsnsim.base.errors import UsageError
-from wsnsim.base.python_statements import NOT_PYTHON, statements
+from wsnsim.base.plugin_code import NOT_PYTHON, statements
 from wsnsim.campaign.engines import Engine
 from wsnsim.campaign.folders import prepare
 from wsnsim.campaign.runner import run_campaign

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from wsnsim.base.errors import UsageError
-from wsnsim.base.printable import printable
+from wsnsim.base.errors import UsageError, printable
 from wsnsim.base.regular_files import why_not_regular
 from wsnsim.cli.shared import echo, echo_json, echo_lines
 

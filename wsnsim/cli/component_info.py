@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.errors import UsageError
-from wsnsim.base.radio import Mode
+from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.cli.listing import paragraph, table, wrapped_table
 from wsnsim.scenario import datasheets

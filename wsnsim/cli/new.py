@@ -25,8 +25,8 @@ def new(name: str, bench: bool, role: str | None) -> None:
 
     Both are starting points. The scenario is NAME.yaml; the plug-in is NAME.py, and the scenario uses it.
     """
+    from wsnsim.scenario.examples import template
     from wsnsim.scenario.schema import unsafe_name
-    from wsnsim.scenario.template import template
 
     stem = name.removesuffix(".yaml").removesuffix(".py" if role else ".yaml")
     if reason := unsafe_name(stem, "a file"):

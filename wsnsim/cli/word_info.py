@@ -7,14 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from wsnsim.base.columns import Column
-from wsnsim.base.table_meanings import TABLE_MEANINGS
-from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLES
+from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLE_MEANINGS, TABLES, Column
 from wsnsim.cli.listing import paragraph, wrapped_table
 from wsnsim.cli.shared import group
 from wsnsim.scenario.kind_info import kind_info
-from wsnsim.scenario.kinds import AT_TOP
-from wsnsim.scenario.registry import ROLES
+from wsnsim.scenario.registry import AT_TOP, ROLES
 
 
 def words_known() -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.fitting.fitted_law import FittedValue
-from wsnsim.models.modulation import bit_error, snr_at_sensitivity, success
+from wsnsim.models.datasheets import bit_error, snr_at_sensitivity, success
 
 CLEAR: Final = 0.9
 """Bursts with at least this delivery ratio have a mean power that is not biased by the packets that were lost."""

@@ -51,11 +51,6 @@ class StoneSoupFilter(HeadFilter):
     The variance of a reading is that at the predicted mean. The number of operations is our choice.
     """
 
-    paper: ClassVar[str] = ""
-    idea: ClassVar[str] = "a Kalman updater of Stone Soup in the head, on all readings"
-    state: ClassVar[str] = "mean and covariance in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "updater extended|unscented|cubature|iterated"
     linear_gaussian: ClassVar[bool] = True
 
     updater: Annotated[Literal["extended", "unscented", "cubature", "iterated"], "Stone Soup's updater"] = "unscented"

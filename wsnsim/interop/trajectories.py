@@ -20,8 +20,7 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import RunError, UsageError
-from wsnsim.base.printable import printable
+from wsnsim.base.errors import RunError, UsageError, printable
 from wsnsim.interop.traces import Trace
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.node_file import FromFile

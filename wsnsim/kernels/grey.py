@@ -1,6 +1,7 @@
-"""The grey model GM(1,1): an exponential fit of the cumulative sums of a short series, for extrapolation.
+"""Extrapolation of a short series: the grey model GM(1,1), an exponential fit of its cumulative sums, and a line.
 
     gm11(x) -> (a, u)      predict(x, ahead=1.0, shift=0.0) -> float      equal_intervals(t, x) -> (k, x at k)
+    line_at(time, times, x) -> float, the least-squares line
 
 x1_i = Σ_{j<=i} x_j satisfies dx1/dt + a x1 = u in the mean; the restored model is
 x̂_{i+1} = (1 - e^a)(x_1 - u/a) e^{-a i}.
@@ -203,3 +204,19 @@ def _moments(values: list[float]) -> tuple[float, float]:
 def _bounded(exponent: float) -> float:
     """The exponent, within what e to its power can be a number of."""
     return max(-LARGEST_EXPONENT, min(exponent, LARGEST_EXPONENT))
+
+
+def line_at(time: float, times: Sequence[float], x: Sequence[float]) -> float:
+    """The value at a time of the least-squares line through the values x at `times`, which need not be equally spaced.
+
+    If all values are of one time, it is their mean. With n equal intervals Δ and errors of standard deviation s, the
+    variance at h Δ from the middle of the times is s² (1/n + 12 h² / (n (n² - 1))).
+    """
+    n = len(times)
+    middle, mean = sum(times) / n, sum(x) / n
+    offsets = [each - middle for each in times]
+    squares = sum([offset * offset for offset in offsets])
+    if squares == 0.0:
+        return mean
+    slope = sum([offset * (value - mean) for offset, value in zip(offsets, x, strict=True)]) / squares
+    return mean + slope * (time - middle)

@@ -8,6 +8,11 @@
 
 Nodes are given by their numbers, ascending. The random numbers are those of `base.rng`, so that the general path of
 `network.radio.reception` gives the same result.
+
+    advance(keys, durations, time, good, until, counts)      bursty links, to their states at a time
+
+Links whose losses come in bursts are Markov chains of two states in continuous time. Their states at a time do not
+depend on when they were looked at.
 """
 
 from __future__ import annotations
@@ -241,3 +246,27 @@ def take_over(
             else:
                 locks[i] = False
         i, j = _next_common(ids, others, i + 1, j + 1)
+
+
+@kernel
+def advance(keys: Keys, durations: Floats, time: float, good: Bools, until: Floats, counts: Ints) -> float:
+    """Advance the states of links (n,) to a time; returns the time in s of the next change of any of them.
+
+    A state lasts for an exponentially distributed time, the k-th of a link by the k-th uniform number of its key.
+
+    Args:
+        keys: (n,) random keys.
+        durations: (n, 2) mean duration in s of a bad and of a good state.
+        time: The time in s, not before that of an earlier call.
+        good: (n,) whether the link is in a good state; changed.
+        until: (n,) end of the state in s; changed.
+        counts: (n,) random numbers that were used; changed.
+    """
+    following = np.inf
+    for i in range(keys.size):
+        while until[i] <= time:
+            good[i] = not good[i]
+            until[i] -= durations[i, int(good[i])] * np.log1p(-uniform(keys[i], counts[i]))
+            counts[i] += 1
+        following = min(following, until[i])
+    return following

@@ -3,16 +3,23 @@
 Shapes: cloud, velocity, best (D, N); fitness (N,) log-likelihoods; offsets (M + 1,) cut the columns into nodes. One
 iteration uses the 2 D + 1 uniforms from `draw` on of each particle's key: r1 and r2 of component d are draws 2d and
 2d + 1, u is the last.
+
+The whole move of the swarms of those members that move (step 4) is one call, which calls the kernels that do the same
+one by one, in the same order. Its keys, readings and gains are (M,).
 """
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats, Ints, Keys
-from wsnsim.kernels.compilation import kernel
+from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.kernels.compilation import inner, kernel
 from wsnsim.kernels.elementary import log
-from wsnsim.kernels.noise import uniform
+from wsnsim.kernels.gaussian import fit_weighted, log_density
+from wsnsim.kernels.noise import particle_keys, uniform
+from wsnsim.kernels.sensing import Law, own_log_likelihood
 
 LARGEST_STATE = 1e9
 """A state with a larger component is invalid (our choice): a diverging swarm fails without overflowing."""
@@ -94,3 +101,120 @@ def accept(
             for d in range(cloud.shape[0]):
                 best[d, j] = cloud[d, j]
     return accepted
+
+
+Pull: TypeAlias = tuple[int, float, float, float, bool]
+"""Iterations, phi1, phi2, the factor of the velocity, and whether random factors scale the pulls."""
+
+
+@inner
+def _columns(offsets: Ints, moving: Bools) -> tuple[Ints, Ints, Ints, Ints]:
+    """The columns of members that move, with their owners (n,); these members (m,), and where theirs begin (m + 1,)."""
+    members = columns = 0
+    for m in range(moving.size):
+        if moving[m]:
+            members += 1
+            columns += offsets[m + 1] - offsets[m]
+    chosen, owners = np.empty(columns, np.int64), np.empty(columns, np.int64)
+    rows, cuts = np.empty(members, np.int64), np.empty(members + 1, np.int64)
+    k = n = 0
+    for m in range(moving.size):
+        if moving[m]:
+            rows[k], cuts[k] = m, n
+            for j in range(offsets[m], offsets[m + 1]):
+                chosen[n], owners[n] = j, k
+                n += 1
+            k += 1
+    cuts[members] = columns
+    return chosen, owners, rows, cuts
+
+
+@inner
+def _take(row: Floats, places: Ints) -> Floats:
+    """Those values of a row."""
+    result = np.empty(places.size)
+    for j in range(places.size):
+        result[j] = row[places[j]]
+    return result
+
+
+@inner
+def _take_columns(cloud: Floats, places: Ints) -> Floats:
+    """Those columns of a cloud."""
+    result = np.empty((cloud.shape[0], places.size))
+    for d in range(cloud.shape[0]):
+        for j in range(places.size):
+            result[d, j] = cloud[d, places[j]]
+    return result
+
+
+@inner
+def _put(cloud: Floats, log_weights: Floats, places: Ints, some: Floats) -> None:
+    """Write those columns of a cloud, and give them equal weights."""
+    for j in range(places.size):
+        for d in range(cloud.shape[0]):
+            cloud[d, places[j]] = some[d, j]
+        log_weights[places[j]] = 0.0
+
+
+@kernel
+def move_own(
+    cloud: Floats,
+    log_weights: Floats,
+    carried: Floats,
+    fitness: Floats,
+    offsets: Ints,
+    moving: Bools,
+    log_counts: Floats,
+    keys: Keys,
+    readings: Floats,
+    positions: Floats,
+    gains: Floats,
+    law: Law,
+    place: tuple[int, int],
+    tag: int,
+    pull: Pull,
+    ranked: bool,
+    ridge: float,
+) -> None:
+    """Move the swarms of members who are `moving` (M,), each with its own reading; in place in cloud and log-weights.
+
+    Args:
+        cloud: (D, N) predicted particles; afterwards the last states of their chains.
+        log_weights: (N,) normalised on each member; afterwards zero where a swarm moved.
+        carried: (N,) log-weights before this step.
+        fitness: (N,) log-likelihoods of the predicted particles.
+        offsets: (M + 1,) where the columns of each member begin, and the last one's end.
+        moving: (M,) whose swarms move.
+        log_counts: (M,) the log of each member's number of particles.
+        keys: (M,) the members' keys of this step.
+        readings: (M,) with the sensors' positions (M, 2), gains (M,) and law.
+        positions: See `readings`.
+        gains: See `readings`.
+        law: See `readings`.
+        place: The rows of the cloud that are x and y.
+        tag: What the keys serve here.
+        pull: See `Pull`.
+        ranked: Whether χ_0 is the weight (eq. 17), or else the likelihood.
+        ridge: Added to the diagonal of a fitted covariance.
+    """
+    iterations, phi1, phi2, length, random_factors = pull
+    chosen, owners, rows, cuts = _columns(offsets, moving)
+    some, best = _take_columns(cloud, chosen), _take_columns(cloud, chosen)
+    fits, before, velocity = _take(fitness, chosen), _take(carried, chosen), np.zeros(some.shape)
+    ranks = _take(log_weights if ranked else fitness, chosen)
+    if ranked:
+        for j in range(chosen.size):
+            ranks[j] -= log_counts[rows[owners[j]]]
+    own, places = np.empty(rows.size, np.uint64), np.empty((rows.size, 2))
+    for k in range(rows.size):
+        own[k], places[k, 0], places[k, 1] = keys[rows[k]], positions[rows[k], 0], positions[rows[k], 1]
+    heard, loud, particles = _take(readings, rows), _take(gains, rows), particle_keys(own, cuts, tag)
+    means, factors = fit_weighted(some, before, cuts, ridge)
+    prior = log_density(some, means, factors, cuts)
+    for iteration in range(iterations):
+        draw = iteration * (2 * cloud.shape[0] + 1)
+        new = fly(some, velocity, best, ranks, cuts, particles, draw, 1.0, phi1, phi2, length, random_factors)
+        likelihood = own_log_likelihood(new[place[0]], new[place[1]], heard, places, loud, owners, law)
+        accept(some, fits, prior, new, likelihood, log_density(new, means, factors, cuts), best, ranks, particles, draw)
+    _put(cloud, log_weights, chosen, some)

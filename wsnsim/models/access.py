@@ -12,8 +12,8 @@ from math import ceil, inf
 from typing import Annotated, ClassVar, Final, Literal
 
 from wsnsim.base.errors import Issue
+from wsnsim.base.medium_access import Latency, off_time
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.radio_duty import Latency, off_time
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup
 

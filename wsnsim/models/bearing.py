@@ -24,7 +24,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.vector_readings import Reading
 from wsnsim.models.bounds import LENGTH
-from wsnsim.models.distances import REACH, reach_issues
+from wsnsim.models.ranging import REACH, reach_issues
 from wsnsim.models.sensing import coordinates, fisher
 
 TURN: Final = 2.0 * math.pi

@@ -21,8 +21,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field
 from wsnsim.base.setups import Setup
 from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE, POSITION_ERROR
-from wsnsim.models.coverage import TOLERANCE, covers
-from wsnsim.models.deploy_issues import ASSUMED, outside, too_few, too_few_for_a_cluster, uncovered
+from wsnsim.models.coverage import ASSUMED, TOLERANCE, covers, outside, too_few, too_few_for_a_cluster, uncovered
 from wsnsim.models.node_file import FromFile, field_around
 
 __all__ = ["Anchors", "FromFile", "Grid", "JitteredGrid", "Uniform", "cells"]

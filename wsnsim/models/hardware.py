@@ -16,9 +16,8 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import derive_each, normals, uniforms
 from wsnsim.base.setups import RadioSetup, Setup
-from wsnsim.models.bounds import PLACE
-from wsnsim.models.draws import truncated_normals
-from wsnsim.models.sinks import sink_issues
+from wsnsim.models.bounds import PLACE, truncated_normals
+from wsnsim.models.workloads import sink_issues
 
 OFFSETS: Final = np.array([1], dtype=np.uint64)
 """In a counter key, stands for the error of a clock at the start; the key itself is that of its rate."""

@@ -36,8 +36,7 @@ from wsnsim.models.csvfile import (
     limited,
     open_text,
 )
-from wsnsim.models.link_bursts import Bursts, LinkRow
-from wsnsim.models.link_recording import LinkRecording, RecordedRows, link_recording
+from wsnsim.models.link_recording import Bursts, LinkRecording, LinkRow, RecordedRows, link_recording
 
 COLUMNS: Final = ("datetime", "src", "dst", "channel", "mean_rssi", "pdr")
 """The columns that a file must have; `tx_count` may be missing, others are ignored."""

@@ -19,9 +19,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import PLACE, STATE
-from wsnsim.models.motion import FARTHEST
-from wsnsim.models.starts import start_issues
-from wsnsim.models.transitions import LinearProcess, NoiseInput, accelerating, coasting
+from wsnsim.models.motion import FARTHEST, LinearProcess, NoiseInput, accelerating, coasting, start_issues
 
 BATCH: Final = 256
 """Trajectories that rejection sampling computes together; fewer if they are longer than 1024 steps."""

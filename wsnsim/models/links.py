@@ -4,7 +4,7 @@
     senses(powers) -> bool (n,)                         reach, audible: m
 
 The routing components only name what a path minimises; `network.radio.routing` finds it. Nodes know it for nothing:
-these paths are the reference for `models.collection`, where nodes pay for their routes.
+these paths are the reference for `models.workloads`, where nodes pay for their routes.
 """
 
 from __future__ import annotations
@@ -20,9 +20,8 @@ from wsnsim.base.arrays import Bools, Floats, Keys
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import Setup
-from wsnsim.models.bounds import LENGTH
-from wsnsim.models.draws import MOST_DEVIATIONS, truncated_normals
-from wsnsim.models.modulation import Modulation, bit_error, snr_at_sensitivity, snr_for, success
+from wsnsim.models.bounds import LENGTH, MOST_DEVIATIONS, truncated_normals
+from wsnsim.models.datasheets import Modulation, bit_error, snr_at_sensitivity, snr_for, success
 
 SHORTEST_BITS: Final = 88
 """Bits on the air of the shortest frame, an acknowledgement."""

@@ -18,8 +18,7 @@ from wsnsim.base.errors import RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.rng import normals
 from wsnsim.models.bounds import PLACE, STATE
-from wsnsim.models.motion import FARTHEST
-from wsnsim.models.transitions import LinearProcess, mean_reverting, near_constant_velocity
+from wsnsim.models.motion import FARTHEST, LinearProcess, mean_reverting, near_constant_velocity
 
 SMALL = 1e-4
 """rad: below this angle a series is used, since the quotient loses digits."""

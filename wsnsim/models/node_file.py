@@ -13,11 +13,11 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field
+from wsnsim.base.sensing import HEIGHT
 from wsnsim.base.setups import Setup, TrackingSetup
-from wsnsim.base.traits import HEIGHT
 from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
+from wsnsim.models.coverage import ASSUMED, outside, too_few_for_a_cluster, uncovered
 from wsnsim.models.csvfile import Wanted, first_of_equal, only_rows
-from wsnsim.models.deploy_issues import ASSUMED, outside, too_few_for_a_cluster, uncovered
 
 MARGIN: Final = Quantity("m", ge=0, le=1e6)
 LEAST_SIDE: Final = 1.0

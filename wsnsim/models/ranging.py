@@ -1,6 +1,6 @@
-"""Sensor models of the distance itself: range and range from the origin. `rssi` is in `models.rssi`.
+"""Sensor models of a distance: range and range from the origin, and what all sensors of a distance have in common.
 
-log_likelihood(points (P, N), readings (S,), positions (S, 2), traits (S, 0), owners (N,) | None) -> (N,)
+log_likelihood(points (P, N), readings (S,), positions (S, 2), traits (S, T), owners (N,) | None) -> (N,)
 
 Sensors stand in the plane. A target whose position is one column (P = 1) moves along the x-axis.
 """
@@ -10,20 +10,149 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, planar
+from wsnsim.base.arrays import Bools, Floats, Ints, planar
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.kernels import ranging as kernels
-from wsnsim.models.distances import FITTED_ON, REACH, OfDistance, reach_issues, squared_distances
-from wsnsim.models.rssi import Rssi
-from wsnsim.models.sensing import fisher
+from wsnsim.models.bounds import LENGTH
+from wsnsim.models.sensing import coordinates, fisher
 
-__all__ = ["Range", "RangeFromOrigin", "Rssi"]
+REACH: Final = Quantity("m", ge=1e-3)
+"""A sensing range that may be infinite: up to 1e7 m, or .inf (see `reach_issues`)."""
+FITTED_ON: Final = "digests of the files of readings that the law was fitted to, as `wsnsim fit` writes them"
+
+
+class OfDistance:
+    """Methods of sensors whose reading depends on a distance, with a gain and a height of the node or without.
+
+    A sensor gives `_law`. One whose nodes differ also gives `trait_names`, `draw_traits`, `_places` and `_gains`, and
+    one whose noise is not normal `_dof`.
+    """
+
+    @property
+    def trait_names(self) -> tuple[str, ...]:
+        """The names of a node's traits: none, all nodes have the same sensor."""
+        return ()
+
+    @property
+    def constant_gaussian(self) -> bool:
+        """Whether the noise is Gaussian: its variance is constant, so a mean of n readings has the variance R / n."""
+        return self._dof == math.inf
+
+    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
+        """(nodes, 0) nothing: all nodes have the same sensor."""
+        return np.empty((nodes, 0))
+
+    def log_likelihood(
+        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
+    ) -> Floats:
+        """(N,) log p(readings | target at points (P, N)): of all S readings, or of reading owners[j] for particle j.
+
+        Zeros without readings; -inf for points that are not finite and for readings that are NaN.
+        """
+        x, y = coordinates(points)
+        places, gains = self._places(positions, traits), self._gains(traits)
+        readings = readings if gains is None else readings - gains
+        if readings.size and self._dof < math.inf:
+            means, _, variances = kernels.linearised(x, y, places, self._law)
+            return heavy_tailed_log_likelihood(readings, means, variances, self._dof, owners)
+        if owners is None or not readings.size:
+            return kernels.joint_log_likelihood(x, y, readings, places, self._law)
+        return kernels.own_log_likelihood(x, y, readings, places, owners, self._law)
+
+    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
+        """Expected readings (S, N) at points (P, N), gradients (S, P, N) and variances (S, N), within range or not.
+
+        The gradient is 0 at the sensor itself and below the least distance, where it is undefined (our choice).
+        """
+        x, y = coordinates(points)
+        means, gradients, variances = kernels.linearised(x, y, self._places(positions, traits), self._law)
+        gains = self._gains(traits)
+        if gains is not None:
+            means += gains[:, None]
+        return means, np.ascontiguousarray(gradients[:, : len(points)]), variances
+
+    def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
+        """(S, P, P, N) Fisher information about the position in one reading of each sensor.
+
+        g gᵀ / R; with Student's t of ν degrees of freedom and the variance R, ν (ν + 1) / ((ν - 2) (ν + 3)) times that.
+        """
+        _, gradients, variances = self.linearise(points, positions, traits)
+        return fisher(gradients, information_factor(self._dof) / variances)
+
+    def assumed(self, gains: str, inflate: bool) -> Any:
+        """The sensor itself: it has no gains that a filter might not know."""
+        return self
+
+    def _places(self, positions: Floats, traits: Floats) -> Floats:
+        """(S, 2) the points from which distances are measured, or (S, 3) with the squared difference in height."""
+        return np.ascontiguousarray(positions)
+
+    def _gains(self, traits: Floats) -> Floats | None:
+        """(S,) what is added to the readings of each sensor; None: nothing."""
+        return None
+
+    @cached_property
+    def _law(self) -> kernels.Law:
+        raise NotImplementedError
+
+    @property
+    def _dof(self) -> float:
+        """Degrees of freedom ν of the noise as Student's t; infinite: normal."""
+        return math.inf
+
+
+def information_factor(dof: float) -> float:
+    """Fisher information in one reading, times its variance: 1 for normal noise, more for Student's t.
+
+    The information of Student's t of scale s about its location is (ν + 1) / ((ν + 3) s²), and its variance is
+    s² ν / (ν - 2). Lange, Little, Taylor (1989), appendix B.
+    """
+    return 1.0 if math.isinf(dof) else dof * (dof + 1.0) / ((dof - 2.0) * (dof + 3.0))
+
+
+def heavy_tailed_log_likelihood(
+    readings: Floats, means: Floats, variances: Floats, dof: float, owners: Ints | None
+) -> Floats:
+    """(N,) log density of readings (S,) with noise of Student's t: means and variances (S, N); as `log_likelihood`.
+
+    The variance of the noise is that given: its scale is s² = R (ν - 2) / ν.
+    """
+    scales = variances * ((dof - 2.0) / dof)
+    constant = math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof) - 0.5 * math.log(dof * math.pi)
+    logs = np.log1p((readings[:, None] - means) ** 2 / (dof * scales))
+    logs = constant - 0.5 * np.log(scales) - 0.5 * (dof + 1.0) * logs
+    chosen = logs.sum(axis=0) if owners is None else logs[owners, np.arange(owners.size)]
+    return np.where(np.isfinite(chosen), chosen, -np.inf)
+
+
+def unit_noise(normals: Floats, dof: float) -> Floats:
+    """(n,) noise of Student's t with the variance 1, from standard normal numbers: the quantiles of equal rank."""
+    if math.isinf(dof):
+        return normals
+    from scipy.special import ndtr, stdtrit
+
+    quantiles: Floats = -stdtrit(dof, ndtr(-np.abs(normals)))
+    return np.copysign(quantiles, normals) * math.sqrt((dof - 2.0) / dof)
+
+
+def reach_issues(reach: float) -> Iterator[Issue]:
+    """Yield an issue if the range is finite and longer than the greatest length of a scenario."""
+    if LENGTH.le is not None and LENGTH.le < reach < math.inf:
+        yield Issue(("sensor", "reach"), f"must be at most {LENGTH.le:g}, or .inf, is {reach:g}")
+
+
+def squared_distances(points: Floats, positions: Floats) -> Floats:
+    """(n,) squared distances in the plane between points (n, P) and positions (n, 2)."""
+    apart: Floats = planar(points) - positions
+    result: Floats = (apart**2).sum(axis=1)
+    return result
+
 
 ERROR: Final = Quantity("m", ge=1e-6, le=1e7)
 GREATEST_RANGE: Final = 1e7

@@ -12,10 +12,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.content_digests import content_digest
-from wsnsim.base.detection import is_perfect
 from wsnsim.base.errors import Issue
 from wsnsim.base.ports import ConstantGaussian, MotionModel
+from wsnsim.base.regular_files import content_digest
+from wsnsim.base.sensing import is_perfect
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.recorded_track import RecordedTrack
 

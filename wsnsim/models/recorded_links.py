@@ -2,7 +2,7 @@
 
     RecordedLinks(path="links.k7.gz", channel=26).heard(number, source) -> ids, powers, ratios
 
-`base.recorded_links` is the port by which the network asks for them; `k7file` reads the recording.
+`base.radio` is the port by which the network asks for them; `k7file` reads the recording.
 """
 
 from __future__ import annotations
@@ -17,13 +17,12 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.errors import Issue, RunError, did_you_mean
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.recorded_links import BurstyLosses, HeardLinks
+from wsnsim.base.radio import BurstyLosses, HeardLinks
 from wsnsim.base.setups import Setup
-from wsnsim.models.bounds import LENGTH
+from wsnsim.models.bounds import LENGTH, number_of_nodes
 from wsnsim.models.csvfile import demand_digest, row_texts
 from wsnsim.models.k7file import HIGHEST_CHANNEL, read_links
 from wsnsim.models.link_recording import LinkRecording
-from wsnsim.models.node_count import number_of_nodes
 
 SHARE = Quantity("", ge=0.0, le=1.0)
 

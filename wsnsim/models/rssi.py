@@ -17,12 +17,11 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.sensing import GAIN_DB, HEIGHT
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.traits import GAIN_DB, HEIGHT
 from wsnsim.kernels import ranging as kernels
-from wsnsim.models.bounds import LENGTH
-from wsnsim.models.distances import FITTED_ON, REACH, OfDistance, reach_issues, squared_distances, unit_noise
-from wsnsim.models.node_count import number_of_nodes
+from wsnsim.models.bounds import LENGTH, number_of_nodes
+from wsnsim.models.ranging import FITTED_ON, REACH, OfDistance, reach_issues, squared_distances, unit_noise
 
 LARGEST_EXPONENT: Final = 600.0
 """e to this power times any d0 is finite."""
@@ -41,7 +40,7 @@ class Rssi(OfDistance):
     `gains`. With `target_height` d is the distance in space: d² = dx² + dy² + (h_node - h_target)², with the heights of
     the nodes from the deployment. Without it, d is the distance in the plane. v has the standard deviation `sd`,
     whether it is normal or Student's t. `shadowing` is added to readings that are sampled: Gaussian, correlated along
-    the target's path, independent between nodes and targets (Gudmundson (1991), see `base.shadowing`).
+    the target's path, independent between nodes and targets (Gudmundson (1991), see `base.sensing`).
 
     Source: Ruan, Wang, Yang, Zhang (2020), eq. 4, without gains, heights and shadowing; R is 1/4 dB². z0, from the
     paper's indoor fit, and the least d are our choice.

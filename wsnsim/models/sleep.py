@@ -20,7 +20,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import Mode
 from wsnsim.base.rng import derive_each, uniforms
 from wsnsim.base.setups import Setup
-from wsnsim.kernels.sleeping import Law, period_spans, period_sums
+from wsnsim.kernels.nodes import Law, period_spans, period_sums
 
 PERIOD: Final = Quantity("s", ge=1e-2, le=1e9)
 MOST_PERIODS: Final = 10_000_000
@@ -68,7 +68,7 @@ class AlwaysOn(_NeverAsleep):
 class _PeriodicSchedule:
     """A schedule in periods: node k begins one at each phase_k + j T, and is awake in its first part or not at all.
 
-    Phases are uniform on [0, T), or 0 for all nodes. A subclass gives the `_law` of `kernels.sleeping`: T, the awake
+    Phases are uniform on [0, T), or 0 for all nodes. A subclass gives the `_law` of `kernels.nodes`: T, the awake
     part in s, the probability of being awake in a period, and whether nodes have phases of their own.
     """
 

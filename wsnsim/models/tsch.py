@@ -12,8 +12,8 @@ from math import ceil
 from typing import Annotated, ClassVar, Final
 
 from wsnsim.base.errors import Issue
+from wsnsim.base.medium_access import Latency, RadioDuty
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.radio_duty import Latency, RadioDuty
 from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.access import SPAN, TICK, Framed
 

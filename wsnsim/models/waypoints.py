@@ -23,7 +23,7 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import LENGTH, PLACE
 from wsnsim.models.csvfile import Wanted, only_rows
-from wsnsim.models.transitions import near_constant_velocity
+from wsnsim.models.motion import near_constant_velocity
 
 INTENSITY = Quantity("m2/s3", ge=0.0, le=1e9)
 MOST_LEGS = 1e6

@@ -12,11 +12,11 @@ import simpy
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, failed_run
-from wsnsim.base.following import RunNow, TrackNow, follower_of
 from wsnsim.base.mac_mechanisms import FollowsRestarts
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import Streams
+from wsnsim.base.rows import RunNow, TrackNow, follower_of
 from wsnsim.base.setups import RadioSetup
 from wsnsim.network.event_log import EventLog, StepClock
 from wsnsim.network.fault_services import FaultSite, NodeControl
@@ -169,7 +169,7 @@ class BaseNetwork(ABC):
 def make_forwarding(setup: RadioSetup, stack: RadioStack, hops: Hops, sinks: tuple[int, ...], key: int) -> Forwarding:
     """Return how the datagrams of a scenario find their way. `key`: the random key of what nodes do for it."""
     if setup.routing.weight == "etx":
-        from wsnsim.models.collection import CollectionTreeProtocol
+        from wsnsim.models.workloads import CollectionTreeProtocol
         from wsnsim.network.radio.collection_tree import CollectionTree
 
         return CollectionTree(stack, hops, cast(CollectionTreeProtocol, setup.routing), sinks, key)

@@ -14,8 +14,8 @@ from typing import Final
 import simpy
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.faults import FaultEvent
 from wsnsim.base.mechanisms import SensorDefect
+from wsnsim.base.network_ports import FaultEvent
 from wsnsim.base.rng import derive
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks

@@ -17,8 +17,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.cell_grid import CellGrid
-from wsnsim.base.faults import FaultEvent
 from wsnsim.base.mechanisms import NOBODY, FaultMechanism, FaultServices, SensorDefect, StartsFault
+from wsnsim.base.network_ports import FaultEvent
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.network.fault_services import Combination, FaultSite, Outages, RadioDisturbances, SiteServices, Timeline
 from wsnsim.network.mechanisms import make_mechanism

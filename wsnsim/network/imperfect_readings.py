@@ -16,14 +16,12 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys, planar
-from wsnsim.base.detection import is_perfect
-from wsnsim.base.initial_conditions import InitialConditions, measured_points
+from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names
 from wsnsim.base.mechanisms import SensorDefect
-from wsnsim.base.node_names import node_names
 from wsnsim.base.ports import Detection, Detects
 from wsnsim.base.rng import HEAD_KEY, Streams, component_noise, derive, derive_all, derive_each, uniforms
+from wsnsim.base.sensing import PathShadowing, is_perfect, path_shadowing
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
-from wsnsim.base.shadowing import PathShadowing, path_shadowing
 from wsnsim.base.tables import Memory
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.network.clocks import Clocks

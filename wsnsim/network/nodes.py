@@ -13,8 +13,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.continuous_power import NoPower
-from wsnsim.base.radio import Mode
+from wsnsim.base.radio import Mode, NoPower
 from wsnsim.base.tables import CAUSE
 from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.battery_watch import EVERYBODY
@@ -81,8 +80,8 @@ class Nodes(NodeStates):
         """Switch the radio of a node on, until `release_radio`; nothing happens if it is held already.
 
         It listens, and pays for it, while it neither sends nor receives. Only for duty-cycled MACs (see
-        `base.radio_duty`): a radio that follows no duty always listens. A node with a sleep schedule must be held awake
-        meanwhile: see `begin_sending`.
+        `base.medium_access`): a radio that follows no duty always listens. A node with a sleep schedule must be held
+        awake meanwhile: see `begin_sending`.
 
         Args:
             node: The node.

@@ -18,7 +18,7 @@ from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.ports import Detects, Recording, SensorModel
 from wsnsim.base.rng import derive, reading_noise
-from wsnsim.base.shadowing import PathShadowing
+from wsnsim.base.sensing import PathShadowing
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.base.vector_readings import SCALAR, Reading, as_readings, components_of
 from wsnsim.network.event_log import EACH, EventLog, StepClock, event

@@ -12,11 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from wsnsim.base.arrays import Floats, planar
-from wsnsim.base.following import TrackNow
 from wsnsim.base.ports import Estimate, Recorder
 from wsnsim.base.progress import OnTime
 from wsnsim.base.rng import Streams
-from wsnsim.base.rows import write_readings
+from wsnsim.base.rows import TrackNow, write_readings
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
 from wsnsim.network.clusters.coordination import ClusterCoordination, make_head_protocol

@@ -25,8 +25,8 @@ from wsnsim.base.ports import Recorder
 from wsnsim.base.results import Summary
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each
 from wsnsim.base.rows import wants_steps
+from wsnsim.base.sensing import path_shadowing
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
-from wsnsim.base.shadowing import path_shadowing
 from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns, offers_whole_runs
 from wsnsim.base.vector_readings import components_of
 from wsnsim.offline import block_rows

@@ -11,15 +11,16 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.gathered import Gathered, Journeys
 from wsnsim.base.requests import (
     Broadcast,
     Compute,
     Delivery,
     Flow,
     Gather,
+    Gathered,
     GatheredReadings,
     GatherReadings,
+    Journeys,
     Local,
     Member,
     NodeId,

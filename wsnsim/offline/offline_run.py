@@ -16,15 +16,14 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.errors import ResultError, RunError, failed_run
-from wsnsim.base.following import RunNow, TrackNow, follower_of
 from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.ports import Estimate, Recorder, Scene
 from wsnsim.base.requests import Flow, Request
 from wsnsim.base.results import RunResult, RunTotals, TrackResult
 from wsnsim.base.rng import Streams
-from wsnsim.base.rows import NAN, Issued, wants_belief, write_belief, write_readings
+from wsnsim.base.rows import NAN, Issued, RunNow, TrackNow, follower_of, wants_belief, write_belief, write_readings
+from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.traits import gain_factors
 from wsnsim.offline.loopback import perform
 from wsnsim.offline.measurements import HEAD, OfflineCluster, ReportsOf
 from wsnsim.offline.request_costs import RequestCosts

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.python_statements import NOT_PYTHON, statements
+from wsnsim.base.plugin_code import NOT_PYTHON, statements
 
 PACKAGE: Final = "wsnsim"
 NOT_IN_A_RUN: Final = (
@@ -26,7 +26,7 @@ NOT_IN_A_RUN: Final = (
     "verification", "watch",
 )  # fmt: skip
 """What a run cannot import: the layers above `experiment`, see the import contracts."""
-SUFFIXES: Final = (".py", ".yaml", ".so", ".pyd")
+SUFFIXES: Final = (".py", ".table", ".yaml", ".so", ".pyd")
 """Files whose content counts."""
 INSTALLED: Final = ("site-packages", "dist-packages")
 

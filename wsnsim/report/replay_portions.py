@@ -19,7 +19,7 @@ import numpy as np
 from wsnsim.analysis.plot_data import Columns, StateLayout
 from wsnsim.analysis.replicate_tables import ReplicateTables
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.following import RunStart
+from wsnsim.base.rows import RunStart
 from wsnsim.base.setups import RadioSetup, TrackingSetup
 from wsnsim.report.replay import MAX_FRAMES, TRAIL, TRAJECTORY
 from wsnsim.report.replay_clusters import add_clusters

@@ -10,19 +10,45 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wsnsim.base.errors import Issue, ScenarioError
-from wsnsim.scenario.abilities import kinds_with, missing_abilities
-from wsnsim.scenario.combinations import impossible_combinations
-from wsnsim.scenario.kinds import AT_TOP
-from wsnsim.scenario.registry import ROLES, Role, find
-from wsnsim.scenario.source_checks import demand_loaded
+from wsnsim.base.errors import Issue, ScenarioError, UsageError, shown_value
+from wsnsim.scenario.abilities import impossible_combinations, kinds_with, missing_abilities
+from wsnsim.scenario.registry import AT_TOP, ROLES, Role, find
 
 if TYPE_CHECKING:
     from wsnsim.base.setups import BeaconSetup, TrackingSetup
     from wsnsim.scenario.schema import Scenario
+
+
+def demand_scenario(value: Any) -> None:
+    """Refuse what is no scenario."""
+    from wsnsim.scenario.schema import Scenario
+
+    if not isinstance(value, str | Path | Mapping | Scenario):
+        raise UsageError(
+            "scenario: expected the name of a scenario, a file, a dict, or what wsnsim.load returned, got "
+            + _shown(value)
+        )
+
+
+def demand_loaded(value: Any) -> None:
+    """Refuse what is not a loaded scenario."""
+    from wsnsim.scenario.schema import Scenario
+
+    if not isinstance(value, Scenario):
+        raise UsageError(f"scenario: expected what wsnsim.load returned, got {_shown(value)}")
+
+
+def _shown(value: Any) -> str:
+    """A value as a message shows it; of a result, also where its scenario is."""
+    from wsnsim.scenario.schema import Scenario
+
+    held = isinstance(getattr(value, "scenario", None), Scenario)
+    return shown_value(value) + (" (its attribute `scenario` is one)" if held else "")
+
 
 Keys = tuple[str | int, ...]
 

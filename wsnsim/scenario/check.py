@@ -11,16 +11,14 @@ from __future__ import annotations
 import functools
 import operator
 from collections.abc import Iterator
-from typing import Any, Final, cast
+from typing import Any, Final, cast, get_args
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError, create_model
 
 from wsnsim.base.errors import Issue
 from wsnsim.base.regular_files import file_digest
-from wsnsim.scenario.datasheets import with_fields
+from wsnsim.scenario.datasheets import with_fields, with_radio
 from wsnsim.scenario.fields import Inner, PartError, PartModel, described, names_of, roles_of
-from wsnsim.scenario.inner_models import InnerKinds, inner_models, with_inner
-from wsnsim.scenario.kinds import AT_TOP, ROLES
 from wsnsim.scenario.located_values import (
     BROKEN,
     Entry,
@@ -36,16 +34,41 @@ from wsnsim.scenario.located_values import (
 )
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.plugin_access import is_missing, not_found, permit
-from wsnsim.scenario.radio_defaults import with_radio
-from wsnsim.scenario.registry import kinds
-from wsnsim.scenario.roles import Role, Scope
-from wsnsim.scenario.schema import (
-    Chosen,
-    Scenario,
-    is_without_target,
-    part_model,
-    scenario_model,
-)
+from wsnsim.scenario.registry import AT_TOP, ROLES, Role, Scope, kinds
+from wsnsim.scenario.schema import Chosen, Scenario, is_without_target, part_model, scenario_model
+
+InnerKinds = type[PartModel] | None | tuple[type[PartModel] | None, ...]
+"""The model of the component that a field holds, or those of a list; None for one whose kind has an issue."""
+
+
+@functools.cache
+def with_inner(model: type[PartModel], inner: tuple[tuple[str, InnerKinds], ...]) -> type[PartModel]:
+    """Return the model of a kind whose fields hold components of these kinds."""
+    fields: dict[str, Any] = {
+        name: (_annotation_of_kinds(chosen), Field(description=model.model_fields[name].description))
+        for name, chosen in inner
+        if chosen != ()  # an empty list is of the same model as none
+    }
+    return create_model(model.__name__, __base__=model, __module__=model.__module__, **fields) if fields else model
+
+
+def _annotation_of_kinds(chosen: InnerKinds) -> Any:
+    if isinstance(chosen, tuple):
+        return tuple[tuple(kind or Any for kind in chosen)]  # type: ignore[misc]
+    return chosen or Any
+
+
+def inner_models(model: type[PartModel]) -> dict[Keys, type[PartModel]]:
+    """Return the models of the components that a component holds, by their paths in it, where the kinds are known."""
+    found: dict[Keys, Any] = {}
+    for name, inner in roles_of(model.part).items():
+        held = model.model_fields[name].annotation
+        if inner.several:
+            found.update(((name, i), kind) for i, kind in enumerate(get_args(held)))
+        else:
+            found[name,] = held
+    return {path: kind for path, kind in found.items() if isinstance(kind, type) and issubclass(kind, PartModel)}
+
 
 BEACON_STEP: Final = 1.0
 """Time (s) between result rows of a network without a target, unless the scenario gives `step`."""

@@ -11,8 +11,7 @@ from typing import Any, Final, Generic, Protocol
 from wsnsim.base import ports, radio, sleeping, synchronisation
 from wsnsim.base.errors import did_you_mean
 from wsnsim.scenario.fields import PartError
-from wsnsim.scenario.kinds import ROLES
-from wsnsim.scenario.registry import load_class
+from wsnsim.scenario.registry import ROLES, load_class
 
 PORT_MODULES: Final = (ports, radio, sleeping, synchronisation)
 

@@ -14,8 +14,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from wsnsim.scenario.build import plain_json
 from wsnsim.scenario.fields import PartError, PartModel
-from wsnsim.scenario.kinds import AT_TOP, ROLES
-from wsnsim.scenario.registry import kinds
+from wsnsim.scenario.registry import AT_TOP, ROLES, kinds
 from wsnsim.scenario.schema import WITHOUT_TARGETS, Scenario, part_model
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -12,12 +12,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
-from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean
-from wsnsim.base.shown_value import shown_value
-from wsnsim.scenario.build import plain_json, resolved
+from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean, shown_value
+from wsnsim.scenario.build import demand_scenario, plain_json, resolved
 from wsnsim.scenario.files import content_of, find_or_none, shipped
 from wsnsim.scenario.plugin_access import Plugins
-from wsnsim.scenario.source_checks import demand_scenario
 
 if TYPE_CHECKING:
     from wsnsim.scenario.located_values import LocatedValue

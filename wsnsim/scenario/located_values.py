@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from wsnsim.base.errors import Issue
-from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.plugin_access import Plugins
+from wsnsim.scenario.registry import AT_TOP
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]

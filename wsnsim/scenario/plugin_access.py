@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from wsnsim.base.plugin_code import PluginImport, announce
-from wsnsim.scenario.kinds import AT_TOP
-from wsnsim.scenario.registry import ROLES, SEARCHED, kinds, search
+from wsnsim.scenario.registry import AT_TOP, ROLES, SEARCHED, kinds, search
 
 
 class Plugins(enum.IntEnum):

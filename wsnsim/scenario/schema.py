@@ -39,10 +39,8 @@ from wsnsim.scenario.fields import (
     names_of,
     refusal,
 )
-from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.located_values import Keys, LocatedValue, Spot, spot_of
-from wsnsim.scenario.registry import ROLES, find, load_class
-from wsnsim.scenario.roles import Role, Scope
+from wsnsim.scenario.registry import AT_TOP, ROLES, Role, Scope, find, load_class
 from wsnsim.scenario.units import shown
 
 MOST_STEPS: Final = 10_000_000

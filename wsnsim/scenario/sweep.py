@@ -53,10 +53,19 @@ from wsnsim.scenario.located_values import (
     sequence,
 )
 from wsnsim.scenario.messages import issues_of
-from wsnsim.scenario.points import PointName, demand_no_axis, keys_of_points, points_of
+from wsnsim.scenario.points import (
+    BLOCKS,
+    Findings,
+    PointName,
+    assignments_in,
+    combined,
+    demand_no_axis,
+    keys_of_points,
+    points_of,
+    with_reals,
+)
 from wsnsim.scenario.reader import of_dict, origin_of, read
 from wsnsim.scenario.schema import Scenario
-from wsnsim.scenario.sweep_blocks import BLOCKS, Findings, assignments_in, combined, with_reals
 from wsnsim.scenario.sweep_schema import Plan, SweepText
 from wsnsim.scenario.tracker_choices import TrackerChoice, choices_of, tracker_choices, with_trackers
 

@@ -17,14 +17,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
-from wsnsim.base.printable import shortened
+from wsnsim.base.errors import Issue, ScenarioError, did_you_mean, shortened
 from wsnsim.scenario.axes import Settings, joined
-from wsnsim.scenario.component_values import defaults_of
 from wsnsim.scenario.load import Assignment, keys_of
 from wsnsim.scenario.located_values import LocatedValue, Origin, Spot, dotted, plain
 from wsnsim.scenario.points import PointName
-from wsnsim.scenario.reader import of_dict, read
+from wsnsim.scenario.reader import defaults_of, of_dict, read
 from wsnsim.scenario.registry import kinds
 
 OPTION: Final = "--trackers"

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
-from wsnsim.base.packet_joules import PacketJoules
 from wsnsim.base.ports import Estimate, Field, ForecastsSuccession, MotionModel, Scene, SensorModel, Tracker
+from wsnsim.base.radio import PacketJoules
 from wsnsim.base.requests import Flow, Member, Request
 from wsnsim.base.rng import component_noise, derive, derive_all
 from wsnsim.base.vector_readings import Reading, as_readings, components_of

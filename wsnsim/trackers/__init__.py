@@ -5,32 +5,35 @@ from wsnsim.trackers import PsoMhpf, Ekf        the modules are imported at firs
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING
 
-from wsnsim.base.errors import did_you_mean
+from wsnsim.base.facades import facade
 
 if TYPE_CHECKING:
-    from wsnsim.trackers.awake_only import AwakeOnly
-    from wsnsim.trackers.centralised import CentralPf
-    from wsnsim.trackers.ckf import CubatureKalman
-    from wsnsim.trackers.cuckoo_pf import CuckooPf, ImprovedCuckooPf
-    from wsnsim.trackers.ekf import ExtendedKalman
-    from wsnsim.trackers.gaussian_pf import GaussianPf, GravitationalGaussianPf, SwarmGaussianPf
-    from wsnsim.trackers.grey import GreyTracking
-    from wsnsim.trackers.grid import GridFilter
-    from wsnsim.trackers.imm import InteractingModels
-    from wsnsim.trackers.information_driven import InformationDriven
-    from wsnsim.trackers.information_pf import InformationPf
-    from wsnsim.trackers.interacting_kalman import InteractingKalman
-    from wsnsim.trackers.markov import TwoPhase
-    from wsnsim.trackers.mixture_pf import MixturePf
-    from wsnsim.trackers.parallel_pf import ParallelPf
-    from wsnsim.trackers.pso_mhpf import PsoMhpf
-    from wsnsim.trackers.relay_kalman import RelayKalman
-    from wsnsim.trackers.sir import Sir
-    from wsnsim.trackers.trilateration import Trilateration
-    from wsnsim.trackers.ukf import UnscentedKalman
+    # fmt: off
+    # isort: off
+    from wsnsim.trackers.awake_only import AwakeOnly as AwakeOnly
+    from wsnsim.trackers.centralised import CentralPf as CentralPf
+    from wsnsim.trackers.cuckoo_pf import CuckooPf as CuckooPf, ImprovedCuckooPf as ImprovedCuckooPf
+    from wsnsim.trackers.ekf import ExtendedKalman as ExtendedKalman
+    from wsnsim.trackers.gaussian_pf import (
+        GaussianPf as GaussianPf, GravitationalGaussianPf as GravitationalGaussianPf,
+        SwarmGaussianPf as SwarmGaussianPf,
+    )
+    from wsnsim.trackers.grey import GreyTracking as GreyTracking
+    from wsnsim.trackers.grid import GridFilter as GridFilter
+    from wsnsim.trackers.imm import InteractingModels as InteractingModels
+    from wsnsim.trackers.information_driven import InformationDriven as InformationDriven
+    from wsnsim.trackers.information_pf import InformationPf as InformationPf
+    from wsnsim.trackers.interacting_kalman import InteractingKalman as InteractingKalman
+    from wsnsim.trackers.markov import TwoPhase as TwoPhase
+    from wsnsim.trackers.mixture_pf import MixturePf as MixturePf
+    from wsnsim.trackers.parallel_pf import ParallelPf as ParallelPf
+    from wsnsim.trackers.pso_mhpf import PsoMhpf as PsoMhpf
+    from wsnsim.trackers.relay_kalman import RelayKalman as RelayKalman
+    from wsnsim.trackers.sigma_points import CubatureKalman as CubatureKalman, UnscentedKalman as UnscentedKalman
+    from wsnsim.trackers.sir import Sir as Sir
+    from wsnsim.trackers.trilateration import Trilateration as Trilateration
 
     Ckf = CubatureKalman
     Cluster = MixturePf
@@ -52,41 +55,4 @@ if TYPE_CHECKING:
     Tsstp = TwoPhase
     Ukf = UnscentedKalman
 
-CLASSES: Final = {
-    "AwakeOnly": "awake_only", "CentralPf": "centralised", "CubatureKalman": "ckf", "CuckooPf": "cuckoo_pf",
-    "ExtendedKalman": "ekf", "GaussianPf": "gaussian_pf", "GravitationalGaussianPf": "gaussian_pf",
-    "GreyTracking": "grey", "GridFilter": "grid", "ImprovedCuckooPf": "cuckoo_pf",
-    "InformationDriven": "information_driven", "InformationPf": "information_pf",
-    "InteractingKalman": "interacting_kalman", "InteractingModels": "imm", "MixturePf": "mixture_pf",
-    "ParallelPf": "parallel_pf", "PsoMhpf": "pso_mhpf", "RelayKalman": "relay_kalman", "Sir": "sir",
-    "SwarmGaussianPf": "gaussian_pf", "Trilateration": "trilateration", "TwoPhase": "markov",
-    "UnscentedKalman": "ukf",
-}  # fmt: skip
-"""The module of each class."""
-ALIASES: Final = {
-    "Ckf": "CubatureKalman", "Cluster": "MixturePf", "CsPf": "CuckooPf", "Ekf": "ExtendedKalman",
-    "Gmtt": "GreyTracking", "Gpf": "GaussianPf", "Grid": "GridFilter", "GsaGpf": "GravitationalGaussianPf",
-    "IcsPf": "ImprovedCuckooPf", "Imm": "InteractingModels", "Imsf": "InteractingKalman", "Ipf": "InformationPf",
-    "Pf": "Sir", "Ppf": "ParallelPf", "PsoGpf": "SwarmGaussianPf", "Ris": "AwakeOnly", "Rkf": "RelayKalman",
-    "Tsstp": "TwoPhase", "Ukf": "UnscentedKalman",
-}  # fmt: skip
-"""The class behind each name of a kind."""
-__all__ = [
-    "AwakeOnly", "CentralPf", "Ckf", "Cluster", "CsPf", "CubatureKalman", "CuckooPf", "Ekf", "ExtendedKalman",
-    "GaussianPf", "Gmtt", "Gpf", "GravitationalGaussianPf", "GreyTracking", "Grid", "GridFilter", "GsaGpf", "IcsPf",
-    "Imm", "ImprovedCuckooPf", "Imsf", "InformationDriven", "InformationPf", "InteractingKalman",
-    "InteractingModels", "Ipf", "MixturePf", "ParallelPf", "Pf", "Ppf", "PsoGpf", "PsoMhpf", "RelayKalman", "Ris",
-    "Rkf", "Sir", "SwarmGaussianPf", "Trilateration", "Tsstp", "TwoPhase", "Ukf", "UnscentedKalman",
-]  # fmt: skip
-
-
-def __getattr__(name: str) -> Any:
-    own = ALIASES.get(name, name)
-    if own not in CLASSES:
-        nearest = did_you_mean(name, __all__)
-        raise AttributeError(f"module 'wsnsim.trackers' has no attribute {name!r} ({nearest})")
-    return getattr(importlib.import_module(f"wsnsim.trackers.{CLASSES[own]}"), own)
-
-
-def __dir__() -> list[str]:
-    return list(__all__)
+__getattr__, __dir__ = facade(__name__)

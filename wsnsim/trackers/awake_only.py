@@ -7,15 +7,12 @@ Requests of a step:
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.part import part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.trackers.shared.fixes import Fixes, RangeFix
-from wsnsim.trackers.shared.localising import Ranged
+from wsnsim.trackers.shared.fixes import Fixes, Ranged, RangeFix
 
 HANDOVER_BITS = 88
 """Size of the last fix, as in a report: 11 bytes."""
@@ -32,12 +29,6 @@ class AwakeOnly(RangeFix):
 
     Source: the random independent sleeping of Li, Jiang, Zhang, Zhang (2012), without its wake-up; our choice.
     """
-
-    paper: ClassVar[str] = "Li, Jiang, Zhang, Zhang (2012)"
-    idea: ClassVar[str] = "least-squares fixes from the ranges of awake nodes, without prediction or memory"
-    state: ClassVar[str] = "the last fix, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = ""
 
     def foresees(self, belief: Fixes) -> bool:
         """Never."""

@@ -25,11 +25,6 @@ from wsnsim.trackers.shared.whole_runs import cloud_runs
 class CentralPf(HeadCloud):
     """Bootstrap particle filter in the head, on all readings that reach it; systematic resampling below a threshold."""
 
-    paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
-    idea: ClassVar[str] = "bootstrap particle filter in the head, on all readings: a reference"
-    state: ClassVar[str] = "particles in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "handover particles|gaussian"
     estimates_gains: ClassVar[bool] = True
 
     threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5

@@ -24,8 +24,7 @@ from wsnsim.trackers.shared.gains import Gains, gain_prior, gains_before, no_gai
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.parcels import parcel
-from wsnsim.trackers.shared.readings import Evidence, gather_readings, reading_parcel
+from wsnsim.trackers.shared.readings import Evidence, gather_readings, parcel, reading_parcel
 from wsnsim.trackers.shared.whole_runs import kalman_runs
 
 POLL = "poll"
@@ -47,11 +46,6 @@ class ExtendedKalman(HeadFilter):
     show that they are Gauss-Newton steps.
     """
 
-    paper: ClassVar[str] = ""
-    idea: ClassVar[str] = "extended Kalman filter in the head, on all readings or the nearest sensor's: a reference"
-    state: ClassVar[str] = "mean and covariance in the head"
-    messages: ClassVar[str] = "a reading up per member; or a poll down and a reading up, of the nearest"
-    variants: ClassVar[str] = "readings all|nearest, iterations"
     linear_gaussian: ClassVar[bool] = True
     estimates_gains: ClassVar[bool] = True
 

@@ -104,13 +104,6 @@ class HeadSampling(HeadFilter):
 class GaussianPf(HeadSampling):
     """GPF: particles sampled from N(μ, Σ), predicted, weighted by the likelihood and fitted by N(μ', Σ')."""
 
-    paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
-    idea: ClassVar[str] = (
-        "Gaussian particle filter: particles are sampled from a Gaussian and weighted, never resampled"
-    )
-    state: ClassVar[str] = "mean and covariance in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = ""
     estimates_gains: ClassVar[bool] = True
 
     def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
@@ -133,12 +126,6 @@ class SwarmGaussianPf(HeadSampling):
     their last positions, not at their best ones. The paper gives no parameters: w, c1 and c2 are the usual constants of
     a convergent swarm, and all four are our choice.
     """
-
-    paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
-    idea: ClassVar[str] = "Gaussian particle filter; a swarm move of the predicted particles precedes the weighting"
-    state: ClassVar[str] = "mean and covariance in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "move position|all"
 
     iterations: Annotated[int, Quantity("", ge=0, le=1000), "moves of the swarm per step"] = 10
     inertia: Annotated[float, Quantity("", ge=0, le=1), "w: what remains of a velocity"] = 0.729
@@ -188,14 +175,6 @@ class GravitationalGaussianPf(HeadSampling):
     velocity, whose change is then unbounded), the softening ε, and a velocity that is kept after a rejected move. The
     "perception threshold r" of step 3 is never defined in the paper, and is left out.
     """
-
-    paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
-    idea: ClassVar[str] = (
-        "Gaussian particle filter; a gravitational search of the predicted particles precedes the weighting"
-    )
-    state: ClassVar[str] = "mean and covariance in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "acceptance always|greedy, move position|all"
 
     particles: Annotated[
         int, Quantity("", ge=1, le=10_000), "N: particles drawn at each step; the work grows with their square"

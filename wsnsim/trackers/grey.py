@@ -8,15 +8,14 @@ Requests of a step:
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.kernels.grey import forecast_at
-from wsnsim.kernels.line import line_at
+from wsnsim.kernels.grey import forecast_at, line_at
 from wsnsim.trackers.shared.fixes import Fixes, RangeFix
 
 LEAST_FIXES: Final = 4
@@ -47,14 +46,6 @@ class GreyTracking(RangeFix):
 
     Source: Li, Jiang, Zhang, Zhang (2012). The window of 5 is implied by the message's 20 bytes at 4 a position.
     """
-
-    paper: ClassVar[str] = "Li, Jiang, Zhang, Zhang (2012)"
-    idea: ClassVar[str] = "least-squares fixes from ranges; a grey model of the last fixes predicts the next"
-    state: ClassVar[str] = "the last fixes with their times, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = (
-        "predictor grey|linear, correction tail|literal|none, report fix|prediction, shift, window"
-    )
 
     window: Annotated[int, Quantity("", ge=4, le=64), "n: number of fixes in the model"] = 5
     predictor: Annotated[Literal["grey", "linear"], "model of the fixes: grey (GM(1,1), the paper's), or a line"] = (

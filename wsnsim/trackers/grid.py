@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
@@ -21,8 +21,7 @@ from wsnsim.base.requests import Compute, Flow, Member, Send
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.grid import WINDOW, spread, weigh
 from wsnsim.trackers.shared.heads import WEIGH_CYCLES, GaussianBelief, HeadFilter
-from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packets
-from wsnsim.trackers.shared.readings import gather_readings
+from wsnsim.trackers.shared.readings import gather_readings, moment_packets, parcel, weight_packets
 
 SPREAD_CYCLES = 15.0
 """CPU cycles to add a share of one cell's mass to another cell."""
@@ -47,12 +46,6 @@ class GridFilter(HeadFilter):
     The default grid contains the univariate growth model with a process variance of 10: its states without noise stay
     below 19, and the accumulated noise has a standard deviation below 4.
     """
-
-    paper: ClassVar[str] = ""
-    idea: ClassVar[str] = "the posterior of a scalar state, integrated on a grid: a reference"
-    state: ClassVar[str] = "a density on a grid, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = ""
 
     cells: Annotated[int, Quantity("", ge=2, le=100_000), "cells of the grid"] = 2000
     low: Annotated[float, EDGE, "lower edge of the grid, in SI units"] = -60.0

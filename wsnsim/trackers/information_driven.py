@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
@@ -20,15 +20,19 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Parcel, Send
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
-from wsnsim.trackers.shared.late_readings import PREDICTION_CYCLES, Kept, by_step, filter_cycles, filtered
 from wsnsim.trackers.shared.mixtures import (
+    PREDICTION_CYCLES,
     Hypotheses,
     Hypothesis,
+    Kept,
+    by_step,
+    filter_cycles,
+    filtered,
     moments_of,
     predicted_mixture,
     reduced,
 )
-from wsnsim.trackers.shared.parcels import arrived_groups, parcel, weight_packets
+from wsnsim.trackers.shared.readings import arrived_groups, parcel, weight_packets
 from wsnsim.trackers.shared.selection import (
     DECISION_CYCLES,
     EXTRAPOLATION_CYCLES,
@@ -108,12 +112,6 @@ class InformationDriven(HeadFilter):
     optimization", IEEE Trans. Signal Processing 57(2), doi:10.1109/TSP.2008.2007095; thresholds that members apply
     themselves, packed readings and the way they are joined with the filter are our choice.
     """
-
-    paper: ClassVar[str] = ""
-    idea: ClassVar[str] = "a near-exact filter in the head; members send readings that are worth their energy"
-    state: ClassVar[str] = "a mixture of Gaussians, mostly of one, and the members' plan, in the head"
-    messages: ClassVar[str] = "a plan down when the last no longer fits; readings up, of those that it asks for"
-    variants: ClassVar[str] = ""
 
     keep: Annotated[
         float,

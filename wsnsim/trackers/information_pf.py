@@ -34,8 +34,7 @@ from wsnsim.trackers.shared.dealing import (
     send_moments,
 )
 from wsnsim.trackers.shared.moments import forecast, noise_issues, predicted, symmetric
-from wsnsim.trackers.shared.parcels import arrived_groups, covariance_packets, state_packets
-from wsnsim.trackers.shared.readings import Evidence, gather_readings
+from wsnsim.trackers.shared.readings import Evidence, arrived_groups, covariance_packets, gather_readings, state_packets
 from wsnsim.trackers.shared.stacks import MOVE, Score, propagated_by, snapshot
 
 
@@ -81,11 +80,6 @@ class InformationPf:
     linearised.
     """
 
-    paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
-    idea: ClassVar[str] = "particle filter in the head whose proposal is the update of an extended Kalman filter"
-    state: ClassVar[str] = "particles in the head, each with a covariance"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "proposal per_particle|local|cloud, handover particles|gaussian"
     angles: ClassVar[bool] = True
     vector_readings: ClassVar[bool] = True
 

@@ -21,8 +21,17 @@ from wsnsim.base.vector_readings import near
 from wsnsim.kernels.relay import filter_each, mix
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.parcels import arrived_groups, moment_packets, parcel, weight_packets
-from wsnsim.trackers.shared.sensors import LIKELIHOOD_CYCLES, arrived_probabilities, carried, chain_readings, linearised
+from wsnsim.trackers.shared.readings import (
+    LIKELIHOOD_CYCLES,
+    arrived_groups,
+    arrived_probabilities,
+    carried,
+    chain_readings,
+    linearised,
+    moment_packets,
+    parcel,
+    weight_packets,
+)
 from wsnsim.trackers.shared.whole_runs import HEAD, Outcome, scenes_of
 
 
@@ -52,11 +61,6 @@ class InteractingKalman(HeadFilter):
     Source: Liu, Wang (2012), eqs. 18-25.
     """
 
-    paper: ClassVar[str] = "Liu, Wang (2012)"
-    idea: ClassVar[str] = "one Kalman filter per sensor, mixed at each step by a Markov chain over the sensors"
-    state: ClassVar[str] = "mean, covariance and probability of one filter per sensor, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "mixing corrected|printed"
     vector_readings: ClassVar[bool] = False
 
     stay: Annotated[float, Quantity("", ge=0, le=1), "diagonal of M; the other entries are equal"] = 0.93

@@ -7,8 +7,6 @@ Requests of a step:
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from wsnsim.base.part import part
 from wsnsim.trackers.shared.fixes import Fixes, RangeFix
 
@@ -27,12 +25,6 @@ class TwoPhase(RangeFix):
 
     Source: Ren, Li, Gao, Cheng (2009), known here from one sentence in Li, Jiang, Zhang, Zhang (2012).
     """
-
-    paper: ClassVar[str] = "Ren, Li, Gao, Cheng (2009), after Li, Jiang, Zhang, Zhang (2012)"
-    idea: ClassVar[str] = "least-squares fixes from ranges; the last fix is the prediction"
-    state: ClassVar[str] = "the last two fixes, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = ""
 
     def belief_bits(self, belief: Fixes) -> int:
         """Two positions of 4 bytes."""

@@ -21,9 +21,9 @@ from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Parcel, Send
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.trackers.shared.filter_banks import PLACE, updated_by_fix, updated_by_readings
+from wsnsim.trackers.shared.fixes import fix_cycles, fixed, usable
 from wsnsim.trackers.shared.heads import HeadFilter
-from wsnsim.trackers.shared.localising import fix_cycles, fixed, usable
+from wsnsim.trackers.shared.kalman import PLACE, updated_by_fix, updated_by_readings
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
 
@@ -90,11 +90,6 @@ class MixturePf(HeadFilter):
     are resampled if their effective number is below half of their number (our choice).
     """
 
-    paper: ClassVar[str] = "Yang, Xing, Shi, Pan (2007), after Li, Jiang, Zhang, Zhang (2012)"
-    idea: ClassVar[str] = "Rao-Blackwellised particle filter: particles for the turns, Kalman filters for the state"
-    state: ClassVar[str] = "modes, each with a Kalman filter, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
     angles: ClassVar[bool] = False
     vector_readings: ClassVar[bool] = False

@@ -33,10 +33,8 @@ from wsnsim.trackers.shared.dealing import (
     resampled,
     update_deal,
 )
-from wsnsim.trackers.shared.likelihoods import likelihood_of
-from wsnsim.trackers.shared.local_estimates import LOCAL, LocalEstimate, cycles_of
 from wsnsim.trackers.shared.moments import forecast
-from wsnsim.trackers.shared.parcels import (
+from wsnsim.trackers.shared.readings import (
     UNKNOWN,
     arrived_groups,
     arrived_particles,
@@ -45,11 +43,22 @@ from wsnsim.trackers.shared.parcels import (
     is_whole,
     log_mean,
     parcel,
+    share_readings,
     state_packets,
     weight_packets,
 )
-from wsnsim.trackers.shared.readings import share_readings
-from wsnsim.trackers.shared.spread import Spread, begin, hand_on, look, only_predicted, within_predicted
+from wsnsim.trackers.shared.spread import (
+    LOCAL,
+    LocalEstimate,
+    Spread,
+    begin,
+    cycles_of,
+    hand_on,
+    likelihood_of,
+    look,
+    only_predicted,
+    within_predicted,
+)
 from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
@@ -92,13 +101,6 @@ class ParallelPf:
     weighed rightly. Resampling restores the full number of particles after a loss.
     """
 
-    paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
-    idea: ClassVar[str] = "bootstrap particle filter split evenly over the members; the head sends resampling counts"
-    state: ClassVar[str] = "particles on the active members; mean, covariance and weights in the head"
-    messages: ClassVar[str] = (
-        "readings up and down; weights and a mean up; counts down and surplus particles when resampling"
-    )
-    variants: ClassVar[str] = "measurements all|own, handover particles|gaussian"
     angles: ClassVar[bool] = True
     vector_readings: ClassVar[bool] = True
 

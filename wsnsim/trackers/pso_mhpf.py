@@ -28,19 +28,24 @@ from wsnsim.trackers.shared.dealing import (
     predict_only,
     update_deal,
 )
-from wsnsim.trackers.shared.likelihoods import likelihood_of
-from wsnsim.trackers.shared.local_estimates import (
+from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
+from wsnsim.trackers.shared.readings import share_readings, state_packets
+from wsnsim.trackers.shared.spread import (
     LOCAL,
     LocalEstimate,
+    Spread,
+    begin,
+    collected,
     cycles_of,
     feed_back,
+    hand_on,
+    likelihood_of,
     local_estimate,
+    look,
+    only_predicted,
     reported_variances,
+    within_predicted,
 )
-from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
-from wsnsim.trackers.shared.parcels import state_packets
-from wsnsim.trackers.shared.readings import share_readings
-from wsnsim.trackers.shared.spread import Spread, begin, collected, hand_on, look, only_predicted, within_predicted
 from wsnsim.trackers.shared.stacks import LOG_WEIGHTS, Shares, propagated
 from wsnsim.trackers.shared.swarms import Pull, Rules, filter_swarms
 
@@ -68,18 +73,6 @@ class PsoMhpf:
     particles' share of the head is our choice.
     """
 
-    paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
-    idea: ClassVar[str] = (
-        "particle filter on the members; a swarm move with a Metropolis-Hastings test replaces resampling"
-    )
-    state: ClassVar[str] = "particles on the active members; mean and covariance in the head"
-    messages: ClassVar[str] = "a local estimate up per member; moved particles when membership changes"
-    variants: ClassVar[str] = (
-        "measurements own|all, acceptance gaussian|transition|likelihood, prior_fit weighted|unweighted, "
-        "ranking weight|likelihood, random_factors, step_length one|dt, "
-        "estimate_when after|before, resample_first, resample_always, fusion share|inverse_variance, feedback, "
-        "handover particles|gaussian"
-    )
     angles: ClassVar[bool] = True
     vector_readings: ClassVar[bool] = True
 

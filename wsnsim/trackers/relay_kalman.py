@@ -21,15 +21,17 @@ from wsnsim.base.vector_readings import near
 from wsnsim.kernels.relay import filter_each
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packets
-from wsnsim.trackers.shared.sensors import (
+from wsnsim.trackers.shared.readings import (
     LIKELIHOOD_CYCLES,
     Linear,
     arrived_probabilities,
     carried,
     chain_readings,
     linearised,
+    moment_packets,
+    parcel,
     stay_after,
+    weight_packets,
 )
 from wsnsim.trackers.shared.whole_runs import Outcome, priors
 from wsnsim.trackers.shared.whole_runs import predicted as predicted_runs
@@ -56,11 +58,6 @@ class RelayKalman(HeadFilter):
     Source: Liu, Wang (2012), eqs. 8-20.
     """
 
-    paper: ClassVar[str] = "Liu, Wang (2012)"
-    idea: ClassVar[str] = "one Kalman filter that weights each reading by the probability that it comes from the target"
-    state: ClassVar[str] = "mean, covariance and one probability per sensor, in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "spread false|true"
     vector_readings: ClassVar[bool] = False
 
     stay: Annotated[float, Quantity("", ge=0, le=1), "diagonal of M; the other entries are equal"] = 0.93

@@ -25,11 +25,6 @@ from wsnsim.trackers.shared.whole_runs import cloud_runs
 class Sir(HeadCloud):
     """Sampling importance resampling (SIR) in the head, on all readings that reach it."""
 
-    paper: ClassVar[str] = "Wei, Guo (2022); Ruan, Wang, Yang, Zhang (2020)"
-    idea: ClassVar[str] = "the textbook particle filter, which resamples at every step"
-    state: ClassVar[str] = "particles in the head"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "handover particles|gaussian"
     estimates_gains: ClassVar[bool] = True
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 100

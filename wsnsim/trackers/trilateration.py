@@ -60,11 +60,6 @@ class Trilateration(HeadFilter):
     and the prediction are our choice: the paper gives only the centroid.
     """
 
-    paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
-    idea: ClassVar[str] = "the weighted centroid of the circles' intersections, without memory: a baseline"
-    state: ClassVar[str] = "the last position"
-    messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
     angles: ClassVar[bool] = False
     vector_readings: ClassVar[bool] = False

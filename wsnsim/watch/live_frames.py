@@ -17,7 +17,7 @@ import numpy as np
 from wsnsim.analysis.plot_data import Columns
 from wsnsim.analysis.replicate_tables import EVENTS
 from wsnsim.base.arrays import Floats
-from wsnsim.base.following import RunStart
+from wsnsim.base.rows import RunStart
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import CAUSES
 from wsnsim.report.replay_portions import PortionTables, ReplayPortions

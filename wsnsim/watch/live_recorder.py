@@ -16,9 +16,8 @@ from typing import Any, Final, NamedTuple, final
 
 import numpy as np
 
-from wsnsim.base.following import RunNow, RunStart
 from wsnsim.base.ports import Recorder
-from wsnsim.base.rows import Issued
+from wsnsim.base.rows import Issued, RunNow, RunStart
 
 INTERVAL: Final = 0.25
 """Seconds between two looks at a run."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from wsnsim.scenario.citations import Citation
-from wsnsim.scenario.kind_info import KindInfo, kind_info
+from wsnsim.scenario.kind_info import Citation, KindInfo, kind_info
 from wsnsim.scenario.parameter_info import ParameterInfo, assumptions
 from wsnsim.scenario.registry import ROLES, Role
 from wsnsim_reference.markdown import code, escaped, fence, generated, table

@@ -6,11 +6,10 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from wsnsim.scenario.examples import template
 from wsnsim.scenario.json_schema import json_schema
-from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.parameter_info import as_written, short_number
-from wsnsim.scenario.registry import ROLES
-from wsnsim.scenario.template import template
+from wsnsim.scenario.registry import AT_TOP, ROLES
 from wsnsim.scenario.units import PREFIXES, SYMBOLS, WORDS
 from wsnsim_reference.markdown import code, escaped, fence, generated, table
 

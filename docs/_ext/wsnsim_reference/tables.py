@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from wsnsim.base.columns import Column
-from wsnsim.base.table_meanings import TABLE_MEANINGS
-from wsnsim.base.tables import DUTY_CYCLED, METRICS, RECORDED_BY_DEFAULT, STATE_AFTER, TABLES
+from wsnsim.base.tables import DUTY_CYCLED, METRICS, RECORDED_BY_DEFAULT, STATE_AFTER, TABLE_MEANINGS, TABLES, Column
 from wsnsim_reference.markdown import code, escaped, generated, table
 
 TYPES = {"u1": "uint8", "u2": "uint16", "u4": "uint32", "u8": "uint64", "i2": "int16", "i4": "int32", "f8": "float64"}

@@ -13,8 +13,7 @@ from typing import Any, cast
 
 import simpy
 
-from wsnsim.base.clustering import AppointingPolicy
-from wsnsim.base.outlook import Appointment, Outlook
+from wsnsim.base.clustering import AppointingPolicy, Appointment, Outlook
 from wsnsim.base.ports import Announces, Scene
 from wsnsim.base.requests import Delivery, Flow, GatheredReadings, GatherReadings, Parcel
 from wsnsim.base.vector_readings import Reading

@@ -16,8 +16,7 @@ import simpy
 from simpy.events import EventPriority
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.gathered import Journeys
-from wsnsim.base.requests import Parcel, all_arrived
+from wsnsim.base.requests import Journeys, Parcel, all_arrived
 from wsnsim.network.radio.datagrams import Datagram, Unicasts
 from wsnsim.network.radio.transport import Transport
 

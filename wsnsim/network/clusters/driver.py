@@ -16,7 +16,6 @@ import simpy
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.errors import PluginAnswerError, RunError
-from wsnsim.base.gathered import Gathered
 from wsnsim.base.radio import Cpu, EnergyModel
 from wsnsim.base.requests import (
     Broadcast,
@@ -24,6 +23,7 @@ from wsnsim.base.requests import (
     Delivery,
     Flow,
     Gather,
+    Gathered,
     GatheredReadings,
     GatherReadings,
     Local,

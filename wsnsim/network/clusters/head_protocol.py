@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import simpy
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.outlook import Appointment
+from wsnsim.base.clustering import Appointment
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster

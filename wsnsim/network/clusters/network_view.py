@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, planar
+from wsnsim.base.clustering import NearNodes, Outlook
 from wsnsim.base.mac_mechanisms import MacMechanism, UsesShortInterval
-from wsnsim.base.outlook import NearNodes, Outlook
 from wsnsim.base.ports import Estimate, ForecastsSuccession, MotionModel, Scene
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import NetworkSetup

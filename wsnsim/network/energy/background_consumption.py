@@ -18,7 +18,7 @@ import simpy
 
 from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.radio import Mode
-from wsnsim.kernels.charging import mark_busy
+from wsnsim.kernels.nodes import mark_busy
 from wsnsim.network.energy.battery_watch import BatteryWatch
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals

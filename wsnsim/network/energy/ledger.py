@@ -9,7 +9,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, scalars
 from wsnsim.base.tables import CAUSE, CAUSES
-from wsnsim.kernels.charging import book
+from wsnsim.kernels.nodes import book
 
 Charges: TypeAlias = Sequence[tuple[int, float]]
 """Pairs of cause and joules."""

@@ -14,8 +14,8 @@ from typing import Final, TypeVar
 import numpy as np
 
 from wsnsim.base.arrays import Floats, scalars
+from wsnsim.base.medium_access import RadioDuty, SwitchesRadio
 from wsnsim.base.radio import ContinuousPower, Mode
-from wsnsim.base.radio_duty import RadioDuty, SwitchesRadio
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.sleep_states import SleepStates

@@ -16,7 +16,7 @@ import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.radio import Mode
-from wsnsim.kernels.sleeping import listening
+from wsnsim.kernels.nodes import listening
 from wsnsim.network.energy.local_schedules import LocalSchedules
 
 LINGER: Final = 1.0

@@ -16,10 +16,10 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.frames import EVERYONE, MacFrame
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac
+from wsnsim.base.radio import continuous_power
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.event_log import event
 from wsnsim.network.radio.capture import HEADER_BITS, CapturingReceivers

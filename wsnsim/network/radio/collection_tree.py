@@ -17,7 +17,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.frames import Burst
-from wsnsim.models.collection import CollectionTreeProtocol
+from wsnsim.models.workloads import CollectionTreeProtocol
 from wsnsim.network.radio.datagrams import A_SINK, Copy, Datagram, Hops, Journey, node_random
 from wsnsim.network.radio.geographic_forwarding import GeographicForwarding, HeardPlaces
 from wsnsim.network.radio.link_estimator import LinkTable

@@ -9,8 +9,7 @@ from typing import Generic, Protocol, TypeVar
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.counters import Counters
-from wsnsim.base.frames import Burst, MacFrame, OfferedFrame, Received
+from wsnsim.base.frames import Burst, Counters, MacFrame, OfferedFrame, Received
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac, Packing
 from wsnsim.base.rng import Streams

@@ -10,13 +10,10 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.continuous_power import NoPower, continuous_power
-from wsnsim.base.counters import Counters
-from wsnsim.base.frames import EVERYONE, Burst, Received, full_burst
+from wsnsim.base.frames import EVERYONE, Burst, Counters, Received, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
-from wsnsim.base.medium_access import Mac
-from wsnsim.base.radio import ContinuousPower, Mode
-from wsnsim.base.radio_duty import DutyCycledMac
+from wsnsim.base.medium_access import DutyCycledMac, Mac
+from wsnsim.base.radio import ContinuousPower, Mode, NoPower, continuous_power
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup

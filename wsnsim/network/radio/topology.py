@@ -19,12 +19,10 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
-from wsnsim.base.counters import Counters
-from wsnsim.base.radio import EnergyModel, LinkModel
-from wsnsim.base.recorded_links import BurstyLosses, RecordsLinks
+from wsnsim.base.frames import Counters
+from wsnsim.base.radio import BurstyLosses, EnergyModel, LinkModel, RecordsLinks
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.kernels.bursty_losses import advance
-from wsnsim.kernels.reception import find_links
+from wsnsim.kernels.reception import advance, find_links
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.nodes import Nodes
 

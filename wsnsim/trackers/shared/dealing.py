@@ -17,9 +17,8 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Member, Parcel, Scatter, Send
 from wsnsim.base.rng import uniforms
-from wsnsim.kernels.allocation import allocate
-from wsnsim.kernels.particles import moments, systematic
-from wsnsim.trackers.shared.parcels import (
+from wsnsim.kernels.particles import allocate, moments, systematic
+from wsnsim.trackers.shared.readings import (
     MOMENTS,
     arrived_particles,
     guessed,

@@ -22,8 +22,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Flow, Send
 from wsnsim.trackers.shared.moments import symmetric
-from wsnsim.trackers.shared.parcels import parcel
-from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.trackers.shared.readings import Evidence, parcel
 
 NUMBERS_A_PACKET = 4
 SMALLEST = 1e-10

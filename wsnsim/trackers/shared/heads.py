@@ -20,9 +20,8 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, MotionModel, Scene, SensorModel
 from wsnsim.base.requests import Compute, Flow, Member
 from wsnsim.base.rng import derive
-from wsnsim.kernels.bootstrap_step import predict_and_score
 from wsnsim.kernels.noise import particle_keys
-from wsnsim.kernels.particles import moments, weigh
+from wsnsim.kernels.particles import moments, predict_and_score, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     Pool,

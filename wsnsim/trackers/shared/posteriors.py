@@ -18,8 +18,8 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.expected_readings import informations
 from wsnsim.base.ports import Scene
+from wsnsim.base.sensing import informations
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence
 

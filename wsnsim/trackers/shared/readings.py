@@ -1,14 +1,22 @@
-"""Measurements that members send to the head, and that the head sends back to all members."""
+"""Measurements that members send to the head and that it sends back, and the packets of what is sent.
+
+A packet of 12 bytes is 4 bytes of header and 8 of payload: four int16 of a state or of weights, or eight replication
+counts, or one reading (Jiang 2013, section 5). What is quantised is counted in bits; the values themselves are passed
+on unrounded.
+
+The sensors of a Markov chain are the nodes that sense (`scene.ids`). In Liu and Wang (2012) all of them sense at every
+step. How sensors that join or leave, and lost packets, are treated is our choice; the docstrings say how.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, cast
+from typing import Any, Final, Protocol, TypeAlias, cast
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import Scene
+from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import (
     PACKET_BITS,
     Broadcast,
@@ -19,9 +27,115 @@ from wsnsim.base.requests import (
     Member,
     Parcel,
     Scatter,
+    all_arrived,
 )
 from wsnsim.base.vector_readings import is_finite
-from wsnsim.trackers.shared.parcels import is_whole, parcel
+
+PARTICLES: Final = "particles"
+MOMENTS: Final = "moments"
+UNKNOWN: Final = float("nan")
+"""The log-weight of a particle that arrived without its weight."""
+
+
+def parcel(payload: Any, packets: int, what: str) -> Parcel:
+    """A parcel of 12-byte packets.
+
+    Args:
+        payload: What it carries.
+        packets: The number of packets.
+        what: Its name in the event log.
+    """
+    return Parcel(payload, packets, PACKET_BITS, what)
+
+
+def state_packets(columns: int) -> int:
+    """The number of packets of one state: four numbers each.
+
+    Args:
+        columns: D, the number of state columns.
+    """
+    return -(-columns // 4)
+
+
+def weight_packets(count: int) -> int:
+    """Packets of `count` weights: four each."""
+    return -(-count // 4)
+
+
+def count_packets(count: int) -> int:
+    """Packets of `count` replication counts: eight each."""
+    return -(-count // 8)
+
+
+def covariance_packets(columns: int) -> int:
+    """Packets of a symmetric matrix: its lower triangle, four numbers each."""
+    return -(-columns * (columns + 1) // 8)
+
+
+def moment_packets(columns: int) -> int:
+    """The number of packets of a mean and its covariance: four numbers each, of the covariance the lower triangle.
+
+    Args:
+        columns: D, the number of state columns.
+    """
+    return state_packets(columns) + covariance_packets(columns)
+
+
+def particles_parcel(cloud: Floats, log_weights: Floats | float) -> Parcel:
+    """Particles (D, n), then their weights (n,): n state packets and ceil(n / 4).
+
+    One common weight rides in the header of the first packet (our choice): n state packets alone.
+    """
+    columns, count = cloud.shape
+    packets = count * state_packets(columns) + (weight_packets(count) if isinstance(log_weights, np.ndarray) else 0)
+    return parcel((cloud, log_weights), packets, PARTICLES)
+
+
+def arrived_particles(sent: tuple[Floats, Floats | float], mask: Bools) -> tuple[Floats, Floats]:
+    """Of the payload of a `particles_parcel`: the particles (D, m) whose packets arrived, and their log-weights (m,).
+
+    `mask` begins with the parcel's packets. A weight whose packet is lost is UNKNOWN.
+    """
+    cloud, log_weights = sent
+    columns, count = cloud.shape
+    if is_whole(mask):
+        return cloud, log_weights if isinstance(log_weights, np.ndarray) else np.full(count, log_weights)
+    whole = arrived_groups(mask, count, state_packets(columns))
+    if not isinstance(log_weights, np.ndarray):
+        log_weights = np.full(count, log_weights)
+    else:
+        at = count * state_packets(columns)
+        known = np.repeat(mask[at : at + weight_packets(count)], 4)[:count]
+        log_weights = np.where(known, log_weights, UNKNOWN)
+    return np.ascontiguousarray(cloud[:, whole]), log_weights[whole]
+
+
+def is_whole(mask: Bools) -> bool:
+    """Whether all packets arrived. Complete deliveries share their masks, which makes this case fast."""
+    return mask is all_arrived(mask.size) or bool(mask.all())
+
+
+def arrived_groups(mask: Bools, count: int, packets: int) -> Bools:
+    """(count,) which of the first `count` things in a burst arrived, each of them in `packets` packets."""
+    whole: Bools = np.all(mask[: count * packets].reshape(count, packets), axis=1)
+    return whole
+
+
+def guessed(log_weights: Floats) -> Floats:
+    """The log-weights with each UNKNOWN one replaced by the mean of the others, or by weight one if none is known."""
+    lost = np.isnan(log_weights)
+    if not lost.any():
+        return log_weights
+    return np.where(lost, log_mean(log_weights[~lost]), log_weights)
+
+
+def log_mean(log_weights: Floats) -> float:
+    """The log of the mean weight; 0 where there is none, or nothing has weight."""
+    top = log_weights.max() if log_weights.size else -np.inf
+    if not np.isfinite(top):
+        return 0.0
+    return float(top + np.log(np.mean(np.exp(log_weights - top))))
+
 
 READINGS = "readings"
 NUMBERS_A_PACKET = 4
@@ -144,3 +258,63 @@ def _merge(member: Member, shared: Evidence, arrived: np.ndarray) -> Evidence:
 def _readings_a_packet(evidence: Evidence) -> int:
     """How many whole readings fit into a packet, which holds four numbers."""
     return max(1, NUMBERS_A_PACKET // (evidence.readings.shape[1] if evidence.readings.ndim > 1 else 1))
+
+
+Linear: TypeAlias = tuple[Floats, Floats, Floats]
+"""Expected readings, their gradients and their variances, as `linearised` gives them."""
+LIKELIHOOD_CYCLES = 30.0
+"""CPU cycles to linearise one reading and to compute its log-likelihood."""
+
+
+def chain_readings(scene: Scene) -> Flow[Floats]:
+    """Readings (n,) of the sensors `scene.ids`: one packet per member, NaN for a lost one."""
+    seen = yield from gather_readings(scene)
+    if seen.ids == scene.ids:
+        return seen.readings
+    arrived = dict(zip(seen.ids, seen.readings.tolist(), strict=True))
+    return np.array([arrived.get(node, np.nan) for node in scene.ids], dtype=np.float64)
+
+
+def linearised(points: Floats, sensor: SensorModel, positions: Floats, traits: Floats) -> Linear:
+    """The sensor model at points (P, N) for n sensors: expected (n, N), gradients (n, P, N), variances (n, N)."""
+    expected, gradients, variances = sensor.linearise(points, positions, traits)
+    return np.ascontiguousarray(expected), np.ascontiguousarray(gradients), np.ascontiguousarray(variances)
+
+
+def carried(ids: tuple[int, ...], probabilities: Floats, now: tuple[int, ...]) -> Floats:
+    """Carry the probabilities of the last step over to the sensors (n,) that sense `now`, before the Markov step.
+
+    A sensor that joins gets probability 0. One that no longer senses is removed, and the others are renormalised, or
+    made equal if they are all zero. If no sensor remains, as at the start, all probabilities are equal.
+    """
+    if ids == now or not now:
+        return probabilities if ids == now else np.empty(0)
+    before = dict(zip(ids, probabilities.tolist(), strict=True))
+    result = np.array([before.get(node, 0.0) for node in now])
+    total = float(result.sum())
+    if total > 0.0:
+        return result / total
+    stayed = np.array([node in before for node in now], dtype=np.float64)
+    return stayed / stayed.sum() if stayed.any() else np.full(len(now), 1.0 / len(now))
+
+
+def stay_after(stay: float, sensors: int, steps: int) -> float:
+    """The probability of staying after several steps: the diagonal of Mˢ, whose other entries are equal again.
+
+    M = c I + (1 - c) 1 1ᵀ / n with c = stay - (1 - stay) / (n - 1), so that Mˢ has cˢ instead of c.
+    """
+    if sensors < 2:
+        return 1.0
+    if steps == 1:
+        return stay
+    kept = (stay - (1.0 - stay) / (sensors - 1)) ** steps
+    return kept + (1.0 - kept) / sensors
+
+
+def arrived_probabilities(probabilities: Floats, mask: Bools) -> Floats:
+    """The probabilities (n,) after a transfer of four per packet: lost ones share the rest of the sum of 1 equally."""
+    known = np.repeat(mask[: weight_packets(probabilities.size)], 4)[: probabilities.size]
+    if known.all():
+        return probabilities
+    missing = max(1.0 - float(probabilities[known].sum()), 0.0)
+    return np.where(known, probabilities, missing / np.count_nonzero(~known))

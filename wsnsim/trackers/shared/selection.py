@@ -15,11 +15,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.expected_readings import detected, informations
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Member, Parcel
+from wsnsim.base.sensing import detected, informations
 from wsnsim.base.vector_readings import Reading, components_of, is_finite
-from wsnsim.trackers.shared.parcels import parcel, weight_packets
+from wsnsim.trackers.shared.readings import parcel, weight_packets
 
 PLAN: Final = "plan"
 EXPECTED: Final = "expected"

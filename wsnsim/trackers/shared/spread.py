@@ -1,19 +1,28 @@
-"""The belief of a head whose particles are distributed over its members: two moments, and how many each member holds.
+"""Particles that are distributed over members: the head's belief, likelihoods at members, and local estimates.
 
 begin(prior, ...) -> Flow[Spread]     only_predicted(belief, deal, scene) -> belief     look(belief, members)
+
+likelihood = likelihood_of("own", members, heard, scene)
+log_likelihoods = likelihood.score(stack)(cloud)
+likelihood.among(moving.rows).score(stack.part(moving))      the same for some of the members
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from functools import partial
+from itertools import pairwise
+from typing import Final, NamedTuple, TypeAlias, TypeVar, cast
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.requests import Flow, Gather, Member, Parcel
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.optional_ports import MeasuresEnergy, defined_together
+from wsnsim.base.ports import Estimate, Scene, SensorModel
+from wsnsim.base.requests import Broadcast, Delivery, Flow, Gather, Local, Member, Parcel
+from wsnsim.base.vector_readings import missing
 from wsnsim.trackers.shared.dealing import (
     Deal,
     Pool,
@@ -27,8 +36,135 @@ from wsnsim.trackers.shared.dealing import (
     update_deal,
 )
 from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.parcels import arrived_particles
-from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, Shares, keep, present, settle, snapshot
+from wsnsim.trackers.shared.readings import Evidence, arrived_particles, evidence_at, is_whole, parcel, state_packets
+from wsnsim.trackers.shared.stacks import (
+    CLOUD,
+    LOG_WEIGHTS,
+    Score,
+    Shares,
+    Stack,
+    keep,
+    place_of,
+    present,
+    settle,
+    snapshot,
+)
+
+
+class Energies(NamedTuple):
+    """Readings (M,) of an energy, one a member, with the positions (M, 2) and gains (M,) of the sensors and their law.
+
+    The law is that of `kernels.sensing`.
+    """
+
+    readings: Floats
+    positions: Floats
+    gains: Floats
+    law: tuple[float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnReadings:
+    """Likelihood of stacked particles if each node uses only its own measurement."""
+
+    sensor: SensorModel
+    place: slice | list[int]
+    evidence: Evidence
+
+    @classmethod
+    def of(cls, members: Sequence[Member], scene: Scene) -> OwnReadings:
+        """From the members' own readings; a missing one is not a number, and so is every likelihood with it."""
+        none = missing(scene.sensor)
+        values = np.array([none if member.reading is None else member.reading for member in members])
+        ids = tuple([member.id for member in members])
+        if ids == scene.ids:
+            return cls(scene.sensor, place_of(scene), Evidence(ids, values, scene.positions, scene.traits))
+        positions = np.concatenate([member.position for member in members]).reshape(len(members), -1)
+        traits = np.concatenate([member.traits for member in members]).reshape(len(members), -1)
+        return cls(scene.sensor, place_of(scene), Evidence(ids, values, positions, traits))
+
+    @property
+    def sensors(self) -> list[int]:
+        """Number of measurements that each member uses."""
+        return [1] * len(self.evidence.ids)
+
+    def energies(self) -> Energies | None:
+        """What a kernel needs that weighs by the law of an energy; None if the sensor has a likelihood of its own."""
+        if not defined_together(type(self.sensor), "energy_law", "log_likelihood"):
+            return None
+        seen = self.evidence
+        law, gains = cast(MeasuresEnergy, self.sensor).energy_law(seen.traits)
+        return Energies(seen.readings, np.ascontiguousarray(seen.positions), gains, law)
+
+    def among(self, rows: Ints) -> OwnReadings:
+        """The likelihood of some of the members."""
+        seen = self.evidence
+        ids = tuple([seen.ids[row] for row in rows.tolist()])
+        return replace(self, evidence=Evidence(ids, seen.readings[rows], seen.positions[rows], seen.traits[rows]))
+
+    def score(self, stack: Stack) -> Score:
+        """For clouds laid out as the stack's."""
+        sensor, place, seen, owners = self.sensor, self.place, self.evidence, stack.layout.owners
+        readings, positions, traits = seen.readings, seen.positions, seen.traits
+        return lambda cloud: sensor.log_likelihood(cloud[place], readings, positions, traits, owners)
+
+
+@dataclass(frozen=True, slots=True)
+class SharedReadings:
+    """Likelihood of stacked particles if each node uses the measurements of several nodes."""
+
+    sensor: SensorModel
+    place: slice | list[int]
+    evidence: list[Evidence]
+
+    @classmethod
+    def of(cls, members: Sequence[Member], heard: Sequence[list[Delivery]], scene: Scene) -> SharedReadings:
+        """From what the members heard of the broadcast, and their own readings."""
+        evidence = [evidence_at(member, news) for member, news in zip(members, heard, strict=True)]
+        return cls(scene.sensor, place_of(scene), evidence)
+
+    @property
+    def sensors(self) -> list[int]:
+        """Number of measurements that each member uses."""
+        return [len(seen.ids) for seen in self.evidence]
+
+    def energies(self) -> Energies | None:
+        """None: such a likelihood has no kernel for all members."""
+        return None
+
+    def among(self, rows: Ints) -> SharedReadings:
+        """The likelihood of some of the members."""
+        return replace(self, evidence=[self.evidence[row] for row in rows.tolist()])
+
+    def score(self, stack: Stack) -> Score:
+        """For clouds laid out as the stack's; one call where all members have the same readings."""
+        first = self.evidence[0]
+        if all(seen is first for seen in self.evidence):
+            return lambda cloud: self._of(cloud[self.place], first)
+        cuts = stack.offsets.tolist()
+        return lambda cloud: self._piecewise(cloud[self.place], cuts)
+
+    def _piecewise(self, points: Floats, cuts: list[int]) -> Floats:
+        segments = zip(self.evidence, pairwise(cuts), strict=True)
+        return np.concatenate(
+            [self._of(np.ascontiguousarray(points[:, first:last]), seen) for seen, (first, last) in segments]
+        )
+
+    def _of(self, points: Floats, seen: Evidence) -> Floats:
+        return self.sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
+
+
+Likelihood: TypeAlias = OwnReadings | SharedReadings
+
+
+def likelihood_of(
+    measurements: str, members: Sequence[Member], heard: Sequence[list[Delivery]], scene: Scene
+) -> Likelihood:
+    """The likelihood that members use: of their 'own' measurements, or of 'all' that they received."""
+    if measurements == "own":
+        return OwnReadings.of(members, scene)
+    return SharedReadings.of(members, heard, scene)
+
 
 NAN = float("nan")
 
@@ -109,3 +245,53 @@ def look(belief: Spread, members: Sequence[Member]) -> Iterator[tuple[int, Float
     if whole is not None:
         return snapshot([(belief.head, whole.cloud, whole.log_weights)])
     return snapshot([(member.id, *present(member, belief.mean.size)) for member in members])
+
+
+LOCAL: Final = "local"
+"""Key of the local estimate in a member's memory."""
+
+
+class LocalEstimate(NamedTuple):
+    """A member's own mean (D,) and covariance (D, D), their operations, and its effective number of particles."""
+
+    mean: Floats
+    cov: Floats
+    cycles: float
+    effective: float = math.nan
+
+
+local_estimate = partial(tuple.__new__, LocalEstimate)
+"""Makes a `LocalEstimate` of its four values; faster than the class, which matters for one a member and step."""
+
+
+def cycles_of(member: Member) -> float:
+    """The operations that the member's local estimate took."""
+    estimate: LocalEstimate = member.memory[LOCAL]
+    return estimate.cycles
+
+
+def reported_variances(variances: Floats, masks: Sequence[Bools], packets: int) -> Floats | None:
+    """The variances sent (M, D), a lost one taken to be the mean of the others'; None where all are lost.
+
+    The masks are those of reports whose first `packets` packets hold something else.
+    """
+    known = np.array([is_whole(mask[packets:]) for mask in masks])
+    if not known.any():
+        return None
+    variances = variances.copy()
+    variances[~known] = variances[known].mean(axis=0)
+    return variances
+
+
+def feed_back(belief: Spread, scene: Scene) -> Flow[None]:
+    """Broadcast the fused estimate: each member that receives it shifts its particles by the error of its own mean."""
+    yield Broadcast(parcel(belief.mean, state_packets(belief.mean.size), "feedback"))
+
+    def shift(member: Member) -> None:
+        heard = [news.payload for news in settle(member) if news.what == "feedback" and news.mask.all()]
+        target = belief.mean if member.id == scene.head else heard[-1] if heard else None
+        if target is not None and LOCAL in member.memory and CLOUD in member.memory:
+            offset = target - member.memory[LOCAL].mean
+            keep(member, member.memory[CLOUD] + offset[:, None], member.memory[LOG_WEIGHTS])
+
+    yield Local(shift, lambda member: float(member.memory[CLOUD].size if CLOUD in member.memory else 0))

@@ -24,7 +24,7 @@ from wsnsim.base.requests import Delivery, Member
 from wsnsim.base.rng import uniforms
 from wsnsim.kernels.gaussian import cholesky
 from wsnsim.kernels.noise import particle_keys
-from wsnsim.trackers.shared.parcels import MOMENTS, PARTICLES, arrived_particles, guessed, is_whole
+from wsnsim.trackers.shared.readings import MOMENTS, PARTICLES, arrived_particles, guessed, is_whole
 
 CLOUD, LOG_WEIGHTS = "cloud", "log_weights"
 DRAW, MOVE, START, PREDICT = 0, 1, 2, 16

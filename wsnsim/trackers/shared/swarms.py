@@ -16,9 +16,8 @@ from wsnsim.base.rng import uniforms
 from wsnsim.kernels.gaussian import fit, fit_weighted, log_density
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, systematic, weigh
-from wsnsim.kernels.swarm import accept, fly
-from wsnsim.kernels.swarm_move import move_own
-from wsnsim.trackers.shared.likelihoods import Likelihood
+from wsnsim.kernels.swarm import accept, fly, move_own
+from wsnsim.trackers.shared.spread import Likelihood
 from wsnsim.trackers.shared.stacks import MOVE, START, Score, Stack
 
 RIDGE = 1e-3

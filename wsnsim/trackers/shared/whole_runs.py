@@ -20,7 +20,7 @@ from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, systematic, weigh
 from wsnsim.kernels.relay import kalman
-from wsnsim.trackers.shared.sensors import Linear, linearised
+from wsnsim.trackers.shared.readings import Linear, linearised
 from wsnsim.trackers.shared.stacks import DRAW, PREDICT, START, drawn_from, slice_of
 
 HEAD = 0

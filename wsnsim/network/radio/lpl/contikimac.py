@@ -17,7 +17,7 @@ import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
-from wsnsim.models.contikimac import ContikiMac
+from wsnsim.models.low_power_listening import ContikiMac
 from wsnsim.network.radio.capture import HEADER_BITS
 from wsnsim.network.radio.lpl.radios import EXPECTS, NEVER, RECEIVES, ROUNDING, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import CopyCounts, CopyTrain, FrameCopy, RepeatingSender, Senders

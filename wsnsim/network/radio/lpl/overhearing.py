@@ -10,7 +10,7 @@ Source: Buettner and others (2006), section 3.3: a waiting sender backs off, and
 from __future__ import annotations
 
 from wsnsim.base.frames import EVERYONE
-from wsnsim.models.xmac import XMac
+from wsnsim.models.low_power_listening import XMac
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.lpl.radios import SENDS, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import RepeatingSender, Senders

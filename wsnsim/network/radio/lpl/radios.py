@@ -4,7 +4,7 @@
     radios.offsets(ids, time)[0] -> (n,) s since the last wake-up on the nodes' clocks
 
 A wake-up that hears nothing is no event: it is a function of the time, of the phase of its node and of its clock. What
-such wake-ups cost is in the duty of the MAC (`base.radio_duty`). Here is what differs from it: a radio that is held on.
+such wake-ups cost is in the duty of the MAC (`base.medium_access`). Here is what differs: a radio that is held on.
 """
 
 from __future__ import annotations

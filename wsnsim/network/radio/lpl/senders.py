@@ -18,10 +18,9 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
-from wsnsim.base.radio_duty import off_time
+from wsnsim.base.medium_access import off_time
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
-from wsnsim.models.contikimac import ContikiMac
-from wsnsim.models.xmac import XMac
+from wsnsim.models.low_power_listening import ContikiMac, XMac
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.lpl.radios import SENDS, LowPowerRadios
 from wsnsim.network.radio.mac_services import NetworkMacServices, SenderQueues

@@ -17,8 +17,8 @@ import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
-from wsnsim.base.radio_duty import off_time
-from wsnsim.models.xmac import XMac
+from wsnsim.base.medium_access import off_time
+from wsnsim.models.low_power_listening import XMac
 from wsnsim.network.radio.lpl.overhearing import Overhearing
 from wsnsim.network.radio.lpl.radios import EXPECTS, RECEIVES, ROUNDING, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import RepeatingSender, Senders

@@ -1,0 +1,35 @@
+"""Rows of a track: losses and lateness."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wsnsim.base.results import TrackRule, track_row
+
+STEPS, DT = 700, 0.02
+
+
+def columns(errors):
+    times = DT * np.arange(1, STEPS + 1)
+    return {"time": times, "issued": times, "received": np.full(STEPS, np.nan), "error": errors,
+            "readings": np.full(STEPS, 4), "woken": 0, "ineffective": 0}  # fmt: skip
+
+
+def test_a_run_with_an_rmse_of_a_kilometre_is_a_loss_although_it_came_back():
+    """The case of the audit: an excursion in the middle, none at the end."""
+    errors = np.full(STEPS, 2.0)
+    errors[200:260] = 3_200.0
+    row = track_row({}, columns(errors), TrackRule(50, 20.0, DT, 0))
+    assert row["rmse"] > 900.0 and row["lost"] == 0
+    assert row["losses"] == 1
+    assert row["time_lost"] == pytest.approx(60 * DT) and row["lost_share"] == pytest.approx(60 / STEPS)
+    assert row["lost_at"] == pytest.approx(250 * DT), "after 50 steps astray"
+
+
+def test_a_track_that_holds_has_no_losses_and_one_without_estimates_is_always_lost():
+    held = track_row({}, columns(np.full(STEPS, 2.0)), TrackRule(50, 20.0, DT, 0))
+    assert (held["lost"], held["losses"], held["time_lost"], held["lost_share"]) == (0, 0, 0.0, 0.0)
+    gone = track_row({}, columns(np.full(STEPS, np.nan)), TrackRule(50, 20.0, DT, 0))
+    assert (gone["lost"], gone["losses"], gone["lost_share"]) == (1, 1, 1.0)
+    assert gone["time_lost"] == pytest.approx(STEPS * DT)
