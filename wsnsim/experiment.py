@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import wsnsim.scenario as scenarios
 from wsnsim.base.contained import contained
 from wsnsim.base.errors import plugin_faults_of_run
-from wsnsim.base.garbage import only_own_garbage
+from wsnsim.base.garbage import gc_frozen
 from wsnsim.base.initial_conditions import (
     InitialConditions,
     sample_initial_conditions,
@@ -124,14 +124,14 @@ def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime 
     """Truth, world, rows. The clock starts when positions and trajectories are known."""
     started = time_without_compilation()
     if isinstance(setup, BeaconSetup):
-        with only_own_garbage():
+        with gc_frozen():
             result = _without_targets(setup, replicate, recorder, progress)
         return summarise(setup, replicate, result, (), recorder, started + compilation_seconds())
     assert isinstance(setup, TrackingSetup)
     conditions = sample_initial_conditions(setup, replicate)
     follower_of(recorder).begin(RunStart(setup, replicate, conditions.positions, conditions.truths))
     if isinstance(setup, NetworkSetup):
-        with only_own_garbage():
+        with gc_frozen():
             result = _in_network(setup, replicate, conditions, recorder, progress)
     else:
         result = OfflineRun(setup, replicate, conditions, recorder, standalone_reports).run(progress)

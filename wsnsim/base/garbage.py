@@ -58,7 +58,7 @@ _COLLECTIONS: Final = _Collections()
 
 
 @contextmanager
-def only_own_garbage() -> Iterator[None]:
+def gc_frozen() -> Iterator[None]:
     """Let the garbage collector look only at what is made inside, and free that at the end.
 
     Nothing changes where the collector is off, or where the caller has frozen objects himself (`gc.freeze`).
@@ -71,7 +71,7 @@ def only_own_garbage() -> Iterator[None]:
 
 
 @contextmanager
-def put_off() -> Iterator[None]:
+def gc_disabled() -> Iterator[None]:
     """Leave garbage inside until later: imports and scenarios make many objects that stay, and hardly any garbage."""
     was_on = gc.isenabled()
     gc.disable()
