@@ -73,10 +73,10 @@ documentation: $(DOCS)  ## test that the documents say what is so and that their
 	@$(PY) -m pytest -n 2 --dist worksteal tests/documentation $(ARGS)
 
 cluster: $(READY)  ## test campaigns on Dask schedulers and workers that are processes
-	@$(PY) -m pytest tests/campaign_cluster $(ARGS)
+	@$(PY) -m pytest -n 2 --dist worksteal tests/campaign_cluster $(ARGS)
 
 browser: $(DOCS)  ## test the documentation and the pages of results in a browser; skipped without one unless WSNSIM_BROWSER=required
-	@$(PY) -m pytest tests/browser $(ARGS)
+	@$(PY) -m pytest -n 2 --dist loadfile tests/browser $(ARGS)
 
 fuzz: $(READY)  ## try random files, plug-ins, commands and scenarios for an hour; ARGS='--hours 0.1 --seed 7'
 	@$(PY) -m tests.fuzz.long $(ARGS)
@@ -105,7 +105,8 @@ interpreted: $(READY)  ## run the kernels' tests without compilation, for debugg
 coverage: $(READY)  ## measure the lines and branches that the fast tests cover; TIER= for all tests
 	@rm -f .coverage .coverage.*
 	@$(PY) -m coverage run -m pytest $(SUITE) $(ARGS)
-	@NUMBA_DISABLE_JIT=1 $(PY) -m coverage run -m pytest -n 2 -W ignore::RuntimeWarning tests/kernels $(ARGS)
+	@NUMBA_DISABLE_JIT=1 $(PY) -m coverage run -m pytest -n 2 -W ignore::RuntimeWarning tests/kernels \
+	    --ignore=tests/kernels/test_cache_folder.py $(ARGS)  # a process that can write nothing, nor its coverage
 	@$(PY) -m coverage combine --quiet
 	@$(PY) -m coverage report --precision=2 --skip-covered --sort=miss | tail -n 60
 

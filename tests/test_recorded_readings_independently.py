@@ -233,17 +233,17 @@ def swapped(pair, folder):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("tracks", first(1, [TRACKS[:1], TRACKS]), ids=len)
+@pytest.mark.parametrize("tracks", [TRACKS[:1], TRACKS], ids=len)
 def test_swapping_any_two_receivers_changes_every_result_and_nearly_always_for_the_worse(tracks, tmp_path):
-    """With the gains of the receivers; each pair in a file of its own. The six tracks together are judged."""
+    """With the gains of the receivers; each pair, of six tracks every third, in a file of its own."""
+    pairs = list(itertools.combinations(range(len(NAMES)), 2))[:: 3 if len(tracks) > 1 else 1]
     law = {"gains": GAINS.tolist()}
     texts = {track: scenario(track, {"kind": "ekf"}, law=law) for track in tracks}
     before = [wsnsim.experiment.simulate_run(text).run["rmse"] for text in texts.values()]
     after = []
-    for pair in itertools.combinations(range(len(NAMES)), 2):
+    for pair in pairs:
         path = swapped(pair, tmp_path)
         moved = [{**text, "deploy": {**text["deploy"], "path": path}} for text in texts.values()]
         after.append([wsnsim.experiment.simulate_run(text).run["rmse"] for text in moved])
-    assert np.shape(after) == (66, len(tracks)) and (np.array(after) != before).all()
-    least = 60 if len(tracks) == len(TRACKS) else 50
-    assert (np.mean(after, axis=1) > np.mean(before)).sum() >= least
+    assert np.shape(after) == (len(pairs), len(tracks)) and (np.array(after) != before).all()
+    assert (np.mean(after, axis=1) > np.mean(before)).mean() >= (0.9 if len(tracks) > 1 else 0.75)

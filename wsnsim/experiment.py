@@ -16,6 +16,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,10 +43,10 @@ from wsnsim.base.tables import Memory
 from wsnsim.base.time_limit import limited, time_limit
 from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation
 from wsnsim.models.coverage import coverage_of_living
-from wsnsim.network.network import Sensors
+from wsnsim.network.base_network import Sensors
+from wsnsim.network.imperfect_readings import standalone_reports
 from wsnsim.network.result_rows import network_result, write_tables
-from wsnsim.network.sensing.standalone_reports import standalone_reports
-from wsnsim.network.workloads.workload_world import WorkloadWorld
+from wsnsim.network.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World
 from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.offline.offline_run import OfflineRun
@@ -309,8 +310,8 @@ def _made(
         number = len(summaries) + max(len(block), 1) - 1
         on_time = reporting(Progress(number, len(replicates), 0.0, setup.duration, 0.0))
         if not block:
-            with limited(task.timeout, f"the run (seed {setup.seed}, replicate {left[0]})"):
-                summaries.append(replicate_of(setup, left[0], recorder, on_time))
+            one = partial(replicate_of, setup, left[0], recorder, on_time)
+            summaries.append(limited(one, task.timeout, f"the run (seed {setup.seed}, replicate {left[0]})"))
         summaries += block
         if on_time:
             on_time(setup.duration)

@@ -100,6 +100,8 @@ def test_energy_is_compared_on_all_runs_and_is_lower_not_better() -> None:
 def test_too_few_pairs_conclude_nothing() -> None:
     found = pair(runs([1.0] * 4), runs([9.0] * 4))
     assert sentence(found, WORDS) == "4 pairs are too few to compare ekf and pf in per-run RMSE"
+    one = pair(runs([1.0]), runs([9.0]))
+    assert sentence(one, WORDS) == "1 pair is too few to compare ekf and pf in per-run RMSE"
     lost = pair(runs([NAN] * 6, 1), runs([1.0] * 6))
     assert sentence(lost, WORDS).endswith(
         "0 pairs of runs that both survive are too few to compare ekf and pf in per-run RMSE"

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import functools
+import json
 from typing import Any
 
 import pytest
 
 from tests.helpers.sleeping_networks import scenario
-from wsnsim import load
+from wsnsim import experiment, load
 from wsnsim.analysis import setup_notes
+from wsnsim.base.tables import TABLES, Memory
 from wsnsim.cli import main
 from wsnsim.scenario import build
 from wsnsim.scenario.files import shipped
@@ -47,6 +50,7 @@ def notes(name: Any, *overrides: str) -> list[str]:
         ("ekf_real", ["network=none"], "energy, link, mac, "),
         ("ekf_real", ["detection={kind: imperfect, missed: 0.1, stuck_at: 7}"], "detection.stuck_at: no effect while"),
         ("beacons", ["deploy.position_error=1 m"], "deploy.position_error: no effect with a workload without"),
+        ("collection", ["mac={kind: tdma, max_retries: 0, slot: 9 ms}"], "mac.slot: no effect with a workload without"),
         ("beacons", ["sensor={kind: range}"], "sensor: no effect with a workload without targets"),
         ("ekf_real", ["faults=[{kind: crash, at: 1, region: [200, 200, 1 mm]}]"], "run 0: faults[0] (crash) hits none"),
     ],
@@ -65,6 +69,58 @@ def test_a_fault_that_hits_none_of_few_nodes_is_said_with_and_without_a_network(
         assert "run 0: faults[0] (stuck) hits none of the 4 nodes" in found
     assert not [note for note in notes("pso_mhpf", *changes[:1], "faults=[{kind: crash, at: 0, nodes: [3]}]")
                 if "hits none" in note]  # fmt: skip
+
+
+FIVE_STEPS = ["step=0.2 s", "duration=1 s", "tracker.kind=ekf", "deploy.nodes=100"]
+QUIET = [
+    ("network=none", "crash", {"at": 0.22, "duration": 0.16}, "no effect from 0.22 s to 0.38 s: sensors measure"),
+    ("network=none", "crash", {"at": 0.22, "duration": 0.2}, ""),
+    ("network=none", "crash", {"at": 0.4, "duration": 0.0}, "no effect with a duration of 0 s"),
+    ("network=none", "crash", {"at": 0.85}, "no effect from 0.85 s to 1 s: sensors measure every 0.2 s, up to 0.8 s"),
+    ("network=none", "restart", {"at": 0.4}, "no effect with a duration of 0 s"),
+    ("network=none", "restart", {"at": 0.3, "duration": 0.2}, ""),
+    ("network=none", "bias", {"at": 0.5, "duration": 0.1, "offset": 9}, "no effect from 0.5 s to 0.6 s"),
+    ("network=none", "stuck", {"at": 0.6, "duration": 0.1, "value": 0}, ""),
+    ("record.events=false", "bias", {"at": 0.5, "duration": 0.1, "offset": 9}, "no effect from 0.5 s to 0.6 s"),
+    ("record.events=false", "stuck", {"at": 0.6, "duration": 0.1, "value": 0}, ""),
+    ("record.events=false", "stuck", {"at": 0.81}, "no effect from 0.81 s to 1 s"),
+    ("record.events=false", "crash", {"at": 0.4, "duration": 0.0}, ""),
+    ("record.events=false", "restart", {"at": 0.4}, ""),
+    ("record.events=false", "blackout", {"at": 0.4, "duration": 0.0}, "no effect with a duration of 0 s"),
+    ("record.events=false", "link_loss", {"at": 0.4, "duration": 0.0, "loss": 1.0}, "no effect with a duration of 0 s"),
+    ("record.events=false", "clock_step", {"at": 0.4, "duration": 0.0, "offset": 0.1}, "no effect with"),
+    ("record.events=false", "blackout", {"at": 0.39, "duration": 0.15}, ""),
+]  # fmt: skip
+"""A mode, a fault of all nodes in five steps of 0.2 s, and what is noted if no result differs."""
+
+
+@pytest.mark.parametrize("mode, kind, values, says", QUIET)
+def test_a_fault_is_noted_if_and_only_if_its_times_forbid_an_effect(mode, kind, values, says):
+    overrides = [*FIVE_STEPS, mode]
+    usual = tables_of(tuple(overrides))
+    overrides.append(f"faults=[{json.dumps({'kind': kind, 'fraction': 1.0} | values)}]")
+    found = [note for note in notes("pso_mhpf", *overrides) if note.startswith("faults[0]")]
+    assert [note.startswith(f"faults[0] ({kind}): {says}") for note in found] == [True] * bool(says)
+    assert (tables_of(tuple(overrides)) == usual) == bool(says)
+
+
+def test_a_restart_of_no_duration_that_ends_a_crash_is_not_noted():
+    faults = "faults=[{kind: crash, at: 0.2, fraction: 1.0}, {kind: restart, at: 0.5, fraction: 1.0}]"
+    assert not [note for note in notes("pso_mhpf", *FIVE_STEPS, "network=none", faults)
+                if note.startswith("faults")]  # fmt: skip
+
+
+@functools.cache
+def tables_of(overrides: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """The tables of a run, without processor time and the digest of the event log."""
+    memory = Memory(dict.fromkeys(TABLES, True))
+    experiment.replicate_of(build(load("pso_mhpf", list(overrides))), 0, memory)
+    kept = [name for name in TABLES if name != "events"]
+    return {
+        table: {name: column.tobytes() for name, column in memory.table(table).items()
+                if name != "cpu_seconds" and "fingerprint" not in name}
+        for table in kept
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -11,14 +11,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.stats import chi2
 
+import wsnsim
 from wsnsim import experiment, scenario
-from wsnsim.analysis import result_info, summary, summary_text
-from wsnsim.analysis.quantities import BOUND_NAMES, QUANTITIES, interval
+from wsnsim.analysis import comparison_bounds, comparison_text, plots, result_info, summary, summary_text
+from wsnsim.analysis.comparison import compare
+from wsnsim.analysis.quantities import BOUND_NAMES, QUANTITIES, bound_name, interval
 from wsnsim.base import metrics
 from wsnsim.experiment import Report, Summary
 from wsnsim.recording import ResultFile, read_table
+from wsnsim.recording.folder import Folder
 from wsnsim.report import summary_table
 
 PLANE = (("px", "m"), ("vx", "m/s"), ("py", "m"), ("vy", "m/s"))
@@ -467,3 +471,54 @@ def test_a_cloud_that_collapses_is_said_wherever_its_nees_is(tmp_path):
 def test_the_median_of_a_consistent_nees_is_that_of_chi_square():
     for size, value in metrics.CONSISTENT_MEDIANS.items():
         assert value == pytest.approx(chi2.ppf(0.5, size) / size, abs=1e-4)
+
+
+PLACES = ["terminal", "sentence", "sentence of a file", "page", "plot", "comparison"]
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
+    """What each place says of two runs with a fault in which a track is lost, and of the same without the fault."""
+    folder = tmp_path_factory.mktemp("faults")
+    usual = {"network": "none", "duration": 3, "step": 0.2, "lost.window": 0.6, "lost.limit": 0.5}
+    faults = [{"kind": "bias", "at": 0.5, "fraction": 1.0, "offset": 3}]
+    return [said_of(folder / "faulty", usual | {"faults": faults}), said_of(folder / "right", usual)]
+
+
+def said_of(folder, changes):
+    folder.mkdir()
+    report = experiment.run(scenario.load("ekf_real", changes), replicates=2, out=folder / "x.h5")
+    limits = summary.bounds_of_report(report, every=True)
+    said = {
+        "terminal": summary_text.text(report, {}, limits=limits),
+        "sentence": summary.as_json(report, {}, limits)["answer"],
+        "sentence of a file": result_info.info(report.out)["answer"],
+        "page": summary_table.summary_table([report.out], ["x"], bounds=True),
+    }
+    axes = plots.error(Figure().subplots(), report.out)
+    said["plot"] = axes.get_title(loc="left") + str([text.get_text() for text in axes.get_legend().get_texts()])
+    sweep = {"scenario": "ekf_real", "set": changes, "grid": {"tracker.kind": ["ekf", "ukf"]}, "replicates": 2}
+    wsnsim.sweep(sweep, out=folder / "sweep", workers=1)
+    found = comparison_bounds.with_bounds(compare(folder / "sweep"), Folder(folder / "sweep"))
+    return said | {"comparison": comparison_text.text(found), "json": summary.as_json(report, {}, limits)}
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_bound_beside_runs_with_faults_is_named_as_one_without_faults(shown, place):
+    faulty, right = (one[place] for one in shown)
+    assert "CRLB" in faulty and "without faults" in faulty
+    assert "CRLB" in right and "without faults" not in right
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_window_and_limit_stand_wherever_the_word_lost_is_printed(shown, place):
+    said = shown[0][place]
+    assert "lost" in said and re.search(r"\b0\.5 m\b", said) and re.search(r"\b0\.6 s\b", said)
+
+
+def test_json_says_which_faults_the_bound_does_not_count_and_when_a_track_is_lost(shown):
+    faulty, right = (one["json"] for one in shown)
+    assert (faulty["faults"], right["faults"]) == (["bias"], [])
+    assert (faulty["lost_window"], faulty["lost_limit"]) == pytest.approx((0.6, 0.5)) and faulty["ever_lost"] > 0
+    assert bound_name("arrived", ["crash"]) == BOUND_NAMES["arrived"]
+    assert bound_name("arrived", ["crash", "stuck"]).endswith(", without faults")

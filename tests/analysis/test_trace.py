@@ -12,7 +12,7 @@ from wsnsim.analysis.phrases import energy_in_words, listed, row_in_words
 from wsnsim.analysis.trace import as_json, text, trace
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network.clusters import wake_up_mechanisms
+from wsnsim.network.clusters import wake_up_service
 from wsnsim.recording import ResultFile
 
 NAN = float("nan")
@@ -322,7 +322,7 @@ def test_calls_that_go_before_their_broadcast_are_of_the_same_act(made):
 
 
 def test_a_message_that_wakes_nodes_is_called_what_the_network_calls_it():
-    assert set(event_groups.WAKE_UP_MESSAGES) == set(wake_up_mechanisms.MESSAGE_NAMES.values())
+    assert set(event_groups.WAKE_UP_MESSAGES) == set(wake_up_service.MESSAGE_NAMES.values())
 
 
 def test_the_json_of_a_flood_has_who_was_woken(made):

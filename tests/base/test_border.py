@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import importlib
+import io
+import operator
+import signal
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +19,7 @@ import pytest
 import wsnsim
 from wsnsim.base import border, clustering, mac_mechanisms, ports, radio, sleeping, synchronisation
 from wsnsim.base.border import CheckedServices, checked
+from wsnsim.base.contained import contained
 from wsnsim.base.errors import PluginAnswerError, RunError, UsageError
 from wsnsim.base.estimate import Estimate
 from wsnsim.base.plugin_code import note_plugin
@@ -290,13 +295,33 @@ def test_services_pass_on_what_is_right() -> None:
 # time limits
 
 
+def swallow() -> None:
+    while True:
+        try:
+            sum(range(100))
+        except Exception:
+            continue
+
+
 def test_a_time_limit_ends_a_loop_that_swallows_exceptions() -> None:
-    with pytest.raises(RunError, match=r"the run took more than 0.05 s"), limited(0.05, "the run"):
-        while True:
-            try:
-                sum(range(100))
-            except Exception:
-                continue
+    with pytest.raises(RunError, match=r"the run took more than 0.05 s"):
+        limited(swallow, 0.05, "the run")
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_a_timer_that_fires_after_the_run_and_before_it_is_off_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual, set_timer = signal.getsignal(signal.SIGALRM), signal.setitimer
+
+    def fires_before_it_is_off(which: int, seconds: float, *again: float) -> None:
+        if not seconds:
+            signal.raise_signal(signal.SIGALRM)
+        set_timer(which, seconds, *again)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(signal, "setitimer", fires_before_it_is_off)
+    assert limited(lambda: "done", 60.0, "the run") == "done"
+    with pytest.raises(KeyError):
+        limited(partial(operator.getitem, {}, 1), 60.0, "the run")
+    assert signal.getsignal(signal.SIGALRM) == usual
 
 
 @pytest.mark.parametrize("seconds", [0, -1.0, NAN, float("inf"), True, "5 s"])
@@ -310,7 +335,7 @@ def test_a_time_limit_is_a_number_of_seconds(seconds: Any) -> None:
 # whole runs
 
 LAB = """
-import os, time
+import operator, os, sys
 import numpy as np
 from wsnsim import Compute, part
 from wsnsim.models.ungm import Squared, Ungm
@@ -383,6 +408,13 @@ class Leaves(Ungm):
     def truth(self, steps, dt, rng):
         os.chdir("/")
         return Ungm.truth(self, steps, dt, rng)
+
+@part
+class Closes(Sir):
+    how: str = "stdout.close"
+    def step(self, belief, scene):
+        operator.attrgetter(self.how)(sys)()
+        yield
 """
 RUNS = [
     ("ungm_pf", ["sensor.kind=lab:Blind"], "lab.py:13: Blind.measure: expected finite numbers, not nan"),
@@ -391,6 +423,10 @@ RUNS = [
     ("ungm_pf", ["tracker.kind=lab:Free"], "lab.py:29: Free.step: Compute: not a number of cycles: expected a number"),
     ("ungm_pf", ["tracker.kind=lab:Exits"], "lab.py:35: calls os._exit(0), which ends the whole process"),
     ("ungm_pf", ["tracker.kind=lab:Moves"], "lab:Moves: leaves the working directory"),
+    ("ungm_pf", ["tracker.kind=lab:Closes"], "lab.py:80: closes sys.stdout, which the whole process uses"),
+    ("ungm_pf", ["tracker={kind: 'lab:Closes', how: stderr.close}"], "lab.py:80: closes sys.stderr, which the whole"),
+    ("ungm_pf", ["tracker={kind: 'lab:Closes', how: stdout.buffer.close}"], "lab.py:80: closes sys.stdout, which"),
+    ("ungm_pf", ["tracker={kind: 'lab:Closes', how: stdout.detach}"], "lab.py:80: closes sys.stdout, which the whole"),
     ("beacons", ["energy={kind: 'lab:Cheap'}"], "lab.py:52: Cheap.receive: expected a number, 0 or more, not nan"),
     ("beacons", ["faults=[{kind: 'lab:Early', at: 1.0, fraction: 0.2}]"], "services.call_later: seconds: expected a"),
     ("beacons", ["mac={kind: 'lab:Silent'}"], "lab.py:67: Silent.start: expected a MacMechanism, not None"),
@@ -421,6 +457,30 @@ def test_a_run_with_a_wrong_answer_ends_with_one_sentence_and_no_file(
 
 
 @pytest.mark.usefixtures("lab")
+@pytest.mark.parametrize("name", ["stdout", "stderr"])
+def test_a_plugin_that_closes_a_stream_when_it_is_imported_is_said(
+    name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with Path("lab.py").open("a") as lab:
+        lab.write(f"sys.{name}.close()\n")
+    assert main(["run", "ungm_pf", "--set", "tracker.kind=lab:Exits"]) == 2
+    assert f"cannot be imported: lab.py:82: closes sys.{name}, which the whole process uses" in capfd.readouterr().err
+
+
+def test_streams_may_be_closed_again_once_the_outermost_plugin_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.TextIOWrapper(io.BytesIO())
+    monkeypatch.setattr(sys, "stdout", stream)
+    with contained(["lab:Outer"]):
+        with contained(["lab:Inner"]):
+            sys.stdout = io.StringIO()
+        with pytest.raises(PluginAnswerError, match=r"closes sys\.stdout"):
+            stream.close()
+    assert sys.stdout is stream
+    stream.close()
+    assert stream.closed
+
+
+@pytest.mark.usefixtures("lab")
 def test_a_block_of_runs_is_contained_too(capfd: pytest.CaptureFixture[str]) -> None:
     words = ["--set", "motion.kind=lab:Leaves", "--set", "duration=6 s", "--quiet", "--replicates", "2"]
     assert main(["run", "ungm_pf", *words]) == 1
@@ -441,5 +501,5 @@ def test_a_time_limit_names_the_line_of_the_plugin_that_ran(monkeypatch: pytest.
     monkeypatch.syspath_prepend(str(Path.cwd()))
     module: Any = importlib.import_module("lab")
     note_plugin("lab")
-    with pytest.raises(RunError, match=r"the run took more than 0.05 s \(at lab.py:47\)"), limited(0.05, "the run"):
-        next(module.Loops().step(None, None))
+    with pytest.raises(RunError, match=r"the run took more than 0.05 s \(at lab.py:47\)"):
+        limited(partial(next, module.Loops().step(None, None)), 0.05, "the run")

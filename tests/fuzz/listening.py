@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from wsnsim.base.radio import Mode
-from wsnsim.network.energy.duty_cycles import ScheduledDutyCycles
+from wsnsim.network.energy.sleep_states import ScheduledSleepStates
 
 
 class Listening:
@@ -73,17 +73,17 @@ class Listening:
 def watched_schedules() -> Iterator[Listening]:
     """Note which nodes leave their schedules in the run that the block makes."""
     listening = Listening()
-    begin, note = ScheduledDutyCycles.__init__, ScheduledDutyCycles.note
+    begin, note = ScheduledSleepStates.__init__, ScheduledSleepStates.note
 
-    def begun(self: ScheduledDutyCycles, env: Any, schedules: Any) -> None:
+    def begun(self: ScheduledSleepStates, env: Any, schedules: Any) -> None:
         begin(self, env, schedules)
         listening.schedules = schedules
 
-    def noted(self: ScheduledDutyCycles, node: int, mode: Mode) -> None:
+    def noted(self: ScheduledSleepStates, node: int, mode: Mode) -> None:
         listening.notes.setdefault(node, []).append((float(self._env.now), mode))
         note(self, node, mode)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ScheduledDutyCycles, "__init__", begun)
-        patch.setattr(ScheduledDutyCycles, "note", noted)
+        patch.setattr(ScheduledSleepStates, "__init__", begun)
+        patch.setattr(ScheduledSleepStates, "note", noted)
         yield listening

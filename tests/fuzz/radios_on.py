@@ -20,10 +20,10 @@ import numpy as np
 import pytest
 
 from wsnsim.base.rng import Streams, derive_all, uniforms
-from wsnsim.network.network import Network
+from wsnsim.network.base_network import BaseNetwork
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.channel import Channel
-from wsnsim.network.radio.tsch.radios import SlotRadios
+from wsnsim.network.radio.tsch.slots import SlotRadios
 
 INSTANT = 2e-6
 """Seconds by which times of the same instant may differ: what a slot's rounding leaves."""
@@ -61,7 +61,7 @@ class RadiosOn:
         """Whether radios use several channels: one that is on hears nothing of the others."""
         return hasattr(self.mac, "slotframe")
 
-    def open(self, network: Network) -> None:
+    def open(self, network: BaseNetwork) -> None:
         """Note the network of the run."""
         setup = network._setup
         self.mac = setup.mac if hasattr(setup.mac, "duties") else None
@@ -76,7 +76,7 @@ class RadiosOn:
         """A frame ends."""
         if self.mac is not None:
             ids = sent.neighbours.ids
-            local = dict(zip(ids.tolist(), self._clocks.local(ids, sent.start).tolist(), strict=True))
+            local = dict(zip(ids.tolist(), self._clocks.local_times(ids, sent.start).tolist(), strict=True))
             sensing = frozenset(ids[sent.neighbours.senses].tolist())
             self.frames[number] = OnAir(sent.source, sent.frame.to, sent.start, sent.end, local, sensing)
             self._ends.setdefault(sent.source, []).append(sent.end)
@@ -211,8 +211,8 @@ def watched_radios() -> Iterator[RadiosOn]:
             (Channel, "_end", lambda self, timeout: radios.note_end(timeout.value.number, timeout.value)),
         ):  # fmt: skip
             patch.setattr(owner, name, _noting(getattr(owner, name), note))
-        start = Network._start
-        patch.setattr(Network, "_start", wraps(start)(lambda self: (radios.open(self), start(self))[1]))
+        start = BaseNetwork._start
+        patch.setattr(BaseNetwork, "_start", wraps(start)(lambda self: (radios.open(self), start(self))[1]))
         yield radios
 
 

@@ -38,7 +38,7 @@ CORPUS = sorted((Path(__file__).parent / "corpus").glob("*.json"))
 NUMBERS = st.integers(0, 2**32)
 HANGS = 300.0
 """S of processor time, compilation included, after which a run counts as one that hangs."""
-EXAMPLES = {"scenario": 150, "sweep": 150, "csv": 100, "command": 150, "hdf5": 100, "plugin": 150, "run": 150}
+EXAMPLES = {"scenario": 150, "sweep": 150, "csv": 100, "command": 150, "hdf5": 100, "plugin": 100, "run": 60}
 """Examples per kind in `make thorough`; the fast tier tries five."""
 
 
@@ -124,7 +124,7 @@ def test_every_run_of_a_random_scenario_has_the_properties_of_all_runs(number: i
 
 
 @pytest.mark.thorough
-@tried(100)
+@tried(40)
 @given(NUMBERS)
 def test_so_has_every_run_over_radios_that_are_off_most_of_the_time(number: int) -> None:
     """The next valid scenario from a number on in which something is sent, within a limit of processor time."""

@@ -141,19 +141,18 @@ def test_the_texts_of_an_attribute_are_bounded_together_before_they_are_allocate
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("column", ["time", "px"])
-def test_an_index_of_very_many_chunks_is_refused_before_hdf5_visits_each(intact: bytes, column: str) -> None:
+def test_an_index_of_very_many_chunks_is_refused_before_hdf5_visits_each(intact: bytes) -> None:
     """The column states few rows, and its index, as HDF5 writes it when the column was shortened, all of before."""
     Path("x.h5").write_bytes(intact)
     with h5py.File("x.h5", "r+", libver="latest") as file:
         table = file["truth"]
-        rows, kept = table[column].size, dict(table[column].attrs)
-        del table[column]
+        rows, kept = table["px"].size, dict(table["px"].attrs)
+        del table["px"]
         options = {"dtype": "f8", "maxshape": (None,), "chunks": (rows,), "compression": "gzip"}
-        table.create_dataset(column, shape=(rows * 10**8,), **options)[-1] = 1.0
-        table[column].resize((rows,))
-        table[column][...] = 1.0
-        table[column].attrs.update(kept)
+        table.create_dataset("px", shape=(rows * 10**8,), **options)[-1] = 1.0
+        table["px"].resize((rows,))
+        table["px"][...] = 1.0
+        table["px"].attrs.update(kept)
     for read in (tables, lambda path: read_table(path, "truth"), lambda path: read_with_meanings(path, "truth")):
         with pytest.raises(ResultError, match=r"x\.h5: cannot be read: values are stored in a newer way than wsnsim"):
             read("x.h5")
@@ -283,10 +282,10 @@ def test_the_checksum_is_that_of_hdf5(intact: bytes) -> None:
 
 
 @pytest.mark.thorough
-def test_commands_survive_hundreds_of_random_mutants(intact: bytes) -> None:
+def test_commands_survive_random_mutants(intact: bytes) -> None:
     """In a process of their own with limits of memory and time: some of them end libhdf5."""
     commands = []
-    for number, mutant in zip(range(400), random_mutants(intact, 7), strict=False):
+    for number, mutant in zip(range(160), random_mutants(intact, 7), strict=False):
         Path(f"{mutant.name}.h5").write_bytes(mutant.content)
         words = (["info"], ["export", "--parquet", "out"], ["trace", "--step", "1"], ["recover", "--out", "y.h5"])
         first, *rest = words[number % 4]

@@ -25,7 +25,7 @@ from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.synchronisation import NoSync
 from wsnsim.models.wakeup import NoWakeUp
-from wsnsim.network.network import Sensors
+from wsnsim.network.base_network import Sensors
 from wsnsim.network.result_rows import NetworkOutcome, network_columns, write_tables
 from wsnsim.network.world import Targets, World
 

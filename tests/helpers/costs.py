@@ -44,7 +44,7 @@ def shared_by_all_tests() -> Iterator[None]:
 
 def start_counting() -> None:
     """Count runs and processes from now on."""
-    from wsnsim.network.workloads.workload_world import WorkloadWorld
+    from wsnsim.network.workload_world import WorkloadWorld
     from wsnsim.network.world import World
     from wsnsim.offline import batch
     from wsnsim.offline.offline_run import OfflineRun

@@ -83,7 +83,7 @@ class LateMechanism:
         """As CSMA/CA."""
         self.csma.silence(node)
 
-    def hurry(self, nodes: Ints, until: float) -> None:
+    def use_short_interval(self, nodes: Ints, until: float) -> None:
         """Note that nodes use the short interval until a time."""
         self.hurried.append((self.services.now, tuple(nodes.tolist()), until))
         self.until.update({node: max(until, self.until.get(node, 0.0)) for node in nodes.tolist()})

@@ -10,7 +10,7 @@ import numpy as np
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, Memory
-from wsnsim.network.workloads.workload_world import WorkloadWorld
+from wsnsim.network.workload_world import WorkloadWorld
 from wsnsim.scenario import build, load
 
 BASE: dict[str, Any] = {

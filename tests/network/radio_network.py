@@ -20,9 +20,8 @@ from wsnsim.models.sleep import EventWake
 from wsnsim.models.synchronisation import NoSync
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.radio.datagrams import Datagram, Hops
-from wsnsim.network.radio.path_forwarding import PathForwarding
 from wsnsim.network.radio.radio_stack import make_radio_stack
-from wsnsim.network.radio.routing import Router
+from wsnsim.network.radio.routing import PathForwarding, Router
 from wsnsim.network.radio.transport import Transport
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from tests.helpers.sleeping_networks import Run as SleepingRun
 from tests.helpers.sleeping_networks import scenario
-from wsnsim.network.clusters.appointed_cluster import AppointedCluster
 from wsnsim.network.clusters.appointing import AppointingProtocol
+from wsnsim.network.clusters.cluster import AppointedCluster
 
 
 @pytest.mark.thorough

@@ -21,7 +21,7 @@ from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.synchronisation import NoSync
 from wsnsim.models.workloads import Periodic
-from wsnsim.network.workloads.workload_world import WorkloadWorld
+from wsnsim.network.workload_world import WorkloadWorld
 
 REACH, AIRTIME, TURNAROUND = 75.0, 29 * 8 / 250e3, 192e-6
 SEND, RECEIVE, COLLIDE, DROP = (KIND[name] for name in ("send", "receive", "collide", "drop"))

@@ -78,9 +78,11 @@ def test_what_clocks_show_and_when_they_show_it_are_inverse_with_drift_offsets_s
         clocks.correct(2, -0.25)
         clocks.correct(3, 7.0, 1.0 + 1e-4)
         for later in (time, time + 3.0, time + 1e4):
-            shown = clocks.local(nodes, later)
+            shown = clocks.local_times(nodes, later)
             assert np.allclose(shown, later + clocks.error(nodes, later), rtol=0, atol=1e-12)
-            assert [clocks.when(node, float(shown[node])) for node in nodes] == pytest.approx([later] * 6, abs=1e-9)
+            assert [clocks.true_time(node, float(shown[node])) for node in nodes] == pytest.approx(
+                [later] * 6, abs=1e-9
+            )
 
 
 def test_a_correction_puts_the_clock_forward_and_makes_it_run_at_the_estimated_rate_and_steps_it_not_the_timers():
@@ -89,12 +91,12 @@ def test_a_correction_puts_the_clock_forward_and_makes_it_run_at_the_estimated_r
     assert clocks.error(np.array([0]), 100.0)[0] == pytest.approx(0.006, abs=1e-11)
     clocks.correct(0, -0.006, 1.0 + 4e-5)
     assert np.abs(clocks.error(np.array([0]), 1e5)).max() < 1e-11
-    assert clocks.own(0) == pytest.approx(100.006, abs=1e-10) and clocks.own(1) == 100.0
+    assert clocks.raw_time(0) == pytest.approx(100.006, abs=1e-10) and clocks.raw_time(1) == 100.0
     assert clocks.lasts(0, 1.0) == 1.0 / (1.0 + 4e-5)
     clocks.correct(0, 0.5)
     assert clocks.error(np.array([0]), 2000.0)[0] == pytest.approx(0.5, abs=1e-11)
     clocks.step([0], 1.0)
-    assert clocks.own(0) == pytest.approx(101.006, abs=1e-10)
+    assert clocks.raw_time(0) == pytest.approx(101.006, abs=1e-10)
     assert clocks.corrected(0) == pytest.approx(0.494, abs=1e-12)
     clocks.forget(0)
     assert clocks.error(np.array([0]), 200.0)[0] == pytest.approx(1.002 + 200 * 4e-5, abs=1e-10)
@@ -118,9 +120,9 @@ def test_perfect_clocks_are_not_corrected_until_one_of_them_is_stepped():
     clocks.on_step.append(changed.append)
     clocks.correct(1, 0.5, 1.1)
     clocks.forget(1)
-    assert clocks.perfect and not changed and clocks.local(np.arange(3), 7.0).tolist() == [7.0] * 3
+    assert clocks.perfect and not changed and clocks.local_times(np.arange(3), 7.0).tolist() == [7.0] * 3
     clocks.step([0, 1], 0.25)
-    assert not clocks.perfect and changed == [0, 1] and clocks.when(1, 7.25) == 7.0
+    assert not clocks.perfect and changed == [0, 1] and clocks.true_time(1, 7.25) == 7.0
     clocks.correct(1, -0.25)
     assert changed == [0, 1, 1] and clocks.error(np.arange(3), 9.0).tolist() == [0.25, 0.0, 0.0]
 

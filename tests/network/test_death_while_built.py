@@ -10,7 +10,7 @@ from wsnsim import experiment, scenario
 from wsnsim.base.part import part
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.models.access import IdealMac
-from wsnsim.network.radio.mac import make_mac
+from wsnsim.network.radio.radio_stack import make_mac
 
 SWITCHING_KILLS = "energy={kind: first_order, battery: 2 J, switch: 3 J}"
 ASLEEP = "sleep={kind: ris, probability: 0.01}"

@@ -13,10 +13,9 @@ from wsnsim.base.requests import Parcel
 from wsnsim.models.access import Csma, IdealMac
 from wsnsim.models.links import LogNormal
 from wsnsim.models.workloads import CollectionTreeProtocol
-from wsnsim.network.places import Places
+from wsnsim.network.node_states import Places
 from wsnsim.network.radio.collection_tree import PLACE_HEADER
-from wsnsim.network.radio.datagrams import Datagram
-from wsnsim.network.radio.journeys import Journey
+from wsnsim.network.radio.datagrams import Datagram, Journey
 
 
 def hops_of(network):

@@ -32,9 +32,11 @@ def restless(schedule, clock=None, until=20.0):
 
     def changed(node):
         local.note_change(node, env.now)
-        history.append((env.now, node, *(float(each[0]) for each in clocks.lines(np.array([node])))))
+        history.append((env.now, node, *(float(each[0]) for each in clocks.error_lines(np.array([node])))))
 
-    history += [(-1.0, node, *map(float, line)) for node, line in enumerate(zip(*clocks.lines(NODES), strict=True))]
+    history += [
+        (-1.0, node, *map(float, line)) for node, line in enumerate(zip(*clocks.error_lines(NODES), strict=True))
+    ]
     clocks.on_step.append(changed)
     for time in np.sort(rng.uniform(0.0, until, 60)).tolist():
         env.run(until=time)
@@ -136,7 +138,7 @@ def overlap(run, period=10.0, awake=2.0):
 
 def awake_together(run, times):
     """(T,) the same from what the schedules say: awake together within a period before a time, over awake at all."""
-    schedules = run.world._nodes.duty_cycles._schedules
+    schedules = run.world._nodes.sleep_states._schedules
     shares = []
     for time in times:
         moments = np.linspace(time - 10.0, time, 2000, endpoint=False)

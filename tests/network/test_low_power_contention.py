@@ -109,4 +109,4 @@ def test_a_plain_simulation_of_contention_agrees(kind, senders, rate):
 @pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "senders", "rate"), CELLS)
 def test_a_plain_simulation_of_contention_agrees_over_many_runs(kind, senders, rate):
-    assert agree(compared(kind, senders, rate, 20)).all()
+    assert agree(compared(kind, senders, rate, 12)).all()

@@ -124,7 +124,7 @@ def test_a_receiver_that_crashes_in_an_exchange_is_tried_again_until_it_is_given
 @BOTH
 def test_nodes_that_are_told_to_hurry_wake_more_often_for_a_while(kind):
     mac = kind(interval=1.0, near=0.125, first_backoff=0.0)
-    network, _ = spent(mac, 8.0, lambda network: network.at(1.0, lambda: network.mac.hurry([1], 5.0)))
+    network, _ = spent(mac, 8.0, lambda network: network.at(1.0, lambda: network.mac.use_short_interval([1], 5.0)))
     long, short = mac.duties
     expected = (4.0 * long.on / long.interval + 4.0 * short.on / short.interval) * LISTEN
     assert joules(network, "idle", 1) == pytest.approx(expected, rel=1e-9)
@@ -140,7 +140,7 @@ def test_a_unicast_to_a_node_that_hurries_takes_half_its_short_interval(kind):
         for i in range(8):
             network.env.run(until=3.0 * i + 1.0 + i / 8.0 if not hurry else 3.0 * i + 1.0 + i / 64.0)
             if hurry:
-                network.mac.hurry([1], network.env.now + 2.0)
+                network.mac.use_short_interval([1], network.env.now + 2.0)
             begin, burst = network.env.now, network.unicast(0, 1)
             latencies.append(burst.heard_at - begin)
         assert least < np.mean(latencies) < most and max(latencies) < longest
@@ -153,7 +153,7 @@ def test_a_told_node_wakes_at_the_instants_of_the_long_interval_too(kind):
     times = phases(network)[1] + np.arange(5.0) + 1e-6
     for hurried in (False, True):
         if hurried:
-            network.mac.hurry([1], 10.0)
+            network.mac.use_short_interval([1], 10.0)
         assert all(network.mac._radios.offsets(ids, time)[0][1] < 1e-5 for time in times)
 
 
@@ -212,7 +212,7 @@ def test_whatever_happens_bursts_end_ledgers_add_up_and_radios_are_turned_off(
         network.at(time, send)
     for time in draw.uniform(0, 2, 5):
         network.at(time, fault)
-    network.at(1.0, lambda: network.mac.hurry(np.flatnonzero(network.nodes.living).tolist(), 1.5))
+    network.at(1.0, lambda: network.mac.use_short_interval(np.flatnonzero(network.nodes.living).tolist(), 1.5))
     network.env.run(until=20.0)
     assert not unended and radios_off(network)
     network.nodes.close()

@@ -27,8 +27,8 @@ from wsnsim.base.tables import KIND, RECORDED_BY_DEFAULT, Memory
 from wsnsim.models.access import Csma, IdealMac
 from wsnsim.models.recorded_links import RecordedLinks
 from wsnsim.models.sleep import DutyCycle
-from wsnsim.network.radio.bursty_losses import LinkStates
 from wsnsim.network.radio.datagrams import Datagram
+from wsnsim.network.radio.topology import LinkStates
 
 BURST = BurstyLosses(bad_time=2.0, good=0.9, bad=0.2)
 

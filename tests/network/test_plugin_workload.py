@@ -34,7 +34,7 @@ class Sends:
     def __init__(self, component, services):
         self._component = component
         self._services = services
-        self._word = services.word("hello")
+        self._word = services.code_of("hello")
         self.arrived = 0
 
     def begin(self):

@@ -11,9 +11,8 @@ from wsnsim.models.hardware import DriftingClock, ImperfectDetection, PerfectClo
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.sensing.imperfect_readings import Imperfections, ImperfectReadings, _sampled
-from wsnsim.network.sensing.readings import Readings, SensorArray
-from wsnsim.network.sensing.reports import Reports
+from wsnsim.network.imperfect_readings import Imperfections, ImperfectReadings, _sampled
+from wsnsim.network.sensing import Readings, Reports, SensorArray
 
 DT = 0.5
 RULER = Range(sd=1e-6, reach=60.0)

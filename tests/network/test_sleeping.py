@@ -17,9 +17,9 @@ from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import simulate_run
 from wsnsim.models.access import Csma
-from wsnsim.network.clusters.target_search import TargetSearch
+from wsnsim.network.clusters.network_view import TargetSearch
 from wsnsim.network.radio.channel import Channel
-from wsnsim.network.sensing.sensing import ContinuousSensing
+from wsnsim.network.sensing import ContinuousSensing
 from wsnsim.trackers.ekf import ExtendedKalman
 
 
@@ -389,7 +389,7 @@ def test_all_four_methods_get_the_same_readings_from_the_same_awake_nodes(monkey
 
     def record_step(self, target):
         services, step = self._services, self._services.clock.step
-        awake = [services.nodes.duty_cycles.scheduled(node) for node in range(200)]
+        awake = [services.nodes.sleep_states.scheduled(node) for node in range(200)]
         readings = dict(services.available[target].readings(step))
         seen.setdefault(self.tag, []).append((step, readings, awake))
         update(self, target)

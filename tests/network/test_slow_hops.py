@@ -21,8 +21,7 @@ from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.tsch import Tsch
-from wsnsim.network.clusters.election import Election
-from wsnsim.network.clusters.election_timing import waiting_share
+from wsnsim.network.clusters.election import Election, waiting_share
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
 from wsnsim.scenario import build, load
 from wsnsim.trackers.information_driven import InformationDriven

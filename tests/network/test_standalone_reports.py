@@ -11,7 +11,7 @@ from wsnsim.base.errors import ScenarioError
 from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import Memory
-from wsnsim.network.sensing.standalone_reports import standalone_reports
+from wsnsim.network.imperfect_readings import standalone_reports
 from wsnsim.offline.batch import Batches
 
 STANDALONE: dict[str, Any] = {

@@ -8,8 +8,8 @@ import pytest
 from tests.network.clock_networks import line, network, ran
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import KIND
-from wsnsim.network.synchronisation.mechanisms import make_sync
-from wsnsim.network.synchronisation.reference_points import ReferencePoints
+from wsnsim.network.ftsp import ReferencePoints
+from wsnsim.network.synchronisation import make_sync
 from wsnsim.testing import check_sync
 
 JITTER = 1e-4

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from wsnsim.network.radio.trickle import TrickleTimer
+from wsnsim.network.radio.tree_node import TrickleTimer
 
 
 def rfc_6206(shortest, longest, redundancy, draws, heard, resets, end):

@@ -13,11 +13,10 @@ from wsnsim.base.tables import Memory
 from wsnsim.models.access import IdealMac
 from wsnsim.models.energy import FirstOrder
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.datagrams import Datagram, Hops
-from wsnsim.network.radio.mac import IdealMechanism
-from wsnsim.network.radio.path_forwarding import PathForwarding
+from wsnsim.network.radio.datagrams import Datagram, Hops, Unicasts
+from wsnsim.network.radio.radio_stack import IdealMechanism
+from wsnsim.network.radio.routing import PathForwarding
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.radio.unicasts import Unicasts
 
 POSITIONS = [(0.0, 0.0), (10.0, 0.0), (20.0, 7.0), (3.0, 30.0), (500.0, 500.0)]
 
@@ -74,7 +73,7 @@ def test_nothing_is_split_while_everything_arrives(monkeypatch):
 def test_a_gathering_says_from_whom_something_arrived():
     net = network()
     unicasts = to_head(1, 2)
-    event = net.transport.at_once(unicasts, one_hop=True)
+    event = net.transport.carry_unicasts(unicasts, one_hop=True)
     assert event is not None
     net.nodes.crash(2)
     net.env.run(until=event)
@@ -84,8 +83,8 @@ def test_a_gathering_says_from_whom_something_arrived():
 
 
 def test_what_takes_time_or_several_hops_needs_datagrams():
-    assert network(rate=9600.0).transport.at_once(to_head(1, 2), one_hop=True) is None
-    assert network().transport.at_once(to_head(1, 4), one_hop=True) is None
+    assert network(rate=9600.0).transport.carry_unicasts(to_head(1, 2), one_hop=True) is None
+    assert network().transport.carry_unicasts(to_head(1, 4), one_hop=True) is None
 
 
 class Listed(IdealMechanism):
@@ -118,7 +117,7 @@ def test_a_mac_with_a_way_of_its_own_to_send_gets_every_burst(inherits):
     mac = net.mac if inherits else Passing(net.mac)
     hops = Hops(net.radio, mac)
     net.transport = Transport(net.radio, mac, hops, PathForwarding(net.radio, hops, net.router))
-    assert net.transport.at_once(to_head(1, 2), one_hop=True) is None
+    assert net.transport.carry_unicasts(to_head(1, 2), one_hop=True) is None
     net.carry(Datagram(1, 0, FORM), Datagram(2, 0, FORM))
     assert [burst.source for burst in mac.sent] == [1, 2]
 

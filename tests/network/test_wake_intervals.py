@@ -12,8 +12,8 @@ import simpy
 from tests.helpers import late_mac
 from tests.network.late_runs import CALM, LATE, MOVING, played
 from wsnsim.base.tables import KIND
-from wsnsim.network.clusters.wake_intervals import OneInterval, TwoIntervals, make_wake_intervals
-from wsnsim.network.step_clock import StepClock
+from wsnsim.network.clusters.network_view import OneInterval, TwoIntervals, make_wake_intervals
+from wsnsim.network.event_log import StepClock
 
 
 class Clocked:
@@ -26,7 +26,7 @@ class Clocked:
         nodes = SimpleNamespace(alive=[True] * 9 + [False], size=10)
         self.intervals = TwoIntervals(self.clock, 3.0, cast(Any, nodes), self)
 
-    def hurry(self, nodes: Any, until: float) -> None:
+    def use_short_interval(self, nodes: Any, until: float) -> None:
         self.told.append((tuple(nodes.tolist()), until))
 
 

@@ -8,7 +8,7 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.node import NodeProcess
+from wsnsim.network.node_process import NodeProcess
 from wsnsim.scenario import build, load
 
 SPEED = 4.0
@@ -69,7 +69,7 @@ def test_a_woken_node_stays_awake_until_its_own_clock_shows_that_the_step_is_ove
     count = len(sample_initial_conditions(setup, 0).positions)
     clocks = Clocks(setup.clock, Streams(setup.seed, 0).key("clock"), count)
     nodes, until = np.array([node for node, _ in kept]), np.array([time for _, time in kept])
-    shown = np.array([float(clocks.local(nodes[i : i + 1], until[i])[0]) for i in range(len(kept))])
+    shown = np.array([float(clocks.local_times(nodes[i : i + 1], until[i])[0]) for i in range(len(kept))])
     steps = (shown - setup.wakeup.wait) / setup.dt
     assert len(kept) > 20 and np.abs(steps - np.round(steps)).max() < 1e-9
     assert np.abs(shown - until).max() > 0.1

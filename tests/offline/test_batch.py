@@ -187,7 +187,7 @@ def test_whole_runs_of_another_shape_are_refused(tmp_path, monkeypatch):
     made = Sir.whole_runs
     monkeypatch.setattr(Sir, "whole_runs", lambda self, block: made(self, block)._replace(cycles=np.zeros(9)))
     with pytest.raises(
-        RunError, match=r"failed \(seed \d+\): whole_runs: cycles must have the shape \(1,\), not \(9,\)"
+        RunError, match=r"failed \(seed \d+, replicate 0\): whole_runs: cycles must have the shape \(1,\), not \(9,\)"
     ):
         experiment.run(scenario.load("ungm_pf", ["duration=2 s"]), replicates=2, out=tmp_path / "x.h5")
 
@@ -204,9 +204,13 @@ def test_a_failure_of_a_block_says_how_to_find_its_run(tmp_path, monkeypatch, pl
         raise ZeroDivisionError("no reading")
 
     monkeypatch.setattr(place, fail)
-    message = r"batch of 1 runs from replicate 0 on failed \(seed \d+\): ZeroDivisionError: no reading; --no-batch"
-    with pytest.raises(RunError, match=message):
+    said = "ZeroDivisionError: no reading; --no-batch says at what simulated time"
+    with pytest.raises(RunError, match=rf"^the run failed \(seed \d+, replicate 0\): {said}$"):
         experiment.run(scenario.load("ungm_pf", ["duration=2 s"]), replicates=2, out=tmp_path / "x.h5")
+    setup = scenario.build(scenario.load("ungm_pf", ["duration=2 s"]))
+    said = said.replace("says", "says in which, and")
+    with pytest.raises(RunError, match=rf"^one of 2 runs .* failed \(seed \d+, replicates 3 to 4\): {said}$"):
+        batch.run_batch(setup, [3, 4], Memory({}))
 
 
 def test_blocks_keep_their_memory_where_many_sensors_measure():

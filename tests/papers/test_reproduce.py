@@ -33,7 +33,8 @@ NAN = float("nan")
 KEYS = {"paper", "experiment", "quantity", "variant", "published", "measured", "low", "high", "replicates",
         "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution", "read", "literal", "statistic", "basis",
         "published_runs", "ratio_low", "ratio_high", "within", "counted", "paired", "astray", "astray_low",
-        "astray_high", "median", "median_low", "median_high", "reacquired", "losses", "time_lost"}  # fmt: skip
+        "astray_high", "median", "median_low", "median_high", "reacquired", "losses", "time_lost",
+        "lost_rule"}  # fmt: skip
 SHORT = ("duration=16 s",)
 SMALL = Experiment(
     name="small",
@@ -298,6 +299,16 @@ def test_a_row_shows_its_statistic_its_runs_the_share_astray_and_what_it_rests_o
         f"  {word}" in said
         for word in ("mean: mean over runs", "(reconstruction):", "runs:", "astray:", "lost:", "compatible:")
     )
+
+
+def test_when_a_track_is_lost_stands_below_every_table_with_shares_of_lost_runs():
+    rules = ["error above 20 m or no estimate for 4 s", "no estimate for 1 s"]
+    rows = [row(losses=Losses(lost_rule=rules[0])), row(losses=Losses(lost_rule=rules[1]), paper="li2012")]
+    expected = [f"lost (jiang2013): {rules[0]}, at any time", f"lost (li2012): {rules[1]}, at any time"]
+    for said in (table.text(rows), digest.markdown([row(losses=Losses(lost_rule=rules[0]))])):
+        assert expected[0] in said
+    assert expected[1] in table.text(rows)
+    assert "lost (" not in table.text([row(losses=Losses(lost_rule=rules[0]), lost_fraction=NAN)])
 
 
 def test_a_value_that_no_run_has_is_said_to_be_unknown_in_its_row_and_in_reasons():

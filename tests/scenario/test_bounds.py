@@ -72,7 +72,7 @@ def _written(value: float) -> str:
 
 
 NUMBERS = list(_numbers())
-EXTREMES = [1e300, 1e200, 1e100, 1e30, 5e-324, 1e-300, 1e-100, -1e-300, -1e300, math.inf, -math.inf]
+EXTREMES = [1e300, 1e100, 5e-324, 1e-300, -1e300, math.inf]
 
 
 @pytest.mark.thorough

@@ -339,6 +339,7 @@ PLACES = [
      "latin_hypercube.over.seed.count: 'count' is not allowed for random points"),
     ("set: {link.raech: 3}", "3}", "link.raech: unknown key, did you mean 'reach'?"),
     ("set: {name: x}", "x}", "set.name: 'name' is not a key of a scenario that can be varied"),
+    ("set: [link.reach=3]", "[link", "set: expected a mapping, got a list"),
     ("gird: {seed: [1]}", "gird", "gird: unknown key, did you mean 'grid'?"),
     ("name: a=b", "a=b",
      "name: 'a=b' cannot name a folder: use letters and digits, then also '_', '-' and '.'"),

@@ -142,7 +142,7 @@ def run_of(tracker: str, place: str) -> Recorded:
     return recorded("jiang_field", *(f"tracker.{word}" for word in tracker.split(", ")), *PLACES[place])
 
 
-@pytest.mark.thorough(fast=["kind=ekf-standalone"])
+@pytest.mark.thorough(fast=["kind=ekf-standalone", "kind=ckf-in a network", "kind=ukf-in a network"])
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("tracker", TWINS)
 def test_a_filter_is_its_textbook_form_on_the_readings_of_a_run(tracker: str, place: str) -> None:
@@ -229,7 +229,7 @@ def interacting(modes: list[tuple[float, np.ndarray, np.ndarray]], step: Step) -
     return modes
 
 
-@pytest.mark.thorough
+@pytest.mark.thorough(fast=["standalone"])
 @pytest.mark.parametrize("place", [("network=none",), ()], ids=["standalone", "in a network"])
 def test_the_interacting_models_are_their_textbook_form_on_the_readings_of_a_run(place: tuple[str, ...]) -> None:
     run = recorded("imm", *place)

@@ -142,12 +142,13 @@ def _followed(facts: AnswerFacts, crlb: float) -> str:
     measured = facts.tracked_shares.any()
     judged = measured and math.isfinite(crlb) and crlb > 0.0 and (2 * lost <= facts.count or lost == facts.count)
     if judged:
-        limit = f"trajectory-conditional CRLB of {figure(crlb)} {facts.unit}".rstrip()
+        without = " without faults" if facts.faults else ""
+        limit = f"trajectory-conditional CRLB{without} of {figure(crlb)} {facts.unit}".rstrip()
         error += f", {_ratio(value / crlb)} times the {limit}"
     middle = _middle_of_kept(facts)
     if value > DECIDED * middle > 0.0:
         error += f" (few runs decide this mean: the median per-run RMSE is {figure(middle)} {facts.unit}".rstrip()
-        error += f", {_ratio(middle / crlb)} times the CRLB)" if judged else ")"
+        error += f", {_ratio(middle / crlb)} times the CRLB{without})" if judged else ")"
     if others := facts.count - lost if lost else 0:
         return f"{_lost(facts, lost)}; the other {'has' if others == 1 else f'{others:,} have'} {error}"
     if lost:

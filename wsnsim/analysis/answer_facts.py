@@ -56,6 +56,7 @@ class AnswerFacts:
         joules: energy (J) by cause, mean over the runs; empty without a network, or if it was not recorded.
         unit: unit of the position.
         workload: kind of the workload: `tracking`, `beacons`, `collection` or that of a plug-in.
+        faults: kinds of the faults that the runs have.
     """
 
     runs: Mapping[str, Floats]
@@ -65,6 +66,7 @@ class AnswerFacts:
     joules: Mapping[str, float] = field(default_factory=dict)
     unit: str = "m"
     workload: str = "tracking"
+    faults: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -136,6 +138,7 @@ def facts_of_report(report: Report) -> AnswerFacts:
         {cause: float(np.mean([one.joules.get(cause, 0.0) for one in report.summaries])) for cause in causes},
         report.states[report.position[0]][1] if report.states else "m",
         _workload(scenarios.resolved(report.scenario)),
+        fault_kinds(scenarios.resolved(report.scenario)),
     )
 
 
@@ -174,7 +177,7 @@ def _of_columns(found: Mapping[str, Table], scenario: Mapping[str, Any], unit: s
     errors = _errors(found.get("estimates", {}))
     joules = _joules(found.get("energy", {}), next(iter(runs.values())).size)
     tracks, reports = (_columns(found.get(name, {})) for name in ("tracks", "reports"))
-    return AnswerFacts(runs, tracks, reports, errors, joules, unit, _workload(scenario))
+    return AnswerFacts(runs, tracks, reports, errors, joules, unit, _workload(scenario), fault_kinds(scenario))
 
 
 def _columns(table: Table) -> dict[str, Floats]:
@@ -206,6 +209,11 @@ def _joules(table: Table, runs: int) -> dict[str, float]:
     sums = np.bincount(code, joules, names.size) / runs
     named = [words[int(name)] if causes.dtype.kind in "ui" and int(name) < len(words) else str(name) for name in names]
     return dict(zip(named, sums.tolist(), strict=True))
+
+
+def fault_kinds(resolved: Mapping[str, Any]) -> tuple[str, ...]:
+    """The kinds of the faults of a resolved scenario."""
+    return tuple(str(fault.get("kind")) for fault in resolved.get("faults", ()))
 
 
 def _workload(resolved: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ from wsnsim.analysis.baselines import label
 from wsnsim.analysis.comparison import Comparison
 from wsnsim.analysis.conclusions import number
 from wsnsim.analysis.quantities import run_metric_name
+from wsnsim.analysis.statistics import LEAST
 from wsnsim.base.tables import MORE_IS_BETTER, ONE_IS_BEST
 
 MOST_SENTENCES: Final = 3
@@ -87,7 +88,7 @@ def _overlap(best: pd.Series, known: pd.DataFrame, names: tuple[str, ...]) -> st
         return ", and its 95 % interval overlaps with no other"
     shown = ", ".join(_name(row, names) for _, row in met.head(3).iterrows())
     more = f" and {len(met) - 3} more" if len(met) > 3 else ""
-    paired = " (the paired tests below decide)" if "pairs" in known and known["pairs"].notna().any() else ""
+    paired = " (the paired tests below decide)" if "pairs" in known and (known["pairs"] >= LEAST).any() else ""
     return f", and its 95 % interval overlaps with that of {shown}{more}{paired}"
 
 

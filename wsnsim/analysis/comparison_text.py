@@ -20,6 +20,7 @@ from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
 from wsnsim.base.tables import MORE_IS_BETTER, ONE_IS_BEST
+from wsnsim.bounds.initial_conditions import FAULTLESS
 
 WIDTH: Final = 120
 """Characters of a line of a conclusion."""
@@ -72,7 +73,9 @@ def columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
         columns.append(("median over steps", [_number(value) for value in table["nees_median"]]))
         columns.append(("singular", [f"{value:.0f}" for value in table["singular"]]))
     if "bound" in table and table["bound"].notna().any():
-        columns.append(("CRLB", [_number(value) for value in table["bound"]]))
+        columns.append(
+            ("CRLB" + " without faults" * (FAULTLESS in found.of_bounds), [_number(value) for value in table["bound"]])
+        )
     if (table["tracked"] < SEEN).any():
         columns.append(("tracked", [f"{100.0 * value:.0f} %" for value in table["tracked"]]))
     columns.append(("lost at any time", [_share(row) for _, row in table.iterrows()]))

@@ -67,9 +67,13 @@ def _of_losses(pair: Pair, words: PairWords) -> str:
 def _of_metric(pair: Pair, words: PairWords) -> str:
     """The clause on the metric."""
     name, pairs = run_metric_name(words.metric), int(pair["pairs"])
-    among = f"{pairs} pairs" + (" of runs that both survive" if pairs < pair["common"] and _is_error(words) else "")
+    among = counted(pairs, "pair") + (
+        " of runs that both survive" if pairs < pair["common"] and _is_error(words) else ""
+    )
     if pairs < LEAST:
-        return f"{among} are too few to compare {words.point} and {words.baseline} in {name}"
+        return (
+            f"{among} {'is' if pairs == 1 else 'are'} too few to compare {words.point} and {words.baseline} in {name}"
+        )
     test = f"Wilcoxon p = {p_value(pair['p_holm'])}, Holm-corrected, {among}"
     value, low, high = (float(pair[key]) for key in ("difference", "difference_low", "difference_high"))
     unit = f" {words.unit}" if words.unit not in ("", "1") else ""

@@ -17,6 +17,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from wsnsim.analysis import plot_data, recorded_bounds
+from wsnsim.analysis.answer_facts import fault_kinds
 from wsnsim.analysis.consistency import Statistic, step_consistency
 from wsnsim.analysis.figure_style import (
     BLACK,
@@ -94,7 +95,9 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=name, **_marks(mean))
     if (limit := recorded_bounds.in_range(path, plugins)) is not None:
         bound = limit.rmse[steps - 1]
-        axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label="trajectory-conditional CRLB")
+        faults = fault_kinds(plot_data.stored_json(path, "scenario/resolved_json"))
+        name = "trajectory-conditional CRLB" + (" without faults" if faults else "")
+        axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label=name)
         shown = np.concatenate([shown, bound])
     _scaled(axes, shown)
     if len(times) > 1:

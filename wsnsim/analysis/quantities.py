@@ -10,7 +10,7 @@ runs, from five runs on. Values that are unknown (NaN) in a run are left out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -278,9 +278,17 @@ BOUND_NAMES: Final = {
     "arrived": "trajectory-conditional CRLB, readings that arrived",
 }
 """The bounds that stand beside the time-averaged RMSE, by the readings that count."""
+COUNTED_FAULTS: Final = {"crash", "restart", "drain", "blackout", "link_loss"}
+"""Faults of which no more is to be known than which readings arrived."""
 BOUND_NOTE: Final = (
     "trajectory-conditional CRLB: not a strict bound, a filter may have a smaller error on some trajectories"
 )
+
+
+def bound_name(readings: str, faults: Collection[str]) -> str:
+    """The name of a bound beside runs with these kinds of faults, which may be left out of it."""
+    counted = not faults or (readings != "in_range" and COUNTED_FAULTS.issuperset(faults))
+    return BOUND_NAMES[readings] + ("" if counted else ", without faults")
 
 
 def loss_rule(runs: Mapping[str, Floats], unit: str) -> str:

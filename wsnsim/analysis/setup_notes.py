@@ -17,6 +17,7 @@ import numpy as np
 from wsnsim.analysis import connectivity
 from wsnsim.analysis.effect_notes import (
     covering_range,
+    faults_between_instants,
     faults_that_hit_nobody,
     keys_without_effect,
     parameters_without_effect,
@@ -233,6 +234,7 @@ NOTES: Final[tuple[Callable[[Setup], Iterator[str]], ...]] = (
     keys_without_effect,
     parameters_without_effect,
     faults_that_hit_nobody,
+    faults_between_instants,
     motions_beyond_the_field,
     steps_across_the_field,
     sink_outside_the_field,

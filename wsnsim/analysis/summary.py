@@ -64,8 +64,8 @@ def as_json(report: Report, published: Mapping[str, float], limits: RunBounds = 
     square over steps, runs and targets, `column_rmse_median` the median over runs. `rmse_three` and the like are
     medians over tracks; counts of waking are means of a run. `medians` has those over runs of means that few of them
     decide (see `quantities.medians`), `nees_median_consistent` the `nees_median` of a consistent filter. Steps without
-    an estimate are left out. `notes` says what a reader must know beside the figures, and `unknown` why each figure
-    without a value has none.
+    an estimate are left out. `faults` holds the kinds of faults, which `bound` does not count. `notes` says what a
+    reader must know beside the figures, and `unknown` why each figure without a value has none.
     """
     figures = _figures(report, published, limits)
     unknown = notes.reasons(report, figures)
@@ -81,9 +81,10 @@ def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) 
     found |= dict.fromkeys(NETWORK_ONLY, NAN) if without_network(report) else {}
     for key in WITH_INTERVAL:
         found[f"{key}_low"], found[f"{key}_high"] = QUANTITIES[key].interval(arrays)
+    facts = facts_of_report(report)
     return {
         "schema_version": SCHEMA_VERSION,
-        "answer": sentence(facts_of_report(report), limits.judged),
+        "answer": sentence(facts, limits.judged),
         "name": report.scenario.name,
         "seed": report.scenario.seed,
         "file": str(report.out),
@@ -107,6 +108,7 @@ def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) 
         "bound_active": limits.active,
         "bound_arrived": limits.arrived,
         "bound_kind": limits.kind,
+        "faults": list(facts.faults),
         "bound_reason": limits.reason,
     }
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from wsnsim.analysis import clock_figures
 from wsnsim.analysis.phrases import counted, wrapped
-from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, CONSISTENCY_NOTE, ONLY_IF_NOT_ZERO, QUANTITIES, beside
+from wsnsim.analysis.quantities import BOUND_NOTE, CONSISTENCY_NOTE, ONLY_IF_NOT_ZERO, QUANTITIES, beside, bound_name
 from wsnsim.analysis.summary import NOT_COMPUTED, OF_THREE, RunBounds, as_json, without_network
 from wsnsim.base.results import Report
 from wsnsim.base.tables import ONE_IS_BEST
@@ -82,7 +82,7 @@ def _accuracy_rows(figures: Figures, published: Published, report: Report, bound
     if figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]):
         rows.append(("  of tracks not lost at the end", of.text(figures["rmse_of_kept"], unit), ""))
     rows += [
-        (f"  {BOUND_NAMES[readings]}", of.text(figures[key], unit), "")
+        (f"  {bound_name(readings, figures['faults'])}", of.text(figures[key], unit), "")
         for key, readings in BOUND_KEYS.items()
         if bounds and math.isfinite(figures[key])
     ]

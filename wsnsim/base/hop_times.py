@@ -46,7 +46,7 @@ class HeadWaits(NamedTuple):
     closing: float | None = None
 
     @property
-    def keeps_undelivered(self) -> bool:
+    def retries_handover(self) -> bool:
         """Whether a head whose belief did not reach the next one goes on and tries again at the next step."""
         return self.gather is not None
 

@@ -10,6 +10,7 @@ from typing import Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Ints
 from wsnsim.base.frames import Burst, Counters, MacFrame, Received
+from wsnsim.base.mechanisms import NodeServices
 from wsnsim.base.medium_access import FramedMac
 
 
@@ -101,12 +102,8 @@ class Fragmenter(Protocol):
         """
 
 
-class MacServices(Protocol):
+class MacServices(NodeServices, Protocol):
     """What a MAC may use of the network."""
-
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
 
     @property
     def step(self) -> int:
@@ -119,12 +116,6 @@ class MacServices(Protocol):
     def key(self, stream: str) -> int:
         """Return the key of a random stream, for `derive`."""
 
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-
-    def is_awake(self, node: int) -> bool:
-        """Whether a node is up and listens."""
-
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, ascending."""
 
@@ -133,12 +124,6 @@ class MacServices(Protocol):
 
     def release(self, node: int) -> None:
         """Let a node follow its schedule again."""
-
-    def lasts(self, node: int, seconds: float) -> float:
-        """Return the seconds that pass while a node's clock counts `seconds`."""
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
 
     def signal(self) -> Signal:
         """Return a new signal, for the end of bursts."""
@@ -205,10 +190,10 @@ class KeepsIdleSlots(Protocol):
 
 
 @runtime_checkable
-class HurriesNodes(Protocol):
+class UsesShortInterval(Protocol):
     """Optional port of a MAC mechanism whose nodes have a short wake interval beside the long one."""
 
-    def hurry(self, nodes: Ints, until: float) -> None:
+    def use_short_interval(self, nodes: Ints, until: float) -> None:
         """Have nodes (n,) that are up use the short interval until a time in s, later than they were told before."""
 
 

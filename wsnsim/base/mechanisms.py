@@ -39,12 +39,31 @@ class SensorDefect:
     component: str = ""
 
 
-class FaultServices(Protocol):
-    """What one fault may reach in the network. Overlapping faults are combined by the network."""
+class NodeServices(Protocol):
+    """What every mechanism may use of the network; each role adds its own."""
 
     @property
     def now(self) -> float:
         """The simulated time in s."""
+
+    def is_up(self, node: int) -> bool:
+        """Whether a node is neither dead nor crashed."""
+
+    def is_dead(self, node: int) -> bool:
+        """Whether the battery of a node is empty."""
+
+    def is_awake(self, node: int) -> bool:
+        """Whether a node is up, and its sleep schedule does not keep it asleep."""
+
+    def lasts(self, node: int, seconds: float) -> float:
+        """The seconds that pass while the oscillator of a node counts `seconds`."""
+
+    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
+        """Call an action after `seconds` of simulated time."""
+
+
+class FaultServices(NodeServices, Protocol):
+    """What one fault may reach in the network. Overlapping faults are combined by the network."""
 
     @property
     def positions(self) -> Floats:
@@ -54,20 +73,11 @@ class FaultServices(Protocol):
     def key(self) -> int:
         """The random key of this fault, for `derive`."""
 
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-
-    def is_dead(self, node: int) -> bool:
-        """Whether the battery of a node is empty."""
-
     def residual_energy(self, node: int) -> float:
         """Joules left in a node now."""
 
     def head_of(self, target: int) -> int | None:
         """The cluster head of a target, or None."""
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
 
     def log_start(self, node: int, joules: float = 0.0) -> None:
         """Log that the fault hits a node, or NOBODY, and the charge that it took."""
@@ -127,18 +137,11 @@ class StartsFault(Protocol):
         """Return the mechanism. Called once, before the simulation starts."""
 
 
-class WakeUpServices(Protocol):
+class WakeUpServices(NodeServices, Protocol):
     """What a wake-up mechanism may use of the network. The network books and logs what it sends."""
-
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
 
     def clock(self, node: int) -> float:
         """What the clock of a node shows now, in s: by this a node decides whether a message has expired."""
-
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
 
     def place(self, node: int) -> Point:
         """The position of a node."""
@@ -204,12 +207,8 @@ class StartsWakeUp(Protocol):
         """Return the mechanism. Called once, before the simulation starts."""
 
 
-class WorkloadServices(Protocol):
+class WorkloadServices(NodeServices, Protocol):
     """What a workload without targets may use of the network. The network books and logs what nodes send."""
-
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
 
     @property
     def positions(self) -> Floats:
@@ -219,22 +218,10 @@ class WorkloadServices(Protocol):
     def key(self) -> int:
         """The random key of the workload, for `derive`."""
 
-    def is_awake(self, node: int) -> bool:
-        """Whether a node is up, and its radio listens."""
-
-    def is_dead(self, node: int) -> bool:
-        """Whether the battery of a node is empty."""
-
-    def lasts(self, node: int, seconds: float) -> float:
-        """The seconds that pass while a node's clock counts `seconds`."""
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
-
-    def word(self, what: str) -> int:
+    def code_of(self, what: str) -> int:
         """The code of a word in the column `events.what`."""
 
-    def broadcast(self, node: int, bits: int, word: int) -> None:
+    def broadcast(self, node: int, bits: int, code: int) -> None:
         """Broadcast a payload of `bits` to all in range."""
 
     def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:

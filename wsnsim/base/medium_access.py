@@ -20,14 +20,6 @@ class Mac(Protocol):
         """The name of the mechanism."""
 
 
-class IdealAccess(Mac, Protocol):
-    """An ideal channel."""
-
-    @property
-    def rate(self) -> float | None:
-        """Bit/s on the air; None: sending takes no time."""
-
-
 class FramedMac(Mac, Protocol):
     """A MAC whose frames take time."""
 
@@ -67,45 +59,6 @@ class FramedMac(Mac, Protocol):
 
     def spacing(self, bits: int) -> float:
         """Seconds between the end of a frame of this length and the sender's next one."""
-
-
-class ContendingMac(FramedMac, Protocol):
-    """CSMA/CA.
-
-    Attributes:
-        backoff: Length of a backoff period in s.
-        min_be: Initial backoff exponent BE: the wait is below 2^BE periods.
-        max_be: Largest backoff exponent.
-        max_backoffs: Attempts after the first before a frame is dropped.
-        cca: Duration of a clear channel assessment in s.
-    """
-
-    backoff: float
-    min_be: int
-    max_be: int
-    max_backoffs: int
-    cca: float
-
-
-class SlottedMac(ContendingMac, Protocol):
-    """TDMA inside clusters, CSMA/CA elsewhere. `acks` is about unicasts in slots; those outside always have them.
-
-    Attributes:
-        guard: Silence at both ends of a slot, in s.
-        slot: Length of a slot in s; None: as long as needed.
-        schedule_bits: Bits of one entry in the schedule that the head broadcasts.
-        contention: Shortest time between two rounds of a head, in s.
-        idle_slots: 'skipped' or 'kept': whether a round leaves out the slots of members that have nothing to send.
-    """
-
-    guard: float
-    slot: float | None
-    schedule_bits: int
-    contention: float
-    idle_slots: str
-
-    def slot_needed(self, bits: int) -> float:
-        """Seconds of a slot for a frame of this length: turnaround, acknowledgement and guards included."""
 
 
 class Packing(Protocol):
@@ -198,81 +151,3 @@ class GivesTurns(Protocol):
 
     def turns(self, members: int) -> float:
         """Seconds until each of this number of members has had its turn; 0: only those that send take time."""
-
-
-class LowPowerMac(FramedMac, Protocol):
-    """A MAC whose nodes listen once an interval.
-
-    Attributes:
-        interval: Wake interval.
-        near: Wake interval of nodes that expect a target; None: the same.
-        first_backoff: The longest random wait before a sender first listens.
-        max_backoffs: Attempts after the first before a frame is dropped.
-        linger: How long a receiver stays on for further frames.
-    """
-
-    interval: float
-    near: float | None
-    first_backoff: float
-    max_backoffs: int
-    linger: float
-
-    @property
-    def congestion(self) -> float:
-        """The longest random wait after a busy channel or a missing acknowledgement."""
-
-    @property
-    def assessment(self) -> float:
-        """For how long a sender listens first."""
-
-
-class StrobingMac(LowPowerMac, Protocol):
-    """X-MAC."""
-
-    @property
-    def strobe_bits(self) -> int:
-        """Bits of a strobe on the air."""
-
-    @property
-    def gap(self) -> float:
-        """S_al: between two strobes."""
-
-    @property
-    def period(self) -> float:
-        """S_p + S_al: from the start of a strobe to that of the next one."""
-
-    @property
-    def window(self) -> float:
-        """R_l: how long a node listens at each wake-up."""
-
-    @property
-    def strobes(self) -> int:
-        """Strobes of a broadcast, and of a unicast that nobody answers."""
-
-
-class RepeatingMac(LowPowerMac, Protocol):
-    """ContikiMAC.
-
-    Attributes:
-        cca: t_r: duration of a clear channel assessment.
-        cca_gap: t_c: between the two assessments of a wake-up.
-        frame_gap: t_i: between two copies of a frame.
-        phase_lock: Whether senders learn when their destinations wake.
-        guard: How long before a known wake-up a sender begins.
-    """
-
-    cca: float
-    cca_gap: float
-    frame_gap: float
-    phase_lock: bool
-    guard: float
-
-    @property
-    def longest(self) -> float:
-        """Airtime of the longest frame."""
-
-    def period(self, bits: int) -> float:
-        """From the start of one copy of a frame to that of the next one."""
-
-    def copies(self, bits: int) -> int:
-        """Copies of a broadcast, and of a unicast that nobody acknowledges."""

@@ -15,19 +15,13 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
-from wsnsim.base.medium_access import ContendingMac as ContendingMac
 from wsnsim.base.medium_access import FramedMac as FramedMac
-from wsnsim.base.medium_access import IdealAccess as IdealAccess
 from wsnsim.base.medium_access import Mac as Mac
 from wsnsim.base.medium_access import Packing as Packing
-from wsnsim.base.medium_access import SlottedMac as SlottedMac
-from wsnsim.base.network_ports import BeaconWorkload as BeaconWorkload
-from wsnsim.base.network_ports import CollectionWorkload as CollectionWorkload
 from wsnsim.base.network_ports import FaultEvent as FaultEvent
 from wsnsim.base.network_ports import HasSeveralSinks as HasSeveralSinks
 from wsnsim.base.network_ports import Routing as Routing
 from wsnsim.base.network_ports import Sink as Sink
-from wsnsim.base.network_ports import TreeRouting as TreeRouting
 from wsnsim.base.network_ports import Workload as Workload
 from wsnsim.base.requests import PACKET_BITS
 

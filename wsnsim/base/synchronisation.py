@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Ints
+from wsnsim.base.mechanisms import NodeServices
 
 
 class TimeSync(Protocol):
@@ -23,38 +24,8 @@ class TimeSync(Protocol):
         """The name of the mechanism."""
 
 
-class FloodingSync(TimeSync, Protocol):
-    """The Flooding Time Synchronization Protocol.
-
-    Attributes:
-        period: Seconds between the messages of a node, on its own clock.
-        bits: Payload of a message.
-        jitter: Standard deviation in s of a time stamp of the MAC layer.
-        entries: Reference points in the regression.
-        entries_to_send: Reference points that a node needs before it sends.
-        entries_to_sync: Reference points that a node needs before it corrects its clock.
-        root_timeout: Periods without a message of the root after which a node declares itself the root.
-        ignore_root: Periods for which a new root ignores messages of other roots.
-        outlier: Error in s from which on a reference point is not used; after four in a row the others are forgotten.
-    """
-
-    period: float
-    bits: int
-    jitter: float
-    entries: int
-    entries_to_send: int
-    entries_to_sync: int
-    root_timeout: int
-    ignore_root: int
-    outlier: float
-
-
-class SyncServices(Protocol):
-    """What time synchronisation may use of the network. The network books and logs what nodes send."""
-
-    @property
-    def now(self) -> float:
-        """The simulated time in s. A node does not know it."""
+class SyncServices(NodeServices, Protocol):
+    """What time synchronisation may use of the network, which books and logs what nodes send. No node knows `now`."""
 
     @property
     def size(self) -> int:
@@ -63,15 +34,6 @@ class SyncServices(Protocol):
     @property
     def key(self) -> int:
         """The random key of time synchronisation, for `derive`."""
-
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-
-    def is_dead(self, node: int) -> bool:
-        """Whether the battery of a node is empty."""
-
-    def is_awake(self, node: int) -> bool:
-        """Whether a node is up, and its sleep schedule does not keep it asleep."""
 
     def next_change(self, node: int) -> float:
         """The earliest time in s at which the sleep schedule of a node may wake it or let it sleep; infinite: never."""
@@ -90,12 +52,6 @@ class SyncServices(Protocol):
             shows: What its clock shows now, in s.
             rate: Seconds on its own clock per second on its clock, from now on.
         """
-
-    def lasts(self, node: int, seconds: float) -> float:
-        """The seconds that pass while the own clock of a node counts `seconds`."""
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
 
     def broadcast(self, node: int, bits: int, done: Callable[[Ints | None], None]) -> None:
         """Broadcast a message with a payload of `bits`, at the next opportunity that the MAC gives.

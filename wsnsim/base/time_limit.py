@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable
 from types import FrameType
-from typing import Final
+from typing import Final, TypeVar
 
 from wsnsim.base.errors import RunError, UsageError
 from wsnsim.base.plugin_code import plugin_place
 
+Result = TypeVar("Result")
 AGAIN: Final = 2.0
 """Seconds after which the exception is raised again: compiled code, or a plug-in, may have swallowed it."""
 
@@ -21,29 +21,37 @@ class _TimeIsUp(BaseException):
     """The limit has passed. No `except Exception` of a plug-in catches it."""
 
 
-@contextlib.contextmanager
-def limited(seconds: float | None, what: str) -> Iterator[None]:
-    """End the block after some seconds of real time; compiled code first returns.
+def limited(action: Callable[[], Result], seconds: float | None, what: str) -> Result:
+    """Return what an action returns, and end it after some seconds of real time; compiled code first returns.
 
     Args:
+        action: What is done.
         seconds: The limit; None: there is none.
         what: What takes the time, for the message.
 
     Raises:
-        RunError: The block took longer. The message names the line of a plug-in that ran, if one did.
+        RunError: The action took longer. The message names the line of a plug-in that ran, if one did.
         UsageError: This is not the main thread of the process, which alone receives a timer's signal.
     """
     if seconds is None:
-        yield
-        return
+        return action()
     if threading.current_thread() is not threading.main_thread():
         raise UsageError("a timeout needs the main thread of the process")
-    before = signal.signal(signal.SIGALRM, _raise)
-    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
+    ended = False
+
+    def end(number: int, frame: FrameType | None) -> None:
+        if not ended:  # a signal may come after the action, before the timer is off
+            raise _TimeIsUp
+
+    before = signal.signal(signal.SIGALRM, end)
     try:
-        yield
+        try:
+            signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
+            return action()
+        finally:
+            ended = True
     except _TimeIsUp as reason:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        ended = True
         place = plugin_place(reason)
         raise RunError(f"{what} took more than {seconds:g} s{f' (at {place})' if place else ''}") from None
     finally:
@@ -62,7 +70,3 @@ def time_limit(seconds: object) -> float | None:
     ):
         return seconds
     raise UsageError(f"timeout: expected a number of seconds greater than 0, or None, not {seconds!r}")
-
-
-def _raise(number: int, frame: FrameType | None) -> None:
-    raise _TimeIsUp

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.ports import Continuous, IsShadowed, MotionModel
 from wsnsim.base.setups import TrackingSetup
+
+FAULTLESS: Final = "faults are not counted: the bound for readings in range is that without faults"
 
 
 def reason_without_bound(motion: MotionModel, kind: str) -> str:
@@ -68,6 +70,8 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions], plac
 
 def cautions_of_readings(setup: TrackingSetup) -> Iterator[str]:
     """Those of the cautions that are about readings: what the bound takes to be otherwise than it is."""
+    if setup.faults:
+        yield FAULTLESS
     if setup.recorded is not None:
         yield "readings were recorded: the bound is that of the law (sensor.law), which they need not follow"
     elif isinstance(setup.sensor, IsShadowed) and setup.sensor.shadowing:

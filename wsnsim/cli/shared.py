@@ -76,7 +76,10 @@ quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print no progre
 progress_option = click.option(
     "--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show progress."
 )
-timeout_option = click.option("--timeout", metavar="TIME", help="Time limit of one run, such as '10 min'.")
+timeout_option = click.option(
+    "--timeout", metavar="TIME",
+    help="Time limit of one run, such as '10 min'; standalone runs are then made one by one (campaigns: below 10 s).",
+)  # fmt: skip
 plugins_option = click.option(
     "--plugins",
     is_flag=True,

@@ -12,7 +12,6 @@ from math import ceil
 from typing import Annotated, ClassVar, Final
 
 from wsnsim.base.errors import Issue
-from wsnsim.base.hopping_mac import MOST_CELLS
 from wsnsim.base.medium_access import Latency, RadioDuty
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import RadioSetup, Setup
@@ -21,6 +20,8 @@ from wsnsim.models.access import SPAN, TICK, Framed
 HOPPING: Final = (16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21)
 """The default hopping sequence of IEEE 802.15.4 for the 16 channels at 2.4 GHz."""
 OFFSET: Final = Quantity("s", ge=1e-6, le=1.0)
+MOST_CELLS: Final = 64
+"""The largest number of cells in which a node receives beside the shared ones (our choice)."""
 LARGEST_DRIFT: Final = 6.0
 """Two clocks differ by at most this many standard deviations of the rate: each is cut off at three."""
 

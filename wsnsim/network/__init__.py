@@ -1,1 +1,1 @@
-"""Everything that happens in simulated time. SimPy lives here."""
+"""Everything that happens in simulated time: nodes, radio, clusters, sensing, faults, clocks. SimPy lives here."""

@@ -2,7 +2,7 @@
 
     clocks.rate(node)                     seconds on the oscillator per true second: a timer of T s lasts T / rate
     clocks.error(nodes, time) -> (n,)     seconds by which each clock is ahead of true time
-    clocks.local(nodes, time) -> (n,)     what the clocks show      clocks.when(node, local) -> true time
+    clocks.local_times(nodes, time) -> (n,)     what the clocks show      clocks.true_time(node, local) -> true time
     clocks.correct(node, offset, rate)    what time synchronisation does
 
 Every node has an *own clock*: its oscillator, which drifts, and which a fault may step. Its *clock* is what schedules
@@ -66,27 +66,27 @@ class Clocks:
         ahead = np.zeros(len(nodes)) if self._slopes is None else self._slopes[nodes] * time
         return ahead if self._bases is None else ahead + self._bases[nodes]
 
-    def local(self, nodes: Ints, time: float) -> Floats:
+    def local_times(self, nodes: Ints, time: float) -> Floats:
         """(n,) what the clocks of nodes show at a true time, in s."""
         return time + self.error(nodes, time)
 
-    def when(self, node: int, local: float) -> float:
+    def true_time(self, node: int, local: float) -> float:
         """The true time in s at which the clock of a node shows `local`, if nothing changes it before."""
         base = 0.0 if self._bases is None else float(self._bases[node])
         slope = 0.0 if self._slopes is None else float(self._slopes[node])
         return (local - base) / (1.0 + slope)
 
-    def shows(self, node: int) -> float:
+    def local_time(self, node: int) -> float:
         """What the clock of a node shows now, in s."""
         now = self._env.now
         return now + self._error_of(node, now, self._bases, self._slopes)
 
-    def own(self, node: int) -> float:
+    def raw_time(self, node: int) -> float:
         """What the own clock of a node shows now, in s: its clock, had it never been corrected."""
         now = self._env.now
         return now + self._error_of(node, now, self._own_bases, self._own_slopes)
 
-    def lines(self, nodes: Ints) -> tuple[Floats, Floats]:
+    def error_lines(self, nodes: Ints) -> tuple[Floats, Floats]:
         """((n,) b in s, (n,) m) of the errors b + m t of nodes, from their last change on."""
         nothing = np.zeros(len(nodes))
         return (

@@ -1,4 +1,4 @@
-"""The event log of a run: one row per event, written to the recorder in chunks, and the log's fingerprint.
+"""The event log of a run: one row per event, written to the recorder in chunks, its fingerprint, and the step clock.
 
     log.add(event(time, step, target, node, kind, ...))                one event
     log.add_all(event(time, step, target, EACH, kind, ...), nodes)     the same event at each of several nodes
@@ -14,10 +14,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+import simpy
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.frames import SEND
@@ -39,7 +41,6 @@ EACH: Final = -2
 UNICASTS: Final = -3
 """Stands for the node's number in a row that is replaced by those of unicasts."""
 NONE, TX, RX = EVENT_CAUSE["none"], EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
-
 Event = tuple[float, int, int, int, int, int, int, int, int, int, int, float, int]
 
 
@@ -201,3 +202,38 @@ def _typed(values: Floats, dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
 def _digest(columns: Mapping[str, np.ndarray[Any, Any]]) -> int:
     times, *others = (columns[name] for name in HASHED)
     return int(sum_of_keys(times.view(np.uint64), *(values.astype(np.int64) for values in others)))
+
+
+@dataclass(slots=True)
+class StepClock:
+    """Simulated time in steps of `dt` s. Only `World` advances `step`."""
+
+    env: simpy.Environment
+    dt: float
+    step: int = 0
+
+    @property
+    def now(self) -> float:
+        """The simulated time in s."""
+        return self.env.now
+
+    @property
+    def next_step(self) -> float:
+        """The time in s at which the next step begins."""
+        return (self.step + 1) * self.dt
+
+
+class ProtocolLog:
+    """Logs what protocols do, at the present time and step. Such an event costs no energy of its own."""
+
+    def __init__(self, clock: StepClock, event_log: EventLog) -> None:
+        self._clock = clock
+        self._event_log = event_log
+
+    def add(
+        self, kind: str, target: int, node: int, what: str = "", peer: int = -1, packets: int = 0, bits: int = 0
+    ) -> None:
+        """Log one event."""
+        clock, log = self._clock, self._event_log
+        code = log.code(what)
+        log.add(event(clock.env.now, clock.step, target, node, KIND[kind], code, peer=peer, packets=packets, bits=bits))

@@ -5,9 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, scalars
+from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.radio import Mode
-from wsnsim.network.energy.duty_cycles import DutyCycles
-from wsnsim.network.places import Places
+from wsnsim.network.energy.sleep_states import SleepStates
+
+
+class Places:
+    """Positions of nodes: `positions` (N, 2) in m, single coordinates `x` and `y`, and a `grid` for neighbours."""
+
+    def __init__(self, positions: Floats) -> None:
+        self.positions = positions
+        self.grid = CellGrid(positions)
+        self.x, self.y = scalars(self.grid.x), scalars(self.grid.y)
 
 
 class NodeStates:
@@ -22,10 +31,10 @@ class NodeStates:
         all_listen: Whether all nodes are up and listen.
         jammed, loss: (N,) radios that faults jam, and the probability that faults lose a frame from or to a node.
         disturbed: Whether any node is jammed or loses frames.
-        duty_cycles: The modes of nodes that do not rest, and the sleep schedules of those that do.
+        sleep_states: The modes of nodes that do not rest, and the sleep schedules of those that do.
     """
 
-    def __init__(self, positions: Floats, traits: Floats, reach: float, duty_cycles: DutyCycles) -> None:
+    def __init__(self, positions: Floats, traits: Floats, reach: float, sleep_states: SleepStates) -> None:
         self.assumed = places = Places(positions)
         self.positions, self.x, self.y, self.grid = positions, places.x, places.y, places.grid
         self.traits = traits
@@ -35,8 +44,8 @@ class NodeStates:
         self.alive = scalars(self.living)
         self.jammed, self.loss = np.zeros(size, dtype=np.bool_), np.zeros(size)
         self.disturbed = False
-        self.duty_cycles = duty_cycles
-        self.follows_schedules = duty_cycles.rest is Mode.SCHEDULED
+        self.sleep_states = sleep_states
+        self.follows_schedules = sleep_states.rest is Mode.SCHEDULED
         self.all_listen = not self.follows_schedules
         self._always_awake: set[int] = set()
         self._up_since, self._last_restart = np.zeros(size), 0.0
@@ -48,7 +57,7 @@ class NodeStates:
 
     def hears(self, ids: Ints, since: float) -> Bools:
         """(n,) which nodes are up and have been listening since a time that is not in the future."""
-        hears = self.duty_cycles.hears(ids, since, self.living)
+        hears = self.sleep_states.hears(ids, since, self.living)
         return hears if since >= self._last_restart else hears & (self._up_since[ids] <= since)
 
     def all_heard(self, since: float) -> bool:
@@ -57,15 +66,15 @@ class NodeStates:
 
     def is_awake(self, node: int) -> bool:
         """Whether a node is up and listens now."""
-        return self.alive[node] and (not self.follows_schedules or self.duty_cycles.is_awake(node))
+        return self.alive[node] and (not self.follows_schedules or self.sleep_states.is_awake(node))
 
     def is_scheduled_awake(self, node: int) -> bool:
         """Whether a node has a schedule that says that it is awake now."""
-        return self.follows_schedules and self.duty_cycles.scheduled(node) is Mode.AWAKE
+        return self.follows_schedules and self.sleep_states.scheduled(node) is Mode.AWAKE
 
     def rest_of(self, node: int) -> Mode:
         """The mode of a node that has nothing to do."""
-        return Mode.AWAKE if node in self._always_awake else self.duty_cycles.rest
+        return Mode.AWAKE if node in self._always_awake else self.sleep_states.rest
 
     def _mark_up(self, node: int, now: float) -> None:
         self._up_since[node] = self._last_restart = now

@@ -10,14 +10,16 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.radio import Mode
+from wsnsim.base.radio import Mode, NoPower
 from wsnsim.base.tables import CAUSE
-from wsnsim.network.energy.battery_timers import EVERYBODY
-from wsnsim.network.energy.consumption import Consumption
-from wsnsim.network.energy.duty_cycles import DutyCycles
+from wsnsim.network.energy.background_consumption import BackgroundConsumption
+from wsnsim.network.energy.battery_watch import EVERYBODY
 from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger, affordable
+from wsnsim.network.energy.power_table import PowerTable
+from wsnsim.network.energy.sleep_states import SleepStates
 from wsnsim.network.node_states import NodeStates
 
 RECEIVE, SWITCH = CAUSE["rx"], CAUSE["switch"]
@@ -35,22 +37,26 @@ class Nodes(NodeStates):
 
     def __init__(
         self, positions: Floats, traits: Floats, battery: float, reach: float,
-        duty_cycles: DutyCycles | None = None, consumption: Consumption | None = None,
+        sleep_states: SleepStates | None = None, consumption: BackgroundConsumption | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(positions, traits, reach, DutyCycles() if duty_cycles is None else duty_cycles)
+        super().__init__(positions, traits, reach, SleepStates() if sleep_states is None else sleep_states)
         self.battery = battery
         self.died_at: dict[int, float] = {}
         self.ledger = EnergyLedger(self.size)
         self.died_early: list[int] = []
         self.on_death: Callable[[int], None] = self.died_early.append
         self._spent = self.ledger.spent_by
-        self.consumption = Consumption() if consumption is None else consumption
+        if consumption is None:
+            table = PowerTable(NoPower())
+            consumption = BackgroundConsumption(simpy.Environment(), table, self.sleep_states, self.size, 0.0)
+        self.consumption = consumption
+        # A node owes at most `most` until it is settled, and may still consume as much: below twice that, settle first.
         self._reserve, self._tight = self.consumption.most, 2.0 * self.consumption.most
         self.consumption.start(battery, self._check)
 
     def note_clock(self, node: int) -> None:
         """The clock of a node has been stepped or corrected: its schedule changes at other times than expected."""
-        self.duty_cycles.note_clock(node)
+        self.sleep_states.note_clock(node)
         if self.alive[node] and self.battery - self._spent[node] <= self._reserve:
             self._watch(node)
 
@@ -62,12 +68,12 @@ class Nodes(NodeStates):
 
     def begin_sending(self, node: int) -> None:
         """A node has a frame to send: it stays awake until `end_sending`, even if its schedule ends before."""
-        if self.follows_schedules and self.duty_cycles.begin_sending(node):
+        if self.follows_schedules and self.sleep_states.begin_sending(node):
             self._change_mode(node, Mode.AWAKE)
 
     def end_sending(self, node: int) -> None:
         """A node has nothing more to send."""
-        if self.follows_schedules and self.duty_cycles.end_sending(node):
+        if self.follows_schedules and self.sleep_states.end_sending(node):
             self._change_mode(node, self.rest_of(node))
 
     def hold_radio(self, node: int, on: bool = False) -> None:
@@ -122,7 +128,7 @@ class Nodes(NodeStates):
 
     def set_mode(self, node: int, mode: Mode) -> None:
         """A node has a task that needs a mode, or none. It pays for the change of mode and may die of it."""
-        if self.alive[node] and self.duty_cycles.may_change(node, mode):
+        if self.alive[node] and self.sleep_states.may_change(node, mode):
             self._change_mode(node, mode)
 
     def _change_mode(self, node: int, mode: Mode) -> None:
@@ -138,7 +144,7 @@ class Nodes(NodeStates):
     def _enter(self, node: int, mode: Mode) -> None:
         """A settled node is in another mode from now on."""
         self.consumption.change_mode(node, mode)
-        self.duty_cycles.note(node, mode)
+        self.sleep_states.note(node, mode)
 
     def crash(self, node: int) -> None:
         """A node that is up goes down and keeps its charge."""
@@ -246,7 +252,7 @@ class Nodes(NodeStates):
                 self._die(node, ())
         for nodes, cause, joules in self.consumption.pending_charges(living[~tight]):
             self.ledger.book_each(nodes, cause, np.maximum(joules, -self.ledger.joules[cause][nodes]))
-        self.consumption = Consumption()
+        self.consumption.close()
         self._reserve = self._tight = 0.0
 
     def _settle(self, node: int) -> bool:

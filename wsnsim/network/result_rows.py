@@ -1,4 +1,4 @@
-"""The outcome of a run of a network, and its rows of the result's tables.
+"""The outcome of a run of a network, its rows of the result's tables, energy by step, and reports to sinks.
 
 write_tables(outcome, replicate, setup, recorder)     network_result(outcome, setup, coverage) -> RunResult
 """
@@ -11,6 +11,7 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
+import simpy
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.frames import Counters
@@ -19,11 +20,15 @@ from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResul
 from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
-from wsnsim.base.tables import CAUSES
+from wsnsim.base.tables import CAUSES, KIND
 from wsnsim.network.clusters.track import ClusterRecord, Track
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes
+from wsnsim.network.radio.datagrams import Datagram
+from wsnsim.network.radio.transport import Transport
 
 NAN = float("nan")
+REPORT = KIND["report"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,3 +167,99 @@ def _wakeups(rounds: Sequence[WakeUpRound]) -> dict[str, Any]:
 def _columns(records: Sequence[Any], names: Sequence[str]) -> dict[str, Floats]:
     """One column per attribute."""
     return {name: np.array(list(map(attrgetter(name), records)), dtype=np.float64) for name in names}
+
+
+class ReportRows:
+    """The reports that nodes have sent to sinks, each with what became of it.
+
+    Args:
+        env: The clock.
+        log: The event log.
+        transport: What reports are sent with.
+    """
+
+    def __init__(self, env: simpy.Environment, log: EventLog, transport: Transport) -> None:
+        self._env = env
+        self._log = log
+        self._transport = transport
+        self._sent: list[tuple[Datagram, int, float]] = []
+
+    def send(self, report: Datagram, target: int) -> simpy.Event:
+        """Send a report to a sink. Its arrival is logged before the event fires that says that it has ended."""
+        self._sent.append((report, target, self._env.now))
+        ended = self._transport.carry([report], target)
+        assert ended.callbacks is not None, "a report ends later than it is sent"
+        ended.callbacks.append(lambda _: self._log_arrival(report, target))
+        return ended
+
+    def write(self, replicate: int, recorder: Recorder) -> None:
+        """Write the table, unless no report was sent."""
+        if not self._sent or not recorder.wants("reports"):
+            return
+        reports, targets, times = zip(*self._sent, strict=True)
+        columns = {
+            "target": np.array(targets),
+            "node": np.array([report.source for report in reports]),
+            "time": np.array(times),
+            "received": np.array([report.arrived_at if report.arrived else NAN for report in reports]),
+            "sink": np.array([report.to if report.arrived else -1 for report in reports]),
+            "hops": np.array([report.hops if report.arrived else 0 for report in reports]),
+            "bits": np.array([report.bits for report in reports]),
+        }
+        recorder.write("reports", {"replicate": replicate, **columns})
+
+    def _log_arrival(self, report: Datagram, target: int) -> None:
+        if report.arrived:
+            now, log = self._env.now, self._log
+            log.add(
+                event(now, log.step, target, report.to, REPORT, log.code("report"), peer=report.source, packets=1)
+            )  # fmt: skip
+
+
+class EnergySteps:
+    """The table `energy_steps`: the network's totals at the ends of steps, from which its rows are computed."""
+
+    def __init__(self, env: simpy.Environment, nodes: Nodes, recorder: Recorder) -> None:
+        self._wanted = recorder.wants("energy_steps")
+        self._env = env
+        self._nodes = nodes
+        self._totals: list[list[float]] = [nodes.totals_now()[:]]
+        self._steps: list[int] = []
+        self._times: list[float] = [env.now]
+
+    def close(self, step: int) -> None:
+        """Attribute to a step what was spent since the last call."""
+        if not self._wanted:
+            return
+        self._totals.append(self._nodes.totals_now()[:])
+        self._steps.append(step)
+        self._times.append(self._env.now)
+
+    def end(self, step: int) -> None:
+        """Settle all nodes, and close the last step."""
+        if self._wanted:
+            scheduled = self._nodes.scheduled_totals(np.array(self._times))
+            self._totals = (np.array(self._totals) + scheduled).tolist()
+        self._nodes.close()
+        self.close(step)
+
+    def write(self, replicate: int, dt: float, recorder: Recorder) -> None:
+        """Write the table if it is wanted. Rows of zero are left out."""
+        if not self._wanted:
+            return
+        spent = np.diff(_rising(np.array(self._totals)), axis=0)
+        rows, causes = np.nonzero(spent)
+        if rows.size:
+            steps = np.array(self._steps)[rows]
+            columns = {"step": steps, "time": steps * dt, "cause": causes, "joules": spent[rows, causes]}
+            recorder.write("energy_steps", {"replicate": replicate, **columns})
+
+
+def _rising(totals: Floats) -> Floats:
+    """(T, causes) totals that never fall and end as given.
+
+    They fall where a frame under way, during which its radio is not idle, is subtracted before its time has passed, and
+    where rounding does so: the next steps are then less.
+    """
+    rising: Floats = np.minimum(np.maximum.accumulate(totals, axis=0), totals[-1])
+    return rising

@@ -17,28 +17,21 @@ from wsnsim.base.progress import OnTime
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import TrackNow, write_readings
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.network.clusters.coordination import ClusterCoordination
-from wsnsim.network.clusters.driver import DriverServices
+from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
+from wsnsim.network.clusters.coordination import ClusterCoordination, make_head_protocol
+from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.elections import Elections
-from wsnsim.network.clusters.estimates import Estimates
-from wsnsim.network.clusters.head_messages import HeadMessages
-from wsnsim.network.clusters.head_protocol import HeadServices
-from wsnsim.network.clusters.head_protocols import make_head_protocol
-from wsnsim.network.clusters.network_view import NetworkView
-from wsnsim.network.clusters.processors import Processors
-from wsnsim.network.clusters.sink_reports import SinkReports
-from wsnsim.network.clusters.target_search import TargetSearch
+from wsnsim.network.clusters.estimates import Estimates, SinkReports
+from wsnsim.network.clusters.head_protocol import HeadMessages, HeadServices
+from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, make_wake_intervals
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead
-from wsnsim.network.clusters.wake_intervals import make_wake_intervals
-from wsnsim.network.clusters.wake_up_counters import WakeUpCounters
+from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead, WakeUpCounters
 from wsnsim.network.clusters.wake_up_service import WakeUpService
-from wsnsim.network.network import Network, Sensors, Steps
-from wsnsim.network.node import NodeProcesses, NodeServices
+from wsnsim.network.event_log import ProtocolLog
+from wsnsim.network.imperfect_readings import make_readings
+from wsnsim.network.node_process import NodeProcesses, ProcessServices
 from wsnsim.network.result_rows import NetworkOutcome
-from wsnsim.network.sensing.imperfect_readings import make_readings
-from wsnsim.network.sensing.sensing import CurrentReadings, SensingServices, make_sensing
-from wsnsim.network.step_clock import ProtocolLog
+from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +46,7 @@ class Targets:
     paths: Sequence[Floats] = ()
 
 
-class World(Network):
+class World(BaseNetwork):
     """One network, its targets and the order of events in a step."""
 
     _setup: NetworkSetup
@@ -86,7 +79,7 @@ class World(Network):
         self._intervals = intervals = make_wake_intervals(setup, clock, nodes, self._stack.mac)
         wakes_ahead = setup.wakeup.mechanism != "none"
         on_wake = _ignore_wake if wakes_ahead else self._wake_up_counters.count_wake
-        self._processes = NodeProcesses(NodeServices(self._env, nodes, self._log, on_wake))
+        self._processes = NodeProcesses(ProcessServices(self._env, nodes, self._log, on_wake))
         sensing = SensingServices(clock, nodes, self._processes, self._event_log, available, setup.energy.sense())
         self._sensing = make_sensing(sensing, readings, setup.nodes_search)
         self._coordination = ClusterCoordination(clock, self._log, self._processes, self._tracks)

@@ -146,10 +146,13 @@ def _followed(
             block_rows.demand_shapes(estimates, block)
     except (Exception, SystemExit) as reason:  # a plug-in may exit
         name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
-        raise RunError(
-            f"the batch of {len(conditions)} runs from replicate {streams[0].replicate} on failed (seed {setup.seed}):"
-            f" {plugin_fault(reason) or f'{name}{reason}'}; --no-batch makes one run at a time, and says when it fails"
-        ) from reason
+        numbers, said = [each.replicate for each in streams], plugin_fault(reason) or f"{name}{reason}"
+        what, which, how = "the run", f"replicate {numbers[0]}", ""
+        if len(numbers) > 1:
+            what, how = f"one of {len(numbers)} runs that are computed together", "in which, and "
+            which = f"replicates {numbers[0]} to {numbers[-1]}"
+        hint = f"--no-batch says {how}at what simulated time"
+        raise RunError(f"{what} failed (seed {setup.seed}, {which}): {said}; {hint}") from reason
     if estimates is None:
         return None
     truths = np.array([each.truths[number][: setup.steps + 1] for each in conditions])

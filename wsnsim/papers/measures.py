@@ -31,6 +31,7 @@ import pandas as pd
 
 import wsnsim.bounds as bounds
 from wsnsim.analysis import campaigns, statistics
+from wsnsim.analysis.quantities import loss_rule
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.tables import TABLES
@@ -128,6 +129,10 @@ class Data:
                 load(self.scenario(variant), plugins=Plugins.NONE), range(runs), kind, gains
             )
         return self.bounds[key]
+
+    def loss_rule(self, variant: str) -> str:
+        """When a track of a variant is lost, in words."""
+        return loss_rule(dict(self.of(variant, "runs")), next((unit for _, unit in self.states(variant)), ""))
 
     def states(self, variant: str) -> tuple[tuple[str, str], ...]:
         """(name, unit) of the state columns."""
@@ -258,7 +263,8 @@ def losses(data: Data, variant: str) -> Losses:
     """What the runs of a variant lost and found again."""
     tracks, runs = data.of(variant, "tracks"), data.of(variant, "runs")
     reacquired = tracks.groupby("replicate")["reacquired"].sum()
-    return Losses(float(reacquired.mean()), float(runs["losses"].mean()), float(runs["time_lost"].mean()))
+    lost, seconds = float(runs["losses"].mean()), float(runs["time_lost"].mean())
+    return Losses(float(reacquired.mean()), lost, seconds, data.loss_rule(variant))
 
 
 def _less(one: Floats, other: Floats) -> Floats:

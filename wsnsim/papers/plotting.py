@@ -79,11 +79,11 @@ def mean_and_lost(data: Data) -> Callable[[str, Floats], str]:
 
 
 def lost_runs(data: Data) -> Callable[[str, Floats], str]:
-    """A label of rmse_curves: the number of runs that ever lost a track, if there are any."""
+    """A label of rmse_curves: the number of runs that ever lost a track, and when one is lost, if there are any."""
 
     def label(variant: str, rows: Floats) -> str:
         lost = int(data.lost(variant).sum())
-        return f" ({lost} of {len(rows)} lost)" if lost else ""
+        return f" ({lost} of {len(rows)} lost: {data.loss_rule(variant)})" if lost else ""
 
     return label
 

@@ -127,11 +127,15 @@ class Measured(NamedTuple):
 
 
 class Losses(NamedTuple):
-    """What tracks lose and find again, means over runs: re-acquisitions, losses, time lost (s); NaN if not recorded."""
+    """What tracks lose and find again, means over runs: re-acquisitions, losses, time lost (s); NaN if not recorded.
+
+    `lost_rule` says when a track is lost; empty if it is unknown.
+    """
 
     reacquired: float = NAN
     losses: float = NAN
     time_lost: float = NAN
+    lost_rule: str = ""
 
 
 NOT_RECORDED: Final = Losses()

@@ -83,6 +83,11 @@ def legend(rows: Sequence[ClaimRow]) -> list[str]:
     statistics = dict.fromkeys((row.short, row.statistic) for row in rows if row.short not in ("", row.statistic))
     lines += [f"  {short}: {words}" for short, words in statistics]
     lines += [f"  ({basis}): {words}; not counted" for basis, words in known.items() if basis in REST]
+    rules: dict[str, dict[str, None]] = {}
+    for row in rows:
+        if row.losses.lost_rule and math.isfinite(row.lost_fraction):
+            rules.setdefault(row.losses.lost_rule, {})[row.paper] = None
+    lines += [f"  lost ({', '.join(papers)}): {rule}, at any time" for rule, papers in rules.items()]
     for shown, words in (
         (any(not row.literal for row in judged), f"{UNCOUNTED.strip()}: {WORDS_UNCOUNTED}"),
         (any(math.isfinite(row.bound) for row in rows), f"bound: {MARKS}"),

@@ -15,7 +15,9 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.analysis import recorded_bounds
-from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, QUANTITIES, beside, medians, worth_showing
+from wsnsim.analysis.answer_facts import fault_kinds
+from wsnsim.analysis.plot_data import stored_json
+from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, QUANTITIES, beside, bound_name, medians, worth_showing
 from wsnsim.analysis.stored_arrays import position_unit, read_arrays
 from wsnsim.base.errors import ResultError
 from wsnsim.recording import read_json
@@ -33,9 +35,10 @@ FIRST: Final = (
     "energy", "packet_delivery_ratio", "radio_on", "first_death", "alive",
 )  # fmt: skip
 """The quantities of the first table."""
+BOUNDS: Final = [bound_name(readings, faults) for readings in BOUND_NAMES for faults in ((), ("stuck",))]
 EXPLAINED: Final = (
     {quantity.name: quantity.definition for quantity in QUANTITIES.values()}
-    | dict.fromkeys(BOUND_NAMES.values(), BOUND_NOTE)
+    | dict.fromkeys(BOUNDS, BOUND_NOTE)
     | {RUNS: "independent repetitions of the scenario, each with random numbers of its own"}
 )
 """The explanation of each row by its name."""
@@ -59,14 +62,14 @@ def summary_table(
         bounds: whether the three trajectory-conditional CRLBs are shown.
     """
     columns = [_cells(path, published, plugins, bounds) for path in results]
-    order = [RUNS, QUANTITIES["rmse"].name, *BOUND_NAMES.values(), *(each.name for each in QUANTITIES.values())]
+    order = [RUNS, QUANTITIES["rmse"].name, *BOUNDS, *(each.name for each in QUANTITIES.values())]
     labels = [label for label in dict.fromkeys(order) if any(label in column for column in columns)]
     if not labels:
         return "<p>There is no summary: no run has finished.</p>"
-    first = {RUNS, *BOUND_NAMES.values(), *(QUANTITIES[key].name for key in FIRST)}
+    first = {RUNS, *BOUNDS, *(QUANTITIES[key].name for key in FIRST)}
     some, others = ([label for label in labels if (label in first) == wanted] for wanted in (True, False))
     notes = [f"In brackets: 95 % bootstrap intervals over runs, for {MIN_RUNS} runs or more."]
-    notes += [f"{BOUND_NOTE[0].upper()}{BOUND_NOTE[1:]}."] if bounds and {*BOUND_NAMES.values()} & {*labels} else []
+    notes += [f"{BOUND_NOTE[0].upper()}{BOUND_NOTE[1:]}."] if bounds and {*BOUNDS} & {*labels} else []
     folded = (
         f"<details><summary>Other quantities</summary>\n{_table(others, columns, names)}</details>\n" if others else ""
     )
@@ -116,8 +119,9 @@ def _cells(path: Path, published: PublishedLookup | None, plugins: bool, bounds:
         if key in PUBLISHED_KEYS and key in values:
             cells[quantity.name] += _small(f"published {quantity.text(values[key], unit)} ({paper})")
     if arrays.errors.size and bounds:
+        faults = fault_kinds(stored_json(path, "scenario/resolved_json"))
         cells |= {
-            BOUND_NAMES[readings]: html.escape(QUANTITIES["rmse"].text(bound, unit))
+            bound_name(readings, faults): html.escape(QUANTITIES["rmse"].text(bound, unit))
             for readings, bound in recorded_bounds.time_averages(path, plugins).items()
         }
     if arrays.runs and arrays.runs["replicate"].size:

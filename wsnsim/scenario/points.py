@@ -210,7 +210,7 @@ class Findings:
 def assignments_in(node: LocatedValue | None, found: Findings) -> list[Assignment]:
     """Return the assignments of a mapping of dotted keys, of those keys that are valid."""
     assignments = []
-    for key, entry in node.value.items() if node is not None else ():
+    for key, entry in node.value.items() if node is not None and isinstance(node.value, dict) else ():
         with found.collected():
             assignments.append((_keys(key, entry), entry.node))
     return assignments

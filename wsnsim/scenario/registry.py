@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from wsnsim.base.contained import streams_kept_open
 from wsnsim.base.data_tables import read_sections
 from wsnsim.base.errors import UsageError, did_you_mean, nearest, shortened
 from wsnsim.base.plugin_code import note_plugin, plugin_fault
@@ -189,7 +190,8 @@ def load_class(info: Kind) -> type[Any]:
     named = info.path if info.kind == info.path else f"'{info.kind}' ({info.path})"
     note_plugin(module)
     try:
-        found: Any = importlib.import_module(module)
+        with streams_kept_open():
+            found: Any = importlib.import_module(module)
         for step in name.split("."):
             found = getattr(found, step)
     except (Exception, SystemExit) as error:  # whatever a plug-in's module may raise

@@ -14,8 +14,8 @@ from wsnsim.base.tables import KIND, Memory
 from wsnsim.models.hardware import PerfectClock
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.faults.schedule import FaultSchedule
-from wsnsim.network.faults.services import FaultSite, NodeControl
+from wsnsim.network.fault_services import FaultSite, NodeControl
+from wsnsim.network.faults import FaultSchedule
 from wsnsim.network.nodes import Nodes
 from wsnsim.testing.demand import demand, examined
 

@@ -12,7 +12,7 @@ from wsnsim.base.synchronisation import SyncMechanism, SyncServices, TimeSync
 from wsnsim.base.tables import KIND, RECORDED_BY_DEFAULT, Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.models.synchronisation import NoSync
-from wsnsim.network.synchronisation.mechanisms import make_sync
+from wsnsim.network.synchronisation import make_sync
 from wsnsim.scenario import build, load
 from wsnsim.testing.demand import demand, examined
 

@@ -17,13 +17,12 @@ from wsnsim.base.clustering import AppointingPolicy, Appointment, Outlook
 from wsnsim.base.ports import Announces, Scene
 from wsnsim.base.requests import Delivery, Flow, GatheredReadings, GatherReadings, Parcel
 from wsnsim.base.vector_readings import Reading
-from wsnsim.network.clusters.appointed_cluster import AppointedCluster
+from wsnsim.network.clusters.cluster import AppointedCluster
 from wsnsim.network.clusters.driver import Driver
-from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
 from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading, Waiting
-from wsnsim.network.clusters.outlooks import NodesOnMap, Outlooks
+from wsnsim.network.clusters.network_view import NodesOnMap, Outlooks
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
-from wsnsim.network.clusters.track import Track
+from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 
 ROUNDING = 1e-9
 """Times (s) that differ by less than this are equal but for rounding."""
@@ -236,7 +235,7 @@ class AppointingProtocol(StandingClusterProtocol):
     def _may_be_unheard(self, lead: AppointedLead) -> bool:
         """Whether no member has answered, and none is about to, where radios are mostly off: frames collide there."""
         silent = not lead.driver.overdue and not lead.driver.answered - {lead.cluster.head}
-        return silent and self._setup.waits.keeps_undelivered
+        return silent and self._setup.waits.retries_handover
 
     def _hand_on(self, lead: AppointedLead, successor: int) -> HandingOver:
         """Send the belief to the successor, which acts at once."""
@@ -248,7 +247,7 @@ class AppointingProtocol(StandingClusterProtocol):
         flow = self._setup.tracker.hand_over(lead.belief, lead.scene, successor)
         handover = Handover(successor, lead.step, previous_head=head, last_sensed=lead.last_sensed)
         handover = yield from self._send_belief(lead.driver, flow, handover)
-        return replace(handover, at_once=True)
+        return replace(handover, acts_now=True)
 
 
 def _readings() -> Flow[GatheredReadings]:

@@ -17,9 +17,8 @@ from simpy.events import EventPriority
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.requests import Journeys, Parcel, all_arrived
-from wsnsim.network.radio.datagrams import Datagram
+from wsnsim.network.radio.datagrams import Datagram, Unicasts
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.radio.unicasts import Unicasts
 
 Masks: TypeAlias = list[Bools | None]
 Exchange: TypeAlias = Generator[simpy.Event, Any, Masks]
@@ -77,7 +76,7 @@ class Collection:
         """
         began, head = self._env.now, self._head
         if self._window is None and not self._transport.keeps_idle_slots:
-            masks = yield from self._at_once(nodes, [head] * len(nodes), parcels)
+            masks = yield from self._exchange_unicasts(nodes, [head] * len(nodes), parcels)
             if masks is not None:
                 return masks, Journeys(head, self._env.now - began)
         datagrams = [Datagram(node, head, parcel) for node, parcel in zip(nodes, parcels, strict=True)]
@@ -95,14 +94,14 @@ class Collection:
 
     def exchange(self, sources: list[int], destinations: list[int], parcels: list[Parcel]) -> Exchange:
         """Send parcels between the head and members, and wait until all have ended; the masks as in `gather`."""
-        masks = yield from self._at_once(sources, destinations, parcels)
+        masks = yield from self._exchange_unicasts(sources, destinations, parcels)
         if masks is None:
             datagrams = list(map(Datagram, sources, destinations, parcels))
             yield from self.carry(datagrams, self._head)
             masks = [datagram.mask if datagram.arrived else None for datagram in datagrams]
         return masks
 
-    def _at_once(
+    def _exchange_unicasts(
         self, sources: list[int], destinations: list[int], parcels: list[Parcel]
     ) -> Generator[simpy.Event, Any, Masks | None]:
         """As `exchange`, where all arrive within the instant; None, and nothing is sent, where they may not."""
@@ -110,7 +109,7 @@ class Collection:
         arrived: Iterator[Bools | None] = iter(())
         if any(away):
             unicasts = Unicasts(*_chosen(away, sources, destinations, parcels), self._target)
-            event = self._transport.at_once(unicasts, self._one_hop)
+            event = self._transport.carry_unicasts(unicasts, self._one_hop)
             if event is None:
                 return None
             yield event

@@ -5,18 +5,32 @@ coordination.fill_vacancy(track, poll)      coordination.remove(node), coordinat
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
-from typing import Any
+from collections.abc import Callable, Generator, Mapping, Sequence
+from typing import Any, Final
 
 import simpy
 
 from wsnsim.base.errors import RunError, WsnsimError
+from wsnsim.network.clusters.appointing import AppointingProtocol
 from wsnsim.network.clusters.driver import HeadDied
-from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
-from wsnsim.network.clusters.head_protocol import HeadProtocol
-from wsnsim.network.clusters.track import Track
-from wsnsim.network.node import NodeProcesses
-from wsnsim.network.step_clock import ProtocolLog, StepClock
+from wsnsim.network.clusters.head_protocol import HeadProtocol, HeadServices
+from wsnsim.network.clusters.moving_head import MovingHeadProtocol
+from wsnsim.network.clusters.standing_cluster import (
+    ElectingClusterProtocol,
+    OpenClusterProtocol,
+    StandingClusterProtocol,
+)
+from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
+from wsnsim.network.event_log import ProtocolLog, StepClock
+from wsnsim.network.node_process import NodeProcesses
+
+PROTOCOLS: Final[Mapping[str, Callable[[HeadServices], HeadProtocol]]] = {
+    "standing": StandingClusterProtocol,
+    "electing": ElectingClusterProtocol,
+    "open": OpenClusterProtocol,
+    "moving": MovingHeadProtocol,
+    "appointing": AppointingProtocol,
+}
 
 
 class ClusterCoordination:
@@ -69,7 +83,7 @@ class ClusterCoordination:
         """A head's lead of one track, from taking over until handing over."""
         head = handover.successor
         try:
-            if not handover.at_once:
+            if not handover.acts_now:
                 yield track.tick
             following = yield from self.protocol.lead(track, handover)
             if following is not None:
@@ -102,3 +116,15 @@ class ClusterCoordination:
         self._log.add("lost", track.target, -1 if track.head is None else track.head, why)
         self._dissolve(track)
         track.head = None
+
+
+def make_head_protocol(services: HeadServices) -> HeadProtocol:
+    """The head protocol of a scenario's cluster policy.
+
+    Raises:
+        RunError: there is none of that name.
+    """
+    name = services.network.setup.head_protocol
+    if name not in PROTOCOLS:
+        raise RunError(f"clusters: no head protocol '{name}' in this network; known: {', '.join(PROTOCOLS)}")
+    return PROTOCOLS[name](services)

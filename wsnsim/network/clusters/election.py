@@ -1,15 +1,26 @@
-"""One election: candidates broadcast the strength of their readings, and the strongest becomes cluster head."""
+"""One election: candidates broadcast the strength of their readings, and the strongest becomes cluster head.
+
+Where a broadcast takes long, the nearer a candidate is to the target, the earlier it broadcasts. The strongest reading
+is then broadcast among the first, and those who hear it keep silent. Source of the idea: Chen,
+Hou, Sha (2004), "Dynamic clustering for acoustic target tracking in wireless sensor networks", IEEE Trans. Mobile
+Computing 3(3), doi:10.1109/TMC.2004.22, whose heads volunteer after a delay that depends on their place.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Final
 
+import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools
+from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.clustering import ClusterPolicy
 from wsnsim.base.ports import Ranks, SensorModel
 from wsnsim.base.vector_readings import Reading
+
+CLASSES: Final = 16
+"""Distances with which a reading is compared."""
 
 
 class Election:
@@ -83,3 +94,27 @@ def strength_of(sensor: SensorModel, reading: Reading) -> float:
         return sensor.strength(reading)
     assert not isinstance(reading, tuple), "a sensor model whose readings have several components ranks them"
     return reading
+
+
+def waiting_share(sensor: SensorModel, columns: int, traits: Floats, reading: Reading, chance: float) -> float:
+    """The share of the election's time that a candidate waits: its distance from the target over the sensing range.
+
+    The distance is the one at which the expected reading is as strong. Candidates of one class of distances wait by
+    chance, and so do all where readings say nothing about the distance.
+
+    Args:
+        sensor: the sensor model that nodes assume.
+        columns: the number of columns of a position.
+        traits: (T,) constants of the candidate's sensor.
+        reading: what the candidate measured.
+        chance: a uniform random number of the candidate, in [0, 1).
+    """
+    points = np.zeros((columns, CLASSES))
+    points[0] = (np.arange(CLASSES) + 0.5) * (sensor.reach / CLASSES)
+    means = sensor.linearise(points, np.zeros((1, 2)), traits[None])[0]
+    strengths = [strength_of(sensor, tuple(each) if len(each) > 1 else each[0]) for each in means.T.tolist()]
+    if min(strengths) == max(strengths):
+        return chance
+    own = strength_of(sensor, reading)
+    nearer = sum([each > own for each in strengths])
+    return (nearer + chance) / (CLASSES + 1)

@@ -15,12 +15,10 @@ import simpy
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.network.clusters.collection import Deadline
-from wsnsim.network.clusters.election import Election
-from wsnsim.network.clusters.election_timing import waiting_share
-from wsnsim.network.clusters.handover import Handover
+from wsnsim.network.clusters.election import Election, waiting_share
 from wsnsim.network.clusters.network_view import NetworkView
-from wsnsim.network.clusters.track import Track
-from wsnsim.network.node import NodeProcesses
+from wsnsim.network.clusters.track import Handover, Track
+from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.radio.transport import Transport
 
 ELECTION_KEY: Final = 7
@@ -92,7 +90,7 @@ class Elections:
         if winner == node and fills_vacancy and self.network.nodes.alive[node]:
             self.network.log.add("elect", track.target, node)
             readings = election.readings_at(node)
-            self.appoint(track, Handover(node, election.step, readings=readings, elected=True, at_once=True))
+            self.appoint(track, Handover(node, election.step, readings=readings, elected=True, acts_now=True))
 
     def _keeps_silent(self, track: Track, election: Election, node: int) -> Generator[simpy.Event, Any, bool]:
         """Where broadcasts take long, wait: the nearer the target, the shorter. Whether nothing is left to say then."""

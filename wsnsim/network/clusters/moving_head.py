@@ -1,7 +1,7 @@
 """Moving heads: the head is chosen again at each step among the nodes that were woken for it.
 
 At the step's instant the woken nodes measure and send their readings to the head. The head waits until none has come
-for a while, estimates, reports, and has nodes woken for the next step; `succession` says which node leads then. A
+for a while, estimates, reports, and has nodes woken for the next step; `Succession` says which node leads then. A
 target whose track was lost is searched for by the nodes that happen to be awake; the first to detect it becomes head.
 
 Li, Jiang, Zhang, Zhang (2012), section 2.2, and our reconstructions of its two rivals. Idealisations, all our choice:
@@ -11,26 +11,125 @@ the woken nodes know which of them is nearest to the prediction, and awake nodes
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Mapping
-from dataclasses import replace
-from typing import Any, Final, cast
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Protocol, cast
 
+import numpy as np
 import simpy
 
 from wsnsim.base.clustering import MovingPolicy
 from wsnsim.base.hop_times import window_of
-from wsnsim.base.ports import Portable
+from wsnsim.base.ports import Portable, Scene
 from wsnsim.base.requests import Parcel
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
-from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
+from wsnsim.network.clusters.election import strength_of
 from wsnsim.network.clusters.head_protocol import HeadServices, Leading, Waiting
-from wsnsim.network.clusters.succession import Lead, make_succession
-from wsnsim.network.clusters.track import Track
+from wsnsim.network.clusters.network_view import NetworkView
+from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 from wsnsim.network.radio.datagrams import Datagram
 
 ROUNDING: Final = 1e-9
 """Times (s) that differ by less than this are equal but for rounding."""
+
+
+@dataclass(slots=True)
+class Lead:
+    """One head's lead of a track.
+
+    Attributes:
+        belief_step: the step of the belief; `belief_time`: the time in s of the belief.
+        last_sensed: time in s of the last measurement.
+        scene: the scene of the last step; unset before the first.
+        heard: {node: reading} of the last step.
+    """
+
+    track: Track
+    head: int
+    belief: Any
+    belief_step: int
+    belief_time: float
+    last_sensed: float
+    scene: Scene = field(init=False)
+    heard: Mapping[int, Reading] = field(default_factory=dict)
+
+
+class Succession(Protocol):
+    """Who leads next."""
+
+    def waker(self, lead: Lead) -> int:
+        """The node that wakes others for the next step: it gets the belief at once, if it is not the head.
+
+        Raises:
+            TrackLost: there is no such node.
+        """
+
+    def head_at_step(self, lead: Lead) -> int:
+        """The head at the step's instant, once nodes have been woken for it.
+
+        Raises:
+            TrackLost: no node that was woken can lead.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class ByDetection:
+    """The node that measured the target nearest at the last step; the head itself if no reading arrived."""
+
+    network: NetworkView
+
+    def waker(self, lead: Lead) -> int:
+        """The node with the strongest reading; of equal ones the lowest id."""
+        sensor = self.network.setup.sensor
+        able = {node: reading for node, reading in lead.heard.items() if self.network.can_lead(node)}
+        return min(able, key=lambda node: (-strength_of(sensor, able[node]), node), default=lead.head)
+
+    def head_at_step(self, lead: Lead) -> int:
+        """The head: it took over after the last step."""
+        return lead.head
+
+
+@dataclass(frozen=True, slots=True)
+class ByPrediction:
+    """The node nearest to the predicted position among those woken for the step; until then the head wakes them."""
+
+    network: NetworkView
+
+    def waker(self, lead: Lead) -> int:
+        """The head."""
+        return lead.head
+
+    def head_at_step(self, lead: Lead) -> int:
+        """The able node nearest to the predicted position; the head if no node was woken for this step."""
+        round_ = lead.track.round
+        if round_ is None or round_.message.step != self.network.clock.step:
+            return lead.head
+        able = [node for node in sorted(round_.tracking) if self.network.can_lead(node)]
+        if not able:
+            raise TrackLost("expired" if round_.expired else "nobody_woken")
+        return self.network.nearest(able, np.array(round_.message.centre))
+
+
+class ByAnnouncedPrediction(ByPrediction):
+    """As `ByPrediction`, but the node nearest to the prediction gets the belief at once and wakes the others."""
+
+    def waker(self, lead: Lead) -> int:
+        """The able node nearest to the predicted position, within sensing range of it."""
+        network = self.network
+        point = network.successor_position(lead.track.target, lead.belief, lead.scene)
+        near = network.nodes.assumed.grid.within(point, network.setup.sensor.reach)
+        able = [node for node in near.tolist() if network.can_lead(node)]
+        if not able:
+            raise TrackLost("empty_region")
+        return network.nearest(able, point)
+
+
+def make_succession(network: NetworkView, main: str) -> Succession:
+    """The rule of a policy whose `main` is 'prediction' or 'detection'."""
+    if main == "detection":
+        return ByDetection(network)
+    return ByAnnouncedPrediction(network) if network.setup.wakeup.mechanism == "region" else ByPrediction(network)
 
 
 class MovingHeadProtocol:
@@ -53,7 +152,7 @@ class MovingHeadProtocol:
         if found is None:
             return None
         head, detected = found
-        return Handover(head, self._clock.step, at_once=True, detected=detected)
+        return Handover(head, self._clock.step, acts_now=True, detected=detected)
 
     def release(self, track: Track, cluster: Cluster) -> None:
         """Do nothing: members have no role."""
@@ -211,7 +310,7 @@ class MovingHeadProtocol:
         self._log.add("handover", track.target, lead.head, peer=successor)
         flow = self._setup.tracker.hand_over(lead.belief, lead.scene, successor)
         belief = yield from driver.perform(flow)
-        if belief is None and self._setup.waits.keeps_undelivered:
+        if belief is None and self._setup.waits.retries_handover:
             return None
         if belief is None or not self._network.nodes.alive[successor]:
             raise TrackLost("handover_lost")
@@ -227,9 +326,5 @@ class MovingHeadProtocol:
             raise LastClusterDone
         lead.track.handovers += 1
         return replace(
-            handover,
-            at_once=True,
-            previous_head=lead.head,
-            last_sensed=lead.last_sensed,
-            belief_time=lead.belief_time,
+            handover, acts_now=True, previous_head=lead.head, last_sensed=lead.last_sensed, belief_time=lead.belief_time
         )

@@ -1,19 +1,24 @@
-"""What heads and clusters use of the network: setup, time, log, nodes, and the readings of each target."""
+"""What heads use of the network: setup, log, nodes, readings, wake intervals; what they foresee; target search."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, planar
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.clustering import NearNodes, Outlook
+from wsnsim.base.mac_mechanisms import MacMechanism, UsesShortInterval
+from wsnsim.base.ports import Estimate, ForecastsSuccession, MotionModel, Scene
+from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.vector_readings import Reading
+from wsnsim.network.event_log import ProtocolLog, StepClock
+from wsnsim.network.imperfect_readings import Imperfections, make_search_readings
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.step_clock import ProtocolLog, StepClock
+from wsnsim.network.sensing import Readings
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,3 +64,192 @@ class NetworkView:
         """The candidate assumed nearest to a point (2,); of equally near ones the first."""
         away = ((self.nodes.assumed.positions[np.array(candidates)] - point) ** 2).sum(axis=1)
         return candidates[int(np.argmin(away))]
+
+
+class TargetSearch:
+    """What awake nodes detect at the `setup.polls` instants of a step at which they search.
+
+        search.first_detection(target, poll) -> (node, {node: reading}) or None
+
+    At a step's own instant (poll 0) the readings are those of the step; between steps they have noise of their own.
+    All nodes search at the same instants; of several that detect the target, a random one reports first (our choice).
+    """
+
+    def __init__(
+        self, network: NetworkView, available: Sequence[Readings], paths: Sequence[Floats],
+        imperfections: Imperfections, key: int,
+    ) -> None:  # fmt: skip
+        """`available` and `paths`: per target, its readings at steps, and its trajectory at every poll."""
+        self._network = network
+        self._available = available
+        self._polls = network.setup.polls
+        self._key = key
+        self._between = (
+            make_search_readings(network.setup, paths, network.nodes, imperfections, key) if self._polls > 1 else []
+        )
+
+    def first_detection(self, target: int, poll: int) -> tuple[int, dict[int, Reading]] | None:
+        """The node that detects a target first at an instant, and the readings of all awake nodes; None: no node."""
+        network, step = self._network, self._network.clock.step
+        if poll:
+            readings = self._between[target].readings(step * self._polls + poll)
+        else:
+            readings = self._available[target].readings(step)
+        awake = {node: value for node, value in readings.items() if network.nodes.is_awake(node)}
+        able = np.array([node for node in awake if network.can_lead(node)], dtype=np.int64)
+        if not able.size:
+            return None
+        chances = uniforms(derive_all(derive(self._key, target, step, poll), able), 0)
+        return int(able[np.argmin(chances)]), awake
+
+
+@dataclass(frozen=True, slots=True)
+class NodesOnMap:
+    """Finds nodes near a point on the map that every head has; it does not tell who is down, but who can lead."""
+
+    network: NetworkView
+
+    def __call__(self, point: Floats, radius: float) -> NearNodes:
+        """The nodes whose assumed position is within a radius in m of a point (2,)."""
+        network, nodes = self.network, self.network.nodes
+        ids = nodes.assumed.grid.within(point, radius)
+        able = np.array([network.can_lead(node) for node in ids.tolist()], dtype=np.bool_)
+        return NearNodes(ids, nodes.assumed.positions[ids], nodes.traits[ids], able)
+
+
+class Outlooks:
+    """Puts outlooks together.
+
+    outlooks.of_belief(track.target, cluster, belief, scene) -> Outlook      outlooks.of_estimate(...) -> Outlook
+    """
+
+    def __init__(self, network: NetworkView) -> None:
+        self._network = network
+        self._nodes_near = NodesOnMap(network)
+        self._forecasts_succession = isinstance(network.setup.tracker, ForecastsSuccession)
+
+    def of_belief(self, target: int, head: int, members: Sequence[int], belief: Any, scene: Scene) -> Outlook:
+        """What a head foresees that holds a belief of the time of `scene`."""
+        setup, ahead = self._network.setup, self._network.clock.step - scene.step + 1
+        succession = forecast = setup.tracker.forecast(belief, scene, ahead)
+        if self._forecasts_succession:
+            succession = setup.successor_forecast(belief, scene, ahead)
+        return self._outlook(target, head, members, forecast, succession)
+
+    def of_estimate(self, target: int, head: int, estimate: Estimate) -> Outlook:
+        """What a head foresees that knows the first estimate of a track, of this step."""
+        network = self._network
+        clock, motion = network.clock, network.setup.filter_motions[target]
+        forecast = _one_step_on(estimate, motion, clock.dt, clock.step * clock.dt)
+        return self._outlook(target, head, [head], forecast, forecast)
+
+    def _outlook(
+        self, target: int, head: int, members: Sequence[int], forecast: Estimate, succession: Estimate
+    ) -> Outlook:
+        network = self._network
+        setup, clock, nodes = network.setup, network.clock, network.nodes
+        return Outlook(
+            head=head,
+            place=nodes.assumed.positions[head],
+            members=np.array(members, dtype=np.int64),
+            time=clock.next_step,
+            dt=clock.dt,
+            forecast=forecast,
+            succession=succession,
+            motion=setup.filter_motions[target],
+            sensor=setup.filter_sensor,
+            reach=nodes.reach,
+            nodes_near=self._nodes_near,
+        )
+
+
+def _one_step_on(estimate: Estimate, motion: MotionModel, dt: float, time: float) -> Estimate:
+    """An estimate of `time` s, predicted for the step after it."""
+    point = np.ascontiguousarray(estimate.mean[:, None])
+    transitions, noise = motion.matrices(point, dt, time)
+    cov = transitions[0] @ estimate.cov @ transitions[0].T + noise
+    return Estimate(motion.advance(point, dt, time)[:, 0], 0.5 * (cov + cov.T))
+
+
+class WakeIntervals(Protocol):
+    """The wake intervals of nodes."""
+
+    def shorten(self, nodes: Iterable[int], until: float) -> None:
+        """Have nodes wake up at the short interval until a time in s at least."""
+
+    def shorten_for_next_step(self, nodes: Iterable[int]) -> None:
+        """The same until the next step, and for as long after it as woken nodes wait, but for a step at least."""
+
+    def forget(self, node: int) -> None:
+        """A node went down: it restarts at the long interval."""
+
+    def share(self) -> float:
+        """Share of the nodes' time so far that was at the short interval; NaN where there is one interval."""
+
+
+class OneInterval:
+    """The radios listen always, or at one interval."""
+
+    def shorten(self, nodes: Iterable[int], until: float) -> None:
+        """Do nothing."""
+
+    def shorten_for_next_step(self, nodes: Iterable[int]) -> None:
+        """Do nothing."""
+
+    def forget(self, node: int) -> None:
+        """Do nothing."""
+
+    def share(self) -> float:
+        """NaN."""
+        return float("nan")
+
+
+class TwoIntervals:
+    """A short interval for nodes that were told of a target, a long one for all others.
+
+        intervals.shorten(nodes, until)      intervals.shorten_for_next_step(nodes)
+
+    Who is told decides: nodes that heard an announcement, a wake-up message or a call of the wake-up radio, or a parcel
+    of their head, and the head itself. Where the target is plays no part.
+    """
+
+    def __init__(self, clock: StepClock, wait: float, nodes: Nodes, mechanism: UsesShortInterval) -> None:
+        """`wait`: s for which woken nodes wait for the target."""
+        self._clock = clock
+        self._after = max(wait, clock.dt)
+        self._nodes = nodes
+        self._mechanism = mechanism
+        self._until: dict[int, float] = {}
+        self._seconds = 0.0
+
+    def shorten(self, nodes: Iterable[int], until: float) -> None:
+        """Tell the MAC about those nodes that are up, and that have not been told for as long."""
+        now, alive = self._clock.now, self._nodes.alive
+        known = {node: self._until.get(node, now) for node in nodes if alive[node]}
+        longer = [node for node, before in known.items() if until > max(before, now)]
+        if not longer:
+            return
+        self._seconds += sum([until - max(known[node], now) for node in longer])
+        self._until.update(dict.fromkeys(longer, until))
+        self._mechanism.use_short_interval(np.array(longer, dtype=np.int64), until)
+
+    def shorten_for_next_step(self, nodes: Iterable[int]) -> None:
+        """`shorten` until the next step and a while after it."""
+        self.shorten(nodes, self._clock.next_step + self._after)
+
+    def forget(self, node: int) -> None:
+        """Take back the time that a node that went down had left."""
+        self._seconds -= max(self._until.pop(node, 0.0) - self._clock.now, 0.0)
+
+    def share(self) -> float:
+        """The mean over nodes; the time that some have left is not counted."""
+        now = self._clock.now
+        left = sum([max(until - now, 0.0) for until in self._until.values()])
+        return (self._seconds - left) / (self._nodes.size * now) if now else 0.0
+
+
+def make_wake_intervals(setup: NetworkSetup, clock: StepClock, nodes: Nodes, mechanism: MacMechanism) -> WakeIntervals:
+    """The wake intervals of a scenario and its MAC's mechanism: two where `mac.near` exists and is set."""
+    if getattr(setup.mac, "near", None) is None or not isinstance(mechanism, UsesShortInterval):
+        return OneInterval()
+    return TwoIntervals(clock, setup.wakeup.wait, nodes, mechanism)

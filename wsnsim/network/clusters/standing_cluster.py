@@ -9,18 +9,18 @@ from collections.abc import Generator, Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import simpy
 
 from wsnsim.base.clustering import SeesGeometry
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Flow
 from wsnsim.base.vector_readings import Reading
-from wsnsim.network.clusters.cluster import Cluster
+from wsnsim.network.clusters.cluster import Cluster, OpenCluster
 from wsnsim.network.clusters.driver import Driver, HeadDied
-from wsnsim.network.clusters.handover import Handover, LastClusterDone, NotDelivered, TrackLost
 from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading
-from wsnsim.network.clusters.outlooks import Outlooks
-from wsnsim.network.clusters.track import Track
+from wsnsim.network.clusters.network_view import Outlooks
+from wsnsim.network.clusters.track import Handover, LastClusterDone, NotDelivered, Track, TrackLost
 
 
 class StandingClusterProtocol:
@@ -81,7 +81,7 @@ class StandingClusterProtocol:
         """Announce the cluster and let those that sense join; a handover if an election gave the lead to another."""
         target, head, network = track.target, handover.successor, self._network
         joins = yield from self._services.messages.recruit(target, head)
-        if joins.is_unanswered and self._setup.waits.keeps_undelivered:
+        if joins.is_unanswered and self._setup.waits.retries_handover:
             joins = yield from self._services.messages.recruit(target, head)
         cluster = Cluster(network, target, head, list(joins.readings))
         cluster.reported = joins.readings if joins.step == handover.belief_step else {}
@@ -137,7 +137,7 @@ class StandingClusterProtocol:
         self, track: Track, head: int, readings: Mapping[int, Reading]
     ) -> Generator[simpy.Event, Any, Mapping[int, Reading]]:
         """The readings that a new head knows: those of the candidates that it heard."""
-        yield from ()
+        yield from ()  # a generator, as others of this protocol take time here
         return readings
 
     def _pass_on(self, track: Track, cluster: Cluster, handover: Handover) -> HandingOver:
@@ -183,7 +183,7 @@ class StandingClusterProtocol:
         self, track: Track, head: int, nearest: int | None
     ) -> Generator[simpy.Event, Any, tuple[int | None, bool]]:
         """The next head, and whether an election chose it: the node nearest to the forecast."""
-        yield from ()
+        yield from ()  # a generator, as others of this protocol take time here
         return nearest, False
 
     def _send_belief(self, driver: Driver, flow: Flow[Any], handover: Handover) -> HandingOver:
@@ -196,7 +196,7 @@ class StandingClusterProtocol:
         return replace(
             handover,
             belief=belief,
-            at_once=handover.elected,
+            acts_now=handover.elected,
             hops=handover.hops + driver.hops,
             bits=handover.bits + driver.bits,
         )
@@ -206,7 +206,7 @@ class StandingClusterProtocol:
         try:
             return (yield from handing_over)
         except NotDelivered:
-            if self._setup.waits.keeps_undelivered:
+            if self._setup.waits.retries_handover:
                 return None
             raise
 
@@ -236,7 +236,7 @@ class ElectingClusterProtocol(StandingClusterProtocol):
         if nearest is None:
             return None, False
         awake = yield from self._services.messages.wake(track.target, head, nearest)
-        if not awake and self._setup.waits.keeps_undelivered:
+        if not awake and self._setup.waits.retries_handover:
             raise NotDelivered
         if not awake:
             return None, True
@@ -245,3 +245,39 @@ class ElectingClusterProtocol(StandingClusterProtocol):
         if winner is None and self._network.nodes.alive[nearest]:
             winner = nearest
         return winner, True
+
+
+class OpenClusterProtocol(StandingClusterProtocol):
+    """The policy's `successor` names the head, at the start and after its death; there are no joins or elections."""
+
+    def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
+        """Appoint the head that the policy names, once some node senses the target."""
+        network, step = self._network, self._network.clock.step
+        head = self._setup.clusters.successor(np.zeros(2), network.nodes.assumed.positions, network.who_can_lead())
+        if head is None or not (network.readings[track.target] or step == 0):
+            return None
+        return Handover(head, step, readings={}, elected=True, acts_now=True)
+
+    def release(self, track: Track, cluster: Cluster) -> None:
+        """Do nothing: members have no role."""
+
+    def _form(self, track: Track, handover: Handover) -> Generator[simpy.Event, Any, Cluster | Handover]:
+        """A cluster that costs no frame."""
+        yield from ()  # a generator, as others of this protocol take time here
+        cluster = OpenCluster(self._network, track.target, handover.successor, [])
+        self._open(track, cluster, handover)
+        return cluster
+
+    def _known_readings(
+        self, track: Track, head: int, readings: Mapping[int, Reading]
+    ) -> Generator[simpy.Event, Any, Mapping[int, Reading]]:
+        """The readings of all nodes that sense, sent to the head."""
+        return (yield from self._services.messages.readings_of_everyone(track.target, head))
+
+    def _driver(self, track: Track, cluster: Cluster) -> Driver:
+        """Members may be anywhere: routing decides every path."""
+        return Driver(self._services.driver, track.target, cluster.head, cluster.members, one_hop=False)
+
+    def _waits_for(self, track: Track, cluster: Cluster) -> set[int] | None:
+        """None: an open cluster is never too small."""
+        return None

@@ -1,21 +1,68 @@
-"""One target's track: its head, its estimates, its clusters and its wake-up rounds.
+"""One target's track: its head, its estimates, its clusters and wake-up rounds, and what one head hands to the next.
 
 A track outlives its heads. A belief does not: the head's process holds it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import simpy
 
 from wsnsim.base.ports import Estimate
 from wsnsim.base.rows import Issued
 from wsnsim.base.sleeping import WakeUpRound
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.election import Election
-from wsnsim.network.clusters.handover import Handover
+
+
+@dataclass(frozen=True, slots=True)
+class Handover:
+    """What a new head, `successor`, starts from: a belief that reached it or, for a new track, readings that it knows.
+
+    Attributes:
+        belief_step: the step of the belief or of the readings.
+        hops: number of hops of the belief to the successor.
+        bits: bits sent on these hops.
+        elected: a network-wide election has chosen the successor.
+        acts_now: the successor acts in the present step, not at the next tick.
+        detected: {node: reading} of a target without a track. This and the following are used by moving heads only.
+        wakes_nodes: the successor has nodes woken before it does anything else.
+        last_sensed: time in s at which the target was last sensed.
+        belief_time: time in s of the belief; None: the instant of its step.
+    """
+
+    successor: int
+    belief_step: int
+    belief: Any = None
+    readings: Mapping[int, Reading] | None = None
+    previous_head: int = -1
+    hops: int = 0
+    bits: int = 0
+    elected: bool = False
+    acts_now: bool = False
+    detected: Mapping[int, Reading] | None = None
+    wakes_nodes: bool = False
+    last_sensed: float = 0.0
+    belief_time: float | None = None
+
+
+class TrackLost(Exception):
+    """The track was lost while its cluster head is alive. The argument is the reason that is logged."""
+
+
+class NotDelivered(TrackLost):
+    """Nothing of a belief arrived at the next head. A patient head goes on with it, others lose the track."""
+
+    def __init__(self) -> None:
+        super().__init__("handover_lost")
+
+
+class LastClusterDone(Exception):
+    """The scenario ends with this cluster (`until.clusters`)."""
 
 
 @dataclass(slots=True)

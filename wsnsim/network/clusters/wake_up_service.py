@@ -9,7 +9,7 @@ of its neighbours sleep and hear its calls, and hears whom others call (our choi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -17,20 +17,21 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.mechanisms import HeardMessage
+from wsnsim.base.mechanisms import HeardMessage, StartsWakeUp, WakeUpMechanism, WakeUpServices
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRadio, WakeUpRound
+from wsnsim.base.sleeping import Decision, Point, WakeUp, WakeUpMessage, WakeUpRadio, WakeUpRound
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.clusters.network_view import NetworkView
+from wsnsim.network.clusters.network_view import NetworkView, WakeIntervals
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_intervals import WakeIntervals
-from wsnsim.network.clusters.wake_up_mechanisms import MESSAGE_NAMES, make_wake_up
 from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.node import FRAME, NodeProcesses
+from wsnsim.network.mechanisms import NetworkServices, make_mechanism
+from wsnsim.network.node_process import FRAME, NodeProcesses
 from wsnsim.network.radio.transport import Transport
 
+MESSAGE_NAMES: Final = {"flood": "track", "region": "announce", "invite": "invitation"}
+"""The name of each mechanism's message in the event log."""
 CALL: Final = KIND["call"]
 CALLED: Final = KIND["called"]
 DROP: Final = KIND["drop"]
@@ -39,7 +40,123 @@ TX: Final = EVENT_CAUSE["tx"]
 RX: Final = EVENT_CAUSE["rx"]
 
 
-class WakeUpService:
+class RegionWakeUp:
+    """Nodes in the message's region start to track and call their sleeping neighbours there; others may forward it.
+
+        mechanism = make_wake_up(component, services)      mechanism.begin(round)
+
+    Each node decides once for each message, by the component's `decide`.
+    """
+
+    def __init__(self, component: WakeUp, services: WakeUpServices) -> None:
+        self._component = component
+        self._services = services
+        self._decided: dict[tuple[int, int, int], float] = {}
+
+    def begin(self, round: WakeUpRound) -> None:
+        """The head decides like every other node, and broadcasts the message."""
+        message, services = round.message, self._services
+        self._forget_expired()
+        round.sleepers = services.sleepers(services.nodes_within(message.centre, message.radius))
+        self._decide(round, round.node, message)
+        services.broadcast(round, round.node, message, lambda node, copy: self._decide(round, node, copy))
+
+    def _decide(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+        """Let a node decide about a copy of the message that reached it."""
+        services = self._services
+        if not services.is_up(node):
+            return
+        key = (node, message.target, message.sequence)
+        decision = self._component.decide(
+            services.place(node), message, key in self._decided, services.clock(node), self._chance(node, message)
+        )
+        if decision is Decision.DROP:
+            services.drop(round, node, message)
+            return
+        self._decided[key] = message.expires
+        if decision is Decision.TRACK:
+            services.track(round, node, message)
+            self._call_neighbours(round, node, message)
+        elif decision is Decision.FORWARD:
+            services.broadcast(round, node, message, lambda other, copy: self._decide(round, other, copy), relayed=True)
+        elif node in round.called_nodes and node not in round.tracking:
+            services.release(node, message.target)  # it was called, but need not track
+
+    def _call_neighbours(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+        """Call the sleeping neighbours in the region; a call carries the message."""
+        sleepers = self._take_sleepers(round, node)
+        if sleepers:
+            copy = replace(message, sender=node)
+            self._services.call(round, node, sleepers, message.bits, lambda woken: self._decide_all(round, woken, copy))
+
+    def _decide_all(self, round: WakeUpRound, nodes: list[int], message: WakeUpMessage) -> None:
+        for node in nodes:
+            self._decide(round, node, message)
+
+    def _take_sleepers(self, round: WakeUpRound, node: int) -> list[int]:
+        """The sleeping nodes within call that have not been called yet, ascending; they count as called now."""
+        if not round.sleepers:
+            return []
+        sleepers = round.sleepers.intersection(self._services.within_call(node).tolist())
+        round.sleepers -= sleepers
+        round.called_nodes |= sleepers
+        return sorted(sleepers)
+
+    def _chance(self, node: int, message: WakeUpMessage) -> float:
+        """0: these mechanisms do not decide at random."""
+        return 0.0
+
+    def _forget_expired(self) -> None:
+        """Forget expired messages: their sequence numbers are used again."""
+        now = self._services.now
+        if self._decided and min(self._decided.values()) < now:
+            self._decided = {key: expires for key, expires in self._decided.items() if expires >= now}
+
+
+class InvitationWakeUp(RegionWakeUp):
+    """The head calls all its sleeping neighbours, then invites all neighbours; each decides by chance."""
+
+    def begin(self, round: WakeUpRound) -> None:
+        """Call, then broadcast."""
+        message, services, node = round.message, self._services, round.node
+        self._forget_expired()
+        round.sleepers = services.sleepers(services.neighbours(node))
+        services.track(round, node, message)
+        sleepers = self._take_sleepers(round, node)
+        if sleepers:
+            services.call(round, node, sleepers, message.bits, lambda _: self._invite(round))
+        else:
+            self._invite(round)
+
+    def _invite(self, round: WakeUpRound) -> None:
+        self._services.broadcast(round, round.node, round.message, lambda node, copy: self._decide(round, node, copy))
+
+    def _call_neighbours(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+        """Do nothing: only the head calls."""
+
+    def _chance(self, node: int, message: WakeUpMessage) -> float:
+        """A random number of the node for the message."""
+        return self._services.chance(node, message)
+
+
+MECHANISMS: Final[Mapping[str, Callable[[WakeUp, WakeUpServices], WakeUpMechanism]]] = {
+    "flood": RegionWakeUp,
+    "region": RegionWakeUp,
+    "invite": InvitationWakeUp,
+}
+"""The built-in mechanisms by name."""
+
+
+def make_wake_up(component: WakeUp, services: WakeUpServices) -> WakeUpMechanism:
+    """The mechanism of a component: its own, or the built-in one that it names.
+
+    Raises:
+        RunError: there is neither.
+    """
+    return make_mechanism("wakeup", component, services, StartsWakeUp, ("begin",), MECHANISMS, "none")
+
+
+class WakeUpService(NetworkServices):
     """Starts wake-up rounds, and performs what the mechanism of the scenario's `wakeup` does in them.
 
     `key` is the random key of the nodes' chances.
@@ -49,6 +166,7 @@ class WakeUpService:
         self, network: NetworkView, processes: NodeProcesses, transport: Transport, intervals: WakeIntervals,
         clocks: Clocks, event_log: EventLog, key: int,
     ) -> None:  # fmt: skip
+        super().__init__(network.clock.env, network.nodes, clocks)
         setup = network.setup
         self._protocol = setup.wakeup
         self._energy = setup.energy
@@ -56,10 +174,7 @@ class WakeUpService:
         self._processes = processes
         self._transport = transport
         self._intervals = intervals
-        self._clocks = clocks
         self._event_log = event_log
-        self._nodes = network.nodes
-        self._env = network.clock.env
         self._key = key
         self._message_name = MESSAGE_NAMES.get(setup.wakeup.mechanism, "wake")
         rate = getattr(setup.mac, "rate", None)
@@ -92,19 +207,9 @@ class WakeUpService:
         self._call(node, [to], target, PACKET_BITS, awake)
         return done
 
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
-        return self._env.now
-
     def clock(self, node: int) -> float:
         """What the clock of a node shows now, in s."""
-        return self._clocks.shows(node)
-
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-        result: bool = self._nodes.alive[node]
-        return result
+        return self._clocks.local_time(node)
 
     def place(self, node: int) -> Point:
         """The assumed position of a node."""
@@ -139,7 +244,7 @@ class WakeUpService:
         copy = replace(message, sender=node, place=self.place(node))
         parcel = Parcel(copy, 1, copy.bits, self._message_name)
         sequence = round.sequence if relayed else 0
-        event, (burst,) = self._transport.broadcast([node], [parcel], copy.target, sequence, relayed)
+        sent, (burst,) = self._transport.broadcast([node], [parcel], copy.target, sequence, relayed)
 
         def ended(_: Any) -> None:
             round.sequence = round.sequence or burst.sequence
@@ -147,8 +252,8 @@ class WakeUpService:
             for listener in sorted(burst.received):
                 on_heard(listener, copy)
 
-        assert event.callbacks is not None
-        event.callbacks.append(ended)
+        assert sent.callbacks is not None
+        sent.callbacks.append(ended)
 
     def call(
         self, round: WakeUpRound, node: int, sleepers: Sequence[int], bits: int, on_awake: Callable[[list[int]], None]
@@ -168,7 +273,7 @@ class WakeUpService:
         The node goes by its own clock.
         """
         round.tracking[node] = message
-        until = self._clocks.when(node, message.due + self._protocol.wait)
+        until = self._clocks.true_time(node, message.due + self._protocol.wait)
         self._processes.of(node).keep_awake(message.target, until, FRAME)
         self._intervals.shorten([node], until)
 

@@ -1,1 +1,1 @@
-"""What nodes spend and what they have left: consumption over time, duty cycles, battery timers, energy by step."""
+"""What nodes spend and what they have left: consumption over time, sleep states, battery timers, energy by step."""

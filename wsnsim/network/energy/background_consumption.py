@@ -20,16 +20,17 @@ from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.radio import Mode
 from wsnsim.kernels.nodes import mark_busy
 from wsnsim.network.energy.battery_watch import BatteryWatch
-from wsnsim.network.energy.consumption import Consumption
-from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals
-from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable
-from wsnsim.network.energy.radio_levels import RadioLevels
+from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable, RadioLevels
+from wsnsim.network.energy.sleep_states import SleepStates
 
 
-class BackgroundConsumption(Consumption):
-    """The background consumption of all nodes.
+class BackgroundConsumption:
+    """The background consumption of all nodes; with a table of zeros, of nodes for which time costs nothing.
+
+    It knows neither the nodes nor their ledger: `Nodes` requests charges and books them. While a radio sends or
+    receives, or a processor computes, that is booked elsewhere: the `mark_` methods exclude this time.
 
     Attributes:
         most: Joules that one node can consume at most in the whole run.
@@ -37,22 +38,22 @@ class BackgroundConsumption(Consumption):
     """
 
     def __init__(
-        self, env: simpy.Environment, table: PowerTable, duty_cycles: DutyCycles, size: int, horizon: float
+        self, env: simpy.Environment, table: PowerTable, sleep_states: SleepStates, size: int, horizon: float
     ) -> None:
         """Begin at time 0.
 
         Args:
             env: The clock.
             table: The power of a node in each state.
-            duty_cycles: Which nodes are awake; all are in its mode `rest`.
+            sleep_states: Which nodes are awake; all are in its mode `rest`.
             size: Number of nodes.
             horizon: End of the run in s.
         """
         self._env = env
         self._table = table
         self._model = model = table.model
-        self._duty_cycles = duty_cycles
-        rest = duty_cycles.rest
+        self._sleep_states = sleep_states
+        rest = sleep_states.rest
         self._radio, self._radio_cause, self._share = table.radio, table.radio_cause, table.share
         self._processor, self._processor_cause = table.processor, table.processor_cause
         self._sensor, self._scheduled = table.sensor, table.scheduled
@@ -63,10 +64,12 @@ class BackgroundConsumption(Consumption):
         self._state, self._since = scalars(self._states), scalars(self._settled_at)
         self._radio_busy_of, self._computed_of = scalars(self._radio_busy), scalars(self._computed)
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
-        self._network = NetworkTotals(table, duty_cycles, size, self._per_switch)
+        self._network = NetworkTotals(table, sleep_states, size, self._per_switch)
         self._grand_totals, self._grand = self._network.array, self._network.joules
-        self._watch = BatteryWatch(env, table, duty_cycles, self._per_switch, horizon)
+        self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon)
         self.most = self._watch.most
+        self._free = not (self.most or self._per_switch or table.duties)
+        """Whether nothing is consumed: time costs nothing, or the run is over."""
         self._start_duties(size)
 
     def _start_duties(self, size: int) -> None:
@@ -87,30 +90,32 @@ class BackgroundConsumption(Consumption):
         busy, computed = self._radio_busy_of[node], self._computed_of[node]
         awake = passed
         if self._scheduled[state]:
-            awake, switches = self._duty_cycles.tally_one(node, self._since[node], self._env.now)
+            awake, switches = self._sleep_states.tally_one(node, self._since[node], self._env.now)
             switched = self._per_switch * switches
             charges = self._table.by_schedule(awake, passed, switched, busy, computed, state // MODES)
         else:
             charges = self._table.by_state(state, passed, busy, computed)
-        if self._duty_cycled:
+        if self._duty_cycled:  # the last two charges are listening and switching by the duty: see `PowerTable.by_state`
             charges[-2:] = self._levels.with_added(node, charges[-2:])
         return charges, awake
 
     def pending(self, node: int) -> float:
         """Joules consumed since the node was last settled. Changes nothing."""
-        return sum(max(joules, 0.0) for _, joules in self._charges(node)[0])
+        return 0.0 if self._free else sum(max(joules, 0.0) for _, joules in self._charges(node)[0])
 
     def pending_charges(self, nodes: Ints) -> Iterator[tuple[Ints, int, Floats]]:
         """(nodes, cause, joules) consumed since the nodes were settled, in pieces.
 
         They are negative where a MAC has taken more off the cost of a duty than there has been since.
         """
+        if self._free:
+            return
         states, now = self._states[nodes], self._env.now
         for state in np.unique(states).tolist():
             chosen = nodes[states == state]
             passed, busy, computed = now - self._settled_at[chosen], self._radio_busy[chosen], self._computed[chosen]
             if self._scheduled[state]:
-                awake, switches = self._duty_cycles.tally(chosen, self._settled_at[chosen], now)
+                awake, switches = self._sleep_states.tally(chosen, self._settled_at[chosen], now)
                 switched = self._per_switch * switches
                 charges = self._table.by_schedule(awake, passed, switched, busy, computed, state // MODES)
             else:
@@ -137,6 +142,8 @@ class BackgroundConsumption(Consumption):
 
     def mark_radio_busy(self, node: int, seconds: float) -> None:
         """The radio of a node sends or receives for this time."""
+        if self._free:
+            return
         state = self._state[node]
         self._grand[self._radio_cause[state]] -= self._radio[state] * seconds
         if self._duty_cycled:
@@ -145,6 +152,8 @@ class BackgroundConsumption(Consumption):
 
     def mark_radios_busy(self, nodes: Ints, seconds: float) -> None:
         """`mark_radio_busy` for different nodes (n,)."""
+        if self._free:
+            return
         mark_busy(nodes, seconds, self._radio_busy, self._states, self._counts, *self._radio_law, self._grand_totals)
         if self._duty_cycled:
             self._grand[ON] += float(self._off @ self._counts) * seconds
@@ -158,6 +167,8 @@ class BackgroundConsumption(Consumption):
 
     def mark_all_computing(self, nodes: Sequence[int], cycles: Sequence[float]) -> None:
         """`mark_computing` for several nodes in turn, each for cycles of its own."""
+        if self._free:
+            return
         for node, count in zip(nodes, cycles, strict=True):
             self.mark_computing(node, count)
 
@@ -175,7 +186,7 @@ class BackgroundConsumption(Consumption):
 
     def _resolved(self, node: int, mode: Mode) -> Mode:
         """The mode, or what the schedule says now if it is SCHEDULED."""
-        return mode if mode is not Mode.SCHEDULED else self._duty_cycles.scheduled(node)
+        return mode if mode is not Mode.SCHEDULED else self._sleep_states.scheduled(node)
 
     def change_mode(self, node: int, mode: Mode) -> None:
         """A settled node is in another mode from now on. One that goes down forgets what its radio did."""
@@ -257,7 +268,11 @@ class BackgroundConsumption(Consumption):
 
     def totals(self, settled: list[float]) -> list[float]:
         """The network's totals by cause until now, given the settled ones, without `scheduled_totals`."""
-        return self._network.until(self._env.now, settled, self._awake_at())
+        return settled if self._free else self._network.until(self._env.now, settled, self._awake_at())
+
+    def close(self) -> None:
+        """The end of a run: everything is booked, and nothing is consumed from now on."""
+        self._free = True
 
     def radio_on(self) -> float | None:
         """Share of the time of all nodes until now in which radios were on: sent, received or listened."""
@@ -265,7 +280,7 @@ class BackgroundConsumption(Consumption):
 
     def _awake_at(self) -> list[float]:
         """Seconds for which nodes with schedules were awake, by the level of their radios."""
-        return self._levels.awake(self._duty_cycles, self._settled_at, self._env.now)
+        return self._levels.awake(self._sleep_states, self._settled_at, self._env.now)
 
     def scheduled_totals(self, times: Floats) -> Floats:
         """(T, causes) what all nodes would have consumed by each time, had they only followed their schedules."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Callable
 from typing import Final
@@ -9,9 +10,8 @@ from typing import Final
 import simpy
 
 from wsnsim.base.radio import Mode
-from wsnsim.network.energy.battery_timers import EVERYBODY, BatteryTimers
-from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.power_table import ASLEEP, AWAKE, MODES, PowerTable
+from wsnsim.network.energy.sleep_states import SleepStates
 
 NEAR: Final = 1e-2
 """If the predicted lifetime (s) is below this, check at the predicted depletion time; otherwise after half of it."""
@@ -19,6 +19,53 @@ SOON: Final = 1e-9
 """A charge that lasts for less than this time (s) is what rounding leaves: the battery is empty."""
 SHORTEST: Final = 5e-3
 """Mean time (s) between changes of the fastest schedule: two in its period of 10 ms."""
+EVERYBODY = -1
+"""Stands for a node: every node is to be checked."""
+
+
+class BatteryTimers:
+    """The times at which nodes are to be checked, in s.
+
+    timers.set(time, node)      calls `check(node)` at that time
+    """
+
+    def __init__(self, env: simpy.Environment, check: Callable[[int], None]) -> None:
+        self._env = env
+        self._check = check
+        self._heap: list[tuple[float, int]] = []
+        self._due: dict[int, float] = {}
+        self._fires_at = math.inf
+
+    def __len__(self) -> int:
+        return len(self._heap)
+
+    def due(self, node: int) -> float:
+        """The time of the next check of a node, infinite if none is set."""
+        time = self._due.get(node, math.inf)
+        return time if time > self._env.now else math.inf
+
+    def set(self, time: float, node: int) -> None:
+        """Check a node at a time, at the earliest one instant from now."""
+        self._due[node] = time = max(time, math.nextafter(self._env.now, math.inf))
+        self._schedule(time, node)
+
+    def _schedule(self, time: float, node: int) -> None:
+        heapq.heappush(self._heap, (time, node))
+        if time < self._fires_at:
+            self._fires_at = time
+            timer = self._env.timeout(max(time - self._env.now, 0.0))
+            assert timer.callbacks is not None
+            timer.callbacks.append(lambda _: self._fired(time))
+
+    def _fired(self, time: float) -> None:
+        """Check the nodes that are due, and schedule the next event. An event that an earlier one replaced is void."""
+        if time != self._fires_at:
+            return
+        self._fires_at = math.inf
+        while self._heap and self._heap[0][0] <= self._env.now:
+            self._check(heapq.heappop(self._heap)[1])
+        if self._heap:
+            self._schedule(*heapq.heappop(self._heap))
 
 
 class BatteryWatch:
@@ -30,24 +77,24 @@ class BatteryWatch:
     """
 
     def __init__(
-        self, env: simpy.Environment, table: PowerTable, duty_cycles: DutyCycles, per_switch: float, horizon: float
+        self, env: simpy.Environment, table: PowerTable, sleep_states: SleepStates, per_switch: float, horizon: float
     ) -> None:
         """Find the limits. `per_switch`: mean joules of a change between awake and asleep; `horizon`: end in s."""
         self._env = env
         self._table = table
-        self._duty_cycles = duty_cycles
+        self._sleep_states = sleep_states
         self._horizon = horizon
         self.most = table.largest() * horizon
         awake = [level * MODES + AWAKE for level in range(len(table.radio) // MODES)]
         self._most_by_schedule = max(map(table.total, (*awake, ASLEEP))) + per_switch / SHORTEST
         self._changes = 4.0 * per_switch  # half of it pays two changes that come at once, however slow
         if per_switch:
-            self.most += duty_cycles.most_switches(horizon) * per_switch
+            self.most += sleep_states.most_switches(horizon) * per_switch
 
     def start(self, battery: float, check: Callable[[int], None]) -> None:
         """Begin to watch batteries of a charge; `check(node)` is called when a node may have run out."""
         self.timers = BatteryTimers(self._env, check)
-        rest = self._duty_cycles.rest
+        rest = self._sleep_states.rest
         resting = 2.0 * self._most_by_schedule if rest is Mode.SCHEDULED else self._table.total(int(rest))
         if resting > 0 and battery <= self.most:
             self.timers.set(battery / resting if battery > self._changes else 0.0, EVERYBODY)
@@ -70,7 +117,7 @@ class BatteryWatch:
     def _watch_schedule(self, node: int, power: float, left: float) -> None:
         """Check again when its schedule changes, or earlier if the charge may not last until then."""
         now, most = self._env.now, self._most_by_schedule
-        due = self._duty_cycles.next_change(node)
+        due = self._sleep_states.next_change(node)
         lasts = left / power if power > 0 else math.inf
         if now + lasts < due:
             due = now + (lasts if lasts < NEAR else lasts / 2)
@@ -86,6 +133,6 @@ class BatteryWatch:
     def _power(self, node: int, state: int) -> float:
         """Power in W of a node now."""
         if self._table.scheduled[state]:
-            awake = self._duty_cycles.scheduled(node) is Mode.AWAKE
+            awake = self._sleep_states.scheduled(node) is Mode.AWAKE
             state = state - state % MODES + AWAKE if awake else ASLEEP
         return self._table.total(state)

@@ -11,10 +11,10 @@ from wsnsim.base.arrays import Bools, Floats, Ints, scalars
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.kernels.nodes import book
 
-ELECTRONICS, AMPLIFIER, IDLE = CAUSE["tx_electronics"], CAUSE["tx_amplifier"], CAUSE["idle"]
-RECEIVED, SWITCH = CAUSE["rx"], CAUSE["switch"]
 Charges: TypeAlias = Sequence[tuple[int, float]]
 """Pairs of cause and joules."""
+ELECTRONICS, AMPLIFIER, IDLE = CAUSE["tx_electronics"], CAUSE["tx_amplifier"], CAUSE["idle"]
+RECEIVED, SWITCH = CAUSE["rx"], CAUSE["switch"]
 
 
 class HopCost(NamedTuple):
@@ -70,9 +70,9 @@ class EnergyLedger:
 
     def book_cause(self, nodes: list[int], cause: int, joules: list[float]) -> None:
         """`book` for several nodes in turn, each with joules of its own."""
-        spent, book, total = self.spent_by, self._by_cause[cause], self.totals[cause]
+        spent, booked, total = self.spent_by, self._by_cause[cause], self.totals[cause]
         for node, each in zip(nodes, joules, strict=True):
-            book[node] += each
+            booked[node] += each
             spent[node] += each
             total += each
         self.totals[cause] = total

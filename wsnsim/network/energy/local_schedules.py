@@ -26,7 +26,7 @@ class LocalSchedules:
         self._keys = keys
         self._clocks = clocks
         self.size = keys.size
-        self._first = None if clocks.perfect else clocks.lines(np.arange(keys.size))
+        self._first = None if clocks.perfect else clocks.error_lines(np.arange(keys.size))
         """The errors of clocks as they were at the start, b + m t: b (N,) and m (N,); None: zero."""
         self._changed_at: Floats | None = None
         """(N,) when clocks changed last; None: no clock has changed."""
@@ -43,7 +43,7 @@ class LocalSchedules:
         """The clock of a node was stepped or corrected just now."""
         if self._changed_at is None:
             self._changed_at = np.full(self.size, -np.inf)
-        (base,), (slope,) = self._clocks.lines(np.array([node]))
+        (base,), (slope,) = self._clocks.error_lines(np.array([node]))
         if node not in self._changes:
             first = (0.0, 0.0) if self._first is None else (float(self._first[0][node]), float(self._first[1][node]))
             self._changes[node], self._lines[node] = [], [first]
@@ -61,7 +61,7 @@ class LocalSchedules:
         """
         if self._true:
             return self._schedule.state(self._keys[nodes], time)
-        bases, slopes = self._clocks.lines(nodes)
+        bases, slopes = self._clocks.error_lines(nodes)
         begins, ends = np.full(nodes.size, -np.inf), np.full(nodes.size, np.inf)
         if self._changed_at is not None:
             begins = self._changed_at[nodes]
@@ -85,7 +85,7 @@ class LocalSchedules:
         if self._true:
             return self._schedule.tally(self._keys[nodes], since, until)
         until = np.full(nodes.size, until)
-        seconds, switches = self._on_lines(self._keys[nodes], since, until, *self._clocks.lines(nodes))
+        seconds, switches = self._on_lines(self._keys[nodes], since, until, *self._clocks.error_lines(nodes))
         if self._changed_at is not None:
             for place in np.flatnonzero(self._changed_at[nodes] >= since).tolist():
                 spells = self._spells(int(nodes[place]), np.array([since[place], until[place]]))

@@ -15,40 +15,40 @@ import numpy as np
 from wsnsim.base.arrays import Floats, scalars
 from wsnsim.base.radio import Mode
 from wsnsim.base.tables import CAUSES
-from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.power_table import AWAKE, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable
+from wsnsim.network.energy.sleep_states import SleepStates
 
 OVER_TIME: Final = (IDLE, SLEEP, SENSE, SWITCH)
 """Causes on which background consumption is booked."""
 
 
 class NetworkTotals:
-    """The totals of a network whose nodes are all in the mode `rest` of their duty cycles at time 0.
+    """The totals of a network whose nodes are all in the mode `rest` of their sleep states at time 0.
 
     Attributes:
         array: (causes + 1,) joules to add to power times time, by cause; seconds for ON. `joules[cause]` is the same.
     """
 
-    def __init__(self, table: PowerTable, duty_cycles: DutyCycles, size: int, per_switch: float) -> None:
+    def __init__(self, table: PowerTable, sleep_states: SleepStates, size: int, per_switch: float) -> None:
         """Begin at time 0.
 
         Args:
             table: The power of a node in each state.
-            duty_cycles: Which nodes are awake.
+            sleep_states: Which nodes are awake.
             size: Number of nodes.
             per_switch: Joules of a switch between awake and asleep, mean of both.
         """
         self._table = table
-        self._duty_cycles = duty_cycles
+        self._sleep_states = sleep_states
         self._size = size
         self._per_switch = per_switch
         self.array = np.zeros(ON + 1)
         self.joules = scalars(self.array)
         self._power: dict[int, float] = dict.fromkeys((*OVER_TIME, ON), 0.0)
         self._booked: dict[int, float] = {SENSE: 0.0, SWITCH: 0.0}
-        if duty_cycles.rest is not Mode.SCHEDULED:
-            for cause, power in table.powers(int(duty_cycles.rest)):
+        if sleep_states.rest is not Mode.SCHEDULED:
+            for cause, power in table.powers(int(sleep_states.rest)):
                 self._power[cause] += size * power
 
     def note_booked(self, charges: Charges) -> None:
@@ -94,7 +94,7 @@ class NetworkTotals:
         for cause in OVER_TIME:
             booked = settled[cause] - self._booked[cause] if cause in self._booked else 0.0
             result[cause] = booked + self.joules[cause] + self._power[cause] * now
-        awake, switches, passed = self._duty_cycles.skipped()
+        awake, switches, passed = self._sleep_states.skipped()
         for cause, joules in self._table.by_schedule(awake, passed, self._per_switch * switches):
             result[cause] -= joules
         for level, seconds in enumerate(awake_at):
@@ -106,7 +106,7 @@ class NetworkTotals:
     def radio_on(self, now: float, awake_at: Iterable[float]) -> float:
         """Share of the time of all nodes until now in which radios were on; `awake_at` as in `until`."""
         on = self._table.on
-        scheduled = float(self._duty_cycles.profile(np.array([now]))[0][0]) - self._duty_cycles.skipped()[0]
+        scheduled = float(self._sleep_states.profile(np.array([now]))[0][0]) - self._sleep_states.skipped()[0]
         seconds = self.joules[ON] + self._power[ON] * now + on[AWAKE] * scheduled
         for level, awake in enumerate(awake_at):
             seconds += (on[level * MODES + AWAKE] - on[AWAKE]) * awake
@@ -115,7 +115,7 @@ class NetworkTotals:
     def scheduled(self, times: Floats) -> Floats:
         """(T, causes) joules of all nodes by each time, had they only followed their schedules."""
         totals = np.zeros((times.size, len(CAUSES)))
-        awake, switches, passed = self._duty_cycles.profile(times)
+        awake, switches, passed = self._sleep_states.profile(times)
         for cause, joules in self._table.by_schedule(awake, passed, self._per_switch * switches):
             totals[:, cause] += joules
         return totals

@@ -22,9 +22,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.kernels.reception import add_common, take_over, unlock
-from wsnsim.network.radio.radio_services import RadioServices
-from wsnsim.network.radio.radios_on import RadiosOn
-from wsnsim.network.radio.transmission import Transmission
+from wsnsim.network.radio.topology import RadioServices
+from wsnsim.network.radio.transmission import RadiosOn, Transmission
 
 HEADER_BITS: Final = 40
 """Bits of the synchronisation header: preamble and delimiter."""

@@ -13,11 +13,9 @@ from typing import Any
 import simpy
 
 from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
-from wsnsim.base.medium_access import ContendingMac
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
-from wsnsim.network.radio.contention_periods import ContentionPeriods
-from wsnsim.network.radio.mac_services import NetworkMacServices
-from wsnsim.network.radio.sender_queues import SenderQueues
+from wsnsim.models.access import Csma
+from wsnsim.network.radio.mac_services import ContentionPeriods, NetworkMacServices, SenderQueues
 from wsnsim.network.radio.transmission import Transmission
 
 
@@ -75,9 +73,7 @@ class CsmaMechanism(SenderQueues[_Sender]):
             grows by one with each retransmission of a frame, too.
     """
 
-    def __init__(
-        self, mac: ContendingMac, services: NetworkMacServices, periods: ContentionPeriods | None = None
-    ) -> None:
+    def __init__(self, mac: Csma, services: NetworkMacServices, periods: ContentionPeriods | None = None) -> None:
         super().__init__(mac, services)
         self._services = services
         self._log = services.radio.log

@@ -1,8 +1,9 @@
-"""Datagrams, and how they find their way over several hops: the protocol of forwarding strategies."""
+"""Datagrams, the protocol of forwarding strategies, journeys hop by hop, and lists of unicasts over one hop."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from math import nan
 from typing import Final, Protocol, cast
 
@@ -10,12 +11,13 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.frames import Burst
+from wsnsim.base.frames import Burst, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.base.requests import Parcel, all_arrived
+from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.base.tables import KIND
 from wsnsim.network.event_log import event
-from wsnsim.network.radio.radio_services import RadioServices
+from wsnsim.network.radio.topology import RadioServices
 
 A_SINK: Final = -2
 """Destination of a datagram that any of the sinks may receive."""
@@ -131,3 +133,153 @@ class Hops:
                 sequence=sequence, peer=to, packets=packets,
             )
         )  # fmt: skip
+
+
+class Journey:
+    """One datagram under way.
+
+    A sender whose acknowledgement is lost sends again although its frame arrived: two copies are then under way. A
+    datagram has ended when all of its packets arrived, or when there is no copy left.
+
+    Args:
+        env: The clock.
+        datagram: The datagram.
+        target: The target that it is about.
+        number: Number of the datagram, by which nodes recognise it.
+        header: Bits that forwarding adds to each packet.
+
+    Attributes:
+        parcel: What is sent over each hop.
+        ended: Fires when the datagram has ended.
+    """
+
+    __slots__ = ("_copies", "_env", "_mask", "datagram", "ended", "number", "parcel", "target")
+
+    def __init__(self, env: simpy.Environment, datagram: Datagram, target: int, number: int, header: int) -> None:
+        self._env = env
+        self._copies = 0
+        self._mask = np.zeros(datagram.parcel.packets, dtype=np.bool_)
+        self.datagram = datagram
+        self.target = target
+        self.number = number
+        given = datagram.parcel
+        self.parcel = Parcel(given.payload, given.packets, given.packet_bits + header, given.what)
+        self.ended = env.event()
+
+    def add_copy(self) -> None:
+        """A node has taken a copy."""
+        self._copies += 1
+
+    def end_copy(self) -> None:
+        """A node no longer has its copy. Without any, what has not arrived is lost."""
+        self._copies -= 1
+        if self._copies == 0 and not self.ended.triggered:
+            self._end()
+
+    @property
+    def is_last_copy(self) -> bool:
+        """Whether the datagram is lost with the next copy that is dropped: a drop that is logged."""
+        return self._copies == 1 and not self.ended.triggered
+
+    def arrive(self, at: int, hop: Burst, hops: int) -> None:
+        """A copy has arrived at the destination, with all packets or some. The last one that brings any is noted."""
+        if self.ended.triggered or not (hop.mask & ~self._mask).any():
+            return
+        datagram = self.datagram
+        datagram.to, datagram.hops, datagram.last_hop = at, hops, hop
+        self._mask = self._mask | hop.mask
+        if self._mask.all():
+            self._end()
+
+    def _end(self) -> None:
+        arrived = bool(self._mask.any())
+        self.datagram.end(self._mask, arrived, self._env.now)
+        self.ended.succeed()
+
+
+class Copy:
+    """A copy of a datagram at one node, which is to send it on.
+
+    Attributes:
+        journey: The datagram.
+        hops: Hops so far (THL, the time that it has lived).
+        mask: (packets,) which packets of the parcel have arrived here.
+        packets: The number of these packets.
+        sequence: Number of the datagram in the event log; 0 before the first hop.
+        tries: Transmissions from this node so far.
+        since: When the node got it, in s.
+    """
+
+    __slots__ = ("hops", "journey", "mask", "packets", "sequence", "since", "tries")
+
+    def __init__(self, journey: Journey, hops: int, mask: Bools, packets: int, sequence: int, since: float) -> None:
+        self.journey = journey
+        self.hops = hops
+        self.mask = mask
+        self.packets = packets
+        self.sequence = sequence
+        self.tries = 0
+        self.since = since
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """By this nodes recognise a copy that they have had: the datagram, and how many hops it has behind it."""
+        return self.journey.number, self.hops
+
+    def burst(self, node: int, to: int) -> Burst:
+        """Return the burst that takes it over a hop."""
+        journey = self.journey
+        relayed = node != journey.datagram.source
+        return Burst(node, to, journey.parcel, journey.target, self.mask, self.packets, self.sequence, relayed)
+
+    def after(self, burst: Burst, now: float) -> Copy:
+        """Return the copy that the receiver of a burst has."""
+        return Copy(self.journey, self.hops + 1, burst.mask, burst.packets, burst.sequence, now)
+
+
+def node_random(key: int, node: int) -> Callable[[], float]:
+    """Return a function that gives random numbers in [0, 1) to one node, independently of all others."""
+    state = derive(key, node)
+
+    def uniform() -> float:
+        nonlocal state
+        state = (state + GOLDEN) & MASK
+        return (mix(state) >> 11) * 2.0**-53
+
+    return uniform
+
+
+@dataclass(slots=True)
+class Unicasts:
+    """Parcels that are sent in this order, one from each source to its destination.
+
+    Attributes:
+        sources, destinations, parcels: Lists of equal length.
+        target: The target that they are about; -1 for none.
+        bursts: The bursts with what arrived, if they had to be performed one by one. None: everything arrived.
+    """
+
+    sources: list[int]
+    destinations: list[int]
+    parcels: list[Parcel]
+    target: int
+    bursts: list[Burst] | None = field(default=None, init=False)
+
+    def split(self) -> list[Burst]:
+        """Make one burst of each; they hold the results from now on."""
+        triples = zip(self.sources, self.destinations, self.parcels, strict=True)
+        self.bursts = [full_burst(source, to, parcel, self.target) for source, to, parcel in triples]
+        return self.bursts
+
+    @property
+    def bits(self) -> int:
+        """Bits that left the senders."""
+        if self.bursts is not None:
+            return sum(burst.sent for burst in self.bursts)
+        return sum(parcel.packets * parcel.packet_bits for parcel in self.parcels)
+
+    def masks(self) -> list[Bools | None]:
+        """Which packets of each parcel arrived, (packets,); None where nothing did."""
+        if self.bursts is None:
+            return [all_arrived(parcel.packets) for parcel in self.parcels]
+        return [burst.mask if burst.packets else None for burst in self.bursts]

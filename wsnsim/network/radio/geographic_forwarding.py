@@ -21,14 +21,12 @@ from typing import Any, Final
 import simpy
 
 from wsnsim.base.frames import Burst
-from wsnsim.network.radio.datagrams import Hops
-from wsnsim.network.radio.journeys import Copy, Journey
+from wsnsim.network.radio.datagrams import Copy, Hops, Journey
 from wsnsim.network.radio.link_estimator import LinkTable
-from wsnsim.network.radio.radio_services import RadioServices
+from wsnsim.network.radio.topology import RadioServices
 
 REMEMBERED: Final = 16
 """Datagrams that a node remembers after it has received them (our choice)."""
-
 Place = tuple[float, float]
 
 

@@ -15,9 +15,9 @@ from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.energy.ledger import HopCost
 from wsnsim.network.event_log import UnicastRows, event
-from wsnsim.network.radio.radio_services import RadioServices
-from wsnsim.network.radio.unicasts import Unicasts
-from wsnsim.network.radio.use_counter import UseCounter
+from wsnsim.network.radio.datagrams import Unicasts
+from wsnsim.network.radio.topology import RadioServices
+from wsnsim.network.radio.transmission import UseCounter
 
 RELAY, RECEIVE, DROP = KIND["relay"], KIND["receive"], KIND["drop"]
 TX, RX = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
@@ -65,7 +65,7 @@ class IdealMedium:
 
     def carry_all(self, unicasts: Unicasts) -> None:
         """Perform unicasts in turn: at once if distance alone decides and nobody may die, otherwise burst by burst."""
-        costs = self._costs_at_once(unicasts)
+        costs = self._unicast_costs(unicasts)
         if not costs:
             for burst in unicasts.split():
                 self.carry(burst)
@@ -84,7 +84,7 @@ class IdealMedium:
         counters.in_range += len(costs)
         counters.delivered += len(costs)
 
-    def _costs_at_once(self, unicasts: Unicasts) -> list[HopCost] | None:
+    def _unicast_costs(self, unicasts: Unicasts) -> list[HopCost] | None:
         """What each unicast costs; None unless all of them arrive and nobody may die of them."""
         nodes = self._nodes
         if not self._topology.distance_only or nodes.disturbed:

@@ -1,48 +1,44 @@
-"""The services that the network gives a MAC: `base.mac_mechanisms.MacServices`, on SimPy."""
+"""What a MAC gets (`base.mac_mechanisms.MacServices`), and what several share: queues and contention periods."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from typing import Generic, Protocol, TypeVar
 
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.frames import Burst, Counters, MacFrame
+from wsnsim.base.frames import Burst, Counters, MacFrame, OfferedFrame, Received
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac, Packing
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import KIND
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import event
-from wsnsim.network.radio.channel import Channel
+from wsnsim.network.mechanisms import NetworkServices
+from wsnsim.network.radio.channel import Channel, LinkCounters, NoLinkCounters
 from wsnsim.network.radio.fragmentation import Fragmentation
-from wsnsim.network.radio.link_counters import LinkCounters, NoLinkCounters
-from wsnsim.network.radio.radio_services import RadioServices
-from wsnsim.network.radio.use_counter import LossSamples, UseCounter
+from wsnsim.network.radio.topology import RadioServices
+from wsnsim.network.radio.transmission import LossSamples, UseCounter
 
 DROP = KIND["drop"]
 
 
-@dataclass(frozen=True, slots=True)
-class NetworkMacServices:
+class NetworkMacServices(NetworkServices):
     """Services of one network. Built-in MACs also use `radio` and `clocks` directly, where speed matters.
 
     `sinks` are the nodes that collect the estimates; none if nobody does.
     """
 
-    radio: RadioServices
-    packing: Packing
-    clocks: Clocks
-    streams: Streams
-    links: LinkCounters | NoLinkCounters
-    uses: UseCounter = field(default_factory=UseCounter)
-    sinks: tuple[int, ...] = ()
-
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
-        return float(self.radio.env.now)
+    def __init__(
+        self, radio: RadioServices, packing: Packing, clocks: Clocks, streams: Streams,
+        links: LinkCounters | NoLinkCounters, sinks: tuple[int, ...] = (),
+    ) -> None:  # fmt: skip
+        super().__init__(radio.env, radio.nodes, clocks)
+        self.radio, self.clocks, self.sinks = radio, clocks, sinks
+        self._packing, self._streams, self.links = packing, streams, links
+        self._uses = UseCounter()
 
     @property
     def step(self) -> int:
@@ -56,15 +52,7 @@ class NetworkMacServices:
 
     def key(self, stream: str) -> int:
         """Return the key of a random stream."""
-        return self.streams.key(stream)
-
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-        return bool(self.radio.nodes.alive[node])
-
-    def is_awake(self, node: int) -> bool:
-        """Whether a node is up and listens."""
-        return bool(self.radio.nodes.is_awake(node))
+        return self._streams.key(stream)
 
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, ascending."""
@@ -78,15 +66,6 @@ class NetworkMacServices:
         """Let a node follow its schedule again."""
         self.radio.nodes.end_sending(node)
 
-    def lasts(self, node: int, seconds: float) -> float:
-        """Return the seconds that pass while a node's clock counts `seconds`."""
-        return self.clocks.lasts(node, seconds)
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
-        timeout = self.radio.env.timeout(seconds)
-        timeout.callbacks.append(lambda _: action())
-
     def signal(self) -> simpy.Event:
         """Return a new signal, for the end of bursts."""
         return self.radio.env.event()
@@ -99,12 +78,12 @@ class NetworkMacServices:
             assessment: Duration of a clear channel assessment in s.
             listening: Which radios are on; None: those of all nodes that are awake.
         """
-        losses = LossSamples(self.streams.key("link"), self.uses)
+        losses = LossSamples(self._streams.key("link"), self._uses)
         return Channel(self.radio, mac, assessment, losses, self.links, listening)
 
     def fragmentation(self, mac: FramedMac) -> Fragmentation:
         """Return what splits bursts into the frames of a MAC."""
-        return Fragmentation(mac, self.packing, self.radio.log)
+        return Fragmentation(mac, self._packing, self.radio.log)
 
     def log_drop(self, node: int, dropped: Burst | MacFrame, reason: str) -> None:
         """Log that a node dropped a burst or a frame without sending it."""
@@ -115,3 +94,124 @@ class NetworkMacServices:
                 sequence=dropped.sequence, peer=dropped.to, packets=dropped.packets,
             )
         )  # fmt: skip
+
+
+class QueueingSender(Protocol):
+    """A node with frames to send.
+
+    Attributes:
+        queue: Frames that wait.
+        frame: The frame in progress, or None.
+        received: Whether the destination has received the frame, even if its acknowledgement was lost.
+        stopped: Whether the node died or crashed.
+    """
+
+    queue: deque[MacFrame]
+    frame: MacFrame | None
+    received: bool
+    stopped: bool
+
+
+Sender = TypeVar("Sender", bound=QueueingSender)
+
+
+class SenderQueues(Generic[Sender]):
+    """The senders of all nodes. A MAC says what a frame waits for: `_enqueue`."""
+
+    def __init__(self, mac: FramedMac, services: NetworkMacServices) -> None:
+        self._env = services.radio.env
+        self._nodes = services.radio.nodes
+        self._bits = mac.bits
+        self._senders: dict[int, Sender] = {}
+        self.fragmentation = services.fragmentation(mac)
+
+    def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
+        """Queue bursts at their senders; the event fires when the last burst has ended."""
+        return self.fragmentation.send_all(bursts, self._env.event(), self._is_up, self._enqueue)
+
+    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
+        """Broadcast one payload, then call `done` with the receivers, or with None if it never got the channel."""
+        self._enqueue(node, OfferedFrame(self._bits(payload_bits), code, done))
+
+    def _enqueue(self, node: int, frame: MacFrame) -> None:
+        raise NotImplementedError
+
+    def _is_up(self, burst: Burst) -> bool:
+        return bool(self._nodes.alive[burst.source])
+
+    def _stop(self, node: int) -> None:
+        """Forget the sender of a node that died or crashed. Its frame is cut, and those in its queue are lost."""
+        sender = self._senders.pop(node, None)
+        if sender is None:
+            return
+        sender.stopped = True
+        if sender.frame is None:
+            return
+        result = self._result_of_cut(sender)
+        current, sender.frame = sender.frame, None
+        current.finish(result)
+        for frame in sender.queue:
+            frame.finish(None)
+
+    def _result_of_cut(self, sender: Sender) -> Received | None:
+        """The result of the frame of a sender that is cut."""
+        return True if sender.received else None
+
+
+class ContentionPeriods:
+    """Which nodes hold frames back, until when, and which exchanges are under way.
+
+        periods.closed_until(node) -> event or None      periods.close(head) -> s until the round may begin
+
+    A round of slots closes the contention period of the nodes in range of its head or of a member with a slot: they
+    hear frames that say how long the round will last, as the duration field of IEEE 802.11 does. They hold frames
+    outside slots back until the round has ended. An exchange that is under way, a frame and its acknowledgement, delays
+    the round. That all of these nodes know a round from its first instant on is an idealisation of ours. A node out of
+    range of all of them may still disturb a member that receives.
+    """
+
+    def __init__(self, env: simpy.Environment) -> None:
+        self._env = env
+        self._informed: dict[int, set[int]] = {}
+        """{head: the nodes that hear its rounds, and the head itself}"""
+        self._rounds: dict[int, simpy.Event] = {}
+        """{head with a round under way: fires at its end}"""
+        self._ended: dict[int, float] = {}
+        """{head: the end of its last round in s}"""
+        self._exchanges: dict[int, float] = {}
+        """{node: the end of its last exchange outside slots in s}"""
+
+    def inform(self, head: int, nodes: set[int]) -> None:
+        """Set which nodes hear the rounds of a head."""
+        self._informed[head] = nodes | {head}
+
+    def closed_until(self, node: int) -> simpy.Event | None:
+        """The end of a round that a node hears; None: it may contend."""
+        for head, ended in self._rounds.items():
+            if node in self._informed[head]:
+                return ended
+        return None
+
+    def note_exchange(self, nodes: Iterable[int], seconds: float) -> None:
+        """Note that nodes exchange a frame and its acknowledgement, from now on for `seconds`."""
+        for node in nodes:
+            self._exchanges[node] = self._env.now + seconds
+
+    def left(self, head: int, shortest: float) -> float:
+        """Seconds that remain of the contention period after a head's last round, if it lasts `shortest` s."""
+        ended = self._ended.get(head)
+        return 0.0 if ended is None else max(ended + shortest - self._env.now, 0.0)
+
+    def close(self, head: int) -> float:
+        """Close the period for the nodes that hear a head's rounds; seconds until their exchanges are over."""
+        self._rounds[head] = self._env.event()
+        exchanges, now = self._exchanges, self._env.now
+        informed = self._informed.setdefault(head, {head})
+        return max(
+            (exchanges[node] - now for node in informed & exchanges.keys() if exchanges[node] > now), default=0.0
+        )
+
+    def reopen(self, head: int) -> None:
+        """End a head's round; the frames that were held back contend."""
+        self._ended[head] = self._env.now
+        self._rounds.pop(head).succeed()

@@ -16,23 +16,77 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.frames import EVERYONE, Received
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.tables import KIND
+from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.kernels.reception import COLLIDED, FOREIGN, HEARD_OTHER, HIT, LOST, RECEIVED, outcomes, overlap
+from wsnsim.network.event_log import EACH, event
 from wsnsim.network.radio.capture import CapturingReceivers
-from wsnsim.network.radio.radio_services import RadioServices
-from wsnsim.network.radio.radios_on import RadiosOn
-from wsnsim.network.radio.reception_charges import DROP, NONE, OVERHEARD, RX, WHOLE, ReceptionCharges
-from wsnsim.network.radio.transmission import Transmission
-from wsnsim.network.radio.use_counter import LossSamples
+from wsnsim.network.radio.topology import RadioServices
+from wsnsim.network.radio.transmission import LossSamples, RadiosOn, Transmission
 
-RECEIVE, COLLIDE, OVERHEAR = (KIND[name] for name in ("receive", "collide", "overhear"))
-KINDS: Final = {RECEIVED: (RECEIVE, RX), COLLIDED: (COLLIDE, RX), FOREIGN: (OVERHEAR, OVERHEARD)}
-"""Kind and cause of the events that follow from an outcome."""
+DROP: Final = KIND["drop"]
+WHOLE: Final = 1.0
 NO_MARKS: Final = np.zeros(0, dtype=np.int64)
 NO_TIMES: Final = np.zeros(0)
 ALL: Final = np.zeros(0, dtype=np.bool_)
 NO_NUMBERS: Final = (0, 0, 0)
 Numbers: TypeAlias = tuple[int, int, int]
+NONE, RX, OVERHEARD = (EVENT_CAUSE[name] for name in ("none", "rx", "overhear"))
+LEDGER: Final = {RX: CAUSE["rx"], OVERHEARD: CAUSE["overhear"]}
+RECEIVE, COLLIDE, OVERHEAR = (KIND[name] for name in ("receive", "collide", "overhear"))
+KINDS: Final = {RECEIVED: (RECEIVE, RX), COLLIDED: (COLLIDE, RX), FOREIGN: (OVERHEAR, OVERHEARD)}
+"""Kind and cause of the events that follow from an outcome."""
+
+
+class ReceptionCharges:
+    """Books receptions in the energy ledger and in the event log."""
+
+    def __init__(self, radio: RadioServices) -> None:
+        self._env = radio.env
+        self._nodes = radio.nodes
+        self._log = radio.log
+
+    def charge(self, sent: Transmission, chosen: Bools, shares: Floats | None, kind: int, cause: int) -> None:
+        """Charge and log the chosen neighbours, each for the share of the frame that it listened to; None: whole."""
+        ids = sent.neighbours.ids[chosen]
+        if not ids.size:
+            return
+        if shares is None:
+            self._charge_group(sent, ids, WHOLE, kind, cause)
+            return
+        chosen_shares = shares[chosen]
+        for share in np.unique(chosen_shares).tolist():
+            self._charge_group(sent, ids[chosen_shares == share], share, kind, cause)
+
+    def _charge_group(self, sent: Transmission, ids: Ints, share: float, kind: int, cause: int) -> None:
+        """Charge and log different nodes (n,) for the same share of a frame."""
+        nodes = self._nodes
+        bits, joules, airtime = int(sent.frame.bits * share), sent.costs[2] * share, sent.costs[3] * share
+        if bits == 0 or nodes.can_all_receive(ids, joules):
+            self.book_group(sent, ids, share, kind, cause)
+            return
+        for node in ids.tolist():
+            paid = nodes.spend_receive(node, joules, bits, LEDGER[cause], airtime)
+            alive = nodes.alive[node]
+            spent = joules * paid / bits
+            self.log_each(sent, kind if alive else DROP, np.array([node]), paid, spent, cause if paid else NONE)
+
+    def book_group(self, sent: Transmission, ids: Ints, share: float, kind: int, cause: int) -> None:
+        """Charge and log different nodes (n,) for the same share of a frame, of which none of them can die."""
+        bits, joules = int(sent.frame.bits * share), sent.costs[2] * share
+        if bits == 0:
+            self.log_each(sent, kind, ids, 0, 0.0, NONE)
+            return
+        self._nodes.receive_all(ids, joules, LEDGER[cause], sent.costs[3] * share)
+        self.log_each(sent, kind, ids, bits, joules, cause)
+
+    def log_each(self, sent: Transmission, kind: int, ids: Ints, bits: int, joules: float, cause: int) -> None:
+        """Log the same event at each of different nodes (n,)."""
+        frame = sent.frame
+        self._log.add_all(
+            event(self._env.now, self._log.step, frame.target, EACH, kind, frame.code, sent.number, frame.sequence,
+                  sent.source, frame.packets, bits, joules, cause),
+            ids,
+        )  # fmt: skip
 
 
 class Reception:
@@ -89,7 +143,7 @@ class Reception:
                 continue
             share = WHOLE if sent.overlapping is None else (sent.end - paid_until) / (sent.end - sent.start)
             self._charges.book_group(sent, group, share, *KINDS[outcome])
-            paying = int(end)
+            paying = int(end)  # the kernel puts those who lost the frame and pay nothing last
             received += group.size if outcome == RECEIVED else 0
             collided += group.size if outcome == COLLIDED else 0
         self._count(sent, in_range if everyone or nodes.alive[frame.to] else 0, delivered, collided)

@@ -6,7 +6,7 @@ in the order of the schedule, with a guard at both ends of each slot. A member w
 guard since the schedule misses its slot. With `idle_slots: kept`, a round has one slot per member instead, used or
 not, and takes its time even if nobody sends. Elections, announcements, joins, relayed datagrams and handovers belong to
 no schedule and use CSMA/CA, with acknowledgements and retransmissions. They keep out of the slots: see
-`contention_periods`.
+`mac_services`.
 
 Source: Heinzelman, Chandrakasan, Balakrishnan (2002), sections III-B and III-C; acknowledgements, guards and contention
 periods are ours. LEACH gives each cluster a spreading code of its own; here the slots of two clusters may collide.
@@ -25,11 +25,10 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received, full_burst
-from wsnsim.base.medium_access import SlottedMac
 from wsnsim.base.requests import PACKET_BITS, Parcel
-from wsnsim.network.radio.contention_periods import ContentionPeriods
+from wsnsim.models.access import Tdma
 from wsnsim.network.radio.csma import CsmaMechanism
-from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.mac_services import ContentionPeriods, NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
 
 Round = Generator[simpy.Event, Any, None]
@@ -59,7 +58,7 @@ class _Slot:
 class TdmaMechanism:
     """Rounds of slots, one at a time for each cluster head; all other bursts use CSMA/CA."""
 
-    def __init__(self, mac: SlottedMac, services: NetworkMacServices) -> None:
+    def __init__(self, mac: Tdma, services: NetworkMacServices) -> None:
         self._services = services
         self._env = services.radio.env
         self._nodes = services.radio.nodes

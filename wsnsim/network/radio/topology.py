@@ -1,4 +1,4 @@
-"""The links between all nodes: who receives whom, with which power and probability.
+"""The links between all nodes: who receives whom, with which power and probability, and losses in bursts.
 
     topology.neighbours(node).ids      topology.connected(a, b)      topology.probability(a, b)
 
@@ -12,30 +12,71 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.radio import LinkModel, RecordsLinks
-from wsnsim.base.rng import derive, derive_all
-from wsnsim.kernels.reception import find_links
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.frames import Counters
+from wsnsim.base.radio import BurstyLosses, EnergyModel, LinkModel, RecordsLinks
+from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.kernels.reception import advance, find_links
+from wsnsim.network.event_log import EventLog
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.bursty_losses import LinkStates
 
 USABLE: Final = 0.5
 """A link is usable as a hop if the probability of a packet, in both directions, is at least this share of the
 probability over the best link (our choice)."""
 BEST: Final = 0.0
 """Received power of the best link, in dBm."""
-PAIR, DIRECTION, BURSTS = 0, 1, 2
 SAMPLE: Final = 64
 """Nodes around which others are counted to estimate all pairs that may be linked."""
 MOST_PAIRS: Final = 4_000_000
 """If more pairs may be linked, neighbours are found on first use: all of them may take 200 MB and a second."""
 PAIRS_AT_ONCE: Final = 50_000
 """Pairs whose powers are computed together: 10 MB."""
+PAIR, DIRECTION, BURSTS = 0, 1, 2
+
+
+class LinkStates:
+    """The states of links (n,), good or bad, whose stationary mean is a given ratio.
+
+        LinkStates(keys, ratios, losses, since).ratios(time) -> (n,) probability that a frame arrives now
+
+    The share of time in a good state is (ratio - bad) / (good - bad), and a bad state lasts `bad_time` on average. A
+    link whose ratio is not between `bad` and `good` has one state, in which frames arrive with that ratio. The states
+    are stationary from the first instant on, and a function of key and time.
+
+    Args:
+        keys: (n,) random keys.
+        ratios: (n,) mean probability that a frame arrives.
+        losses: The model.
+        since: The time in s from which on the states are known.
+    """
+
+    def __init__(self, keys: Keys, ratios: Floats, losses: BurstyLosses, since: float) -> None:
+        shares = (ratios - losses.bad) / (losses.good - losses.bad)
+        changing = (shares > 0.0) & (shares < 1.0)
+        shares = np.where(changing, shares, 0.5)
+        self._keys = keys
+        self._durations = np.column_stack([np.ones(keys.size), shares / (1.0 - shares)]) * losses.bad_time
+        self._when_good = np.where(changing, losses.good, ratios)
+        self._when_bad = np.where(changing, losses.bad, ratios)
+        self._good = uniforms(keys, 0) < shares
+        first = np.where(self._good, self._durations[:, 1], self._durations[:, 0])
+        self._until = np.where(changing, since - first * np.log1p(-uniforms(keys, 1)), np.inf)
+        self._counts = np.full(keys.size, 2)
+        self._next = -np.inf
+        self._ratios = ratios
+
+    def ratios(self, time: float) -> Floats:
+        """(n,) probability that a frame arrives that begins at `time` (s), not before that of an earlier call."""
+        if time >= self._next:
+            self._next = advance(self._keys, self._durations, time, self._good, self._until, self._counts)
+            self._ratios = np.where(self._good, self._when_good, self._when_bad)
+        return self._ratios
 
 
 class Neighbours:
@@ -269,3 +310,15 @@ class Topology:
 
 def _ignore_change() -> None:
     """Do nothing: nobody keeps what follows from the links."""
+
+
+@dataclass(frozen=True, slots=True)
+class RadioServices:
+    """Services shared by media, channel, MAC, routing and transport of one run."""
+
+    env: simpy.Environment
+    nodes: Nodes
+    topology: Topology
+    energy: EnergyModel
+    log: EventLog
+    counters: Counters

@@ -7,7 +7,7 @@ transport.broadcast(sources, parcels, target) -> (event, bursts)
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, cast
+from typing import cast
 
 import simpy
 
@@ -15,17 +15,9 @@ from wsnsim.base.frames import EVERYONE, Burst, full_burst
 from wsnsim.base.mac_mechanisms import ExpectsMembers, KeepsIdleSlots, MacMechanism
 from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.requests import Parcel
-from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops
-from wsnsim.network.radio.radio_services import RadioServices
-from wsnsim.network.radio.topology import Neighbours
-from wsnsim.network.radio.unicasts import Unicasts
-
-
-class SendsUnicasts(Protocol):
-    """A MAC that can send unicasts at one instant: its class defines both this and `send`."""
-
-    def send_unicasts(self, unicasts: Unicasts) -> simpy.Event | None:
-        """Send them by one event; None if sending takes time."""
+from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops, Unicasts
+from wsnsim.network.radio.radio_stack import IdealMechanism
+from wsnsim.network.radio.topology import Neighbours, RadioServices
 
 
 class Transport:
@@ -47,8 +39,8 @@ class Transport:
         self._topology = radio.topology
         self._forwarding = forwarding
         self.hops = hops
-        at_once = defined_together(type(mac), "send_unicasts", "send")
-        self._send_unicasts = cast(SendsUnicasts, mac).send_unicasts if at_once else _send_no_unicasts
+        as_lists = defined_together(type(mac), "send_unicasts", "send")
+        self._send_unicasts = cast(IdealMechanism, mac).send_unicasts if as_lists else _send_no_unicasts
         self.keeps_idle_slots = isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots
         self._expect = mac.expect if isinstance(mac, ExpectsMembers) else _expect_nobody
         self._pairs: set[tuple[int, int]] = set()
@@ -83,7 +75,7 @@ class Transport:
             events.append(self._one_hop(direct, target, head))
         return events[0] if len(events) == 1 else self._env.all_of(events)
 
-    def at_once(self, unicasts: Unicasts, one_hop: bool) -> simpy.Event | None:
+    def carry_unicasts(self, unicasts: Unicasts, one_hop: bool) -> simpy.Event | None:
         """Send parcels over one hop each and without a datagram.
 
         Args:

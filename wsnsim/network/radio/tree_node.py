@@ -1,4 +1,4 @@
-"""One node of a collection tree: what it heard of its neighbours' routes, its parent, and the cost of its route.
+"""One node of a collection tree: what it heard of its neighbours' routes, its parent, its cost, and its beacons.
 
 The cost of a route is the sum of the ETX of its links; that of a sink, the root of a tree, is 0. A node takes the
 neighbour over which the route costs least, but leaves its parent only for one that is cheaper by `hysteresis`. A route
@@ -14,16 +14,24 @@ loses the one that it had; there is no congestion bit, which TinyOS switches off
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import inf, isfinite
 from typing import Final, NamedTuple
 
+from wsnsim.base.frames import Received
+from wsnsim.base.mac_mechanisms import MacMechanism
+from wsnsim.network.clocks import Clocks
 from wsnsim.network.radio.link_estimator import LinkTable
+from wsnsim.network.radio.topology import RadioServices
 
 NOBODY: Final = -1
 WORST_LINK: Final = 5.0
 """ETX from which on a link is not used: one frame in five is acknowledged."""
 LARGE_DROP: Final = 2.0
 """After a drop of the cost by more than this the node beacons soon."""
+BEACON_BITS: Final = 88
+"""Bits of a beacon: options 8, parent 16, cost 16 (TEP 123); link estimation: flags 8, number 8; position 32 (ours)."""
+NUMBERS: Final = 256
 
 
 class RouteBeacon(NamedTuple):
@@ -136,3 +144,165 @@ class TreeNode:
         parent, cost = self._advertised.get(neighbour, (NOBODY, inf))
         total = inf if parent in (NOBODY, self.node) else cost + self.links.etx(neighbour)
         return total if total < self._largest else inf
+
+
+class TrickleTimer:
+    """The Trickle timer of one node.
+
+        timer.begin() -> s until `advance`      timer.advance() -> (transmit now?, s until the next `advance`)
+
+    It knows no clock: the caller counts the seconds. Names in brackets are those of the RFC, section 4.
+
+    Args:
+        shortest: The shortest interval in s (Imin).
+        longest: The longest interval in s (Imax; the RFC gives it as a number of doublings).
+        uniform: Returns a random number in [0, 1).
+        redundancy: A transmission is suppressed if this many consistent ones were heard in the interval (k); None: no
+            transmission is.
+
+    Attributes:
+        interval: The present interval in s (I).
+    """
+
+    __slots__ = ("_heard", "_longest", "_redundancy", "_rest", "_shortest", "_transmits", "_uniform", "interval")
+
+    def __init__(
+        self, shortest: float, longest: float, uniform: Callable[[], float], redundancy: int | None = None
+    ) -> None:  # fmt: skip
+        self._shortest = shortest
+        self._longest = longest
+        self._uniform = uniform
+        self._redundancy = redundancy
+        self._heard = 0
+        self._rest = 0.0
+        self._transmits = False
+        self.interval = shortest
+
+    def begin(self) -> float:
+        """Start the shortest interval; returns the seconds until `advance` is due."""
+        self.interval = self._shortest
+        return self._start()
+
+    def advance(self) -> tuple[bool, float]:
+        """Do what is due: half of the calls are about a transmission, the others end an interval.
+
+        Returns:
+            Whether to transmit now, and the seconds until `advance` is due again.
+        """
+        if self._transmits:
+            self._transmits = False
+            return self._redundancy is None or self._heard < self._redundancy, self._rest
+        self.interval = min(2.0 * self.interval, self._longest)
+        return False, self._start()
+
+    def hear_consistent(self) -> None:
+        """Count a transmission of another node that agrees with what this one knows."""
+        self._heard += 1
+
+    def reset(self) -> float | None:
+        """Start the shortest interval because something is inconsistent, unless the timer is in one.
+
+        Returns:
+            The seconds until `advance` is due, in place of what was said before; None: that still holds.
+        """
+        return self.begin() if self.interval > self._shortest else None
+
+    def _start(self) -> float:
+        """Begin an interval: transmit at a random time of its second half (t)."""
+        self._heard = 0
+        until = 0.5 * self.interval * (1.0 + self._uniform())
+        self._rest, self._transmits = self.interval - until, True
+        return until
+
+
+Compose = Callable[[int, int], RouteBeacon]
+"""(node, number) -> the beacon that the node sends now."""
+
+
+class _BeaconSender:
+    """The timer of one node, the number of its next beacon, and whether one is waiting or on the air.
+
+    `epoch` counts how often the timer was set: of several times, the last counts.
+    """
+
+    __slots__ = ("epoch", "number", "sending", "timer")
+
+    def __init__(self, timer: TrickleTimer) -> None:
+        self.timer = timer
+        self.epoch = 0
+        self.number = 0
+        self.sending = False
+
+
+class RouteBeacons:
+    """The beacons of all nodes. A node that sleeps when its beacon is due leaves it out.
+
+    Args:
+        radio: The services of the radio.
+        mac: The MAC.
+        clocks: The clocks of the nodes, which the timers follow.
+        compose: Composes a beacon.
+        heard: Called with each receiver of a beacon, ascending, and the beacon.
+
+    Attributes:
+        sent: The number of beacons that nodes tried to send.
+    """
+
+    def __init__(
+        self, radio: RadioServices, mac: MacMechanism, clocks: Clocks, compose: Compose,
+        heard: Callable[[int, RouteBeacon], None],
+    ) -> None:  # fmt: skip
+        self._env = radio.env
+        self._nodes = radio.nodes
+        self._mac = mac
+        self._clocks = clocks
+        self._compose = compose
+        self._heard = heard
+        self._code = radio.log.code("routing_beacon")
+        self._senders: dict[int, _BeaconSender] = {}
+        self.sent = 0
+
+    def begin(self, node: int, timer: TrickleTimer) -> None:
+        """Start the timer of a node."""
+        sender = self._senders[node] = _BeaconSender(timer)
+        self._set(node, sender, timer.begin())
+
+    def end(self, node: int) -> None:
+        """Stop the timer of a node that is down."""
+        self._senders.pop(node, None)
+
+    def hasten(self, node: int) -> None:
+        """Start the shortest interval of a node: its neighbours should hear from it soon."""
+        sender = self._senders.get(node)
+        seconds = None if sender is None else sender.timer.reset()
+        if sender is not None and seconds is not None:
+            self._set(node, sender, seconds)
+
+    def _set(self, node: int, sender: _BeaconSender, seconds: float) -> None:
+        sender.epoch += 1
+        timeout = self._env.timeout(self._clocks.lasts(node, seconds))
+        assert timeout.callbacks is not None, "a timeout has not passed yet"
+        due = partial(self._due, node, sender, sender.epoch)
+        timeout.callbacks.append(lambda _: due())
+
+    def _due(self, node: int, sender: _BeaconSender, epoch: int) -> None:
+        if self._senders.get(node) is not sender or sender.epoch != epoch:
+            return
+        transmit, seconds = sender.timer.advance()
+        self._set(node, sender, seconds)
+        if transmit and not sender.sending and self._nodes.is_awake(node):
+            self._send(node, sender)
+
+    def _send(self, node: int, sender: _BeaconSender) -> None:
+        beacon = self._compose(node, sender.number)
+        if self._senders.get(node) is not sender:
+            return
+        sender.number = (sender.number + 1) % NUMBERS
+        sender.sending = True
+        self.sent += 1
+        self._mac.offer(node, BEACON_BITS, partial(self._sent, sender, beacon), self._code)
+
+    def _sent(self, sender: _BeaconSender, beacon: RouteBeacon, received: Received | None) -> None:
+        sender.sending = False
+        for node in () if received is None else received.tolist():
+            self._heard(node, beacon)

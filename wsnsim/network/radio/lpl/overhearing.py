@@ -10,7 +10,7 @@ Source: Buettner and others (2006), section 3.3: a waiting sender backs off, and
 from __future__ import annotations
 
 from wsnsim.base.frames import EVERYONE
-from wsnsim.base.medium_access import StrobingMac
+from wsnsim.models.low_power_listening import XMac
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.lpl.radios import SENDS, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import RepeatingSender, Senders
@@ -31,7 +31,7 @@ class Overhearing:
     """What waiting senders know of the exchanges that they overhear."""
 
     def __init__(
-        self, mac: StrobingMac, services: NetworkMacServices, radios: LowPowerRadios, channel: Channel, senders: Senders
+        self, mac: XMac, services: NetworkMacServices, radios: LowPowerRadios, channel: Channel, senders: Senders
     ) -> None:
         self._mac = mac
         self._env = services.radio.env

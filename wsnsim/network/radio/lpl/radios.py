@@ -32,7 +32,7 @@ class LowPowerRadios:
     Args:
         services: The services of the network.
         interval: The wake interval in s.
-        near: The wake interval in s of nodes that have been told to hurry; `interval` divided by a power of two.
+        near: The short wake interval in s, of nodes that were told to use it; `interval` divided by a power of two.
 
     Attributes:
         on_hold: Called with a node whose radio is about to be held on; returns since when it has been on, or infinity.
@@ -61,7 +61,7 @@ class LowPowerRadios:
 
     def offsets(self, ids: Ints, time: float) -> tuple[Floats, Floats | float]:
         """(n,) s from the last wake-up of nodes to a time, and their intervals (n,), or one; on their own clocks."""
-        local = self._clocks.local(ids, time) - self._phases[ids]
+        local = self._clocks.local_times(ids, time) - self._phases[ids]
         if self._near == self._interval:
             return local % self._interval, self._interval
         intervals = np.where(self._near_until[ids] > time, self._near, self._interval)
@@ -149,7 +149,7 @@ class LowPowerRadios:
         for reason in (SENDS, RECEIVES, EXPECTS):
             self._until.pop((node, reason), None)
 
-    def hurry(self, nodes: Sequence[int], until: float) -> None:
+    def use_short_interval(self, nodes: Sequence[int], until: float) -> None:
         """Have nodes that are up use the short interval until a time in s; it is not before what they were told."""
         if self._near == self._interval:
             return
@@ -160,9 +160,9 @@ class LowPowerRadios:
             if not was_near:
                 self._nodes.set_duty(node, 1)
             if self._nodes.alive[node]:
-                self._env.timeout(until - now, node).callbacks.append(self._slow_down)
+                self._env.timeout(until - now, node).callbacks.append(self._use_long_interval)
 
-    def _slow_down(self, timeout: simpy.Event) -> None:
+    def _use_long_interval(self, timeout: simpy.Event) -> None:
         node: Any = timeout.value
         if 0.0 < self._near_until[node] <= self._env.now + ROUNDING and self._nodes.alive[node]:
             self._nodes.set_duty(node, 0)

@@ -18,12 +18,11 @@ import numpy as np
 import simpy
 
 from wsnsim.base.frames import MacFrame, OfferedFrame, Received
-from wsnsim.base.hopping_mac import MOST_CELLS, HoppingMac
 from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.models.tsch import MOST_CELLS, Tsch
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.tsch.exchanges import Exchanges, Line
-from wsnsim.network.radio.tsch.radios import SlotRadios
-from wsnsim.network.radio.tsch.slots import Slots
+from wsnsim.network.radio.tsch.slots import SlotRadios, Slots
 
 Pair: TypeAlias = tuple[int, int]
 """Sender and receiver."""
@@ -45,7 +44,7 @@ class CellLeases:
     """The cells of all cluster heads."""
 
     def __init__(
-        self, mac: HoppingMac, services: NetworkMacServices, slots: Slots, radios: SlotRadios, air: Exchanges
+        self, mac: Tsch, services: NetworkMacServices, slots: Slots, radios: SlotRadios, air: Exchanges
     ) -> None:
         self._mac = mac
         self._services = services

@@ -25,8 +25,8 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.hopping_mac import HoppingMac
 from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.models.tsch import Tsch
 from wsnsim.network.clocks import Clocks
 
 NOBODY: Final = -1
@@ -45,7 +45,7 @@ LARGE: Final = 0.5
 class Corrections:
     """When and by whom the clocks of nodes were corrected, and what they know of their rates."""
 
-    def __init__(self, mac: HoppingMac, env: simpy.Environment, clocks: Clocks, size: int, key: int) -> None:
+    def __init__(self, mac: Tsch, env: simpy.Environment, clocks: Clocks, size: int, key: int) -> None:
         self._mac = mac
         self._env = env
         self._clocks = clocks
@@ -98,7 +98,7 @@ class Corrections:
     def correct(self, node: int, source: int) -> None:
         """Set the clock of a node by that of a neighbour."""
         now = self._env.now
-        both = self._clocks.local(np.array([node, source]), now)
+        both = self._clocks.local_times(np.array([node, source]), now)
         tick = self._mac.tick
         offset = round(float(both[1] - both[0]) / tick) * tick if tick else float(both[1] - both[0])
         self._at[node] = now

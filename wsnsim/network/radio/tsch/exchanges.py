@@ -17,14 +17,12 @@ from typing import Any
 import simpy
 
 from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
-from wsnsim.base.hopping_mac import HoppingMac
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
+from wsnsim.models.tsch import Tsch
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
-from wsnsim.network.radio.tsch.listening_time import ListeningTime
-from wsnsim.network.radio.tsch.radios import SlotRadios
-from wsnsim.network.radio.tsch.slots import ROUNDING, Slots
+from wsnsim.network.radio.tsch.slots import ROUNDING, ListeningTime, SlotRadios, Slots
 
 
 class Line:
@@ -84,7 +82,7 @@ class Exchanges:
         on_expiry: Called with a line whose cells were taken back while it had frames.
     """
 
-    def __init__(self, mac: HoppingMac, services: NetworkMacServices, slots: Slots, radios: SlotRadios) -> None:
+    def __init__(self, mac: Tsch, services: NetworkMacServices, slots: Slots, radios: SlotRadios) -> None:
         self._mac = mac
         self._services = services
         self._env = services.radio.env

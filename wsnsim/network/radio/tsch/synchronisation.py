@@ -33,14 +33,14 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
-from wsnsim.base.hopping_mac import HoppingMac
 from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.models.tsch import Tsch
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
 from wsnsim.network.radio.tsch.cell_leases import CellLeases
 from wsnsim.network.radio.tsch.corrections import NOBODY, Corrections
 from wsnsim.network.radio.tsch.exchanges import Exchanges
-from wsnsim.network.radio.tsch.radios import SlotRadios
+from wsnsim.network.radio.tsch.slots import SlotRadios
 
 FARTHEST: Final = 255
 """The largest number of hops that an enhanced beacon can state (its join metric has 8 bits)."""
@@ -88,7 +88,7 @@ class Synchronisation:
     """
 
     def __init__(
-        self, mac: HoppingMac, services: NetworkMacServices, radios: SlotRadios, air: Exchanges, leases: CellLeases
+        self, mac: Tsch, services: NetworkMacServices, radios: SlotRadios, air: Exchanges, leases: CellLeases
     ) -> None:
         self._mac = mac
         self._services = services

@@ -1,6 +1,6 @@
 """The mechanism of `mac: tsch`: frames of bursts and broadcasts on their way into slots.
 
-Slots are in `slots`, radios in `radios`, frames in slots in `exchanges`, cells of clusters in `cell_leases`, and the
+Slots and radios are in `slots`, frames in slots in `exchanges`, cells of clusters in `cell_leases`, and the
 clocks of nodes in `synchronisation`.
 """
 
@@ -11,19 +11,18 @@ from collections.abc import Callable, Sequence
 import simpy
 
 from wsnsim.base.frames import EVERYONE, Burst, MacFrame, OfferedFrame, Received
-from wsnsim.base.hopping_mac import HoppingMac
+from wsnsim.models.tsch import Tsch
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.tsch.cell_leases import CellLeases
 from wsnsim.network.radio.tsch.exchanges import Exchanges
-from wsnsim.network.radio.tsch.radios import SlotRadios
-from wsnsim.network.radio.tsch.slots import Slots
+from wsnsim.network.radio.tsch.slots import SlotRadios, Slots
 from wsnsim.network.radio.tsch.synchronisation import Synchronisation
 
 
 class TschMechanism:
     """TSCH of all nodes."""
 
-    def __init__(self, mac: HoppingMac, services: NetworkMacServices) -> None:
+    def __init__(self, mac: Tsch, services: NetworkMacServices) -> None:
         self._mac = mac
         self._services = services
         self._env = services.radio.env

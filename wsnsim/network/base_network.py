@@ -14,28 +14,20 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, failed_run
 from wsnsim.base.mac_mechanisms import FollowsRestarts
 from wsnsim.base.mechanisms import SensorDefect
-from wsnsim.base.network_ports import TreeRouting
 from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import RunNow, TrackNow, follower_of
 from wsnsim.base.setups import RadioSetup
-from wsnsim.network.energy.energy_steps import EnergySteps
-from wsnsim.network.event_log import EventLog
-from wsnsim.network.faults.schedule import FaultSchedule
-from wsnsim.network.faults.services import FaultSite, NodeControl
-from wsnsim.network.places import Places
-from wsnsim.network.radio.collection_tree import CollectionTree
+from wsnsim.network.event_log import EventLog, StepClock
+from wsnsim.network.fault_services import FaultSite, NodeControl
+from wsnsim.network.faults import FaultSchedule
+from wsnsim.network.node_states import Places
 from wsnsim.network.radio.datagrams import Forwarding, Hops
-from wsnsim.network.radio.path_forwarding import PathForwarding
 from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, sink_nodes
-from wsnsim.network.radio.routing import Router
+from wsnsim.network.radio.routing import PathForwarding, Router
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.report_rows import ReportRows
-from wsnsim.network.result_rows import NetworkOutcome
-from wsnsim.network.step_clock import StepClock
-from wsnsim.network.synchronisation.clock_errors import ClockErrors
-from wsnsim.network.synchronisation.mechanisms import make_sync
-from wsnsim.network.synchronisation.services import NetworkSyncServices
+from wsnsim.network.result_rows import EnergySteps, NetworkOutcome, ReportRows
+from wsnsim.network.synchronisation import ClockErrors, NetworkSyncServices, make_sync
 
 Steps = Generator[simpy.Event, Any, None]
 
@@ -52,7 +44,7 @@ class Sensors:
     assumed: Floats | None = None
 
 
-class Network(ABC):
+class BaseNetwork(ABC):
     """A network: its nodes, their radio stack, the faults, and how nodes go down and come back.
 
     A subclass defines what happens in a step and how a death is logged, and makes the faults.
@@ -110,7 +102,7 @@ class Network(ABC):
         except (Exception, SystemExit) as raised:  # a plug-in may exit
             reason = raised.__cause__ or raised
             raise failed_run(self._env.now, self._setup.seed, self._replicate, reason) from reason
-        awake, radio_on = self._nodes.duty_cycles.awake_fraction(self._env.now), self._nodes.consumption.radio_on()
+        awake, radio_on = self._nodes.sleep_states.awake_fraction(self._env.now), self._nodes.consumption.radio_on()
         self._energy_steps.end(self._clock.step)
         self._energy_steps.write(self._replicate, self._setup.dt, self._recorder)
         self._clock_errors.write(self._replicate, self._recorder)
@@ -177,5 +169,8 @@ class Network(ABC):
 def make_forwarding(setup: RadioSetup, stack: RadioStack, hops: Hops, sinks: tuple[int, ...], key: int) -> Forwarding:
     """Return how the datagrams of a scenario find their way. `key`: the random key of what nodes do for it."""
     if setup.routing.weight == "etx":
-        return CollectionTree(stack, hops, cast(TreeRouting, setup.routing), sinks, key)
+        from wsnsim.models.workloads import CollectionTreeProtocol
+        from wsnsim.network.radio.collection_tree import CollectionTree
+
+        return CollectionTree(stack, hops, cast(CollectionTreeProtocol, setup.routing), sinks, key)
     return PathForwarding(stack.radio, hops, Router(stack.radio, setup.routing.weight, setup.link.audible), sinks)

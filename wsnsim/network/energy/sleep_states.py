@@ -1,6 +1,6 @@
-"""Duty cycles: which nodes are awake, by their sleep schedule or because they are held awake.
+"""Sleep states: which nodes are awake, by their sleep schedule or because they are held awake.
 
-    duty_cycles.hears(ids, since, living) -> (n,)      is_awake(node)      note(node, mode)      skipped()
+    sleep_states.hears(ids, since, living) -> (n,)      is_awake(node)      note(node, mode)      skipped()
 
 No event happens when a node that follows its schedule wakes: a schedule is a function of time. Stored are the nodes
 that are *off* their schedules (held awake, or down), and what the schedules last said.
@@ -25,7 +25,7 @@ Totals: TypeAlias = tuple[float, float, float]
 """Awake seconds, switches between awake and asleep, and seconds in total."""
 
 
-class DutyCycles:
+class SleepStates:
     """Which nodes are awake when: here those of nodes that always listen. `rest` is the mode of one without a task."""
 
     def __init__(self, rest: Mode = Mode.DORMANT) -> None:
@@ -92,8 +92,8 @@ class DutyCycles:
         return 1.0
 
 
-class ScheduledDutyCycles(DutyCycles):
-    """The duty cycles of nodes that follow a sleep schedule."""
+class ScheduledSleepStates(SleepStates):
+    """The sleep states of nodes that follow a sleep schedule."""
 
     def __init__(self, env: simpy.Environment, schedules: LocalSchedules) -> None:
         super().__init__(Mode.SCHEDULED)

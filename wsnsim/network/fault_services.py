@@ -20,6 +20,7 @@ from wsnsim.base.rng import derive
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog, event
+from wsnsim.network.mechanisms import NetworkServices
 from wsnsim.network.nodes import Nodes
 
 LEAK: Final = CAUSE["leak"]
@@ -153,10 +154,11 @@ class Combination:
     key: int
 
 
-class SiteServices:
+class SiteServices(NetworkServices):
     """The services of one fault: see `base.mechanisms.FaultServices`. `number` is its place in the scenario's list."""
 
     def __init__(self, site: FaultSite, shared: Combination, fault: FaultEvent, number: int) -> None:
+        super().__init__(site.env, site.nodes, site.clocks)
         self._site = site
         self._shared = shared
         self._name = fault.mechanism
@@ -165,29 +167,16 @@ class SiteServices:
         self.key = derive(shared.key, number, 1)
         self.positions: Floats = site.nodes.positions
 
-    @property
-    def now(self) -> float:
-        """The simulated time in s."""
-        return float(self._site.env.now)
-
-    def is_up(self, node: int) -> bool:
-        """Whether a node is neither dead nor crashed."""
-        return bool(self._site.nodes.alive[node])
-
-    def is_dead(self, node: int) -> bool:
-        """Whether the battery of a node is empty."""
-        return node in self._site.nodes.died_at
-
     def residual_energy(self, node: int) -> float:
         """Joules left in a node now."""
-        return self._site.nodes.residual_energy(node)
+        return self._nodes.residual_energy(node)
 
     def head_of(self, target: int) -> int | None:
         """The cluster head of a target, or None."""
         return self._site.control.head_of(target)
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
-        """Call an action after `seconds` of simulated time."""
+        """Call an action after `seconds` of simulated time, among the faults of that time in their order."""
         self._shared.timeline.call_at(self.now + seconds, action)
 
     def log_start(self, node: int, joules: float = 0.0) -> None:
@@ -221,7 +210,7 @@ class SiteServices:
 
     def drain(self, node: int, joules: float) -> float:
         """Take charge from a node; returns the joules taken. Infinity empties the battery."""
-        return self._site.nodes.spend(node, LEAK, joules)
+        return self._nodes.spend(node, LEAK, joules)
 
     def jam(self, nodes: Ints) -> None:
         """The radios of the nodes neither receive nor are received, until `unjam`."""
@@ -241,7 +230,7 @@ class SiteServices:
 
     def step_clocks(self, nodes: Ints, seconds: float) -> None:
         """Put the clocks of the nodes forward; back if `seconds` is negative."""
-        self._site.clocks.step(nodes.tolist(), seconds)
+        self._clocks.step(nodes.tolist(), seconds)
 
     def set_defect(self, defect: SensorDefect) -> None:
         """Change the readings of sensors. A fault has one defect at a time."""

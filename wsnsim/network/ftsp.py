@@ -9,6 +9,7 @@ message when it leaves, so that they belong together however long the message wa
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Final
@@ -17,13 +18,62 @@ import numpy as np
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.rng import derive, derive_all, normals, uniforms
-from wsnsim.base.synchronisation import FloodingSync, SyncServices
-from wsnsim.network.synchronisation.reference_points import ReferencePoints
+from wsnsim.base.synchronisation import SyncServices
+from wsnsim.models.synchronisation import Ftsp
 
 PATIENCE: Final = 3
 """Outliers in a row that are left out; the next one makes a node forget its reference points."""
 PHASE, WAIT, STAMP = 0, 1, 2
 """In a random key, what a number is for: a node's first message, its time in an awake spell, a time stamp."""
+
+
+class ReferencePoints:
+    """The last `most` reference points of a node, and the line through them. Without any, the other clock is its own.
+
+    The line runs through the offset over the own clock, both relative to their means: numbers of microseconds beside
+    numbers of seconds lose no digits. Source: Maróti et al. (2004), section 6; TimeSyncP.nc, calculateConversion.
+    """
+
+    __slots__ = ("_offset", "_own", "_points", "_skew")
+
+    def __init__(self, most: int) -> None:
+        self._points: deque[tuple[float, float]] = deque(maxlen=most)
+        self._own = self._offset = self._skew = 0.0
+
+    def __len__(self) -> int:
+        return len(self._points)
+
+    @property
+    def rate(self) -> float:
+        """Seconds on the own clock per second on the other clock."""
+        return 1.0 / (1.0 + self._skew)
+
+    def other(self, own: float) -> float:
+        """What the other clock shows when the own clock shows `own`, in s."""
+        return own + self._offset + self._skew * (own - self._own)
+
+    def add(self, own: float, other: float) -> None:
+        """Note what both clocks showed at one instant. The oldest of `most` points is forgotten."""
+        self._points.append((own, other - own))
+        self._fit()
+
+    def clear(self) -> None:
+        """Forget the points. The line stays until there are new ones."""
+        self._points.clear()
+
+    def restart(self) -> None:
+        """Forget the points and the line."""
+        self._points.clear()
+        self._own = self._offset = self._skew = 0.0
+
+    def _fit(self) -> None:
+        """The line by least squares. Through one point goes the line with the slope of before."""
+        count, points = len(self._points), self._points
+        self._own = sum([own for own, _ in points]) / count
+        self._offset = sum([offset for _, offset in points]) / count
+        spread = sum([(own - self._own) ** 2 for own, _ in points])
+        if spread > 0.0:
+            self._skew = sum([(own - self._own) * (offset - self._offset) for own, offset in points]) / spread
 
 
 class _Node:
@@ -52,7 +102,7 @@ class _Node:
 class FtspMechanism:
     """FTSP on all nodes of a network."""
 
-    def __init__(self, component: FloodingSync, services: SyncServices) -> None:
+    def __init__(self, component: Ftsp, services: SyncServices) -> None:
         self._component = component
         self._services = services
         self._nodes = [_Node(component.entries) for _ in range(services.size)]

@@ -1,4 +1,4 @@
-"""The readings of sensors with imperfections: errors of detection or of value, or wrong clocks.
+"""The readings of imperfect sensors, in a network or without: errors of detection or of value, or wrong clocks.
 
 Each step is computed when it is first asked for: readings are missed, false alarms are raised, values are distorted,
 and a node whose clock is wrong takes its reading at the wrong time. Without any of these the readings are, to the
@@ -7,31 +7,36 @@ last bit, those of `Readings`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys, planar
-from wsnsim.base.initial_conditions import measured_points, node_names
+from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.ports import Detection, Detects
-from wsnsim.base.rng import HEAD_KEY, component_noise, derive, derive_all, derive_each, uniforms
+from wsnsim.base.rng import HEAD_KEY, Streams, component_noise, derive, derive_all, derive_each, uniforms
 from wsnsim.base.sensing import PathShadowing, is_perfect, path_shadowing
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
+from wsnsim.base.tables import Memory
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.faults.mechanisms import change_readings
+from wsnsim.network.event_log import EventLog
+from wsnsim.network.fault_services import FaultSite, NodeControl
+from wsnsim.network.faults import FaultSchedule, change_readings
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.sensing.readings import Readings, SensorArray
-from wsnsim.network.sensing.replayed_readings import ReplayedReadings
-from wsnsim.network.sensing.reports import Reports
+from wsnsim.network.sensing import Readings, ReplayedReadings, Reports, SensorArray
 
 DISTORTION: Final = HEAD_KEY
 """In a random key, stands for a target: for what distorts a node's readings at every step."""
 ALARMS: Final = HEAD_KEY
 """In a random key, stands for a node: for which nodes raise a false alarm at a step."""
+
+
 MISSED, DISTANCE, ANGLE = 2, 3, 4
 """Uniform numbers of (target, step, node): is the reading missed, and where the false target is. Noise uses 0 and 1."""
 
@@ -240,3 +245,55 @@ def _sampled(key: int, probability: float, size: int) -> Ints:
         found.append(ids[ids < size])
         last = int(ids[-1])
     return np.concatenate(found)
+
+
+def standalone_reports(
+    setup: TrackingSetup, conditions: InitialConditions, streams: Streams, target: int
+) -> Callable[[int, int], Floats]:
+    """Return the function that gives the reports on a target: see `StandaloneReports.rows`."""
+    return StandaloneReports(setup, conditions, streams, target).rows
+
+
+class _TrueTime:
+    """Clocks that are right."""
+
+    def rates(self, keys: Keys) -> Floats:
+        """(n,) ones."""
+        return np.ones(len(keys))
+
+
+class StandaloneReports:
+    """The reports on one target of a run, in the order of steps.
+
+        rows = standalone_reports(setup, conditions, streams, target)      rows(first, count) -> (count, S) readings
+
+    Sensors are all that there is: a fault may change their readings, or stop them while their node is down. Nothing
+    else of a node fails: messages reach it, and it keeps what it knows (our choice).
+    """
+
+    def __init__(self, setup: TrackingSetup, conditions: InitialConditions, streams: Streams, target: int) -> None:
+        self._dt, self._last = setup.dt, setup.steps
+        self._env = env = simpy.Environment()
+        self._nodes = nodes = Nodes(conditions.positions, conditions.traits, math.inf, setup.sensor.reach)
+        clocks = Clocks(_TrueTime(), 0, nodes.size, env)
+        available, imperfections = make_readings(setup, conditions.truths, nodes, clocks, streams.key("sense"))
+        self._available = available[target]
+        control = NodeControl(nodes.crash, lambda node: nodes.restart(node, env.now), lambda _: None)
+        site = FaultSite(env, nodes, EventLog(Memory({}), 0), clocks, control, imperfections.defects)
+        FaultSchedule(setup.faults, site, streams.key("faults"), setup.dt).start()
+        count = len(components_of(setup.sensor))
+        self._shape = (nodes.size,) if count == 1 else (nodes.size, count)
+
+    def rows(self, first: int, count: int) -> Floats:
+        """(count, S) or (count, S, M) the reports of the steps from `first` on; NaN where a sensor has none.
+
+        They end with the run. Steps may be left out, but not asked for again.
+        """
+        reports = np.full((max(0, min(count, self._last + 1 - first)), *self._shape), np.nan)
+        for row, step in enumerate(range(first, first + len(reports))):
+            while self._env.peek() <= step * self._dt:
+                self._env.step()
+            for node, reading in self._available.readings(step).items():
+                if self._nodes.living[node]:
+                    reports[row, node] = reading
+        return reports

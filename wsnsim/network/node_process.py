@@ -13,8 +13,8 @@ from typing import Any, Final
 import simpy
 
 from wsnsim.base.radio import Mode
+from wsnsim.network.event_log import ProtocolLog
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.step_clock import ProtocolLog
 
 TARGET: Final = "target"
 FRAME: Final = "frame"
@@ -24,7 +24,7 @@ Change = Callable[[], Any]
 
 
 @dataclass(frozen=True, slots=True)
-class NodeServices:
+class ProcessServices:
     """What a node process uses. `on_wake(node, target, by_frame)` is called at each wake-up."""
 
     env: simpy.Environment
@@ -40,7 +40,7 @@ class NodeProcess:
     which it stays awake until a time.
     """
 
-    def __init__(self, services: NodeServices, index: int) -> None:
+    def __init__(self, services: ProcessServices, index: int) -> None:
         self.index = index
         self.senses: set[int] = set()
         self.serves: set[int] = set()
@@ -150,7 +150,7 @@ class NodeProcess:
 class NodeProcesses:
     """The processes of all nodes that have been awake, by index."""
 
-    def __init__(self, services: NodeServices) -> None:
+    def __init__(self, services: ProcessServices) -> None:
         self._services = services
         self._processes: dict[int, NodeProcess] = {}
 

@@ -1,1 +1,0 @@
-"""Faults: their schedule, what each mechanism does, and the services that mechanisms use."""

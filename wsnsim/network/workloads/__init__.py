@@ -1,1 +1,0 @@
-"""Workloads: networks without targets, and what their nodes do."""
