@@ -57,7 +57,7 @@ class Routing(Protocol):
     def weight(self) -> str:
         """What it minimises: 'energy' or 'hop'; or 'greedy': each hop goes nearest to the destination.
 
-        Nodes know the paths for nothing. With 'etx' they pay for what they know: as in the collection tree protocol.
+        Nodes know the paths for nothing. With 'etx' they pay for what they know, as in the collection tree protocol.
         """
 
 
