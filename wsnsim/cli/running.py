@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import click
 
 from wsnsim.base.errors import UsageError
-from wsnsim.base.garbage import gc_disabled
+from wsnsim.base.process import gc_disabled
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.live import LiveOptions, shown_live
 from wsnsim.cli.progress import RUN, display

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from wsnsim.base import garbage
-from wsnsim.base.garbage import NEW_OBJECTS, gc_disabled, gc_frozen
+from wsnsim.base import process
+from wsnsim.base.process import NEW_OBJECTS, gc_disabled, gc_frozen
 
 
 class Circle:
@@ -58,7 +58,7 @@ def test_an_error_inside_gives_back_what_was_frozen() -> None:
 @pytest.mark.thorough
 @pytest.mark.parametrize("everything_after", [1, 10**9])
 def test_older_garbage_is_looked_for_now_and_then(everything_after: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(garbage, "EVERYTHING_AFTER", everything_after)
+    monkeypatch.setattr(process, "EVERYTHING_AFTER", everything_after)
     older = left()
     with gc_frozen():
         pass
