@@ -21,9 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import wsnsim.scenario as scenarios
-from wsnsim.base.contained import contained
 from wsnsim.base.errors import plugin_faults_of_run
-from wsnsim.base.garbage import only_own_garbage
 from wsnsim.base.initial_conditions import (
     InitialConditions,
     sample_initial_conditions,
@@ -32,6 +30,7 @@ from wsnsim.base.initial_conditions import (
 )
 from wsnsim.base.plugin_code import plugin_classes
 from wsnsim.base.ports import Recorder
+from wsnsim.base.process import contained, gc_frozen, limited, time_limit
 from wsnsim.base.progress import OnTime, Progress, throttled
 from wsnsim.base.recorded_files import provenance_of
 from wsnsim.base.results import Report, RunResult, Summary, summarise
@@ -40,7 +39,6 @@ from wsnsim.base.rows import RunStart, follower_of
 from wsnsim.base.run_numbers import run_numbers
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TableLayout, TrackingSetup, table_layout
 from wsnsim.base.tables import Memory
-from wsnsim.base.time_limit import limited, time_limit
 from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation
 from wsnsim.models.coverage import coverage_of_living
 from wsnsim.network.base_network import Sensors
@@ -125,14 +123,14 @@ def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime 
     """Truth, world, rows. The clock starts when positions and trajectories are known."""
     started = time_without_compilation()
     if isinstance(setup, BeaconSetup):
-        with only_own_garbage():
+        with gc_frozen():
             result = _without_targets(setup, replicate, recorder, progress)
         return summarise(setup, replicate, result, (), recorder, started + compilation_seconds())
     assert isinstance(setup, TrackingSetup)
     conditions = sample_initial_conditions(setup, replicate)
     follower_of(recorder).begin(RunStart(setup, replicate, conditions.positions, conditions.truths))
     if isinstance(setup, NetworkSetup):
-        with only_own_garbage():
+        with gc_frozen():
             result = _in_network(setup, replicate, conditions, recorder, progress)
     else:
         result = OfflineRun(setup, replicate, conditions, recorder, standalone_reports).run(progress)

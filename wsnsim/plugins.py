@@ -24,16 +24,15 @@ if TYPE_CHECKING:
     from wsnsim.base.frames import Burst as Burst, MacFrame as MacFrame, OfferedFrame as OfferedFrame
     from wsnsim.base.mac_mechanisms import (
         ExpectsMembers as ExpectsMembers, FollowsRestarts as FollowsRestarts, Fragmenter as Fragmenter,
-        KeepsIdleSlots as KeepsIdleSlots, Listening as Listening,
-        MacMechanism as MacMechanism, MacServices as MacServices, OnAir as OnAir, SharedChannel as SharedChannel,
-        Signal as Signal, StartsMac as StartsMac, UsesShortInterval as UsesShortInterval,
+        KeepsIdleSlots as KeepsIdleSlots, Listening as Listening, MacMechanism as MacMechanism,
+        MacServices as MacServices, OnAir as OnAir, SharedChannel as SharedChannel, Signal as Signal,
+        StartsMac as StartsMac, UsesShortInterval as UsesShortInterval,
     )
     from wsnsim.base.mechanisms import (
         FaultMechanism as FaultMechanism, FaultServices as FaultServices, NodeServices as NodeServices,
-        SensorDefect as SensorDefect,
-        StartsFault as StartsFault, StartsWakeUp as StartsWakeUp, StartsWorkload as StartsWorkload,
-        WakeUpMechanism as WakeUpMechanism, WakeUpServices as WakeUpServices, WorkloadMechanism as WorkloadMechanism,
-        WorkloadServices as WorkloadServices,
+        SensorDefect as SensorDefect, StartsFault as StartsFault, StartsWakeUp as StartsWakeUp,
+        StartsWorkload as StartsWorkload, WakeUpMechanism as WakeUpMechanism, WakeUpServices as WakeUpServices,
+        WorkloadMechanism as WorkloadMechanism, WorkloadServices as WorkloadServices,
     )
     from wsnsim.base.medium_access import (
         DutyCycledMac as DutyCycledMac, FramedMac as FramedMac, GivesTurns as GivesTurns, KnowsLatency as KnowsLatency,

@@ -19,12 +19,11 @@ import pytest
 import wsnsim
 from wsnsim.base import border, clustering, mac_mechanisms, ports, radio, sleeping, synchronisation
 from wsnsim.base.border import CheckedServices, checked
-from wsnsim.base.contained import contained
 from wsnsim.base.errors import PluginAnswerError, RunError, UsageError
 from wsnsim.base.estimate import Estimate
 from wsnsim.base.plugin_code import note_plugin
+from wsnsim.base.process import contained, limited, time_limit
 from wsnsim.base.requests import Broadcast, Compute, Gather, GatherReadings, Local, Parcel, Scatter, Send
-from wsnsim.base.time_limit import limited, time_limit
 from wsnsim.cli import main
 from wsnsim.experiment import simulate_run
 from wsnsim.models.links import Disk

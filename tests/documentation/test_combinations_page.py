@@ -9,7 +9,7 @@ import pytest
 
 from wsnsim import load
 from wsnsim.base.errors import ScenarioError
-from wsnsim.base.hop_times import (
+from wsnsim.base.medium_access import (
     CAP_HOPS,
     CAP_SHARE,
     ELECTION_HOPS,

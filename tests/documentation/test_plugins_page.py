@@ -11,7 +11,7 @@ import pytest
 
 import wsnsim
 from wsnsim import testing
-from wsnsim.scenario.conformance import demand_port
+from wsnsim.scenario.fields import demand_port
 from wsnsim.trackers.ekf import ExtendedKalman
 
 PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.late_mac import LateCsma
-from wsnsim.base.hop_times import head_waits, window_of
+from wsnsim.base.medium_access import head_waits, window_of
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.access import Csma, IdealMac
 from wsnsim.models.clusters import Central, MovingHead, StrongestSignal

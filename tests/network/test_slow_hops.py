@@ -12,8 +12,8 @@ import simpy
 
 from tests.helpers import late_mac
 from tests.network.late_runs import CALM, LATE, MOVING, Run, played
-from wsnsim.base import hop_times
-from wsnsim.base.hop_times import head_waits
+from wsnsim.base import medium_access
+from wsnsim.base.medium_access import head_waits
 from wsnsim.base.tables import KIND
 from wsnsim.models.access import Csma, IdealMac
 from wsnsim.models.bearing import Bearing
@@ -75,7 +75,7 @@ def test_moving_heads_track_at_intervals_of_125_ms_with_steps_of_2_s(name, main)
 
 @pytest.mark.thorough
 def test_a_head_goes_on_after_the_deadline_that_follows_from_the_mac(monkeypatch):
-    monkeypatch.setattr(hop_times, "CAP_HOPS", 0.5)
+    monkeypatch.setattr(medium_access, "CAP_HOPS", 0.5)
     run = Run("ekf_real", *CALM, LATE.format(0.4))
     assert run.setup.waits.gather == pytest.approx(run.setup.hop.unicast / 2)
     delays = run.estimates["issued"] - run.estimates["time"]

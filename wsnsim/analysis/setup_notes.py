@@ -23,8 +23,8 @@ from wsnsim.analysis.effect_notes import (
     parameters_without_effect,
 )
 from wsnsim.base.errors import RunError
-from wsnsim.base.hop_times import CAP_SHARE, is_duty_cycled
 from wsnsim.base.initial_conditions import sample_positions
+from wsnsim.base.medium_access import CAP_SHARE, is_duty_cycled
 from wsnsim.base.ports import Field
 from wsnsim.base.radio import Mode, RecordsLinks, continuous_power
 from wsnsim.base.rng import Streams, derive_all

@@ -2,11 +2,16 @@
 
 A radio is *on* while it sends, receives or listens; a node *sleeps*, or is awake. A duty-cycled MAC switches the radios
 of awake nodes: `network.nodes.Nodes` books what that costs. Times in s.
+
+`head_waits` says how long cluster heads wait for others where a scenario does not: by how long a hop takes on the MAC.
+All its figures that are no multiple of a latency are those that heads had before MACs said how long they take.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
+
+from wsnsim.base.requests import PACKET_BITS
 
 
 class Mac(Protocol):
@@ -153,79 +158,85 @@ class GivesTurns(Protocol):
         """Seconds until each of this number of members has had its turn; 0: only those that send take time."""
 
 
-class LowPowerMac(FramedMac, Protocol):
-    """A MAC whose nodes listen once an interval.
+LEAST_QUIET: Final = 12e-3
+LEAST_CAP: Final = 50e-3
+"""Waits (s) of moving heads on a radio that always listens (our choice)."""
+QUIET_HOPS: Final = 1.5
+CAP_HOPS: Final = 4.0
+JOIN_HOPS: Final = 2.0
+ELECTION_HOPS: Final = 6.0
+"""The same waits, and those for joins and candidates, in hops of a radio that is mostly off (our choice)."""
+CAP_SHARE: Final = 0.6
+JOIN_SHARE: Final = 0.3
+ELECTION_SHARE: Final = 0.5
+"""Shares of a step that these waits take at most (our choice): the rest is for the estimate and what follows it."""
+
+
+class HeadWaits(NamedTuple):
+    """How long cluster heads wait for others, in s.
 
     Attributes:
-        interval: Wake interval.
-        near: Wake interval of nodes that expect a target; None: the same.
-        first_backoff: The longest random wait before a sender first listens.
-        max_backoffs: Attempts after the first before a frame is dropped.
-        linger: How long a receiver stays on for further frames.
+        quiet: without a reading, after which a moving head waits no longer.
+        cap: for which a moving head waits at most.
+        gather: for the parcels that a tracker gathers without a deadline of its own. None: until all have ended.
+        joins: for the joins that answer an announcement. None: until all have ended.
+        election: the time over which the candidates of an election spread their broadcasts. None: all begin at once.
+        closing: when an election closes at the latest, after its beginning. None: once all broadcasts have ended.
     """
 
-    interval: float
-    near: float | None
-    first_backoff: float
-    max_backoffs: int
-    linger: float
+    quiet: float
+    cap: float
+    gather: float | None = None
+    joins: float | None = None
+    election: float | None = None
+    closing: float | None = None
 
     @property
-    def congestion(self) -> float:
-        """The longest random wait after a busy channel or a missing acknowledgement."""
+    def retries_handover(self) -> bool:
+        """Whether a head whose belief did not reach the next one goes on and tries again at the next step."""
+        return self.gather is not None
+
+
+class WaitsInWindow(Protocol):
+    """A policy of moving heads, which may leave its waits to the MAC."""
 
     @property
-    def assessment(self) -> float:
-        """For how long a sender listens first."""
-
-
-class StrobingMac(LowPowerMac, Protocol):
-    """X-MAC."""
+    def quiet(self) -> float | None: ...
 
     @property
-    def strobe_bits(self) -> int:
-        """Bits of a strobe on the air."""
-
-    @property
-    def gap(self) -> float:
-        """S_al: between two strobes."""
-
-    @property
-    def period(self) -> float:
-        """S_p + S_al: from the start of a strobe to that of the next one."""
-
-    @property
-    def window(self) -> float:
-        """R_l: how long a node listens at each wake-up."""
-
-    @property
-    def strobes(self) -> int:
-        """Strobes of a broadcast, and of a unicast that nobody answers."""
+    def cap(self) -> float | None: ...
 
 
-class RepeatingMac(LowPowerMac, Protocol):
-    """ContikiMAC.
+def window_of(policy: WaitsInWindow, waits: HeadWaits) -> tuple[float, float]:
+    """(quiet, cap) in s of a policy: its own, or those that follow from the MAC."""
+    quiet = waits.quiet if policy.quiet is None else policy.quiet
+    cap = waits.cap if policy.cap is None else policy.cap
+    return (min(quiet, cap) if policy.quiet is None else quiet), cap
 
-    Attributes:
-        cca: t_r: duration of a clear channel assessment.
-        cca_gap: t_c: between the two assessments of a wake-up.
-        frame_gap: t_i: between two copies of a frame.
-        phase_lock: Whether senders learn when their destinations wake.
-        guard: How long before a known wake-up a sender begins.
+
+def is_duty_cycled(mac: Any) -> bool:
+    """Whether the radios of nodes are mostly off on a MAC."""
+    return isinstance(mac, DutyCycledMac)
+
+
+def head_waits(mac: Any, dt: float) -> HeadWaits:
+    """How long heads wait on a MAC, where steps last `dt` s.
+
+    A head knows when everything has arrived or is lost (an idealisation of ours). Where radios are mostly off, that may
+    take many steps. There heads go on after some hops, at the latest after a share of a step, if a hop is not longer
+    than that.
     """
-
-    cca: float
-    cca_gap: float
-    frame_gap: float
-    phase_lock: bool
-    guard: float
-
-    @property
-    def longest(self) -> float:
-        """Airtime of the longest frame."""
-
-    def period(self, bits: int) -> float:
-        """From the start of one copy of a frame to that of the next one."""
-
-    def copies(self, bits: int) -> int:
-        """Copies of a broadcast, and of a unicast that nobody acknowledges."""
+    unicast, broadcast, granted = hop_latency(mac, PACKET_BITS)
+    quiet, cap = max(LEAST_QUIET, QUIET_HOPS * unicast, granted), max(LEAST_CAP, CAP_HOPS * unicast, granted)
+    if not is_duty_cycled(mac):
+        return HeadWaits(quiet, cap)
+    cap = min(cap, max(CAP_SHARE * dt, unicast))
+    spread = min(ELECTION_HOPS * broadcast, ELECTION_SHARE * dt)
+    return HeadWaits(
+        quiet=min(quiet, cap),
+        cap=cap,
+        gather=cap,
+        joins=min(JOIN_HOPS * unicast, JOIN_SHARE * dt),
+        election=spread,
+        closing=spread + 2.0 * broadcast,
+    )

@@ -99,7 +99,7 @@ class Scene:
             without a network.
         hop_seconds: how long a packet of a member takes to the head at most, in s, without contention and
             retries; where each member has a slot, used or not, until the last of them has had its own; 0 without a
-            network, and where sending takes no time. A deadline before it gets few answers.
+            network, and where sending takes no time. A deadline before it gets few replies.
         appointed: the nodes with whose readings a head reckons that appoints its members; see `known`.
     """
 

@@ -2,21 +2,21 @@
 
     Flow[Belief] = Generator[Request, Any, Belief]
 
-A flow is a generator that yields requests and is sent their answers. It knows neither the clock nor the simulation
+A flow is a generator that yields requests and is sent their replies. It knows neither the clock nor the simulation
 engine; energy, airtime and loss belong to the driver.
 
-| request | performed as | answer |
+| request | performed as | reply |
 | --- | --- | --- |
 | Local | each addressed member computes on what it holds | tuple of ids that computed |
 | Gather | members send to the head (the head's own parcel costs nothing) | {id: (payload, mask)} of what arrived |
 | GatherReadings | members send their own measurements to the head, each in one packet | GatheredReadings: arrays |
-| Scatter | the head sends to single members (to itself: at no cost) | {id: mask}; a silent network answers {} |
+| Scatter | the head sends to single members (to itself: at no cost) | {id: mask}; a silent network replies {} |
 | Broadcast | the head sends once to all within range | {id: mask} of the members that received it |
 | Send | the head sends to any node, over several hops if needed (to itself: at no cost) | mask |
 | Compute | the head computes | None |
 
-A mask is a (packets,) boolean array: which packets of the parcel arrived. An id that is missing from an answer means
-that nothing arrived from it, or at it. The answers to `Gather` and `GatherReadings` also say how long each parcel took
+A mask is a (packets,) boolean array: which packets of the parcel arrived. An id that is missing from a reply means
+that nothing arrived from it, or at it. The replies to `Gather` and `GatherReadings` also say how long each parcel took
 (`delays`, s) and over how many hops (`hops`). With a `deadline` the head goes on that many seconds after its request,
 with what has arrived by then; what arrives later is paid for all the same, and ignored.
 """
@@ -61,7 +61,7 @@ WITHIN_THE_INSTANT: Final = Journeys()
 
 
 class Gathered(dict[int, tuple[Any, Bools]]):
-    """{id: (payload, mask)} of what arrived at the head: the answer to `Gather`. A mask is (packets,).
+    """{id: (payload, mask)} of what arrived at the head: the reply to `Gather`. A mask is (packets,).
 
     Args:
         arrived: What arrived.
@@ -236,13 +236,13 @@ class GatherReadings:
         return Parcel(member.reading, 1, self.packet_bits, self.what, readings=1)
 
     def gather(self) -> Gather:
-        """The same request as a `Gather`, whose answer `GatheredReadings.of` turns into arrays."""
+        """The same request as a `Gather`, whose reply `GatheredReadings.of` turns into arrays."""
         return Gather(self.parcel_of, self.who, self.deadline)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GatheredReadings:
-    """The measurements that reached the head: the answer to `GatherReadings`.
+    """The measurements that reached the head: the reply to `GatherReadings`.
 
     Attributes:
         ids: (S,) the members whose packets arrived, in the order in which they were addressed.
@@ -255,10 +255,10 @@ class GatheredReadings:
     journeys: Journeys = WITHIN_THE_INSTANT
 
     @classmethod
-    def of(cls, answer: Mapping[NodeId, tuple[Reading, Bools]]) -> GatheredReadings:
-        """The answer to `GatherReadings.gather()` as arrays."""
-        journeys = answer.journeys if isinstance(answer, Gathered) else WITHIN_THE_INSTANT
-        return cls(tuple(answer), np.array([value for value, _ in answer.values()], dtype=np.float64), journeys)
+    def of(cls, reply: Mapping[NodeId, tuple[Reading, Bools]]) -> GatheredReadings:
+        """The reply to `GatherReadings.gather()` as arrays."""
+        journeys = reply.journeys if isinstance(reply, Gathered) else WITHIN_THE_INSTANT
+        return cls(tuple(reply), np.array([value for value, _ in reply.values()], dtype=np.float64), journeys)
 
     @property
     def masks(self) -> Bools:

@@ -14,8 +14,16 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from wsnsim.base.clustering import ClusterPolicy
-from wsnsim.base.hop_times import HeadWaits, head_waits
-from wsnsim.base.medium_access import DutyCycledMac, GivesTurns, Latency, Mac, Packing, hop_latency
+from wsnsim.base.medium_access import (
+    DutyCycledMac,
+    GivesTurns,
+    HeadWaits,
+    Latency,
+    Mac,
+    Packing,
+    head_waits,
+    hop_latency,
+)
 from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
 from wsnsim.base.network_ports import FaultEvent, HasSeveralSinks, Routing, Sink, Workload
 from wsnsim.base.ports import (

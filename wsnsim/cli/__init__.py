@@ -22,8 +22,8 @@ import click
 
 from wsnsim.base.caches import CacheWarning, prepare_matplotlib
 from wsnsim.base.errors import ScenarioError, WsnsimError
-from wsnsim.base.garbage import NEW_OBJECTS
 from wsnsim.base.plugin_code import TRACEBACK_HINT, plugin_fault
+from wsnsim.base.process import NEW_OBJECTS
 from wsnsim.base.progress import watching
 from wsnsim.cli import (
     campaigns,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import click
 
 from wsnsim.base.errors import UsageError
-from wsnsim.base.garbage import put_off
+from wsnsim.base.process import gc_disabled
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.live import LiveOptions, shown_live
 from wsnsim.cli.progress import RUN, display
@@ -98,7 +98,7 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
     limit = None if options.timeout is None else seconds_of("--timeout", options.timeout)
     path = writable(options.out, Path("results") / f"{scenario.name}.h5")
     page = _page_path(path) if options.with_page else None
-    with put_off():
+    with gc_disabled():
         import wsnsim.experiment as experiment
         from wsnsim.recording.atomic_files import sole_writer
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import Issue
-from wsnsim.base.hop_times import is_duty_cycled, window_of
+from wsnsim.base.medium_access import is_duty_cycled, window_of
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.bounds import MOST_NODES, PLACE

@@ -128,7 +128,7 @@ def impossible_combinations(setup: Setup) -> Iterator[Issue]:
 
 def awake_between_wake_ups(setup: RadioSetup) -> Iterator[Issue]:
     """A sleep schedule whose nodes are awake for less than a wake interval: some sleep whenever their radio is due."""
-    from wsnsim.base.hop_times import is_duty_cycled
+    from wsnsim.base.medium_access import is_duty_cycled
 
     awake, interval = getattr(setup.sleep, "awake_part", None), setup.hop.unicast
     if awake is not None and is_duty_cycled(setup.mac) and awake < interval:
@@ -173,7 +173,7 @@ def woken_too_late(setup: RadioSetup) -> Iterator[Issue]:
 
 def sends_without_end(setup: RadioSetup) -> Iterator[Issue]:
     """A workload whose nodes send more often than one frame takes."""
-    from wsnsim.base.hop_times import is_duty_cycled
+    from wsnsim.base.medium_access import is_duty_cycled
 
     workload = getattr(setup, "workload", None)
     period = getattr(workload, "period", None)

@@ -27,13 +27,13 @@ from wsnsim.base import metrics
 from wsnsim.base.part import Quantity
 from wsnsim.base.regular_files import LARGEST_NAME, LONGEST_ADDITION, is_too_long
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
-from wsnsim.scenario.conformance import demand_port
 from wsnsim.scenario.fields import (
     FROZEN,
     Number,
     PartError,
     PartModel,
     Strict,
+    demand_port,
     fields_of,
     made_model,
     names_of,

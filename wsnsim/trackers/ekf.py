@@ -144,9 +144,9 @@ def _nearest_reading(point: Floats, scene: Scene) -> Flow[Evidence]:
         row = int(((scene.positions - planar(point[None])) ** 2).sum(axis=1).argmin())
         node = scene.ids[row]
         polled = {node: True} if node == scene.head else (yield Scatter({node: parcel(None, 1, POLL)}))
-        answer = (yield Gather(_polled_reading, who=(node,))) if node in polled else {}
-        rows = [row] if node in answer else []
-        values = [answer[node][0] for _ in rows]
+        reply = (yield Gather(_polled_reading, who=(node,))) if node in polled else {}
+        rows = [row] if node in reply else []
+        values = [reply[node][0] for _ in rows]
     ids = tuple(scene.ids[row] for row in rows)
     return Evidence(ids, np.array(values, dtype=np.float64), scene.positions[rows], scene.traits[rows])
 

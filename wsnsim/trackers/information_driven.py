@@ -67,7 +67,7 @@ LATEST: Final = 0.9
 TRIES: Final = 3
 """How often a head sends to its successor what has not arrived there."""
 MISSED: Final = 3
-"""A plan is replaced if this number of members answer that it did not ask: they have not received it."""
+"""A plan is replaced if this number of members reply that it did not ask: they have not received it."""
 REVIEW: Final = 4
 """Steps from one review of a plan to the next."""
 CANDIDATE_CYCLES: Final = 60.0
@@ -101,7 +101,7 @@ class InformationDriven(HeadFilter):
     a plan, and without having received one, members send every reading. The head reviews the plan now and then, and
     sends another where it asks for too little, or for far more than it needs, or where the error grows too fast for
     readings to wait. Members that are appointed later receive it with their announcement. If several members
-    answer as if they had none, it is replaced.
+    reply as if they had none, it is replaced.
 
     On a radio that takes time the head goes on when the share `deadline` of a step is over; left out, that is 0.6, or
     more, 0.9 at most, if a hop of the MAC or a round of slots takes longer. A handover carries each Gaussian with its
@@ -141,13 +141,13 @@ class InformationDriven(HeadFilter):
             lambda members: prepare(members, scene, self.every),
             uses_readings=False,
         )
-        answer = yield Gather(outgoing, deadline=self._seconds(scene))
+        reply = yield Gather(outgoing, deadline=self._seconds(scene))
         if plan is not None and expected is not None:
-            yield Compute(EXTRAPOLATION_CYCLES * (scene.step - expected.step) + WORTH_CYCLES * len(answer))
+            yield Compute(EXTRAPOLATION_CYCLES * (scene.step - expected.step) + WORTH_CYCLES * len(reply))
             expected = extrapolated(expected, scene)
-            if _missed(plan, expected, answer, scene) >= MISSED:
+            if _missed(plan, expected, reply, scene) >= MISSED:
                 plan = expected = None
-        arrived = by_step(answer, scene)
+        arrived = by_step(reply, scene)
         kept = filtered(belief.kept, mixture, arrived, scene)
         yield Compute(filter_cycles(kept, arrived, scene))
         after = _belief(kept[-1].mixture, scene.head)
@@ -240,9 +240,9 @@ def _mixture_of(belief: PlannedBelief) -> Hypotheses:
     return belief.mixture or (Hypothesis(0.0, belief.mean, belief.cov),)
 
 
-def _missed(plan: SelectionPlan, expected: Expected, answer: Mapping[int, Any], scene: Scene) -> int:
+def _missed(plan: SelectionPlan, expected: Expected, reply: Mapping[int, Any], scene: Scene) -> int:
     """How many members answered as if they had no plan: they were not asked, or not at this step."""
-    rows = [row for row, node in enumerate(scene.ids) if node in answer and node != scene.head]
+    rows = [row for row, node in enumerate(scene.ids) if node in reply and node != scene.head]
     if len(rows) < MISSED:
         return 0
     positions, due = scene.positions[rows], plan.is_due(scene.step)

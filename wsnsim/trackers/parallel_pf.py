@@ -133,9 +133,9 @@ class ParallelPf:
             self._weigh(members, belief.shares, scene)
 
         yield Local(lambda member: work_all([member]), cycles_of, work_all)
-        answer = yield Gather(lambda member: _report(member, scene.head))
-        tally = _tallied(answer, deal)
-        after = self._fused(belief, deal, scene, tally, answer)
+        reply = yield Gather(lambda member: _report(member, scene.head))
+        tally = _tallied(reply, deal)
+        after = self._fused(belief, deal, scene, tally, reply)
         if after.effective < self.threshold * sum(weights.size for weights in after.weights.values()):
             after = yield from self._resample(after, scene)
         return after
@@ -180,7 +180,7 @@ class ParallelPf:
         deal: Deal,
         scene: Scene,
         tally: Tally,
-        answer: dict[int, tuple[WeightReport, Bools]],
+        reply: dict[int, tuple[WeightReport, Bools]],
     ) -> ParallelBelief:
         """Local means by the sums of their weights; the covariance is their spread and that of one cloud.
 
@@ -194,7 +194,7 @@ class ParallelPf:
         if not np.isfinite(top):
             return replace(only_predicted(belief, deal, scene), effective=effective, weights=tally.weights)
         sums = np.array([np.exp(tally.weights[node] - top).sum() for node in tally.means])
-        within = answer[scene.head][0].cov if scene.head in answer else None
+        within = reply[scene.head][0].cov if scene.head in reply else None
         if within is None:
             within = within_predicted(belief, scene)
         mean, cov = fuse(np.array(list(tally.means.values())), sums, within)
@@ -240,11 +240,11 @@ def _report(member: Member, head: int) -> Parcel | None:
     )
 
 
-def _tallied(answer: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> Tally:
+def _tallied(reply: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> Tally:
     """What arrived, with the mean of all others for each weight that did not; a holder unheard of counts as it was."""
     weights = {node: np.full(count, UNKNOWN) for node, count in deal.held.items() if count}
     means = {}
-    for node, (report, mask) in answer.items():
+    for node, (report, mask) in reply.items():
         size = report.log_weights.size
         if is_whole(mask):
             weights[node], means[node] = report.log_weights, report.mean
@@ -280,14 +280,14 @@ def replicate(member: Member) -> None:
 
 def _collected(belief: ParallelBelief, most: int) -> Flow[Pool | None]:
     """All particles that the members hold, in n packets each; the head knows their weights."""
-    answer = yield Gather(lambda member: give(member, most, common=0.0), tuple(belief.deal.held))
-    return _weighed(answer, belief.weights)
+    reply = yield Gather(lambda member: give(member, most, common=0.0), tuple(belief.deal.held))
+    return _weighed(reply, belief.weights)
 
 
-def _weighed(answer: dict[int, tuple[tuple[Floats, float], Bools]], weights: Mapping[int, Floats]) -> Pool | None:
+def _weighed(reply: dict[int, tuple[tuple[Floats, float], Bools]], weights: Mapping[int, Floats]) -> Pool | None:
     """The particles that arrived, with the weights that the head has of them."""
     pieces = []
-    for node, (sent, mask) in answer.items():
+    for node, (sent, mask) in reply.items():
         cloud, equal = arrived_particles(sent, mask)
         if node in weights and weights[node].size == sent[0].shape[1]:
             arrived = arrived_groups(mask, weights[node].size, state_packets(cloud.shape[0]))

@@ -139,8 +139,8 @@ class PsoMhpf:
 
         yield Local(lambda member: work_all([member]), cycles_of, work_all)
         own: list[LocalEstimate] = []
-        answer = yield Gather(self._reporter(scene.head, belief.mean.size, own))
-        after = self._fused(belief, deal, scene, answer, own[0] if own else None)
+        reply = yield Gather(self._reporter(scene.head, belief.mean.size, own))
+        after = self._fused(belief, deal, scene, reply, own[0] if own else None)
         if self.feedback:
             yield from feed_back(after, scene)
         return after
@@ -220,7 +220,7 @@ class PsoMhpf:
         return report
 
     def _fused(
-        self, belief: Spread, deal: Deal, scene: Scene, answer: dict[int, tuple[Floats, Bools]],
+        self, belief: Spread, deal: Deal, scene: Scene, reply: dict[int, tuple[Floats, Bools]],
         own: LocalEstimate | None,
     ) -> Spread:  # fmt: skip
         """Local estimates by their share of the particles, the shares renormalised over those that arrived.
@@ -231,7 +231,7 @@ class PsoMhpf:
         columns, held, shares, rows, masks = belief.mean.size, deal.held, [], [], []
         packets = state_packets(columns)
         whole = all_arrived(packets)
-        for node, (row, mask) in answer.items():
+        for node, (row, mask) in reply.items():
             if held.get(node) and (mask is whole or mask[:packets].all()):
                 shares.append(held[node])
                 rows.append(row)

@@ -18,7 +18,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.clustering import MovingPolicy
-from wsnsim.base.hop_times import window_of
+from wsnsim.base.medium_access import window_of
 from wsnsim.base.ports import Portable, Scene
 from wsnsim.base.requests import Parcel
 from wsnsim.base.vector_readings import Reading

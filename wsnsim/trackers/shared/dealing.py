@@ -186,8 +186,8 @@ def redeal(deal: Deal, scene: Scene, common: float | None = None) -> Flow[Deal]:
     wanted = {node: count - deal.held.get(node, 0) for node, count in target.items() if count > deal.held.get(node, 0)}
     held = {node: count - surplus.get(node, 0) for node, count in deal.held.items()}
     if surplus:
-        answer = yield Gather(lambda member: give(member, surplus[member.id], common), tuple(surplus))
-        pool = pooled([arrived_particles(payload, mask) for payload, mask in answer.values()])
+        reply = yield Gather(lambda member: give(member, surplus[member.id], common), tuple(surplus))
+        pool = pooled([arrived_particles(payload, mask) for payload, mask in reply.values()])
         if pool is not None:
             received = yield from _delivered(_portions(pool, wanted, common))
             held |= {node: held.get(node, 0) + count for node, count in received.items()}

@@ -195,12 +195,12 @@ class Kept(NamedTuple):
     mixture: Hypotheses
 
 
-def by_step(answer: Mapping[int, tuple[Any, Bools]], scene: Scene) -> dict[int, Evidence]:
+def by_step(reply: Mapping[int, tuple[Any, Bools]], scene: Scene) -> dict[int, Evidence]:
     """The readings that arrived, by the step in which they were taken."""
     found: dict[int, list[tuple[int, int, Any]]] = {}
     for row, node in enumerate(scene.ids):
-        if node in answer and answer[node][1].all():
-            for ago, value in answer[node][0]:
+        if node in reply and reply[node][1].all():
+            for ago, value in reply[node][0]:
                 found.setdefault(scene.step - ago, []).append((row, node, value))
     return {step: _evidence(taken, scene) for step, taken in found.items()}
 

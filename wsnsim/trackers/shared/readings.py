@@ -198,13 +198,13 @@ def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
         scene: What the head knows.
         bits: Bits of each packet.
     """
-    answer: GatheredReadings = yield GatherReadings(bits)
+    reply: GatheredReadings = yield GatherReadings(bits)
     ids = scene.ids
-    if answer.ids == ids:
-        return Evidence(ids, answer.values, scene.positions, scene.traits)
-    places = {node: place for place, node in enumerate(answer.ids)}
+    if reply.ids == ids:
+        return Evidence(ids, reply.values, scene.positions, scene.traits)
+    places = {node: place for place, node in enumerate(reply.ids)}
     rows = [row for row, node in enumerate(ids) if node in places]
-    values = answer.values[[places[ids[row]] for row in rows]]
+    values = reply.values[[places[ids[row]] for row in rows]]
     return Evidence(tuple([ids[row] for row in rows]), values, scene.positions[rows], scene.traits[rows])
 
 

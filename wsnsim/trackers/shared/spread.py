@@ -213,8 +213,8 @@ def hand_on(belief: Spread, collect: Flow[Pool | None] | None, successor: int) -
 
 def collected(belief: Spread) -> Flow[Pool | None]:
     """Collect all particles that the members hold, in n packets each."""
-    answer = yield Gather(_give_all, tuple(belief.deal.held))
-    return pooled([arrived_particles(payload, mask) for payload, mask in answer.values()])
+    reply = yield Gather(_give_all, tuple(belief.deal.held))
+    return pooled([arrived_particles(payload, mask) for payload, mask in reply.values()])
 
 
 def _give_all(member: Member) -> Parcel | None:

@@ -199,7 +199,7 @@ class ChannelListening:
 class ListeningTime:
     """Charges nodes for the listening in which a slot with a frame differs from an idle one.
 
-    A duty (see `base.radio_duty`) charges a node for `rx_wait` of listening in each of its cells. In a slot with a
+    A duty (see `base.medium_access`) charges a node for `rx_wait` of listening in each of its cells. In a slot with a
     frame, a receiver listens only until the first frame begins, and the sender of a frame in a shared cell does not
     listen. A sender in a cell of its own switches its radio on once more. The time between a frame and its
     acknowledgement, in which the radio neither sends nor listens, is not charged.

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from wsnsim.base import garbage
-from wsnsim.base.garbage import NEW_OBJECTS, only_own_garbage, put_off
+from wsnsim.base import process
+from wsnsim.base.process import NEW_OBJECTS, gc_disabled, gc_frozen
 
 
 class Circle:
@@ -39,10 +39,10 @@ def left() -> weakref.ref[Circle]:
 @pytest.mark.thorough
 def test_what_was_there_is_frozen_inside_and_what_is_left_freed_at_the_end() -> None:
     thresholds = gc.get_threshold()
-    with only_own_garbage():
+    with gc_frozen():
         assert gc.get_freeze_count() > 1000 and gc.get_threshold()[0] == NEW_OBJECTS
         own = left()
-        with only_own_garbage():
+        with gc_frozen():
             inner = left()
         assert gc.get_freeze_count() > 1000, "the outer one is not over"
     assert own() is None and inner() is None
@@ -50,7 +50,7 @@ def test_what_was_there_is_frozen_inside_and_what_is_left_freed_at_the_end() -> 
 
 
 def test_an_error_inside_gives_back_what_was_frozen() -> None:
-    with pytest.raises(KeyError), only_own_garbage():
+    with pytest.raises(KeyError), gc_frozen():
         raise KeyError
     assert gc.get_freeze_count() == 0
 
@@ -58,9 +58,9 @@ def test_an_error_inside_gives_back_what_was_frozen() -> None:
 @pytest.mark.thorough
 @pytest.mark.parametrize("everything_after", [1, 10**9])
 def test_older_garbage_is_looked_for_now_and_then(everything_after: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(garbage, "EVERYTHING_AFTER", everything_after)
+    monkeypatch.setattr(process, "EVERYTHING_AFTER", everything_after)
     older = left()
-    with only_own_garbage():
+    with gc_frozen():
         pass
     assert (older() is None) == (everything_after == 1)
     gc.collect()
@@ -69,7 +69,7 @@ def test_older_garbage_is_looked_for_now_and_then(everything_after: int, monkeyp
 
 def test_a_collector_that_is_off_stays_alone() -> None:
     gc.disable()
-    with only_own_garbage():
+    with gc_frozen():
         assert gc.get_freeze_count() == 0
         own = left()
     assert own() is not None
@@ -80,7 +80,7 @@ def test_a_collector_that_is_off_stays_alone() -> None:
 def test_what_the_caller_froze_stays_frozen() -> None:
     gc.freeze()
     count = gc.get_freeze_count()
-    with only_own_garbage():
+    with gc_frozen():
         own = left()
     assert gc.get_freeze_count() >= 0.9 * count and own() is not None
 
@@ -89,7 +89,7 @@ def test_what_the_caller_froze_stays_frozen() -> None:
 @pytest.mark.parametrize("was_on", [True, False])
 def test_what_is_put_off_goes_on_afterwards_as_it_was_even_after_an_error(was_on: bool) -> None:
     (gc.enable if was_on else gc.disable)()
-    with pytest.raises(KeyError), put_off():
+    with pytest.raises(KeyError), gc_disabled():
         assert not gc.isenabled()
         raise KeyError
     assert gc.isenabled() == was_on
