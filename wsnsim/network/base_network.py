@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import simpy
@@ -32,8 +31,7 @@ from wsnsim.network.synchronisation import ClockErrors, NetworkSyncServices, mak
 Steps = Generator[simpy.Event, Any, None]
 
 
-@dataclass(frozen=True, slots=True)
-class Sensors:
+class Sensors(NamedTuple):
     """Where the nodes stand: positions (N, 2) in m; their sensors' constants, traits (N, T); and the positions assumed.
 
     `assumed` (N, 2) are the positions in m that filters, cluster heads and messages use; None: those where they stand.

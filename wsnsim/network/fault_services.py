@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import simpy
 
@@ -28,8 +28,7 @@ ROUNDING: Final = 1e-9
 """A fault within this share of a step of the beginning of a step happens at that beginning."""
 
 
-@dataclass(frozen=True, slots=True)
-class NodeControl:
+class NodeControl(NamedTuple):
     """How faults act on whole nodes.
 
     Attributes:
@@ -144,8 +143,7 @@ class RadioDisturbances:
         self._nodes.disturbed = bool(self._jams or self._losses)
 
 
-@dataclass(frozen=True, slots=True)
-class Combination:
+class Combination(NamedTuple):
     """What all faults of a run share."""
 
     timeline: Timeline

@@ -7,8 +7,7 @@ when it neither senses nor has a role, and dies when its battery is empty, in th
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import simpy
 
@@ -23,8 +22,7 @@ Activity = Generator[simpy.Event, Any, None]
 Change = Callable[[], Any]
 
 
-@dataclass(frozen=True, slots=True)
-class ProcessServices:
+class ProcessServices(NamedTuple):
     """What a node process uses. `on_wake(node, target, by_frame)` is called at each wake-up."""
 
     env: simpy.Environment

@@ -8,8 +8,7 @@ from __future__ import annotations
 import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -29,8 +28,7 @@ SENSE: Final = KIND["sense"]
 SENSE_CAUSE: Final = CAUSE["sense"]
 
 
-@dataclass(frozen=True, slots=True)
-class SensorArray:
+class SensorArray(NamedTuple):
     """The sensors of all nodes: positions (N, 2), traits such as gains (N, T), sensor model, and key of the noise."""
 
     positions: Floats
@@ -114,8 +112,7 @@ CurrentReadings = list[dict[int, Reading]]
 """By target: {node: reading} of the living nodes that sense it at the present step."""
 
 
-@dataclass(frozen=True, slots=True)
-class SensingServices:
+class SensingServices(NamedTuple):
     """What sensing uses. `available[target]` gives every node's reading; `joules` is the cost of taking one."""
 
     clock: StepClock

@@ -9,7 +9,8 @@ step. With moving heads, awake nodes also search for lost targets between steps.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.ports import Estimate, Recorder
@@ -34,8 +35,7 @@ from wsnsim.network.result_rows import NetworkOutcome
 from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
 
 
-@dataclass(frozen=True, slots=True)
-class Targets:
+class Targets(NamedTuple):
     """The targets: per target its trajectory (steps + 1, D) and its prior.
 
     `paths` are the trajectories at the `setup.polls` instants of a step at which nodes search; if empty, `truths`.

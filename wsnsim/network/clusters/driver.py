@@ -8,8 +8,7 @@ If the head dies during a flow, the flow is closed and its belief is lost.
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import simpy
@@ -96,8 +95,7 @@ class HeadDied(Exception):
     """The head went down during a flow."""
 
 
-@dataclass(frozen=True, slots=True)
-class DriverServices:
+class DriverServices(NamedTuple):
     """What drivers use. `deadline`: of gathers without one of their own, in s; None: all must have ended.
 
     `intervals`: the nodes' wake intervals, which are short at the head, and at members that hear from it.

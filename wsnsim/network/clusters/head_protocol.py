@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import simpy
 
@@ -149,8 +149,7 @@ class HeadMessages:
         return datagram.arrived
 
 
-@dataclass(frozen=True, slots=True)
-class HeadServices:
+class HeadServices(NamedTuple):
     """What head protocols use."""
 
     network: NetworkView

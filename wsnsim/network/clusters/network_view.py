@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -21,8 +21,7 @@ from wsnsim.network.nodes import Nodes
 from wsnsim.network.sensing import Readings
 
 
-@dataclass(frozen=True, slots=True)
-class NetworkView:
+class NetworkView(NamedTuple):
     """The network as heads and clusters see it. Through this view they log events, but change nothing else.
 
     `readings[target]` is {node: reading} of the living nodes that sense a target now. A head must hold more than

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import simpy
@@ -118,8 +117,7 @@ def make_mac(mac: Mac, services: NetworkMacServices) -> MacMechanism:
     return make_mechanism("mac", mac, services, StartsMac, ("send", "offer", "silence"), MECHANISMS)
 
 
-@dataclass(frozen=True, slots=True)
-class RadioStack:
+class RadioStack(NamedTuple):
     """What every network is built on, with targets or without."""
 
     radio: RadioServices

@@ -12,8 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import simpy
@@ -312,8 +311,7 @@ def _ignore_change() -> None:
     """Do nothing: nobody keeps what follows from the links."""
 
 
-@dataclass(frozen=True, slots=True)
-class RadioServices:
+class RadioServices(NamedTuple):
     """Services shared by media, channel, MAC, routing and transport of one run."""
 
     env: simpy.Environment
