@@ -117,7 +117,7 @@ class NodesOnMap:
 
 
 class Outlooks:
-    """Puts outlooks together.
+    """Puts together what a head foresees, for cluster policies that see the geometry.
 
     outlooks.of_belief(track.target, cluster, belief, scene) -> Outlook      outlooks.of_estimate(...) -> Outlook
     """

@@ -43,8 +43,6 @@ RX: Final = EVENT_CAUSE["rx"]
 class RegionWakeUp:
     """Nodes in the message's region start to track and call their sleeping neighbours there; others may forward it.
 
-        mechanism = make_wake_up(component, services)      mechanism.begin(round)
-
     Each node decides once for each message, by the component's `decide`.
     """
 

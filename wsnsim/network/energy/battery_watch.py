@@ -24,7 +24,7 @@ EVERYBODY = -1
 
 
 class BatteryTimers:
-    """The times at which nodes are to be checked, in s.
+    """The times at which nodes are to be checked, in s. One SimPy event at a time, for the earliest.
 
     timers.set(time, node)      calls `check(node)` at that time
     """

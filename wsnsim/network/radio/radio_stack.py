@@ -36,8 +36,6 @@ from wsnsim.network.radio.topology import RadioServices, Topology
 class IdealMechanism:
     """The ideal channel of the papers: no contention, no collision, no loss of its own.
 
-    The built-in components name their mechanism; MECHANISMS binds the names. A plug-in starts its own mechanism.
-
     Without a rate, bursts are delivered within the instant. With a rate (bit/s), the bursts of one batch follow one
     another; different batches do not disturb each other. A burst is delivered at its end, to whom listens then: a node
     that wakes in the middle of it receives it, and a node that falls asleep in the middle does not. On a channel with
@@ -105,7 +103,7 @@ MECHANISMS: Final = {
     "contikimac": "wsnsim.network.radio.lpl.contikimac:ContikiMacMechanism",
     "tsch": "wsnsim.network.radio.tsch.tsch_mechanism:TschMechanism",
 }
-"""The built-in mechanisms by name: a run imports its own only."""
+"""The built-in mechanisms by the names that components give: a run imports its own only. A plug-in starts its own."""
 
 
 def make_mac(mac: Mac, services: NetworkMacServices) -> MacMechanism:

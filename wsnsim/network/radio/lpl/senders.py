@@ -76,10 +76,7 @@ class CopyTrain:
 
 
 class CopyCounts:
-    """Counts the tries of frames: each as one frame, whatever the number of its copies.
-
-    The counters of the run and those of links count all copies of a try together, as one frame.
-    """
+    """Counts the tries of frames, for the run and for links: each as one frame, whatever the number of its copies."""
 
     def __init__(self, services: NetworkMacServices) -> None:
         self._counters = services.counters
