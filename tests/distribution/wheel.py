@@ -23,7 +23,13 @@ from pathlib import Path
 from tests.distribution.pythons import HOME, interpreter
 
 RUN = ("run", "pso_mhpf", "--set", "duration=0.4 s", "--quiet", "--out", "x.h5")
-DATA = ("py.typed", "_scenarios/pso_mhpf.yaml", "_scenarios/recorded/ble/receivers.csv", "papers/jiang2013.yaml")
+DATA = (
+    "py.typed",
+    "_scenarios/pso_mhpf.yaml",
+    "_scenarios/recorded/ble/receivers.csv",
+    "_scenarios/papers/jiang2013/study.yaml",
+    "_scenarios/studies/frontier/study.py",
+)
 """Files of the package that are no modules and that a wheel must hold."""
 SHARED = (
     "wsnsim/__init__.py",

@@ -25,8 +25,8 @@ from wsnsim.base.errors import UsageError
 from wsnsim.bounds import crlb
 from wsnsim.cli import main
 from wsnsim.papers import digest, measures, reasons, reproduce, table
-from wsnsim.papers.paper import paper
 from wsnsim.papers.reproduction import Claim, ClaimRow, Experiment, Losses, Variant
+from wsnsim.papers.study import study
 from wsnsim.papers.verdicts import RULE, AstrayShare, Judgement
 
 NAN = float("nan")
@@ -211,7 +211,7 @@ def test_progress_that_cannot_be_printed_ends_no_reproduction(done, papers, monk
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["liu2021"], "there is no paper 'liu2021' (did you mean 'liu2012'?)"),
+        (["liu2021"], "there is no paper or study 'liu2021' (did you mean 'liu2012'?)"),
         (["liu2012", "--only", "smal"], "liu2012 has no experiment 'smal' (did you mean 'small'?)"),
         (["liu2012", "--json", "--markdown"], "cannot be combined"),
         (["liu2012", "--figures", "file/figures"], "--figures file/figures"),
@@ -259,7 +259,7 @@ def test_when_it_is_stopped_the_same_command_goes_on(tmp_path):
 
 
 def row(**more):
-    experiment, claim = paper("jiang2013").main[0]
+    experiment, claim = study("jiang2013").main[0]
     basis = ClaimRow(
         claim.label, "a_b", 2.0, 1.5, 1.0, 2.0, 10, 0.1, 0.5, "unconditional", Judgement("reproduces", 0.95, 1.05),
         "because", paper="jiang2013", experiment=experiment.name, id=claim.id, key=claim.key,

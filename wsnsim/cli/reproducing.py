@@ -1,4 +1,4 @@
-"""The command that reproduces the papers."""
+"""The command that reproduces papers and runs studies."""
 
 from __future__ import annotations
 
@@ -32,13 +32,14 @@ from wsnsim.cli.shared import (
 if TYPE_CHECKING:
     from wsnsim.campaign import CampaignOutcome
     from wsnsim.papers.reproduction import ClaimRow, Experiment
+    from wsnsim.papers.study import Study
 
 MAX_REASONS: Final = 3
 """Reasons of an incomplete campaign that are printed."""
 
 
 @group.command()
-@click.argument("papers", metavar="[PAPER]...", nargs=-1)
+@click.argument("papers", metavar="[STUDY]...", nargs=-1)
 @click.option(
     "--quick/--full",
     "quick",
@@ -48,7 +49,7 @@ MAX_REASONS: Final = 3
 )
 @click.option("--out", "-o", type=PATH, default=Path("results/reproduce"), show_default=True, metavar="DIR",
               help="Folder of the campaigns.")  # fmt: skip
-@click.option("--figures", type=PATH, metavar="DIR", help="Also draw the papers' figures into this folder.")
+@click.option("--figures", type=PATH, metavar="DIR", help="Also draw the figures into this folder.")
 @click.option("--data", type=PATH, metavar="DIR", help="For `reality`: a folder of tracks with receivers.csv.")
 @click.option("--only", metavar="EXPERIMENT", help="Run only this experiment: table_2, figure_3, ...")
 @jobs_option
@@ -62,17 +63,19 @@ MAX_REASONS: Final = 3
 def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
               data: Path | None, only: str | None, jobs: int | None, batch: bool, accept_code_change: bool,
               as_json: bool, markdown: bool, quiet: bool, progress: str) -> int:  # fmt: skip
-    """Repeat the experiments of papers and judge published values.
+    """Run the experiments of papers and studies, judge published values and answer hypotheses.
 
-    Each row shows the published value, the measured one, the bound and a verdict. PAPER is jiang2013, liu2012, wei2022,
-    ruan2020 or li2012; all of them by default. Verdicts on means and RMSEs need 200 runs (--full). Finished runs are
-    not repeated.
+    STUDY is a folder with study.yaml (`wsnsim new --for study NAME` writes one), or a paper: jiang2013, liu2012,
+    wei2022, ruan2020 or li2012; these five by default. Each row shows the published value, the measured one, the bound
+    and a verdict. Verdicts on means and RMSEs need 200 runs (--full). Finished runs are not repeated. The folder's
+    study.py is imported.
 
     Three studies of our own have no paper. `frontier` compares error and energy of every tracker on one field.
     `reality` compares recorded readings with simulated ones, on the tracks that come with wsnsim or on those of --data.
     `duty_cycles` compares what trackers cost on radios that are off most of the time.
     """
     from wsnsim.papers import reproduce as reproducing
+    from wsnsim.papers.study import study
 
     if as_json and markdown:
         raise UsageError("--json cannot be combined with --markdown")
@@ -87,7 +90,7 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
     session.announce(chosen)
     code = session.run_all(chosen, interrupts)
     if not interrupts.number:
-        session.print_answer(as_json, markdown)
+        session.print_answer(as_json, markdown, [study(paper) for paper in papers])
     return code
 
 
@@ -113,7 +116,7 @@ class _ReproductionSession:
             reproducing.begin(paper, experiment, self.where, self.full, accept_code_change)
 
     def announce(self, chosen: Sequence[tuple[str, Experiment]]) -> None:
-        """Print what will be run: experiments, their papers, runs, those that are on disk, and where."""
+        """Print what will be run: experiments, their studies, runs, those that are on disk, and where."""
         from wsnsim.analysis.phrases import counted
         from wsnsim.papers import reproduce as reproducing
 
@@ -175,7 +178,7 @@ class _ReproductionSession:
             for figure in reproducing.draw(paper, experiment, folder, self.figures):
                 echo(f"wsnsim: {figure}", err=True)
 
-    def print_answer(self, as_json: bool, markdown: bool) -> None:
+    def print_answer(self, as_json: bool, markdown: bool, studies: Sequence[Study]) -> None:
         """Print the rows and lines of all experiments."""
         from wsnsim.papers import digest, table
         from wsnsim.papers import reproduce as reproducing
@@ -183,7 +186,7 @@ class _ReproductionSession:
         if as_json:
             echo_json({"schema_version": 1, "rows": reproducing.as_json(self.rows), "lines": self.lines})
         elif markdown:
-            echo(digest.markdown(self.rows, self.lines))
+            echo(digest.markdown(self.rows, self.lines, studies))
         else:
             echo("\n\n".join(filter(None, [table.text(self.rows), "\n".join(self.lines)])))
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from wsnsim.papers.paper import PAPERS, paper
 from wsnsim.papers.reproduction import ClaimRow
+from wsnsim.papers.study import PAPERS, Study, study
 from wsnsim.papers.table import HEADS, cells, legend, verdict_counts
 
 SHOWN: Final = (
@@ -19,19 +19,20 @@ SHOWN: Final = (
 QUANTITY, VARIANT = HEADS.index("quantity"), HEADS.index("variant")
 
 
-def main_rows(rows: Sequence[ClaimRow]) -> list[ClaimRow]:
-    """The rows that the papers' files list as main, in that order."""
+def main_rows(rows: Sequence[ClaimRow], studies: Sequence[Study] = ()) -> list[ClaimRow]:
+    """The rows that the files of the papers, or of these studies, list as main, in that order."""
     found: dict[tuple[str, ...], list[ClaimRow]] = {}
     for row in rows:
         found.setdefault((row.paper, row.experiment, row.id, row.key), []).append(row)
-    names = [name for name in PAPERS if any(row.paper == name for row in rows)]
-    keys = [(name, experiment.name, claim.id, claim.key) for name in names for experiment, claim in paper(name).main]
+    named = {row.paper for row in rows}
+    known = [*(study(name) for name in PAPERS if name in named), *(one for one in studies if one.name not in PAPERS)]
+    keys = [(one.name, experiment.name, claim.id, claim.key) for one in known for experiment, claim in one.main]
     return [row for key in keys for row in found.get(key, ())]
 
 
-def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = ()) -> str:
+def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = (), studies: Sequence[Study] = ()) -> str:
     """The main rows by experiment and quantity, the number of verdicts on all claims, the legend and `lines`."""
-    chosen = main_rows(rows)
+    chosen = main_rows(rows, studies)
     if not chosen and not lines:
         return "No main row belongs to the chosen experiments."
     tables = tables_of([MainRow(row.paper, row.experiment, row.title, cells(row), row.reason) for row in chosen])

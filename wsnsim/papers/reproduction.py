@@ -3,7 +3,7 @@
     Experiment: variants that run side by side as one campaign       Variant: one scenario of an experiment
     Claim: a published value of one variant, or order of two         ClaimRow: one line of `wsnsim reproduce`
 
-`wsnsim.papers.paper` reads experiments from a paper's YAML file; `wsnsim.papers.verdicts` judges.
+`wsnsim.papers.study` reads experiments from a study's file; `wsnsim.papers.verdicts` judges.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal, NamedTuple
 
-from wsnsim.papers.document import PaperFigure
+from wsnsim.papers.study_file import StudyFigure
 from wsnsim.papers.verdicts import NO_SHARE, AstrayShare, Judgement, Verdict
 
 Basis = Literal["evidence", "reconstruction", "construction", "our constant"]
@@ -87,6 +87,17 @@ class Claim:
 
 
 @dataclass(frozen=True)
+class RegisteredHypothesis:
+    """A hypothesis that is registered before the runs: that a measure of a variant is above, or below, a threshold."""
+
+    says: str
+    of: str
+    measure: str
+    above: float | None = None
+    below: float | None = None
+
+
+@dataclass(frozen=True)
 class Experiment:
     """Variants that run side by side on the same ground truths, as one campaign.
 
@@ -97,7 +108,8 @@ class Experiment:
         sets: settings laid on every variant.
         quick_sets: further settings in a quick reproduction.
         block: runs in one task of the campaign.
-        summary: the function of the paper's SUMMARIES that gives lines beneath the rows, '' for none.
+        hypotheses: what was registered before the runs, and is answered beneath the rows.
+        summary: the function of the study's SUMMARIES that gives lines beneath the rows, '' for none.
         literal: False if the whole experiment is another reading of the paper, so that no claim is counted.
     """
 
@@ -107,7 +119,8 @@ class Experiment:
     quick: int
     full: int
     claims: tuple[Claim, ...] = ()
-    figures: tuple[PaperFigure, ...] = ()
+    hypotheses: tuple[RegisteredHypothesis, ...] = ()
+    figures: tuple[StudyFigure, ...] = ()
     record: tuple[str, ...] = ()
     sets: tuple[str, ...] = ()
     quick_sets: tuple[str, ...] = ()
