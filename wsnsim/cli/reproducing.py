@@ -119,11 +119,12 @@ class _ReproductionSession:
         """Print what will be run: experiments, their studies, runs, those that are on disk, and where."""
         from wsnsim.analysis.phrases import counted
         from wsnsim.papers import reproduce as reproducing
+        from wsnsim.papers.study import study
 
         if self.quiet or self.progress == "json":
             return
         wanted, missing = reproducing.run_counts(chosen, self.where)
-        names = ", ".join(dict.fromkeys(paper for paper, _ in chosen))
+        names = ", ".join(dict.fromkeys(study(paper).name for paper, _ in chosen))
         there = f", {wanted - missing:,} of them on disk" if missing < wanted else ""
         echo(f"wsnsim: {counted(len(chosen), 'experiment')} of {names}: {counted(wanted, 'run')}{there}; "
              f"folder {self.where}", err=True)  # fmt: skip
@@ -131,12 +132,13 @@ class _ReproductionSession:
     def run_all(self, chosen: Sequence[tuple[str, Experiment]], interrupts: Interrupts) -> int:
         """Run the experiments one after the other and return the exit code."""
         from wsnsim.papers import reproduce as reproducing
+        from wsnsim.papers.study import study
 
         complete = True
         with interrupts.noted() as should_stop:
             for number, (paper, experiment) in enumerate(chosen, 1):
                 if not self.quiet and self.progress != "json":
-                    name = f"{paper}, {experiment.name}: {experiment.title}"
+                    name = f"{study(paper).name}, {experiment.name}: {experiment.title}"
                     echo(f"wsnsim: {number} of {len(chosen)}: {name}", err=True)
                 outcome = self.run(paper, experiment, should_stop)
                 if interrupts.number:

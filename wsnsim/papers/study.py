@@ -19,6 +19,7 @@ from wsnsim.papers.study_file import ClaimEntry, ExperimentEntry, StudyDocument
 from wsnsim.scenario.documents import Document, read_document, validated
 from wsnsim.scenario.files import shipped_studies
 from wsnsim.scenario.located_values import Keys
+from wsnsim.scenario.schema import unsafe_name
 
 if TYPE_CHECKING:
     from wsnsim.papers.measures import Data, OwnMeasure
@@ -57,6 +58,8 @@ def study(source: str, data: Path | None = None) -> Study:
         raise UsageError(f"{source}: '{name}' is the name of a study that comes with wsnsim; rename the folder")
     shown = f"{name}/{FILE}" if source in ours else str(folder / FILE)
     document = read_document(folder / FILE, StudyDocument, shown)
+    if not document.content.experiments:
+        raise ScenarioError([document.issue(("experiments",), "a study needs an experiment")])
     if data is not None and not document.content.takes_data:
         raise UsageError(f"{name} takes no data: its {FILE} would have 'takes_data: true'")
     return Study(name, folder, document, StudyCode(folder.resolve(), source in ours), data)
@@ -164,7 +167,9 @@ class Study:
         """An experiment of the file; what is wrong with it is added to the issues."""
         entry, path = self._completed(index), ("experiments", index)
         texts = {name: (given,) if isinstance(given, str) else given for name, given in entry.variants.items()}
-        variants = {name: Variant(first, tuple(sets)) for name, (first, *sets) in texts.items()}
+        empty = [(*path, "variants", name) for name, given in texts.items() if not given]
+        issues += [self._document.issue(place, "names no scenario") for place in empty]
+        variants = {name: Variant(*given[:1], given[1:]) for name, given in texts.items() if given}
         placed: list[PlacedClaim] = []
         for number, claim in enumerate(entry.claims):
             placed += self._claims(entry, claim, (*path, "claims", number), issues)
@@ -233,6 +238,8 @@ class Study:
                 yield self._document.issue((*path, key), message)
         for basis in {entry.basis, *entry.bases} - set(BASES):
             yield self._document.issue(path, f"basis: '{basis}' ({did_you_mean(basis, BASES)})")
+        if reason := unsafe_name(entry.name, "a folder"):
+            yield self._document.issue((*path, "name"), f"'{entry.name}' {reason}")
         if min(experiment.quick, experiment.full, experiment.block) < 1:
             yield self._document.issue((*path, "runs"), "quick, full and block must be at least 1")
         if not experiment.variants:

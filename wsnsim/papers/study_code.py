@@ -75,7 +75,7 @@ class StudyCode:
             note_plugin(whole)
         try:
             return importlib.import_module(whole)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             if self._ours:
                 raise
             said = plugin_fault(error) or f"{self._folder / name}.py: {type(error).__name__}: {error}"

@@ -18,6 +18,7 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.campaign.code_changes import code_id
+from wsnsim.models.csvfile import open_text
 from wsnsim.papers import plotting
 from wsnsim.papers.answers import TAIL, UNKNOWN, Answer, Interval, both, ends, interval, resamples, word
 from wsnsim.papers.bounds_beside import bound_from_events
@@ -32,6 +33,7 @@ ALLOWED: Final = ("wsnsim", "wsnsim.papers.toolkit", "wsnsim.fitting")
 __all__ = [
     "BLUE", "BOUND", "COLOURS", "TAIL", "UNKNOWN", "VERMILLION", "Answer", "Bools", "Data", "Floats", "Interval",
     "Ints", "OwnMeasure", "Plugins", "ResultError", "Study", "UsageError", "band", "both", "bound_from_events",
-    "bounds", "campaigns", "code_id", "computing", "ends", "interval", "load", "measured", "metrics", "plotting",
-    "quartiles", "read_table", "resamples", "runs_text", "sample", "state_nees", "statistics", "weights", "word",
+    "bounds", "campaigns", "code_id", "computing", "ends", "interval", "load", "measured", "metrics", "open_text",
+    "plotting", "quartiles", "read_table", "resamples", "runs_text", "sample", "state_nees", "statistics",
+    "weights", "word",
 ]  # fmt: skip

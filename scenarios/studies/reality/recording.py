@@ -22,7 +22,7 @@ from wsnsim.fitting.laws import LAWS
 from wsnsim.fitting.located_readings import LocatedReadings
 from wsnsim.fitting.result import Fit
 from wsnsim.fitting.shared_rows import SAME_SHARE, share
-from wsnsim.papers.toolkit import Bools, Floats, UsageError
+from wsnsim.papers.toolkit import Bools, Floats, UsageError, open_text
 
 RECEIVERS: Final = "receivers.csv"
 TRACKS: Final = ("*.csv", "*.csv.gz")
@@ -157,8 +157,6 @@ def _check_independent(sample: LocatedReadings) -> None:
 
 def _is_track(path: Path) -> bool:
     """Whether the header of a file names the columns of a track."""
-    from wsnsim.models.csvfile import open_text
-
     with open_text(str(path)) as file:
         return set(HEADER) <= {name.strip() for name in file.readline().split(",")}
 
