@@ -39,7 +39,7 @@ FOREIGN = {
     ("scenario.reader", "f'(?:{_pattern.pattern})$'"): ("match", "<<"),
     ("scenario.units", "'[/*]'"): ("search", "m/s"),
     ("scenario.sweep", "'^\\\\W|[^\\\\w.\\\\-]'"): ("search", ".a b"),
-    ("papers.reasons", "FIELD"): ("fullmatch", "rmse[gpf: 5 %].measured"),
+    ("papers.reproduction", "FIELD"): ("fullmatch", "rmse[gpf: 5 %].measured"),
     ("recording.layout", "\"error message = '([^']*+)'\""): ("search", "a error message = 'b' c"),
     ("base.synonyms", "'(?<=[a-z])(?=[A-Z])'"): ("search", "aWord"),
     ("base.synonyms", "'[\\\\s.\\\\-/]+'"): ("search", "a . b"),

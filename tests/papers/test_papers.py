@@ -19,8 +19,7 @@ from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.papers import reproduce
 from wsnsim.papers.measures import computing
-from wsnsim.papers.reasons import rendered
-from wsnsim.papers.reproduction import BASES, ClaimRow
+from wsnsim.papers.reproduction import BASES, ClaimRow, rendered
 from wsnsim.papers.study import PAGES, study
 from wsnsim.papers.verdicts import Judgement
 from wsnsim.scenario.files import shipped_studies

@@ -24,7 +24,7 @@ from wsnsim.base import metrics
 from wsnsim.base.errors import UsageError
 from wsnsim.bounds import crlb
 from wsnsim.cli import main
-from wsnsim.papers import digest, measures, reasons, reproduce, table
+from wsnsim.papers import measures, reproduce, reproduction, table
 from wsnsim.papers.reproduction import Claim, ClaimRow, Experiment, Losses, Variant
 from wsnsim.papers.study import study
 from wsnsim.papers.verdicts import RULE, AstrayShare, Judgement
@@ -268,13 +268,13 @@ def row(**more):
 
 
 def test_markdown_has_the_main_rows_alone_and_nothing_in_them_is_markup():
-    said = digest.markdown([row(), row(quantity="unheard of", key="other")])
+    said = table.markdown([row(), row(quantity="unheard of", key="other")])
     assert r"### jiang2013, figures\_4\_to\_9" in said.splitlines()
     assert r"| a\_b | 2 | 1.5 [1, 2] | 0.5 u | reproduces | 10 | 10 % |" in said.splitlines()
     assert "Why: because." in said.splitlines() and "unheard" not in said
     assert "- jiang2013: 2 claims: 2 x reproduces" in said.splitlines(), "of all claims, not of the main rows alone"
     assert f"- reproduces: {RULE['reproduces']}" in said and "cannot" not in said
-    assert digest.markdown([]) == digest.markdown([row(paper="x")]) == "No main row belongs to the chosen experiments."
+    assert table.markdown([]) == table.markdown([row(paper="x")]) == "No main row belongs to the chosen experiments."
 
 
 def test_a_bound_that_is_not_strict_is_marked_in_the_table_and_its_caution_stands_beneath():
@@ -304,7 +304,7 @@ def test_a_value_that_no_run_has_is_said_to_be_unknown_in_its_row_and_in_reasons
     nowhere = row(measured=NAN, low=NAN, high=NAN, replicates=0, lost_fraction=1.0, judgement=Judgement("too few runs"))
     found = dict(zip(table.HEADS, table.cells(nowhere), strict=True))
     assert found["measured [95 %]"] == "no value in any run" and found["lost"] == "100 %" and found["runs"] == "0"
-    words = reasons.rendered("{x[a].measured:.1f} m against {row.measured:.1f} m", nowhere, {"x": {"a": row()}})
+    words = reproduction.rendered("{x[a].measured:.1f} m against {row.measured:.1f} m", nowhere, {"x": {"a": row()}})
     assert words == "1.5 m against unknown m"
 
 

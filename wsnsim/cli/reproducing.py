@@ -182,13 +182,13 @@ class _ReproductionSession:
 
     def print_answer(self, as_json: bool, markdown: bool, studies: Sequence[Study]) -> None:
         """Print the rows and lines of all experiments."""
-        from wsnsim.papers import digest, table
         from wsnsim.papers import reproduce as reproducing
+        from wsnsim.papers import table
 
         if as_json:
             echo_json({"schema_version": 1, "rows": reproducing.as_json(self.rows), "lines": self.lines})
         elif markdown:
-            echo(digest.markdown(self.rows, self.lines, studies))
+            echo(table.markdown(self.rows, self.lines, studies))
         else:
             echo("\n\n".join(filter(None, [table.text(self.rows), "\n".join(self.lines)])))
 

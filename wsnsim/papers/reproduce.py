@@ -23,8 +23,7 @@ from wsnsim.base.progress import tracked
 from wsnsim.campaign.local_engine import LocalEngine, available_cores
 from wsnsim.papers.answers import answered
 from wsnsim.papers.measures import VARIANT, Data
-from wsnsim.papers.reasons import rendered
-from wsnsim.papers.reproduction import ClaimRow, Experiment, Variant, row_of
+from wsnsim.papers.reproduction import ClaimRow, Experiment, Variant, rendered, row_of
 from wsnsim.papers.rows import rows_of
 from wsnsim.papers.study import PAPERS, Study
 from wsnsim.papers.study import study as load_study

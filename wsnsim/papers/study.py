@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean
-from wsnsim.papers.reasons import problems
-from wsnsim.papers.reproduction import BASES, Claim, Experiment, RegisteredHypothesis, Variant
+from wsnsim.papers.reproduction import BASES, Claim, Experiment, RegisteredHypothesis, Variant, problems
 from wsnsim.papers.study_code import StudyCode
 from wsnsim.papers.study_file import ClaimEntry, ExperimentEntry, StudyDocument
 from wsnsim.scenario.documents import Document, read_document, validated
@@ -169,7 +168,7 @@ class Study:
         texts = {name: (given,) if isinstance(given, str) else given for name, given in entry.variants.items()}
         empty = [(*path, "variants", name) for name, given in texts.items() if not given]
         issues += [self._document.issue(place, "names no scenario") for place in empty]
-        variants = {name: Variant(*given[:1], given[1:]) for name, given in texts.items() if given}
+        variants = {name: Variant(given[0], given[1:]) for name, given in texts.items() if given}
         placed: list[PlacedClaim] = []
         for number, claim in enumerate(entry.claims):
             placed += self._claims(entry, claim, (*path, "claims", number), issues)

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 from wsnsim.bounds import Bound, BoundQuery
-from wsnsim.papers import bounds_beside
-from wsnsim.papers.bounds_beside import bound_beside, bound_from_events
+from wsnsim.papers import rows
 from wsnsim.papers.reproduction import Measured
+from wsnsim.papers.rows import bound_beside, bound_from_events
 
 NAN = float("nan")
 
@@ -35,12 +35,12 @@ def data(found):
 def test_the_bound_for_readings_that_arrived_is_over_the_steps_with_an_estimate(monkeypatch):
     """The second run has no estimate at the last two steps, where nothing arrives and its bound grows."""
     found = bound([[1.0, 4.0, 9.0, 16.0], [1.0, 1.0, 100.0, 400.0]])
-    monkeypatch.setattr(bounds_beside.bounds, "bound_of_run", lambda path, readings, kind: found)
+    monkeypatch.setattr(rows.bounds, "bound_of_run", lambda path, readings, kind: found)
     estimates = pd.DataFrame({
         "replicate": np.repeat([7, 4], 4), "target": 0, "step": [1, 2, 3, 4] * 2,
         "error": [0.5, 0.5, NAN, NAN, 1.0, 1.0, 1.0, 1.0],
     })  # fmt: skip
-    monkeypatch.setattr(bounds_beside, "read", lambda path, table, columns: estimates)
+    monkeypatch.setattr(rows, "read", lambda path, table, columns: estimates)
     each = bound_from_events(data(found), "ekf", "arrived")
     assert each.to_dict() == pytest.approx({4: np.sqrt(7.5), 7: 1.0})
     assert found.of_replicates[1] == pytest.approx(np.sqrt(125.5))
@@ -60,7 +60,7 @@ def test_the_bound_of_a_mean_of_rmse_is_a_mean_of_roots_and_not_strict():
 
 
 def test_the_exact_posterior_limits_the_mean_square_and_not_the_mean_of_roots(monkeypatch):
-    monkeypatch.setattr(bounds_beside, "measured", lambda *_: Measured(4.0, 3.9, 4.1, 100, 0.0))
+    monkeypatch.setattr(rows, "measured", lambda *_: Measured(4.0, 3.9, 4.1, 100, 0.0))
     pooled, per_run = (
         bound_beside(data(None), "pf", measure, "variant:exact posterior") for measure in ("column:x", "per_run_rmse:x")
     )
