@@ -100,6 +100,10 @@ def test_a_changed_measure_is_measured_again(mine, monkeypatch):
         ("over:pf;", "over:fp;", r"hypotheses.0.measure: over: unknown name 'fp' .known: more, pf"),
         ("median:rmse", "median:rms", r"hypotheses.0.measure: median: unknown name 'rms' .did you mean 'rmse'"),
         ("name: few", "name: ../few", r"name: '../few' cannot name a folder"),
+        ("    claims:", "    figures: [{name: ../x, caption: x}]\n    claims:", r"figures: '../x' cannot name a file"),
+        ("few: {own: [pf]}", "few: {own: [fp]}", r"main.0.few.own: no claim is 'fp' .known: more, pf"),
+        ("few: {own: [pf]}", "fw: {own: all}", r"main.0.fw.own: no experiment is 'fw' .did you mean 'few'"),
+        ("few: {own: [pf]}", "few: {own: [3]}", r"main.0.few.own"),
         (
             "    variants: {pf: ungm_pf, more: [ungm_pf, tracker.particles=200]}\n",
             "",
@@ -156,7 +160,7 @@ def test_what_is_no_study_is_refused(mine):
     with pytest.raises(UsageError, match="'frontier' is the name of a study that comes with wsnsim"):
         study("./frontier")
     Path("frontier").rename("mine")
-    with pytest.raises(UsageError, match="two studies are named 'mine'"):
+    with pytest.raises(UsageError, match=r"^mine and ./mine have the same name"):
         reproduce.chosen(["mine", "./mine"])
     with pytest.raises(UsageError, match="mine takes no data"):
         study("mine", Path())

@@ -23,7 +23,7 @@ STUDY: Final = "study"
 @click.option("--for", "role", type=click.Choice((*ROLES, STUDY)),
               help="Also write a plug-in of this role, NAME.py; or a study, the folder NAME.")  # fmt: skip
 def new(name: str, bench: bool, role: str | None) -> None:
-    """Write a commented scenario, and a plug-in with --for; or a study.
+    """Write a commented scenario; with --for, a plug-in or a study.
 
     All are starting points. The scenario is NAME.yaml; the plug-in is NAME.py, and the scenario uses it. A study is a
     folder with study.yaml (experiments, hypotheses, thresholds) and study.py (measures, figures).

@@ -39,7 +39,7 @@ MAX_REASONS: Final = 3
 
 
 @group.command()
-@click.argument("papers", metavar="[STUDY]...", nargs=-1)
+@click.argument("sources", metavar="[STUDY]...", nargs=-1)
 @click.option(
     "--quick/--full",
     "quick",
@@ -60,10 +60,10 @@ MAX_REASONS: Final = 3
 @quiet_option
 @progress_option
 @click.pass_obj
-def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
+def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
               data: Path | None, only: str | None, jobs: int | None, batch: bool, accept_code_change: bool,
               as_json: bool, markdown: bool, quiet: bool, progress: str) -> int:  # fmt: skip
-    """Run the experiments of papers and studies, judge published values and answer hypotheses.
+    """Run papers and studies; judge values, answer hypotheses.
 
     STUDY is a folder with study.yaml (`wsnsim new --for study NAME` writes one), or a paper: jiang2013, liu2012,
     wei2022, ruan2020 or li2012; these five by default. Each row shows the published value, the measured one, the bound
@@ -81,7 +81,7 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
         raise UsageError("--json cannot be combined with --markdown")
     if data is not None and only is not None:
         raise UsageError("--only cannot be combined with --data")
-    chosen = reproducing.chosen(papers, only) if data is None else reproducing.on_data(papers, data)
+    chosen = reproducing.chosen(sources, only) if data is None else reproducing.on_data(sources, data)
     if figures:
         _check_folder(figures)
     where = out / ("quick" if quick else "full")
@@ -90,7 +90,7 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
     session.announce(chosen)
     code = session.run_all(chosen, interrupts)
     if not interrupts.number:
-        session.print_answer(as_json, markdown, [study(paper) for paper in papers])
+        session.print_answer(as_json, markdown, [study(source) for source in sources])
     return code
 
 
@@ -112,8 +112,8 @@ class _ReproductionSession:
         """Begin all campaigns before one runs, so that a folder that cannot be used is found at once."""
         from wsnsim.papers import reproduce as reproducing
 
-        for paper, experiment in chosen:
-            reproducing.begin(paper, experiment, self.where, self.full, accept_code_change)
+        for source, experiment in chosen:
+            reproducing.begin(source, experiment, self.where, self.full, accept_code_change)
 
     def announce(self, chosen: Sequence[tuple[str, Experiment]]) -> None:
         """Print what will be run: experiments, their studies, runs, those that are on disk, and where."""
@@ -124,7 +124,7 @@ class _ReproductionSession:
         if self.quiet or self.progress == "json":
             return
         wanted, missing = reproducing.run_counts(chosen, self.where)
-        names = ", ".join(dict.fromkeys(study(paper).name for paper, _ in chosen))
+        names = ", ".join(dict.fromkeys(study(source).name for source, _ in chosen))
         there = f", {wanted - missing:,} of them on disk" if missing < wanted else ""
         echo(f"wsnsim: {counted(len(chosen), 'experiment')} of {names}: {counted(wanted, 'run')}{there}; "
              f"folder {self.where}", err=True)  # fmt: skip
@@ -136,48 +136,48 @@ class _ReproductionSession:
 
         complete = True
         with interrupts.noted() as should_stop:
-            for number, (paper, experiment) in enumerate(chosen, 1):
+            for number, (source, experiment) in enumerate(chosen, 1):
                 if not self.quiet and self.progress != "json":
-                    name = f"{study(paper).name}, {experiment.name}: {experiment.title}"
+                    name = f"{study(source).name}, {experiment.name}: {experiment.title}"
                     echo(f"wsnsim: {number} of {len(chosen)}: {name}", err=True)
-                outcome = self.run(paper, experiment, should_stop)
+                outcome = self.run(source, experiment, should_stop)
                 if interrupts.number:
                     echo(f"wsnsim: {interrupts.reason}; repeat the command to resume", err=True)
                     return interrupts.code
                 if outcome.complete and not outcome.stopped:
-                    self.evaluate(paper, experiment, should_stop)
+                    self.evaluate(source, experiment, should_stop)
                 else:
                     complete = False
-                    _print_incomplete(reproducing.folder_of(self.where, paper, experiment), outcome)
+                    _print_incomplete(reproducing.folder_of(self.where, source, experiment), outcome)
         return 0 if complete else INCOMPLETE
 
-    def run(self, paper: str, experiment: Experiment, should_stop: Callable[[], bool]) -> CampaignOutcome:
+    def run(self, source: str, experiment: Experiment, should_stop: Callable[[], bool]) -> CampaignOutcome:
         """Run what is missing of an experiment that was begun."""
         from wsnsim.papers import reproduce as reproducing
         from wsnsim.recording.folder import Folder
 
         with contextlib.closing(display("none" if self.quiet else self.progress, CAMPAIGN)) as shown:
-            folder = Folder(reproducing.folder_of(self.where, paper, experiment))
+            folder = Folder(reproducing.folder_of(self.where, source, experiment))
             return reproducing.resume(folder, self.jobs, batch=self.batch, watch=shown.step, stop=should_stop)
 
-    def evaluate(self, paper: str, experiment: Experiment, should_stop: Callable[[], bool]) -> None:
+    def evaluate(self, source: str, experiment: Experiment, should_stop: Callable[[], bool]) -> None:
         """Add the rows, lines and figures of an experiment. Damaged files are set aside and run again once."""
         from wsnsim.papers import reproduce as reproducing
 
-        folder = reproducing.folder_of(self.where, paper, experiment)
+        folder = reproducing.folder_of(self.where, source, experiment)
         try:
-            rows, lines = reproducing.evaluated(paper, experiment, folder)
+            rows, lines = reproducing.evaluated(source, experiment, folder)
         except ResultError:
             damaged = reproducing.set_aside(folder)
             for path in damaged:
                 echo(f"wsnsim: {path}: is damaged and was set aside; its runs are repeated", err=True)
-            if not damaged or not self.run(paper, experiment, should_stop).complete:
+            if not damaged or not self.run(source, experiment, should_stop).complete:
                 raise
-            rows, lines = reproducing.evaluated(paper, experiment, folder)
+            rows, lines = reproducing.evaluated(source, experiment, folder)
         self.rows.extend(rows)
         self.lines.extend(lines)
         if self.figures:
-            for figure in reproducing.draw(paper, experiment, folder, self.figures):
+            for figure in reproducing.draw(source, experiment, folder, self.figures):
                 echo(f"wsnsim: {figure}", err=True)
 
     def print_answer(self, as_json: bool, markdown: bool, studies: Sequence[Study]) -> None:

@@ -97,11 +97,11 @@ class MeasuredStudy(Protocol):
 class Data:
     """The results of an experiment, by variant, and what its study prints, registers and measures."""
 
-    def __init__(self, folder: Folder, paper: MeasuredStudy | None = None) -> None:
+    def __init__(self, folder: Folder, study: MeasuredStudy | None = None) -> None:
         self.folder = folder
-        self.published: Mapping[str, Any] = paper.published if paper else {}
-        self.registered: Mapping[str, Any] = paper.registered if paper else {}
-        self.own: Mapping[str, OwnMeasure] = paper.measures if paper else {}
+        self.published: Mapping[str, Any] = study.published if study else {}
+        self.registered: Mapping[str, Any] = study.registered if study else {}
+        self.own: Mapping[str, OwnMeasure] = study.measures if study else {}
         self.manifest = folder.manifest()
         self.variants = tuple(str(point.settings[VARIANT]) for point in self.manifest.points)
         self.table = functools.cache(self._table)

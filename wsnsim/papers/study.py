@@ -7,7 +7,7 @@ study('jiang2013').published['rmse']     what the paper prints
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
 
@@ -93,6 +93,7 @@ class Study:
         self.module = code.module
         self._code = code
         self._data = data
+        self._prefix = f"{data.name}_" if data else ""
         self._document = document
 
     @property
@@ -117,28 +118,39 @@ class Study:
                 issues.append(self._document.issue(("experiments", index, "name"), f"a second experiment is '{name}'"))
         if issues:
             raise ScenarioError(dict.fromkeys(issues))
+        self._main_of(found)
         return tuple(found)
 
-    @functools.cached_property
+    @property
     def main(self) -> list[tuple[Experiment, Claim]]:
-        """The claims whose rows docs/papers shows, in its order. Raises ScenarioError."""
-        groups = enumerate(self._document.content.main)
+        """The claims whose rows Markdown tables have, in their order."""
+        return self._main_of(self.experiments)
+
+    def _main_of(self, found: Sequence[Experiment]) -> list[tuple[Experiment, Claim]]:
+        experiments = {experiment.name.removeprefix(self._prefix): experiment for experiment in found}
         return [
-            found
-            for index, group in groups
+            pair
+            for index, group in enumerate(self._document.content.main)
             for name, chosen in group.items()
             for label, keys in chosen.items()
-            for found in self._chosen(name, label, keys, ("main", index, name, label))
+            for pair in self._chosen(experiments, name, label, keys, ("main", index, name, label))
         ]
 
-    def _chosen(self, name: str, label: str, keys: Any, path: Keys) -> Iterator[tuple[Experiment, Claim]]:
-        """The claims of an id, all or those of some keys."""
-        for experiment in self.experiments:
-            claims = {claim.key: claim for claim in experiment.claims if claim.id == label and experiment.name == name}
-            if claims and (keys == ALL or set(keys) <= set(claims)):
-                yield from ((experiment, claim) for key, claim in claims.items() if keys == ALL or key in keys)
-                return
-        raise ScenarioError([self._document.issue(path, f"{name} has no such claims")])
+    def _chosen(
+        self, experiments: Mapping[str, Experiment], name: str, label: str, keys: str | tuple[str, ...], path: Keys
+    ) -> Iterator[tuple[Experiment, Claim]]:
+        """The claims of an id, all or those of some keys. Raises ScenarioError."""
+        claims: dict[str, dict[str, Claim]] = {}
+        for claim in experiments[name].claims if name in experiments else ():
+            claims.setdefault(claim.id, {})[claim.key] = claim
+        found = claims.get(label, {})
+        wanted = tuple(found) if keys == ALL else (keys,) if isinstance(keys, str) else keys
+        levels = (("experiment", name, experiments), ("id", label, claims), *(("claim", key, found) for key in wanted))
+        for what, word, known in levels:
+            if word not in known:
+                message = f"no {what} is '{word}' ({did_you_mean(word, known)})"
+                raise ScenarioError([self._document.issue(path, message)])
+        yield from ((experiments[name], claim) for key, claim in found.items() if key in wanted)
 
     @property
     def measures(self) -> Mapping[str, OwnMeasure]:
@@ -159,7 +171,8 @@ class Study:
 
     def variant_error(self, experiment: str, variant: str, message: str) -> ScenarioError:
         """The error of a variant whose scenario is wrong, at its place in the file."""
-        index = next((index for index, name in enumerate(self.names) if experiment.endswith(name)), 0)
+        name = experiment.removeprefix(self._prefix)
+        index = self.names.index(name) if name in self.names else 0
         return ScenarioError([self._document.issue(("experiments", index, "variants", variant), message)])
 
     def _experiment(self, index: int, issues: list[Issue]) -> Experiment:
@@ -173,13 +186,12 @@ class Study:
         for number, claim in enumerate(entry.claims):
             placed += self._claims(entry, claim, (*path, "claims", number), issues)
         hypotheses = tuple(RegisteredHypothesis(**each.model_dump()) for each in entry.hypotheses)
-        prefix = f"{self._data.name}_" if self._data else ""
         kept = ("title", "figures", "record", "sets", "quick_sets", "summary", "literal")
         experiment = Experiment(
-            name=f"{prefix}{entry.name}", variants=variants, claims=tuple(each.claim for each in placed),
+            name=f"{self._prefix}{entry.name}", variants=variants, claims=tuple(each.claim for each in placed),
             hypotheses=hypotheses, **{key: getattr(entry, key) for key in kept}, **dict(entry.runs),
         )  # fmt: skip
-        issues += [*self._issues(experiment, placed, path)]
+        issues += [*self._claim_issues(experiment, placed), *self._issues(experiment, entry, path)]
         return experiment
 
     def _completed(self, index: int) -> ExperimentEntry:
@@ -188,9 +200,10 @@ class Study:
         make = None if entry.variants else self._code.functions("EXPERIMENTS").get(entry.name)
         if make is None:
             return entry
+        given = make(self, self._data)
         try:
-            return validated(entry.model_dump(exclude_unset=True) | dict(make(self, self._data)), ExperimentEntry)
-        except ValueError as error:
+            return validated({**entry.model_dump(exclude_unset=True), **given}, ExperimentEntry)
+        except (TypeError, ValueError) as error:
             message = f"what EXPERIMENTS['{entry.name}'] gives is wrong: {error}"
             raise ScenarioError([self._document.issue(("experiments", index), message)]) from None
 
@@ -209,8 +222,8 @@ class Study:
             for row, place in rows:
                 yield PlacedClaim(_claim(row, name, experiment, self._document.content.published_runs), place)
 
-    def _issues(self, experiment: Experiment, placed: list[PlacedClaim], path: Keys) -> Iterator[Issue]:
-        """Names that nothing has: of variants, measures, figures and summaries, and of rows in reasons."""
+    def _claim_issues(self, experiment: Experiment, placed: list[PlacedClaim]) -> Iterator[Issue]:
+        """Names in claims that nothing has: variants, measures, and rows in reasons; claims of the same name."""
         keys: dict[str, list[str]] = {}
         for claim, place in placed:
             if claim.id and claim.key in keys.get(claim.id, ()):
@@ -220,6 +233,9 @@ class Study:
             yield from self._measured(experiment, (claim.variant, *filter(None, [claim.other])), claim.measure, place)
             for message in problems(claim.reason, keys):
                 yield self._document.issue((*place, "reason"), message)
+
+    def _issues(self, experiment: Experiment, entry: ExperimentEntry, path: Keys) -> Iterator[Issue]:
+        """What is wrong with the other keys of an experiment."""
         for number, hypothesis in enumerate(experiment.hypotheses):
             place = (*path, "hypotheses", number)
             yield from self._measured(experiment, (hypothesis.of,), hypothesis.measure, place)
@@ -230,15 +246,16 @@ class Study:
         for mapping, name, key in functions:
             if name not in (known := self._code.functions(mapping)):
                 yield self._document.issue((*path, key), f"{mapping} has no '{name}' ({did_you_mean(name, known)})")
-        entry = self._document.content.experiments[int(path[-1])]
         for key, names in (("repairs", entry.repairs), *(("bases", names) for names in entry.bases.values())):
             for name in set(names) - set(experiment.variants):
                 message = f"no variant is '{name}' ({did_you_mean(name, experiment.variants)})"
                 yield self._document.issue((*path, key), message)
         for basis in {entry.basis, *entry.bases} - set(BASES):
             yield self._document.issue(path, f"basis: '{basis}' ({did_you_mean(basis, BASES)})")
-        if reason := unsafe_name(entry.name, "a folder"):
-            yield self._document.issue((*path, "name"), f"'{entry.name}' {reason}")
+        named = [(entry.name, "a folder", "name"), *((figure.name, "a file", "figures") for figure in entry.figures)]
+        for name, what, key in named:
+            if reason := unsafe_name(name, what):
+                yield self._document.issue((*path, key), f"'{name}' {reason}")
         if min(experiment.quick, experiment.full, experiment.block) < 1:
             yield self._document.issue((*path, "runs"), "quick, full and block must be at least 1")
         if not experiment.variants:

@@ -107,4 +107,4 @@ class StudyDocument(DocumentModel):
     published: dict[str, Any] = {}  # noqa: RUF012 (pydantic copies it)
     registered: dict[str, Any] = {}  # noqa: RUF012 (pydantic copies it)
     experiments: tuple[ExperimentEntry, ...]
-    main: tuple[dict[str, dict[str, Any]], ...] = ()
+    main: tuple[dict[str, dict[str, str | tuple[str, ...]]], ...] = ()
