@@ -16,7 +16,7 @@ from pathlib import Path
 import wsnsim
 from tests.readme_results import PAPERS, results
 from tests.readme_tables import TABLES
-from wsnsim.papers.paper import PAGES
+from wsnsim.papers.study import PAGES
 
 HOME = Path(__file__).parents[1]
 README, DOCS = HOME / "README.md", HOME / "docs"

@@ -39,6 +39,7 @@ FOREIGN = {
     ("scenario.reader", "f'(?:{_pattern.pattern})$'"): ("match", "<<"),
     ("scenario.units", "'[/*]'"): ("search", "m/s"),
     ("scenario.sweep", "'^\\\\W|[^\\\\w.\\\\-]'"): ("search", ".a b"),
+    ("papers.reproduction", "FIELD"): ("fullmatch", "rmse[gpf: 5 %].measured"),
     ("recording.layout", "\"error message = '([^']*+)'\""): ("search", "a error message = 'b' c"),
     ("base.synonyms", "'(?<=[a-z])(?=[A-Z])'"): ("search", "aWord"),
     ("base.synonyms", "'[\\\\s.\\\\-/]+'"): ("search", "a . b"),
@@ -50,7 +51,6 @@ FOREIGN = {
 OWN = {
     "report": "pages and figures that we made",
     "watch": "pages that we made",
-    "papers": "our papers",
     "recording": "names",
     "scenario.parameter_info": "numbers",
     "analysis.sweep_lines": "descriptions of our fields",

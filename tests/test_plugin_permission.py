@@ -358,3 +358,37 @@ def test_check_survives_a_plugin_that_exits_or_hangs(lab: Path, capfd: pytest.Ca
     assert "hangs.yaml: error: plug-in hangs:Effect gave no answer within 0.5 s (--timeout)\n" in said.err
     assert said.err.count("wsnsim: imports ") == 2
     assert not {"exits", "hangs"} & set(sys.modules)
+
+
+STUDY = """
+source: Mine
+experiments:
+  - name: few
+    title: one variant
+    variants: {pf: ungm_pf}
+    runs: {quick: 1, full: 1}
+    sets: [duration=3 s]
+    claims: [{of: pf, quantity: steps, measure: "mean:own"}]
+"""
+STUDY_CODE = """
+from pathlib import Path
+
+with (Path(__file__).parents[1] / "imported").open("a") as marker:
+    marker.write("once ")
+
+MEASURES = {"own": lambda data, variant: data.of_runs(variant, "steps")}
+"""
+
+
+def test_the_code_of_a_study_is_imported_by_the_command_that_names_its_folder_and_by_no_other(
+    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("wsnsim.papers.reproduce.LocalEngine", InlineEngine)
+    Path("mine").mkdir()
+    Path("mine/study.yaml").write_text(STUDY)
+    Path("mine/study.py").write_text(STUDY_CODE)
+    for words in ("check mine/study.yaml", "info mine/study.yaml", "run mine/study.yaml", "list scenarios"):
+        main(words.split())
+        assert not imported(lab), words
+    assert main(["reproduce", "mine", "--quiet", "--json"]) == 0
+    assert Path("imported").read_text() == "once " and '"measured": 2.0' in capsys.readouterr().out

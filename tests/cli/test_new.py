@@ -11,6 +11,7 @@ import pytest
 from wsnsim import read
 from wsnsim.cli import main
 from wsnsim.cli.new import ROLES, class_name
+from wsnsim.papers.study import study
 from wsnsim.scenario.kind_info import kind_info
 from wsnsim.scenario.tracker_choices import tracker_choices
 
@@ -66,6 +67,27 @@ def test_a_new_tracker_names_itself_for_a_comparison() -> None:
     assert words[:2] == ["compare", "near_it.yaml"]
 
 
+def test_a_new_study_is_without_faults_and_its_files_are_not_overwritten(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "--for", "study", "my-study"]) == 0
+    said = ["my-study/study.yaml and my-study/study.py: written", "run it: wsnsim reproduce my-study"]
+    assert capsys.readouterr().out.splitlines() == said
+    (experiment,) = study("my-study").experiments
+    assert experiment.hypotheses and experiment.claims and experiment.figures
+    assert study("my-study").source == "my-study" and "plugin_name" not in Path("my-study/study.py").read_text()
+    Path("my-study/study.py").unlink()
+    assert main(["new", "--for", "study", "my-study"]) == 2
+    assert capsys.readouterr().err == "wsnsim: error: file exists: my-study\n"
+    assert not Path("my-study/study.py").exists()
+
+
+@pytest.mark.thorough
+def test_a_new_study_runs_and_answers_its_hypotheses(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "--for", "study", "answers"]) == 0
+    assert main(["reproduce", "answers", "--quiet", "--figures", "figures"]) == 0
+    said = capsys.readouterr().out
+    assert said.count("registered the ") == 2 and Path("figures/answers_errors.png").stat().st_size > 10_000
+
+
 def test_nothing_is_overwritten_and_nothing_is_half_written(capsys: pytest.CaptureFixture[str]) -> None:
     Path("mine_here.yaml").write_text("mine")
     assert main(["new", "--for", "motion", "mine_here"]) == 2
@@ -85,6 +107,9 @@ def test_nothing_is_overwritten_and_nothing_is_half_written(capsys: pytest.Captu
         (["--for", "sensor", "../up"], "'../up' cannot name a file"),
         (["--for", "sensor", "--bench", "mine"], "--bench cannot be combined with --for"),
         (["--for", "sensr", "mine"], "Invalid value for '--for'"),
+        (["--for", "study", "frontier"], "'frontier' is the name of a study that comes with wsnsim"),
+        (["--for", "study", "../up"], "'../up' cannot name a file"),
+        (["--for", "study", "--bench", "mine"], "--bench cannot be combined with --for"),
     ],
 )
 def test_what_cannot_be_written_says_so(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:

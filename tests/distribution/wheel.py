@@ -29,7 +29,8 @@ DATA = (
     "scenario/kinds.table",
     "_scenarios/pso_mhpf.yaml",
     "_scenarios/recorded/ble/receivers.csv",
-    "papers/jiang2013.yaml",
+    "_scenarios/papers/jiang2013/study.yaml",
+    "_scenarios/studies/frontier/study.py",
 )
 """Files of the package that are no modules and that a wheel must hold."""
 SHARED = (

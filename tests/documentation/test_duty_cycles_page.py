@@ -8,11 +8,11 @@ import re
 
 from tests.bench.page import spliced
 from tests.papers import duty_cycles_page as page
-from wsnsim.papers.paper import paper
+from wsnsim.papers.study import study
 
 ROWS = json.loads(page.ROWS.read_text(encoding="utf-8")) if page.ROWS.exists() else {}
 TEXT = page.PAGE.read_text(encoding="utf-8")
-REGISTERED = paper("duty_cycles").published["registered"]
+REGISTERED = study("duty_cycles").registered
 
 
 def test_the_page_is_made_from_its_rows():

@@ -7,11 +7,11 @@ import re
 
 from tests.bench.page import spliced
 from tests.papers import frontier_page as page
-from wsnsim.papers.paper import paper
+from wsnsim.papers.study import study
 
 ROWS = json.loads(page.ROWS.read_text(encoding="utf-8")) if page.ROWS.exists() else {}
 TEXT = page.PAGE.read_text(encoding="utf-8")
-REGISTERED = paper("frontier").published["registered"]
+REGISTERED = study("frontier").registered
 
 
 def test_the_page_is_made_from_its_rows():

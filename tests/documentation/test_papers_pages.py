@@ -10,7 +10,7 @@ import pandas as pd
 from tests.documentation.pages_of_docs import block
 from tests.readme_results import shown_rows
 from tests.readme_tables import DENSITIES, RADIO_ROWS, SLEEPERS, commercial_radio, sleeping, sleeping_rarely
-from wsnsim.papers.paper import PAGES, PAPERS, paper
+from wsnsim.papers.study import PAGES, PAPERS, study
 
 
 def test_the_tables_of_the_papers_have_a_row_for_each_main_claim_with_what_was_published():
@@ -21,7 +21,7 @@ def test_the_tables_of_the_papers_have_a_row_for_each_main_claim_with_what_was_p
     ]
     claimed, orders = set(), 0
     for name in PAPERS:
-        for experiment, claim in paper(name).main:
+        for experiment, claim in study(name).main:
             orders += bool(claim.other)
             number = getattr(claim, "published", None)
             published = "-" if number is None else ("about " if claim.read else "") + f"{number:.4g}"

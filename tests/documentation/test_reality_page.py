@@ -9,9 +9,12 @@ import pytest
 import wsnsim
 from tests.bench.page import spliced
 from tests.papers import reality_page as page
-from wsnsim.papers.paper import paper
-from wsnsim.papers.reality.recording import recording, shipped_folder
-from wsnsim.papers.reality.residuals import heard_share, track_residuals
+from tests.papers.studies import module
+from wsnsim.papers.study import study
+
+_recording = module("reality", "recording")
+recording, SHIPPED = _recording.recording, module("reality").SHIPPED
+heard_share, track_residuals = _recording.heard_share, _recording.track_residuals
 
 ROWS = json.loads(page.ROWS.read_text(encoding="utf-8"))
 TEXT = page.PAGE.read_text(encoding="utf-8")
@@ -23,14 +26,14 @@ def test_the_page_is_made_from_its_rows():
 
 
 def test_the_page_shows_every_figure_of_the_experiments():
-    for experiment in paper("reality").experiments:
+    for experiment in study("reality").experiments:
         for figure in experiment.figures:
             assert f"](reality_{figure.name}.png)" in TEXT
             assert (page.PAGE.parent / f"reality_{figure.name}.png").stat().st_size > 20_000
 
 
 def test_its_answers_are_those_of_the_registered_seeds_and_thresholds():
-    registered = paper("reality").published["registered"]
+    registered = study("reality").registered
     assert ROWS["runs"][0] == registered["seeds"] and len(ROWS["answers"]) == 3
     for threshold, answer in zip(
         (registered[key] for key in ("factor", "recovered", "nees")), ROWS["answers"], strict=True
@@ -39,7 +42,7 @@ def test_its_answers_are_those_of_the_registered_seeds_and_thresholds():
 
 
 def test_its_figures_of_the_readings_are_those_of_the_shipped_tracks():
-    found = recording(shipped_folder())
+    found = recording(SHIPPED)
     name = found.tracks[0].name
     these, row = track_residuals(found, name), ROWS["residuals"][name]
     assert row["sd"] == pytest.approx(these.sd, rel=1e-3) and row["scatter"] == pytest.approx(these.scatter, rel=1e-9)
@@ -49,7 +52,7 @@ def test_its_figures_of_the_readings_are_those_of_the_shipped_tracks():
 
 def test_a_row_of_its_table_is_what_the_variants_of_the_experiment_give(tmp_path):
     name, kind = "straight_04", "ekf"
-    experiment = paper("reality").experiments[0]
+    experiment = study("reality").experiments[0]
     rmse = {}
     for state in ("recorded", "simulated"):
         variant = experiment.variants[f"{name}, {state}, {kind}"]

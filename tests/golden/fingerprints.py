@@ -46,8 +46,14 @@ class Machine(NamedTuple):
 
 
 def shipped() -> list[str]:
-    """The names of the shipped scenarios."""
-    return sorted(path.stem for path in SCENARIOS.glob("*.yaml"))
+    """The names of the shipped scenarios, those that only a paper's study runs included."""
+    return sorted(_paths())
+
+
+def _paths() -> dict[str, Path]:
+    """{name: file} of these scenarios."""
+    files = [*SCENARIOS.glob("*.yaml"), *SCENARIOS.glob("papers/*/*.yaml")]
+    return {path.stem: path for path in files if path.name != "study.yaml"}
 
 
 def this_machine() -> Machine:
@@ -66,7 +72,7 @@ def measured(name: str) -> dict[str, Any]:
     overrides += [f"duration={DURATIONS[name]}"] if name in DURATIONS else []
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "result.h5"
-        wsnsim.run(wsnsim.load(name, overrides), replicates=1, out=out)
+        wsnsim.run(wsnsim.load(str(_paths()[name]), overrides), replicates=1, out=out)
         return {"tables": _tables(column_digests(out)), "metrics": _metrics(out)}
 
 

@@ -18,14 +18,18 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.page import spliced
+from tests.papers.studies import module
 from wsnsim.analysis import statistics
 from wsnsim.base.arrays import Bools
-from wsnsim.papers.duty_cycles import hypotheses
-from wsnsim.papers.duty_cycles.measures import best_lines
-from wsnsim.papers.duty_cycles.points import common_runs, run, value
 from wsnsim.papers.measures import Data
-from wsnsim.papers.paper import DUTY_CYCLES, paper
+from wsnsim.papers.study import study
 from wsnsim.recording.folder import Folder
+
+hypotheses = module("duty_cycles", "hypotheses")
+_study = module("duty_cycles")
+best_lines = _study.best_lines
+_points = module("duty_cycles", "points")
+common_runs, run, value = _points.common_runs, _points.run, _points.value
 
 HOME = Path(__file__).parents[2]
 PAGE, ROWS = HOME / "docs/duty_cycles.md", HOME / "docs/duty_cycles.json"
@@ -63,7 +67,7 @@ def campaign(name: str) -> Data | None:
     """The results of an experiment; None if its points have no run in common."""
     if not [*(CAMPAIGNS / name).glob("*/*.h5")]:
         return None
-    data = Data(Folder(CAMPAIGNS / name), paper(DUTY_CYCLES))
+    data = Data(Folder(CAMPAIGNS / name), study("duty_cycles"))
     return data if run(data) == data.variants and len(common_runs(data)) else None
 
 

@@ -10,8 +10,12 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from wsnsim.papers.frontier import hypotheses
-from wsnsim.papers.frontier.strategies import Strategy
+from tests.papers.studies import module
+
+hypotheses = module("frontier", "hypotheses")
+_strategies = module("frontier", "strategies")
+Strategy = _strategies.Strategy
+
 
 OF_RUNS = re.compile(r"(run) of \d+.*")
 """What an answer says of the number of runs, which more runs change."""

@@ -25,15 +25,28 @@ from tests.bench.page import spliced
 from tests.papers.frontier_merge import merged, merged_strategies, number, of_row
 from tests.papers.frontier_runs import ADDED
 from tests.papers.frontier_table import frontier_table
+from tests.papers.studies import module
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.figure_style import write_figure
 from wsnsim.papers.answers import Interval, interval
-from wsnsim.papers.frontier import consistency, figures, hypotheses, settings
-from wsnsim.papers.frontier.against_bound import SETTLED, medians, of_medians, pooled, squares
-from wsnsim.papers.frontier.strategies import conclusions, limit, strategies
 from wsnsim.papers.measures import Data
-from wsnsim.papers.paper import FRONTIER, paper
+from wsnsim.papers.study import study
 from wsnsim.recording.folder import Folder
+
+consistency = module("frontier", "bound")
+figures = module("frontier", "figures")
+hypotheses = module("frontier", "hypotheses")
+settings = module("frontier", "settings")
+_bound = module("frontier", "bound")
+SETTLED, medians, of_medians, pooled, squares = (
+    _bound.SETTLED,
+    _bound.medians,
+    _bound.of_medians,
+    _bound.pooled,
+    _bound.squares,
+)
+_strategies = module("frontier", "strategies")
+conclusions, limit, strategies = _strategies.conclusions, _strategies.limit, _strategies.strategies
 
 HOME = Path(__file__).parents[2]
 PAGE, ROWS = HOME / "docs/frontier.md", HOME / "docs/frontier.json"
@@ -54,9 +67,9 @@ SWEEPS = {radio: f"settings_{radio}" for radio in settings.SWEPT_RADIOS.values()
 
 def campaigns_of(name: str) -> Iterator[Data]:
     """The results of an experiment: the campaigns each variant of which has at least LEAST runs."""
-    for where in (folder / FRONTIER for home in CAMPAIGNS for folder in (home, *sorted(home.glob("*")))):
+    for where in (folder / "frontier" for home in CAMPAIGNS for folder in (home, *sorted(home.glob("*")))):
         if (where / name / "campaign.json").exists() and [*(where / name).glob("*/*.h5")]:
-            data = Data(Folder(where / name), paper(FRONTIER))
+            data = Data(Folder(where / name), study("frontier"))
             counts = data.table("runs").groupby("variant")["replicate"].nunique()
             if all(counts.get(variant, 0) >= LEAST for variant in data.variants):
                 yield data
@@ -68,7 +81,7 @@ def content(before: Mapping[str, Any]) -> dict[str, Any]:
     for name, of in CONTENT.items():
         for data in campaigns_of(name):
             new, had = of(data), found.get(name, {})
-            found[name] = _merged_frontier(had, new) if name == FRONTIER else merged(had, new)
+            found[name] = _merged_frontier(had, new) if name == "frontier" else merged(had, new)
     if ASLEEP in found:
         found[ASLEEP] = merged(found[ASLEEP], {"rows": {}, "answers": _answers_asleep(found[ASLEEP]["rows"])})
     return found
@@ -80,12 +93,12 @@ def _answers_asleep(rows: Mapping[str, Any]) -> list[dict[str, Any]]:
     ours = next(name for name in rows if hypotheses.strategy_of(name) == hypotheses.OURS)
     if ours not in lost:
         return []
-    least = paper(FRONTIER).published["registered"]["asleep_in_time"]
+    least = study("frontier").registered["asleep_in_time"]
     return [each._asdict() for each in hypotheses.of_losses(lost, Interval(*rows[ours]["in_time"]), least)]
 
 
 def _merged_frontier(before: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    return merged_strategies(before, new, paper(FRONTIER).published["registered"])
+    return merged_strategies(before, new, study("frontier").registered)
 
 
 def _with_answers(data: Data, of: Callable[[Data, str], Mapping[str, Any]]) -> dict[str, Any]:
@@ -246,7 +259,7 @@ TABLES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
 
 def _factors() -> str:
     """What is swept, by radio and strategy."""
-    sweep = paper(FRONTIER).published["sweep"]
+    sweep = study("frontier").published["sweep"]
     rows = []
     for radio in SWEEPS:
         for group in sweep[radio]:
@@ -321,11 +334,11 @@ def _store_sweeps(commits: Sequence[str]) -> None:
 def draw(part: Mapping[str, Any]) -> None:
     """Draw docs/frontier_frontier.png from the strategies of docs/frontier.json."""
     found = [of_row(row) for row in part["strategies"]]
-    (experiment,) = (one for one in paper(FRONTIER).experiments if one.name == FRONTIER)
+    (experiment,) = (one for one in study("frontier").experiments if one.name == "frontier")
     (figure,) = experiment.figures
     about = f"{experiment.full} runs of 28 s each"
     drawing = functools.partial(figures.draw_strategies, found=found, bound=part["bound"], about=about)
-    write_figure(drawing, PICTURE, figure.size, f"{paper(FRONTIER).source}, {figure.caption}")
+    write_figure(drawing, PICTURE, figure.size, f"{study('frontier').source}, {figure.caption}")
 
 
 def main() -> None:
@@ -337,7 +350,7 @@ def main() -> None:
     if "--new" in sys.argv[1:]:
         before = json.loads(json.dumps(content(before), default=float))
         ROWS.write_text(json.dumps(before, indent=1) + "\n", encoding="utf-8")
-        draw(before[FRONTIER])
+        draw(before["frontier"])
     text = PAGE.read_text(encoding="utf-8")
     for name, block in blocks(before).items():
         text = spliced(text, name, block)

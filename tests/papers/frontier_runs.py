@@ -16,11 +16,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from tests.papers.studies import module
 from wsnsim.campaign import CampaignProgress
 from wsnsim.papers import reproduce
-from wsnsim.papers.frontier.settings import stored
-from wsnsim.papers.paper import FRONTIER, paper
 from wsnsim.papers.reproduction import Experiment
+from wsnsim.papers.study import study
+
+_settings = module("frontier", "settings")
+stored = _settings.stored
 
 HOME = Path(__file__).parents[2]
 ROWS = HOME / "docs/frontier.json"
@@ -30,7 +33,7 @@ ADDED = HOME / "results/reproduce/added"
 
 def experiment_of(name: str) -> Experiment:
     """The experiment of a name."""
-    return next(one for one in paper(FRONTIER).experiments if one.name == name)
+    return next(one for one in study("frontier").experiments if one.name == name)
 
 
 def shown(name: str) -> set[str]:
@@ -72,7 +75,7 @@ def main() -> None:
             print(f"{now.done} of {now.total} runs, {now.failed} failed, {now.wall:.0f} s", flush=True)
         done.add(now.done)
 
-    outcome = reproduce.run(FRONTIER, small, ADDED, given.jobs, full=True, watch=watch)
+    outcome = reproduce.run("frontier", small, ADDED, given.jobs, full=True, watch=watch)
     print("complete" if outcome.complete else outcome)
 
 

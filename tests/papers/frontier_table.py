@@ -7,9 +7,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from tests.papers.frontier_merge import of_row
-from wsnsim.papers.frontier.settings import SWEPT_RADIOS, stored
-from wsnsim.papers.frontier.strategies import RADIOS, Strategy
-from wsnsim.papers.frontier.variants import CHOSEN
+from tests.papers.studies import module
+
+_settings = module("frontier", "settings")
+SWEPT_RADIOS, stored = _settings.SWEPT_RADIOS, _settings.stored
+_strategies = module("frontier", "strategies")
+RADIOS, Strategy = _strategies.RADIOS, _strategies.Strategy
+CHOSEN = _settings.CHOSEN
 
 HEAD = {
     "ideal": ("strategy", "setting", "RMSE, m [95 %]", "x bound", "energy, J", "lost", "in time", "follows"),

@@ -14,12 +14,19 @@ from typing import Any
 
 import wsnsim
 from tests.bench.page import spliced
+from tests.papers.studies import module
 from wsnsim.base.tables import Memory
 from wsnsim.papers.measures import Data
-from wsnsim.papers.paper import REALITY, paper
-from wsnsim.papers.reality import measures
-from wsnsim.papers.reality.residuals import figures_in_words, heard_share, track_residuals
+from wsnsim.papers.study import study
 from wsnsim.recording.folder import Folder
+
+measures = module("reality", "answers")
+_recording = module("reality", "recording")
+figures_in_words, heard_share, track_residuals = (
+    _recording.figures_in_words,
+    _recording.heard_share,
+    _recording.track_residuals,
+)
 
 HOME = Path(__file__).parents[2]
 PAGE, ROWS = HOME / "docs/reality.md", HOME / "docs/reality.json"
@@ -42,7 +49,7 @@ def content(data: Data, others: Data) -> dict[str, Any]:
     """Everything that the page shows, as plain values: of the experiment `tracks`, and of all other trackers."""
     found = measures.tracks_of(data)
     names = [track.name for track in found.tracks]
-    step = data.published["registered"]["step"]
+    step = data.registered["step"]
     estimating = measures.trackers_on(data, "recorded, unknown gains", "estimated")
     calibrated = {
         kind: {
@@ -170,7 +177,7 @@ def _interval(value: float, low: float, high: float) -> str:
 def main() -> None:
     """Write docs/reality.json if asked to, then the blocks of docs/reality.md."""
     if "--new" in sys.argv[1:]:
-        new = content(*(Data(Folder(CAMPAIGNS / name), paper(REALITY)) for name in ("tracks", "trackers")))
+        new = content(*(Data(Folder(CAMPAIGNS / name), study("reality")) for name in ("tracks", "trackers")))
         ROWS.write_text(json.dumps(new, indent=1) + "\n", encoding="utf-8")
     text = PAGE.read_text(encoding="utf-8")
     for name, block in blocks(json.loads(ROWS.read_text(encoding="utf-8"))).items():

@@ -14,16 +14,22 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tests.campaign.inline_engine import InlineEngine
+from tests.papers.studies import module
 from wsnsim import scenario
 from wsnsim.experiment import simulate_run
 from wsnsim.papers import reproduce
-from wsnsim.papers.duty_cycles import figures, hypotheses, points
-from wsnsim.papers.duty_cycles.best import best
-from wsnsim.papers.duty_cycles.measures import DAY, MEASURES, best_lines
-from wsnsim.papers.paper import paper
+from wsnsim.papers.study import study
 
-PAPER = paper("duty_cycles")
-REGISTERED = PAPER.published["registered"]
+figures = module("duty_cycles")
+hypotheses = module("duty_cycles", "hypotheses")
+points = module("duty_cycles", "points")
+_points = module("duty_cycles", "points")
+best = _points.best
+_study = module("duty_cycles")
+DAY, MEASURES, best_lines = _study.DAY, _study.MEASURES, _study.best_lines
+
+PAPER = study("duty_cycles")
+REGISTERED = PAPER.registered
 LI, JIANG, FOUND, WAITING, LI_AGAIN, FOUND_AGAIN, JIANG_AGAIN = PAPER.experiments
 SPREAD = 1.0 + 0.01 * np.linspace(-1.0, 1.0, 10)
 """How ten runs vary around a level."""
@@ -110,7 +116,7 @@ class Runs:
 
     def __init__(self, levels, name="li"):
         self.levels, self.variants = levels, tuple(levels)
-        self.published, self.own = PAPER.published, MEASURES
+        self.registered, self.own = REGISTERED, MEASURES
         self.manifest = type("Manifest", (), {"name": f"duty_cycles_{name}"})
         usual = {"energy": 10.0, "median_error": 1.0, "tracked": 1.0, "tracked_three": 0.9, "awake": 0.3,
                  "radio_on": 0.005, "losses": 0.0}  # fmt: skip

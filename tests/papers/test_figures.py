@@ -5,10 +5,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from tests.papers.studies import module
 from wsnsim.analysis import figure_style
 from wsnsim.base import metrics
-from wsnsim.papers.liu2012 import figures as liu2012
 from wsnsim.papers.plotting import plain_numbers
+
+liu2012 = module("liu2012")
 
 
 def errors_of(runs, steps, seed=1):

@@ -6,16 +6,30 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.papers.studies import module
 from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim.papers.answers import Interval, both, interval
-from wsnsim.papers.frontier import against_bound, consistency, hypotheses
-from wsnsim.papers.frontier.against_bound import Squares, medians, near_walls, of_medians, pooled, rmse_of_runs
-from wsnsim.papers.frontier.settings import Choice, StoredSweep
-from wsnsim.papers.frontier.strategies import Strategy
-from wsnsim.papers.paper import paper
 from wsnsim.papers.resampling import DRAWS
+from wsnsim.papers.study import study
 
-REGISTERED = paper("frontier").published["registered"]
+against_bound = module("frontier", "bound")
+consistency = module("frontier", "bound")
+hypotheses = module("frontier", "hypotheses")
+_bound = module("frontier", "bound")
+Squares, medians, near_walls, of_medians, pooled, rmse_of_runs = (
+    _bound.Squares,
+    _bound.medians,
+    _bound.near_walls,
+    _bound.of_medians,
+    _bound.pooled,
+    _bound.rmse_of_runs,
+)
+_settings = module("frontier", "settings")
+Choice, StoredSweep = _settings.Choice, _settings.StoredSweep
+_strategies = module("frontier", "strategies")
+Strategy = _strategies.Strategy
+
+REGISTERED = study("frontier").registered
 TIMES = np.array([0.5, 1.0, 1.5])
 NAN = float("nan")
 
@@ -95,7 +109,7 @@ class Runs(TablesOfRuns):
     def __init__(self, tables, name="at_the_bound"):
         super().__init__({})
         self.by_name, self.variants = tables, tuple(tables)
-        self.published = {"registered": REGISTERED}
+        self.registered = REGISTERED
         self.manifest = type("Manifest", (), {"name": f"frontier_{name}"})
 
     def of(self, variant, table):

@@ -10,18 +10,23 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from tests.campaign.inline_engine import InlineEngine
+from tests.papers.studies import module
 from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim import scenario
 from wsnsim.papers import measures, reproduce
-from wsnsim.papers.frontier import figures
-from wsnsim.papers.frontier import strategies as frontier_strategies
-from wsnsim.papers.frontier.measures import MEASURES, arrived
-from wsnsim.papers.frontier.settings import stored
-from wsnsim.papers.frontier.strategies import Strategy
-from wsnsim.papers.frontier.variants import CHOSEN, twin
-from wsnsim.papers.paper import paper
+from wsnsim.papers.study import study
 
-EXPERIMENT = paper("frontier").experiments[0]
+figures = module("frontier", "figures")
+frontier_strategies = module("frontier", "strategies")
+_study = module("frontier")
+MEASURES, arrived = _study.MEASURES, _study.arrived
+_settings = module("frontier", "settings")
+stored = _settings.stored
+_strategies = module("frontier", "strategies")
+Strategy = _strategies.Strategy
+CHOSEN, twin = _settings.CHOSEN, _settings.twin
+
+EXPERIMENT = study("frontier").experiments[0]
 VARIANTS = EXPERIMENT.variants
 SMALL = ("ideal: ekf", "ideal: ekf, nearest", "slots: ekf", "10 % awake: ekf")
 
@@ -85,7 +90,7 @@ def test_every_strategy_that_was_swept_runs_at_its_fair_setting_on_the_frontier(
 
 @pytest.mark.thorough
 def test_a_strategy_at_its_fair_setting_is_what_the_sweep_ran_but_for_seed_and_length(quick):
-    sweeps = {one.name: one for one in paper("frontier").experiments if one.name.startswith("settings_")}
+    sweeps = {one.name: one for one in study("frontier").experiments if one.name.startswith("settings_")}
     known = resolved(quick)
     for radio, sweep in stored().items():
         for strategy, choice in sweep.choices.items():
@@ -119,7 +124,7 @@ def test_the_names_of_shipped_scenarios_stand_for_them():
 
 
 def test_the_variants_on_a_radio_differ_in_how_members_get_the_channel_alone():
-    found = {one.name: one.variants for one in paper("frontier").experiments if one.name.startswith("on_a_radio")}
+    found = {one.name: one.variants for one in study("frontier").experiments if one.name.startswith("on_a_radio")}
     assert {name: len(variants) for name, variants in found.items()} == {
         "on_a_radio": 2, "on_a_radio_again": 4, "on_a_radio_contending": 1
     }  # fmt: skip
@@ -286,7 +291,7 @@ def test_a_strategy_that_strays_and_comes_back_in_one_run_of_ten_does_not_follow
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", ["at_the_bound", "on_a_radio", "asleep", "robustness"])
 def test_a_few_short_runs_of_every_other_experiment_give_rows_answers_and_figures(name, tmp_path, monkeypatch):
-    (whole,) = (one for one in paper("frontier").experiments if one.name == name)
+    (whole,) = (one for one in study("frontier").experiments if one.name == name)
     kept = [key for key in whole.variants if "gpf" not in key]
     claims = tuple(one for one in whole.claims if one.variant in kept)
     small = replace(whole, quick=2, variants={key: whole.variants[key] for key in kept}, claims=claims,

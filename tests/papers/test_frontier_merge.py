@@ -6,11 +6,13 @@ import pandas as pd
 
 from tests.papers.frontier_merge import merged, merged_strategies, of_row
 from tests.papers.frontier_table import frontier_table
+from tests.papers.studies import module
 from wsnsim.papers.answers import Interval
-from wsnsim.papers.frontier import hypotheses
-from wsnsim.papers.paper import paper
+from wsnsim.papers.study import study
 
-REGISTERED = paper("frontier").published["registered"]
+hypotheses = module("frontier", "hypotheses")
+
+REGISTERED = study("frontier").registered
 
 
 def answer(words, said="yes"):

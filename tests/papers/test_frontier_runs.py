@@ -8,9 +8,9 @@ import pytest
 
 from tests.papers import frontier_runs as runs
 from wsnsim.papers import reproduce
-from wsnsim.papers.paper import paper
+from wsnsim.papers.study import study
 
-ASLEEP = next(one for one in paper("frontier").experiments if one.name == "asleep")
+ASLEEP = next(one for one in study("frontier").experiments if one.name == "asleep")
 
 
 def test_what_the_page_has_is_not_missing(monkeypatch, tmp_path):
@@ -34,7 +34,7 @@ def test_a_variant_alone_is_the_same_point_as_within_its_experiment():
 
 
 def test_asleep_trackers_have_the_settings_that_the_sweep_chose_on_the_same_radio_awake():
-    frontier = paper("frontier").experiments[0]
+    frontier = study("frontier").experiments[0]
     for strategy in ("gpf", "ekf"):
         awake = frontier.variants[f"slots: {strategy}, fair"].sets
         chosen = [one for one in awake if "noise" in one or "particles=" in one]

@@ -8,14 +8,24 @@ import math
 import pandas as pd
 import pytest
 
+from tests.papers.studies import module
 from tests.papers.tables_of_runs import TablesOfRuns
-from wsnsim.papers.frontier import settings
-from wsnsim.papers.frontier.settings import Choice, StoredSweep, chosen, stored, swept
-from wsnsim.papers.frontier.strategies import Strategy
-from wsnsim.papers.frontier.variants import settings_of
-from wsnsim.papers.paper import paper
+from wsnsim.papers.study import study
 
-SWEEP = paper("frontier").published["sweep"]
+settings = module("frontier", "settings")
+_settings = module("frontier", "settings")
+Choice, StoredSweep, chosen, stored, swept = (
+    _settings.Choice,
+    _settings.StoredSweep,
+    _settings.chosen,
+    _settings.stored,
+    _settings.swept,
+)
+_strategies = module("frontier", "strategies")
+Strategy = _strategies.Strategy
+CHOSEN = _settings.CHOSEN
+
+SWEEP = study("frontier").published["sweep"]
 
 
 def result(name, rmse, energy, lost=0.0, in_time=1.0):
@@ -49,7 +59,7 @@ def test_where_every_setting_loses_runs_those_that_lose_fewest_count():
 def test_a_sweep_crosses_process_noise_with_every_other_factor_and_names_each_setting_once(radio):
     names = swept(SWEEP, radio)
     assert list(names) == list(
-        next(one for one in paper("frontier").experiments if one.name == f"settings_{radio}").variants
+        next(one for one in study("frontier").experiments if one.name == f"settings_{radio}").variants
     )
     for group in SWEEP[radio]:
         factors = {**SWEEP["usual"], **group}
@@ -73,13 +83,19 @@ def test_every_stored_choice_follows_from_the_stored_results_by_the_rule():
         assert one.about["seed"] != 20131101 and one.about["runs"] >= 4 and len(one.about["digest"]) == 64
 
 
-def test_a_chosen_setting_becomes_a_variant_unless_it_is_the_default_or_the_other_choice():
-    choices = {"x": Choice("ideal: x, noise x10", "ideal: x, noise x10, handover at 0.5"),
-               "y": Choice("ideal: y", "ideal: y"), "z": Choice("ideal: z, two", "ideal: z, two")}  # fmt: skip
-    words = {"noise x10": "a=1", "handover at 0.5": ["b=2"], "two": ["c=3", "d=4"]}
-    assert settings_of(StoredSweep({}, (), choices), "ideal", words) == {
-        "ideal: x, fair": ["a=1"], "ideal: x, frugal": ["a=1", "b=2"], "ideal: z, fair": ["c=3", "d=4"],
-    }  # fmt: skip
+@pytest.mark.parametrize("radio", ["ideal", "slots"])
+def test_a_chosen_setting_is_a_variant_unless_it_is_the_default_or_the_other_choice(radio):
+    experiments = {one.name: one.variants for one in study("frontier").experiments}
+    swept_as, written = experiments[f"settings_{radio}"], experiments["frontier"]
+    wanted = {}
+    for strategy, choice in stored()[radio].choices.items():
+        usual = f"{radio}: {strategy}"
+        if choice.fair != usual:
+            wanted[f"{usual}, fair"] = swept_as[choice.fair].sets
+        if choice.frugal not in (usual, choice.fair):
+            wanted[f"{usual}, frugal"] = swept_as[choice.frugal].sets
+    found = {name: one for name, one in written.items() if name.startswith(f"{radio}: ") and name.endswith(CHOSEN)}
+    assert {name: {*one.sets} for name, one in found.items()} == {name: {*sets} for name, sets in wanted.items()}
 
 
 def sweep_data(**changes):

@@ -7,16 +7,18 @@ import pandas as pd
 import pytest
 
 from tests.campaign.inline_engine import InlineEngine
+from tests.papers.studies import module
 from wsnsim import scenario
 from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import simulate_run
 from wsnsim.papers import measures, reproduce
-from wsnsim.papers.jiang2013 import figures
-from wsnsim.papers.jiang2013 import measures as jiang2013_measures
-from wsnsim.papers.paper import paper
+from wsnsim.papers.study import study
 
-EXPERIMENTS = paper("jiang2013").experiments
+figures = module("jiang2013")
+jiang2013_measures = module("jiang2013")
+
+EXPERIMENTS = study("jiang2013").experiments
 
 PRINTED = {
     "rmse": {"pso_mhpf": 2.5347, "ipf": 3.3710, "ppf": 4.5519},
@@ -31,7 +33,7 @@ PRINTED = {
 
 def short(measure):
     name = measure.partition(":")[2]
-    return name if name in paper("jiang2013").measures else measure
+    return name if name in study("jiang2013").measures else measure
 
 
 def claims():

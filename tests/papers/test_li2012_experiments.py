@@ -7,11 +7,13 @@ import pytest
 
 from tests.campaign.inline_engine import InlineEngine
 from tests.helpers.thorough import thorough
+from tests.papers.studies import module
 from wsnsim.papers import reproduce
-from wsnsim.papers.li2012 import measures as li2012_measures
-from wsnsim.papers.paper import paper
+from wsnsim.papers.study import study
 
-EXPERIMENTS = {experiment.name: experiment for experiment in paper("li2012").experiments}
+li2012_measures = module("li2012")
+
+EXPERIMENTS = {experiment.name: experiment for experiment in study("li2012").experiments}
 CLAIMS = [(experiment, claim) for experiment in EXPERIMENTS.values() for claim in experiment.claims if claim.shown]
 
 

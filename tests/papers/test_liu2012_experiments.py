@@ -8,15 +8,18 @@ import pytest
 
 import wsnsim
 from tests.campaign.inline_engine import InlineEngine
+from tests.papers.studies import module
 from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim.base.errors import ResultError
 from wsnsim.papers import measures, reproduce
-from wsnsim.papers.liu2012 import measures as liu2012_measures
-from wsnsim.papers.liu2012.measures import MEASURES
-from wsnsim.papers.paper import paper
+from wsnsim.papers.study import study
 from wsnsim.trackers.relay_kalman import RelayKalman
 
-EXPERIMENTS = paper("liu2012").experiments
+liu2012_measures = module("liu2012")
+_study = module("liu2012")
+MEASURES = _study.MEASURES
+
+EXPERIMENTS = study("liu2012").experiments
 TRACKING, READ_OTHERWISE = EXPERIMENTS
 PRINTED = {"rkf": 47.7304, "imsf": 68.6893}
 """Published run times (s)."""

@@ -5,25 +5,26 @@ from __future__ import annotations
 import functools
 import json
 import re
+import shutil
 from dataclasses import replace
-from importlib import import_module
+from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
 from tests.helpers.thorough import thorough
+from tests.papers.studies import module
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
-from wsnsim.papers import paper as papers
 from wsnsim.papers import reproduce
 from wsnsim.papers.measures import computing
-from wsnsim.papers.paper import FOLDER, PAGES, REALITY, Paper, paper
-from wsnsim.papers.reasons import rendered
-from wsnsim.papers.reproduction import BASES, ClaimRow
+from wsnsim.papers.reproduction import BASES, ClaimRow, rendered
+from wsnsim.papers.study import PAGES, study
 from wsnsim.papers.verdicts import Judgement
+from wsnsim.scenario.files import shipped_studies
 
-NAMES = [(name, raw.name) for name in PAGES for raw in paper(name)._document.content.experiments]
+NAMES = [(name, raw.name) for name in PAGES for raw in study(name)._document.content.experiments]
 """(paper, experiment); experiments are computed in tests, because that of recorded tracks is dear."""
 TABLES = {"rmse": {"estimates"}, "rmse_of_kept": {"estimates"}, "over": {"estimates"}, "less_than": {"estimates"},
           "column": {"estimates", "truth"}, "column_of_kept": {"estimates", "truth"},
@@ -47,7 +48,7 @@ OWN = {
 """Tables that the papers' own measures read in addition to `runs` and `tracks`, by name without a final number."""
 
 
-whole_paper = functools.cache(paper)
+whole_paper = functools.cache(study)
 
 
 def experiment_of(pair):
@@ -60,7 +61,7 @@ def experiment_of(pair):
 @pytest.mark.parametrize("pair", NAMES, ids=" ".join)
 def test_every_experiment_is_a_campaign_of_scenarios_that_load(pair, full):
     name, experiment = pair[0], experiment_of(pair)
-    if name == REALITY:  # every track has the same variants
+    if name == "reality":  # every track has the same variants
         track = next(iter(experiment.variants)).partition(", ")[0]
         few = {key: variant for key, variant in experiment.variants.items() if key.startswith(f"{track}, ")}
         experiment = replace(experiment, variants=few)
@@ -94,15 +95,15 @@ def test_every_verdict_has_its_reason_in_a_line(pair):
 
 @pytest.mark.parametrize("name", PAGES)
 def test_every_figure_has_its_function_and_every_function_a_figure(name):
-    drawn = {figure.draw or figure.name for experiment in paper(name).experiments for figure in experiment.figures}
-    assert drawn == set(import_module(f"wsnsim.papers.{name}.figures").FIGURES)
+    drawn = {figure.draw or figure.name for experiment in study(name).experiments for figure in experiment.figures}
+    assert drawn == set(module(name).FIGURES)
 
 
 @pytest.mark.parametrize("name", PAGES)
 def test_every_measure_of_a_paper_is_claimed_and_every_row_that_is_not_shown_is_used_by_a_reason(name):
-    claims = [claim for experiment in paper(name).experiments for claim in experiment.claims]
+    claims = [claim for experiment in study(name).experiments for claim in experiment.claims]
     used = {part for claim in claims for part in (claim.measure, getattr(claim, "bound", "")) if ":" in part}
-    assert set(paper(name).measures) <= {part.partition(":")[2] for part in used}
+    assert set(study(name).measures) <= {part.partition(":")[2] for part in used}
     reasons = " ".join(claim.reason for claim in claims)
     hidden = {claim.id for claim in claims if not claim.shown}
     assert all(f"{{{one}[" in reasons for one in hidden), hidden
@@ -117,16 +118,18 @@ def test_a_number_in_a_reason_is_that_of_the_row_it_names():
 
 
 @pytest.fixture
-def edited(tmp_path, monkeypatch):
-    """A function that gives the paper of Liu (2012) with a text of its file replaced."""
+def edited(tmp_path):
+    """A function that gives the paper of Liu (2012), copied to a folder, with a text of its file replaced."""
+    folder = Path(shutil.copytree(shipped_studies()["liu2012"], tmp_path / "copy"))
 
     def edit(before, after):
-        text = (FOLDER / "liu2012.yaml").read_text(encoding="utf-8")
+        text = (folder / "study.yaml").read_text(encoding="utf-8")
         assert before in text
-        (tmp_path / "liu2012.yaml").write_text(text.replace(before, after, 1), encoding="utf-8")
-        return Paper("liu2012", papers.read_document(tmp_path / "liu2012.yaml", papers.PaperDocument))
+        (folder / "study.yaml").write_text(text.replace(before, after, 1), encoding="utf-8")
+        return study(str(folder))
 
-    return edit
+    yield edit
+    study.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -134,25 +137,44 @@ def edited(tmp_path, monkeypatch):
     [
         ("quick: 20", "quik: 20", r"experiments.0.runs.quik: unknown key, did you mean 'quick'"),
         ("quick: 20", "quick: many", r"experiments.0.runs.quick"),
-        ("order: imsf < rkf,", "order: imsf < rfk,", r"'rfk'.*did you mean 'rkf'"),
-        ("variants: [rkf, imsf,", "variants: [rkf, imfs,", r"'imfs'.*did you mean 'imsf'"),
+        ("quick: 20", "quick: 0", r"experiments.0.runs: quick, full and block must be at least 1"),
+        ("of: imsf < rkf,", "of: imsf < rfk,", r"'rfk'.*did you mean 'rkf'"),
+        ("of: imsf < rkf, ", "", r"needs 'of': a variant, an order"),
+        ("of: [rkf, imsf],", "of: [rkf, imfs],", r"'imfs'.*did you mean 'imsf'"),
         ("measure: rmse_of_kept", "measure: rmse_of_kep", r"did you mean 'rmse_of_kept'"),
+        (", measure: rmse_of_kept", "", r"needs 'measure'"),
         ("mean:in_turn", "mean:inturn", r"did you mean 'in_turn'"),
-        ("{median_rmse[imsf].measured", "{median_rmse[imfs].measured", r"'median_rmse\[imfs\]'"),
-        ("{median_rmse[imsf].measured", "{median_rms[imsf].measured", r"did you mean 'median_rmse'"),
-        ("{median_rmse[imsf].measured", "{median_rmse[imsf].mesured", r"did you mean 'measured'"),
+        ("published: {rkf: 47.7304", "published: {rfk: 47.7304", r"published: the claim is not of 'rfk' .*'rkf'"),
+        ("median_rmse[imsf].measured", "median_rmse[imfs].measured", r"'median_rmse\[imfs\]'"),
+        ("median_rmse[imsf].measured", "median_rms[imsf].measured", r"did you mean 'median_rmse'"),
+        ("median_rmse[imsf].measured", "median_rmse[imsf].mesured", r"did you mean 'measured'"),
         ("{median_rmse[imsf].measured", "{1 + 1", r"is not of the form"),
-        ("reason: <below>", "reason: <belw>", r"'<belw>' is not defined .did you mean 'below'"),
+        ("name: figure_1,", "name: figure_9,", r"experiments.0.figures: FIGURES has no 'figure_9' .*'figure_4'"),
+        ("record: [truth, estimates, nodes, tracker", "summary: x\n    record: [tracker", r"SUMMARIES has no 'x'"),
+        ("  - name: readings", "  - name: figures_1_to_4", r"a second experiment is 'figures_1_to_4'"),
+        ("    claims:", "    repairs: [rkv]\n    claims:", r"repairs: no variant is 'rkv' .*'rkf'"),
+        ("rows:\n", "where: x\n        rows:\n", r"beside 'rows' stands 'of' alone, not 'where'"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_in_a_papers_file_is_said_with_its_place_and_the_nearest_name(edited, before, after, words):
-    with pytest.raises(ScenarioError, match=r"(?s)^liu2012.yaml:\d+:\d+: error: .*" + words):
+def test_what_is_wrong_in_a_studys_file_is_said_with_its_place_and_the_nearest_name(edited, before, after, words):
+    with pytest.raises(ScenarioError, match=r"(?s)copy/study.yaml:\d+:\d+: error: .*" + words):
         edited(before, after).experiments  # noqa: B018
 
 
+def test_a_variant_whose_scenario_is_wrong_is_said_with_its_place_before_anything_runs(edited):
+    found = edited("[rkf, tracker.spread=true]", "[rkf, tracker.spraed=true]")
+    words = r"(?s)study.yaml:14:\d+: error: experiments.0.variants.rkf, spread: .*did you mean 'spread'"
+    with pytest.raises(ScenarioError, match=words):
+        reproduce.plan(str(found.folder), found.experiments[0])
+    study.cache_clear()
+    found = edited("[rkf, tracker.spraed=true]", "rkf")
+    with pytest.raises(ScenarioError, match=r"rkf, spread: is the same scenario as 'rkf'"):
+        reproduce.plan(str(found.folder), found.experiments[0])
+
+
 def test_a_main_row_that_is_no_claim_is_said_with_its_place(edited):
-    with pytest.raises(ScenarioError, match=r"error: main.0.figures_1_to_4.velcity"):
-        edited("      velocity: all", "      velcity: all").main  # noqa: B018
+    with pytest.raises(ScenarioError, match=r"error: main.0.figures_1_to_4.velcity: no id is 'velcity' .*'velocity'"):
+        edited("      velocity: all", "      velcity: all").experiments  # noqa: B018
 
 
 def test_computing_takes_the_operations_of_an_estimate_at_the_rate_of_the_processor():
@@ -168,13 +190,14 @@ def test_computing_takes_the_operations_of_an_estimate_at_the_rate_of_the_proces
     assert computing(data, "pf").to_dict() == {3: 500.0, 4: 500.0}
 
 
-def test_the_basis_of_a_claim_is_its_own_or_that_of_a_word_or_that_of_the_experiment(edited):
+def test_the_basis_of_a_claim_is_its_own_or_that_of_a_variant_or_that_of_the_experiment(edited):
     experiment = "    record: [truth, estimates, nodes, tracker_state]\n"
-    changed = experiment + "    basis: our constant\n    bases: {imsf: reconstruction, spread: construction}\n"
-    claims = edited(experiment, changed).experiments[0].claims
-    found = {claim.key: claim.basis for claim in claims}
+    bases = "    bases: {reconstruction: [imsf], construction: ['rkf, spread']}\n"
+    changed = edited(experiment, f"{experiment}    basis: our constant\n{bases}").experiments[0]
+    found = {claim.key: claim.basis for claim in changed.claims}
     assert found["imsf < rkf, spread"] == found["imsf"] == "reconstruction"
     assert (found["rkf, spread"], found["rkf"]) == ("construction", "our constant")
+    study.cache_clear()
     own = edited("id: order, ", "id: order, basis: our constant, ").experiments[0].claims
     assert [claim.basis for claim in own if claim.id == "order"] == ["our constant"]
 

@@ -15,7 +15,7 @@ from tests.helpers.commands import run_process
 from tests.papers import few_runs
 from wsnsim.papers import reproduce, table
 from wsnsim.papers.measures import Data
-from wsnsim.papers.paper import PAGES, PAPERS
+from wsnsim.papers.study import PAGES, PAPERS
 
 WHOLE = ("liu2012",)
 """Papers whose quick reproduction takes less than half a minute of processor time. Others have one run of a variant."""

@@ -14,14 +14,17 @@ import pandas as pd
 import pytest
 
 from tests.campaign.inline_engine import InlineEngine
+from tests.papers.studies import module
 from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim import scenario
 from wsnsim.base.errors import UsageError
 from wsnsim.papers import reproduce
-from wsnsim.papers.paper import paper
-from wsnsim.papers.reality import measures
-from wsnsim.papers.reality.recording import WalkedTrack, recording
-from wsnsim.papers.reality.residuals import heard_share, scatter, track_residuals
+from wsnsim.papers.study import study
+
+measures = module("reality", "answers")
+_recording = module("reality", "recording")
+WalkedTrack, recording = _recording.WalkedTrack, _recording.recording
+heard_share, scatter, track_residuals = _recording.heard_share, _recording.scatter, _recording.track_residuals
 
 RUNS = 30
 GAINS = {"a": 4.0, "b": -4.0, "c": 0.0}
@@ -146,13 +149,13 @@ def test_a_campaign_on_a_folder_gives_answers_lines_and_figures(folder, tmp_path
 
 
 @pytest.mark.parametrize("papers", [(), ("ruan2020",), ("reality", "frontier")])
-def test_data_are_for_reality_alone(papers, folder):
-    with pytest.raises(UsageError, match="--data is for 'reality' alone"):
+def test_data_are_for_one_study_that_takes_data(papers, folder):
+    with pytest.raises(UsageError, match="--data is for one study that takes data"):
         reproduce.on_data(papers, folder)
 
 
 def test_what_was_registered_before_the_first_run_is_unchanged():
-    assert paper("reality").published["registered"] == {
+    assert study("reality").registered == {
         "tracker": "pf", "step": 0.5, "particles": 400, "seeds": 30, "factor": 1.5, "recovered": 0.25, "nees": 3.0,
     }  # fmt: skip
 
@@ -165,7 +168,7 @@ def fake(monkeypatch, levels, rectangular=("loop",)):
         for name, (rmse, nees) in levels.items()
     }
     data = TablesOfRuns(tables)
-    data.own, data.published, data.variants = {}, paper("reality").published, tuple(tables)
+    data.own, data.registered, data.variants = {}, study("reality").registered, tuple(tables)
     names = dict.fromkeys(name.partition(",")[0] for name in tables)
     tracks = [WalkedTrack(name, None, 1.0, 1.0, name in rectangular) for name in names]
     monkeypatch.setattr(measures, "tracks_of", lambda data: SimpleNamespace(tracks=tracks))

@@ -24,9 +24,9 @@ from wsnsim.base import metrics
 from wsnsim.base.errors import UsageError
 from wsnsim.bounds import crlb
 from wsnsim.cli import main
-from wsnsim.papers import digest, measures, reasons, reproduce, table
-from wsnsim.papers.paper import paper
+from wsnsim.papers import measures, reproduce, reproduction, table
 from wsnsim.papers.reproduction import Claim, ClaimRow, Experiment, Losses, Variant
+from wsnsim.papers.study import study
 from wsnsim.papers.verdicts import RULE, AstrayShare, Judgement
 
 NAN = float("nan")
@@ -212,7 +212,7 @@ def test_progress_that_cannot_be_printed_ends_no_reproduction(done, papers, monk
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["liu2021"], "there is no paper 'liu2021' (did you mean 'liu2012'?)"),
+        (["liu2021"], "there is no paper or study 'liu2021' (did you mean 'liu2012'?)"),
         (["liu2012", "--only", "smal"], "liu2012 has no experiment 'smal' (did you mean 'small'?)"),
         (["liu2012", "--json", "--markdown"], "cannot be combined"),
         (["liu2012", "--figures", "file/figures"], "--figures file/figures"),
@@ -260,7 +260,7 @@ def test_when_it_is_stopped_the_same_command_goes_on(tmp_path):
 
 
 def row(**more):
-    experiment, claim = paper("jiang2013").main[0]
+    experiment, claim = study("jiang2013").main[0]
     basis = ClaimRow(
         claim.label, "a_b", 2.0, 1.5, 1.0, 2.0, 10, 0.1, 0.5, "unconditional", Judgement("reproduces", 0.95, 1.05),
         "because", paper="jiang2013", experiment=experiment.name, id=claim.id, key=claim.key,
@@ -269,13 +269,13 @@ def row(**more):
 
 
 def test_markdown_has_the_main_rows_alone_and_nothing_in_them_is_markup():
-    said = digest.markdown([row(), row(quantity="unheard of", key="other")])
+    said = table.markdown([row(), row(quantity="unheard of", key="other")])
     assert r"### jiang2013, figures\_4\_to\_9" in said.splitlines()
     assert r"| a\_b | 2 | 1.5 [1, 2] | 0.5 u | reproduces | 10 | 10 % |" in said.splitlines()
     assert "Why: because." in said.splitlines() and "unheard" not in said
     assert "- jiang2013: 2 claims: 2 x reproduces" in said.splitlines(), "of all claims, not of the main rows alone"
     assert f"- reproduces: {RULE['reproduces']}" in said and "cannot" not in said
-    assert digest.markdown([]) == digest.markdown([row(paper="x")]) == "No main row belongs to the chosen experiments."
+    assert table.markdown([]) == table.markdown([row(paper="x")]) == "No main row belongs to the chosen experiments."
 
 
 def test_a_bound_that_is_not_strict_is_marked_in_the_table_and_its_caution_stands_beneath():
@@ -305,7 +305,7 @@ def test_when_a_track_is_lost_stands_below_every_table_with_shares_of_lost_runs(
     rules = ["error above 20 m or no estimate for 4 s", "no estimate for 1 s"]
     rows = [row(losses=Losses(lost_rule=rules[0])), row(losses=Losses(lost_rule=rules[1]), paper="li2012")]
     expected = [f"lost (jiang2013): {rules[0]}, at any time", f"lost (li2012): {rules[1]}, at any time"]
-    for said in (table.text(rows), digest.markdown([row(losses=Losses(lost_rule=rules[0]))])):
+    for said in (table.text(rows), table.markdown([row(losses=Losses(lost_rule=rules[0]))])):
         assert expected[0] in said
     assert expected[1] in table.text(rows)
     assert "lost (" not in table.text([row(losses=Losses(lost_rule=rules[0]), lost_fraction=NAN)])
@@ -315,7 +315,7 @@ def test_a_value_that_no_run_has_is_said_to_be_unknown_in_its_row_and_in_reasons
     nowhere = row(measured=NAN, low=NAN, high=NAN, replicates=0, lost_fraction=1.0, judgement=Judgement("too few runs"))
     found = dict(zip(table.HEADS, table.cells(nowhere), strict=True))
     assert found["measured [95 %]"] == "no value in any run" and found["lost"] == "100 %" and found["runs"] == "0"
-    words = reasons.rendered("{x[a].measured:.1f} m against {row.measured:.1f} m", nowhere, {"x": {"a": row()}})
+    words = reproduction.rendered("{x[a].measured:.1f} m against {row.measured:.1f} m", nowhere, {"x": {"a": row()}})
     assert words == "1.5 m against unknown m"
 
 

@@ -8,12 +8,14 @@ import pandas as pd
 import pytest
 
 from tests.campaign.inline_engine import InlineEngine
+from tests.papers.studies import module
 from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim.papers import measures, reproduce
-from wsnsim.papers.paper import paper
-from wsnsim.papers.ruan2020 import measures as ruan2020_measures
+from wsnsim.papers.study import study
 
-EXPERIMENTS = paper("ruan2020").experiments
+ruan2020_measures = module("ruan2020")
+
+EXPERIMENTS = study("ruan2020").experiments
 TABLE_1_RUNS, *OPEN, INDOOR_RUNS = EXPERIMENTS
 PAGE = {
     "pf": (1.2539, 0.7443, 0.6356),

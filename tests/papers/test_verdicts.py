@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from wsnsim.papers import answers, paper, resampling
+from wsnsim.papers import answers, resampling
 from wsnsim.papers.resampling import (
     MEAN,
     MEDIAN,
@@ -23,6 +23,7 @@ from wsnsim.papers.resampling import (
     value,
     weights,
 )
+from wsnsim.papers.study import study
 from wsnsim.papers.verdicts import (
     RULE,
     Judgement,
@@ -259,7 +260,7 @@ def _slowly(rows, statistic):
 
 
 TABLE_1 = {
-    count: {kind: paper.paper("wei2022").published["rmse_x"][kind][str(count)] for kind in ("pf", "cs_pf", "ics_pf")}
+    count: {kind: study("wei2022").published["rmse_x"][kind][str(count)] for kind in ("pf", "cs_pf", "ics_pf")}
     for count in (30, 60, 100)
 }
 

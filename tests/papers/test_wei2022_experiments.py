@@ -7,12 +7,15 @@ import pytest
 
 from tests.campaign.inline_engine import InlineEngine
 from tests.helpers.thorough import thorough
+from tests.papers.studies import module
 from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim import scenario
 from wsnsim.papers import reproduce
 from wsnsim.papers.published import published
 from wsnsim.papers.reproduction import Claim, Experiment
-from wsnsim.papers.wei2022.measures import MEASURES
+
+_study = module("wei2022")
+MEASURES = _study.MEASURES
 
 EXPERIMENTS = {experiment.name: experiment for experiment in reproduce.experiments("wei2022")}
 

@@ -1,4 +1,4 @@
-"""`wsnsim new`: write a scenario to start from, or a plug-in with a scenario that uses it."""
+"""`wsnsim new`: write a scenario to start from, a plug-in with a scenario that uses it, or a study."""
 
 from __future__ import annotations
 
@@ -14,16 +14,19 @@ from wsnsim.cli.shared import echo, group
 
 ROLES: Final = ("tracker", "sensor", "motion", "mac")
 """The roles for which there is a plug-in to start from."""
+STUDY: Final = "study"
 
 
 @group.command()
 @click.argument("name")
 @click.option("--bench", is_flag=True, help="Write a scenario of a standalone filter, without a network.")
-@click.option("--for", "role", type=click.Choice(ROLES), help="Also write a plug-in of this role, NAME.py.")
+@click.option("--for", "role", type=click.Choice((*ROLES, STUDY)),
+              help="Also write a plug-in of this role, NAME.py; or a study, the folder NAME.")  # fmt: skip
 def new(name: str, bench: bool, role: str | None) -> None:
-    """Write a commented scenario, and a plug-in with --for.
+    """Write a commented scenario; with --for, a plug-in or a study.
 
-    Both are starting points. The scenario is NAME.yaml; the plug-in is NAME.py, and the scenario uses it.
+    All are starting points. The scenario is NAME.yaml; the plug-in is NAME.py, and the scenario uses it. A study is a
+    folder with study.yaml (experiments, hypotheses, thresholds) and study.py (measures, figures).
     """
     from wsnsim.scenario.examples import template
     from wsnsim.scenario.schema import unsafe_name
@@ -37,6 +40,9 @@ def new(name: str, bench: bool, role: str | None) -> None:
         return
     if bench:
         raise UsageError("--bench cannot be combined with --for")
+    if role == STUDY:
+        _write_study(stem)
+        return
     if reason := _no_module(stem):
         raise UsageError(f"'{stem}' {reason}")
     module, scenario = (_starter(role, suffix, stem) for suffix in ("py", "yaml"))
@@ -44,6 +50,28 @@ def new(name: str, bench: bool, role: str | None) -> None:
     echo(f"{stem}.py and {stem}.yaml: written")
     echo(f"check its rules:  python {stem}.py")
     echo(f"run it:           wsnsim run {stem}.yaml")
+
+
+def _write_study(name: str) -> None:
+    """Write the folder of a study, with its two files."""
+    from wsnsim.scenario.files import shipped_studies
+
+    folder = Path(name)
+    if name in shipped_studies():
+        raise UsageError(f"'{name}' is the name of a study that comes with wsnsim: choose another name")
+    if folder.exists() or folder.is_symlink():
+        raise UsageError(f"file exists: {folder}")
+    try:
+        folder.mkdir()
+    except OSError as error:
+        raise UsageError(f"cannot write {folder}: {error.strerror}") from None
+    try:
+        _write({folder / f"{STUDY}.{suffix}": _starter(STUDY, suffix, name) for suffix in ("yaml", "py")})
+    except UsageError:
+        folder.rmdir()
+        raise
+    echo(f"{name}/{STUDY}.yaml and {name}/{STUDY}.py: written")
+    echo(f"run it: wsnsim reproduce {name}")
 
 
 def _no_module(name: str) -> str:

@@ -1,4 +1,4 @@
-"""The command that reproduces the papers."""
+"""The command that reproduces papers and runs studies."""
 
 from __future__ import annotations
 
@@ -32,13 +32,14 @@ from wsnsim.cli.shared import (
 if TYPE_CHECKING:
     from wsnsim.campaign import CampaignOutcome
     from wsnsim.papers.reproduction import ClaimRow, Experiment
+    from wsnsim.papers.study import Study
 
 MAX_REASONS: Final = 3
 """Reasons of an incomplete campaign that are printed."""
 
 
 @group.command()
-@click.argument("papers", metavar="[PAPER]...", nargs=-1)
+@click.argument("sources", metavar="[STUDY]...", nargs=-1)
 @click.option(
     "--quick/--full",
     "quick",
@@ -48,7 +49,7 @@ MAX_REASONS: Final = 3
 )
 @click.option("--out", "-o", type=PATH, default=Path("results/reproduce"), show_default=True, metavar="DIR",
               help="Folder of the campaigns.")  # fmt: skip
-@click.option("--figures", type=PATH, metavar="DIR", help="Also draw the papers' figures into this folder.")
+@click.option("--figures", type=PATH, metavar="DIR", help="Also draw the figures into this folder.")
 @click.option("--data", type=PATH, metavar="DIR", help="For `reality`: a folder of tracks with receivers.csv.")
 @click.option("--only", metavar="EXPERIMENT", help="Run only this experiment: table_2, figure_3, ...")
 @jobs_option
@@ -59,26 +60,28 @@ MAX_REASONS: Final = 3
 @quiet_option
 @progress_option
 @click.pass_obj
-def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
+def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
               data: Path | None, only: str | None, jobs: int | None, batch: bool, accept_code_change: bool,
               as_json: bool, markdown: bool, quiet: bool, progress: str) -> int:  # fmt: skip
-    """Repeat the experiments of papers and judge published values.
+    """Run papers and studies; judge values, answer hypotheses.
 
-    Each row shows the published value, the measured one, the bound and a verdict. PAPER is jiang2013, liu2012, wei2022,
-    ruan2020 or li2012; all of them by default. Verdicts on means and RMSEs need 200 runs (--full). Finished runs are
-    not repeated.
+    STUDY is a folder with study.yaml (`wsnsim new --for study NAME` writes one), or a paper: jiang2013, liu2012,
+    wei2022, ruan2020 or li2012; these five by default. Each row shows the published value, the measured one, the bound
+    and a verdict. Verdicts on means and RMSEs need 200 runs (--full). Finished runs are not repeated. The folder's
+    study.py is imported.
 
     Three studies of our own have no paper. `frontier` compares error and energy of every tracker on one field.
     `reality` compares recorded readings with simulated ones, on the tracks that come with wsnsim or on those of --data.
     `duty_cycles` compares what trackers cost on radios that are off most of the time.
     """
     from wsnsim.papers import reproduce as reproducing
+    from wsnsim.papers.study import study
 
     if as_json and markdown:
         raise UsageError("--json cannot be combined with --markdown")
     if data is not None and only is not None:
         raise UsageError("--only cannot be combined with --data")
-    chosen = reproducing.chosen(papers, only) if data is None else reproducing.on_data(papers, data)
+    chosen = reproducing.chosen(sources, only) if data is None else reproducing.on_data(sources, data)
     if figures:
         _check_folder(figures)
     where = out / ("quick" if quick else "full")
@@ -87,7 +90,7 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
     session.announce(chosen)
     code = session.run_all(chosen, interrupts)
     if not interrupts.number:
-        session.print_answer(as_json, markdown)
+        session.print_answer(as_json, markdown, [study(source) for source in sources])
     return code
 
 
@@ -109,18 +112,19 @@ class _ReproductionSession:
         """Begin all campaigns before one runs, so that a folder that cannot be used is found at once."""
         from wsnsim.papers import reproduce as reproducing
 
-        for paper, experiment in chosen:
-            reproducing.begin(paper, experiment, self.where, self.full, accept_code_change)
+        for source, experiment in chosen:
+            reproducing.begin(source, experiment, self.where, self.full, accept_code_change)
 
     def announce(self, chosen: Sequence[tuple[str, Experiment]]) -> None:
-        """Print what will be run: experiments, their papers, runs, those that are on disk, and where."""
+        """Print what will be run: experiments, their studies, runs, those that are on disk, and where."""
         from wsnsim.analysis.phrases import counted
         from wsnsim.papers import reproduce as reproducing
+        from wsnsim.papers.study import study
 
         if self.quiet or self.progress == "json":
             return
         wanted, missing = reproducing.run_counts(chosen, self.where)
-        names = ", ".join(dict.fromkeys(paper for paper, _ in chosen))
+        names = ", ".join(dict.fromkeys(study(source).name for source, _ in chosen))
         there = f", {wanted - missing:,} of them on disk" if missing < wanted else ""
         echo(f"wsnsim: {counted(len(chosen), 'experiment')} of {names}: {counted(wanted, 'run')}{there}; "
              f"folder {self.where}", err=True)  # fmt: skip
@@ -128,62 +132,63 @@ class _ReproductionSession:
     def run_all(self, chosen: Sequence[tuple[str, Experiment]], interrupts: Interrupts) -> int:
         """Run the experiments one after the other and return the exit code."""
         from wsnsim.papers import reproduce as reproducing
+        from wsnsim.papers.study import study
 
         complete = True
         with interrupts.noted() as should_stop:
-            for number, (paper, experiment) in enumerate(chosen, 1):
+            for number, (source, experiment) in enumerate(chosen, 1):
                 if not self.quiet and self.progress != "json":
-                    name = f"{paper}, {experiment.name}: {experiment.title}"
+                    name = f"{study(source).name}, {experiment.name}: {experiment.title}"
                     echo(f"wsnsim: {number} of {len(chosen)}: {name}", err=True)
-                outcome = self.run(paper, experiment, should_stop)
+                outcome = self.run(source, experiment, should_stop)
                 if interrupts.number:
                     echo(f"wsnsim: {interrupts.reason}; repeat the command to resume", err=True)
                     return interrupts.code
                 if outcome.complete and not outcome.stopped:
-                    self.evaluate(paper, experiment, should_stop)
+                    self.evaluate(source, experiment, should_stop)
                 else:
                     complete = False
-                    _print_incomplete(reproducing.folder_of(self.where, paper, experiment), outcome)
+                    _print_incomplete(reproducing.folder_of(self.where, source, experiment), outcome)
         return 0 if complete else INCOMPLETE
 
-    def run(self, paper: str, experiment: Experiment, should_stop: Callable[[], bool]) -> CampaignOutcome:
+    def run(self, source: str, experiment: Experiment, should_stop: Callable[[], bool]) -> CampaignOutcome:
         """Run what is missing of an experiment that was begun."""
         from wsnsim.papers import reproduce as reproducing
         from wsnsim.recording.folder import Folder
 
         with contextlib.closing(display("none" if self.quiet else self.progress, CAMPAIGN)) as shown:
-            folder = Folder(reproducing.folder_of(self.where, paper, experiment))
+            folder = Folder(reproducing.folder_of(self.where, source, experiment))
             return reproducing.resume(folder, self.jobs, batch=self.batch, watch=shown.step, stop=should_stop)
 
-    def evaluate(self, paper: str, experiment: Experiment, should_stop: Callable[[], bool]) -> None:
+    def evaluate(self, source: str, experiment: Experiment, should_stop: Callable[[], bool]) -> None:
         """Add the rows, lines and figures of an experiment. Damaged files are set aside and run again once."""
         from wsnsim.papers import reproduce as reproducing
 
-        folder = reproducing.folder_of(self.where, paper, experiment)
+        folder = reproducing.folder_of(self.where, source, experiment)
         try:
-            rows, lines = reproducing.evaluated(paper, experiment, folder)
+            rows, lines = reproducing.evaluated(source, experiment, folder)
         except ResultError:
             damaged = reproducing.set_aside(folder)
             for path in damaged:
                 echo(f"wsnsim: {path}: is damaged and was set aside; its runs are repeated", err=True)
-            if not damaged or not self.run(paper, experiment, should_stop).complete:
+            if not damaged or not self.run(source, experiment, should_stop).complete:
                 raise
-            rows, lines = reproducing.evaluated(paper, experiment, folder)
+            rows, lines = reproducing.evaluated(source, experiment, folder)
         self.rows.extend(rows)
         self.lines.extend(lines)
         if self.figures:
-            for figure in reproducing.draw(paper, experiment, folder, self.figures):
+            for figure in reproducing.draw(source, experiment, folder, self.figures):
                 echo(f"wsnsim: {figure}", err=True)
 
-    def print_answer(self, as_json: bool, markdown: bool) -> None:
+    def print_answer(self, as_json: bool, markdown: bool, studies: Sequence[Study]) -> None:
         """Print the rows and lines of all experiments."""
-        from wsnsim.papers import digest, table
         from wsnsim.papers import reproduce as reproducing
+        from wsnsim.papers import table
 
         if as_json:
             echo_json({"schema_version": 1, "rows": reproducing.as_json(self.rows), "lines": self.lines})
         elif markdown:
-            echo(digest.markdown(self.rows, self.lines))
+            echo(table.markdown(self.rows, self.lines, studies))
         else:
             echo("\n\n".join(filter(None, [table.text(self.rows), "\n".join(self.lines)])))
 

@@ -5,6 +5,7 @@ interval(values) -> Interval            of a value and its resamples
 ends(low, high) -> ' [0.90, 1.10]'      the ends of an interval in words
 Interval.above(threshold)               True, False, or None if the interval contains the threshold
 Answer(words, found, answer)            'yes', 'no' or 'undecided', with the intervals that it follows from
+answered(hypothesis, data) -> Answer    of a hypothesis that a study's file declares
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.papers.resampling import DRAWS, Resampled, weights
+from wsnsim.papers.measures import Data, sample
+from wsnsim.papers.reproduction import RegisteredHypothesis
+from wsnsim.papers.resampling import DRAWS, Resampled, known, weights
 
 TAIL: Final = 0.025
 Word: TypeAlias = Literal["yes", "no", "undecided"]
@@ -57,6 +60,17 @@ class Answer(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.words}: {self.answer}" + (f", {' and '.join(map(str, self.found))}" if self.found else "")
+
+
+def answered(hypothesis: RegisteredHypothesis, data: Data) -> Answer:
+    """The answer to a hypothesis, over the runs that have a value; undecided if its interval has the threshold."""
+    found = interval(resamples(known(sample(data, hypothesis.of, hypothesis.measure))))
+    if hypothesis.above is not None:
+        holds = found.above(hypothesis.above)
+    else:
+        assert hypothesis.below is not None, "one of both, as the study's file is checked"
+        holds = found.below(hypothesis.below)
+    return Answer(hypothesis.says, (found,), word(holds))
 
 
 def resamples(found: Resampled) -> Floats:

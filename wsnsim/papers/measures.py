@@ -11,12 +11,12 @@ A measure is a name:
     per_run_rmse:px      that over the steps of a run, averaged over the runs (Wei 2022, eq. 17)
     over:VARIANT         `rmse` divided by that of another variant, on the same runs;  less_than:VARIANT, one less that
     over:VARIANT; mean:energy       the same of another measure
-    mean:energy, median:rmse        over runs, of one of the paper's own measures or of a column of `runs`
+    mean:energy, median:rmse        over runs, of one of the study's own measures or of a column of `runs`
     share:lost           the fraction of runs in which a column of `runs` is above zero, with Wilson's interval
     tracks_mean:delay, tracks_median:delay     of a column of `tracks`, over tracks;  tracks:delay is tracks_mean:delay
 
-A paper's own measures are functions (data, variant) -> one value for each run, a Series by replicate; they stand in the
-dict MEASURES of the paper's module `measures`.
+A study's own measures are functions (data, variant) -> one value for each run, a Series by replicate; they stand in the
+mapping MEASURES of its `study.py`.
 """
 
 from __future__ import annotations
@@ -75,12 +75,17 @@ RATIOS: Final[Mapping[str, tuple[Callable[[Floats, Floats], Floats], str]]] = {
 COMPARED: Final = tuple(RATIOS)
 
 
-class MeasuredPaper(Protocol):
-    """What `Data` uses of a paper: its published values and its own measures."""
+class MeasuredStudy(Protocol):
+    """What `Data` uses of a study: what is published and registered, and its own measures."""
 
     @property
     def published(self) -> Mapping[str, Any]:
         """The published values, by name."""
+        ...
+
+    @property
+    def registered(self) -> Mapping[str, Any]:
+        """The thresholds that were registered before the runs, by name."""
         ...
 
     @property
@@ -91,12 +96,13 @@ class MeasuredPaper(Protocol):
 
 @final
 class Data:
-    """The results of one experiment, by variant, and what its paper prints and measures; each table is read once."""
+    """The results of an experiment, by variant, and what its study prints, registers and measures."""
 
-    def __init__(self, folder: Folder, paper: MeasuredPaper | None = None) -> None:
+    def __init__(self, folder: Folder, study: MeasuredStudy | None = None) -> None:
         self.folder = folder
-        self.published: Mapping[str, Any] = paper.published if paper else {}
-        self.own: Mapping[str, OwnMeasure] = paper.measures if paper else {}
+        self.published: Mapping[str, Any] = study.published if study else {}
+        self.registered: Mapping[str, Any] = study.registered if study else {}
+        self.own: Mapping[str, OwnMeasure] = study.measures if study else {}
         self.manifest = folder.manifest()
         self.variants = tuple(str(point.settings[VARIANT]) for point in self.manifest.points)
         self.table = functools.cache(self._table)
@@ -229,7 +235,7 @@ def sample(data: Data, variant: str, measure: str) -> Resampled:
 
 
 def _sample_of_values(data: Data, variant: str, measure: str) -> Sample:
-    """A statistic over the values of a column, or of one of the paper's own measures."""
+    """A statistic over the values of a column, or of one of the study's own measures."""
     name, _, column = measure.partition(":")
     if column in data.own:
         found = data.own[column](data, variant)

@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from wsnsim.scenario.documents import DocumentModel, read_document
-
-SET_UPS: Final = Path(__file__).parent / "set_ups.yaml"
+from wsnsim.scenario.files import shipped_studies
 
 
 class SetUp(DocumentModel):
@@ -41,16 +39,16 @@ class SetUps(DocumentModel):
 @functools.cache
 def set_ups() -> tuple[SetUp, ...]:
     """The set-ups of all papers, in the order in which they are looked at."""
-    return read_document(SET_UPS, SetUps).content.set_ups
+    return read_document(shipped_studies()["jiang2013"].parent / "set_ups.yaml", SetUps).content.set_ups
 
 
 def published(resolved: Mapping[str, Any]) -> tuple[dict[str, float], str]:
     """The published values for a resolved scenario, and the paper; ({}, '') for a set-up that is in no paper."""
     for set_up in set_ups():
         if _fits(resolved, set_up.equal) and _fits(resolved, set_up.default, lenient=True):
-            from wsnsim.papers.paper import paper  # takes long to import and to read
+            from wsnsim.papers.study import study  # takes long to import and to read
 
-            found = paper(set_up.paper)
+            found = study(set_up.paper)
             if values := _values(resolved, set_up, found.published):
                 return values, found.source
     return {}, ""

@@ -1,10 +1,12 @@
-"""The experiments of the papers as resumable campaigns, and their results as rows, figures and summaries.
+"""The experiments of papers and studies as resumable campaigns, and their results as rows, figures and summaries.
 
-begin(paper, experiment, where) -> Folder                     the experiment's campaign
-run(paper, experiment, where, full=False, ...) -> CampaignOutcome       run its missing runs
-rows(paper, experiment, folder) -> [ClaimRow, ...]            published, measured, bound, verdict
-evaluated(paper, experiment, folder) -> (rows, lines)         rows and summary, kept beside the campaign
-draw(paper, experiment, folder, into) -> [file, ...]          the paper's figures from our results
+A study is named as `wsnsim.papers.study.study` takes it: by its name or its folder.
+
+begin(study, experiment, where) -> Folder                     the experiment's campaign
+run(study, experiment, where, full=False, ...) -> CampaignOutcome       run its missing runs
+rows(study, experiment, folder) -> [ClaimRow, ...]            published, measured, bound, verdict
+evaluated(study, experiment, folder) -> (rows, lines)         rows and summary, kept beside the campaign
+draw(study, experiment, folder, into) -> [file, ...]          the figures from our results
 """
 
 from __future__ import annotations
@@ -16,52 +18,57 @@ from pathlib import Path
 from typing import Any
 
 import wsnsim.campaign as campaign
-from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.errors import ScenarioError, UsageError, did_you_mean
 from wsnsim.base.progress import tracked
 from wsnsim.campaign.local_engine import LocalEngine, available_cores
+from wsnsim.papers.answers import answered
 from wsnsim.papers.measures import VARIANT, Data
-from wsnsim.papers.paper import PAPERS, REALITY
-from wsnsim.papers.paper import paper as load_paper
-from wsnsim.papers.reasons import rendered
-from wsnsim.papers.reproduction import ClaimRow, Experiment, row_of
+from wsnsim.papers.reproduction import ClaimRow, Experiment, Variant, rendered, row_of
 from wsnsim.papers.rows import rows_of
+from wsnsim.papers.study import PAPERS, Study
+from wsnsim.papers.study import study as load_study
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept_answers import KEPT, KeptAnswers
+from wsnsim.scenario.files import find_or_none
 from wsnsim.scenario.plugin_access import Plugins, access
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.scenario.sweep_schema import Plan
 
 
-def experiments(paper: str) -> tuple[Experiment, ...]:
-    """The experiments of a paper. Raises UsageError for an unknown one."""
-    return load_paper(paper).experiments
+def experiments(source: str) -> tuple[Experiment, ...]:
+    """The experiments of a study. Raises UsageError for an unknown one."""
+    return load_study(source).experiments
 
 
-def on_data(papers: Sequence[str], data: Path) -> list[tuple[str, Experiment]]:
-    """(paper, experiment) of each experiment of these papers on the recorded tracks of a folder.
+def on_data(sources: Sequence[str], data: Path) -> list[tuple[str, Experiment]]:
+    """(study, experiment) of each experiment of a study that takes data, on the data of a folder.
 
     Raises:
-        UsageError: the papers are not `reality` alone, or the folder has no receivers or fewer than two tracks.
+        UsageError: the studies are not one that takes data, or the folder has not what it needs.
         RunError: a file of the folder cannot be used.
     """
-    if tuple(papers) != (REALITY,):
-        raise UsageError(f"--data is for '{REALITY}' alone: wsnsim reproduce {REALITY} --data {data}")
-    return [(REALITY, experiment) for experiment in load_paper(REALITY, data.resolve()).experiments]
+    if len(sources) != 1 or not load_study(sources[0]).takes_data:
+        raise UsageError(f"--data is for one study that takes data, such as: wsnsim reproduce reality --data {data}")
+    return [(sources[0], experiment) for experiment in load_study(sources[0], data.resolve()).experiments]
 
 
-def chosen(papers: Sequence[str], only: str | None = None) -> list[tuple[str, Experiment]]:
-    """(paper, experiment) of each experiment of these papers, or of all papers; with `only`, of those of that name.
+def chosen(sources: Sequence[str], only: str | None = None) -> list[tuple[str, Experiment]]:
+    """(study, experiment) of each experiment of these studies, or of all papers; with `only`, of those of that name.
 
     Raises:
-        UsageError: a paper does not exist, or one of `papers` has no experiment `only`.
+        UsageError: a study does not exist, two have one name, or one of them has no experiment `only`.
     """
-    found = [(paper, experiment) for paper in papers or PAPERS for experiment in experiments(paper)]
+    names: dict[str, str] = {}
+    for source in dict.fromkeys(sources):
+        if (first := names.setdefault(load_study(source).name, source)) != source:
+            raise UsageError(f"{first} and {source} have the same name, which is that of their campaigns' folder")
+    found = [(source, experiment) for source in names.values() or PAPERS for experiment in experiments(source)]
     if only is None:
         return found
-    for paper in papers:
-        _check_name(only, {experiment.name for experiment in experiments(paper)}, f"{paper} has no experiment")
+    for name, source in names.items():
+        _check_name(only, {experiment.name for experiment in experiments(source)}, f"{name} has no experiment")
     _check_name(only, {experiment.name for _, experiment in found}, "there is no experiment")
-    return [(paper, experiment) for paper, experiment in found if experiment.name == only]
+    return [(source, experiment) for source, experiment in found if experiment.name == only]
 
 
 def _check_name(name: str, known: set[str], message: str) -> None:
@@ -69,18 +76,21 @@ def _check_name(name: str, known: set[str], message: str) -> None:
         raise UsageError(f"{message} '{name}' ({did_you_mean(name, known)})")
 
 
-def plan(paper: str, experiment: Experiment, full: bool = False) -> Plan:
+def plan(source: str, experiment: Experiment, full: bool = False) -> Plan:
     """The experiment as a campaign with one point for each variant."""
-    points = []
+    points, study = [], load_study(source)
     for name, variant in experiment.variants.items():
         tables = [f"record.{table}=true" for table in experiment.record]
         sets = [*tables, *experiment.sets, *([] if full else experiment.quick_sets), *variant.sets]
-        sweep = load_sweep(variant.scenario, overrides=sets)
+        sweep = _sweep(study, experiment, name, variant, sets)
         points.append(replace(sweep.points[0], settings={VARIANT: name}))
     ids = {point.id for point in points}
-    assert len(ids) == len(points), f"two variants of {paper} {experiment.name} are the same scenario"
+    if len(ids) < len(points):
+        names = [name for name, point in zip(experiment.variants, points, strict=True)
+                 if [one.id for one in points].count(point.id) > 1]  # fmt: skip
+        raise study.variant_error(experiment.name, names[1], f"is the same scenario as '{names[0]}'")
     return Plan(
-        name=f"{paper}_{experiment.name}",
+        name=f"{study.name}_{experiment.name}",
         keys=(VARIANT,),
         points=tuple(points),
         replicates=experiment.full if full else experiment.quick,
@@ -91,22 +101,33 @@ def plan(paper: str, experiment: Experiment, full: bool = False) -> Plan:
     )
 
 
+def _sweep(study: Study, experiment: Experiment, name: str, variant: Variant, sets: Sequence[str]) -> Plan:
+    """The one point of a variant, whose scenario is beside the study's file or has a shipped one's name."""
+    beside = find_or_none(variant.scenario, study.folder)
+    try:
+        return load_sweep(beside or variant.scenario, overrides=sets)
+    except ScenarioError as error:
+        raise study.variant_error(experiment.name, name, str(error)) from None
+
+
 def begin(
-    paper: str, experiment: Experiment, where: Path, full: bool = False, accept_code_change: bool = False
+    source: str, experiment: Experiment, where: Path, full: bool = False, accept_code_change: bool = False
 ) -> Folder:
-    """The campaign of an experiment in the folder WHERE/PAPER/EXPERIMENT: a new one, or the existing one.
+    """The campaign of an experiment in the folder WHERE/STUDY/EXPERIMENT: a new one, or the existing one.
 
     Raises:
         UsageError: the folder was made by another version or by other code, or cannot be written.
     """
-    folder = folder_of(where, paper, experiment)
-    return campaign.prepare(plan(paper, experiment, full), folder, by=(VARIANT,), accept_code_change=accept_code_change)
+    folder = folder_of(where, source, experiment)
+    return campaign.prepare(
+        plan(source, experiment, full), folder, by=(VARIANT,), accept_code_change=accept_code_change
+    )
 
 
 def run_counts(chosen: Sequence[tuple[str, Experiment]], where: Path) -> tuple[int, int]:
     """(planned, missing) numbers of runs of the experiments."""
     wanted = missing = 0
-    for folder in (Folder(folder_of(where, paper, experiment)) for paper, experiment in chosen):
+    for folder in (Folder(folder_of(where, source, experiment)) for source, experiment in chosen):
         for point in folder.manifest().points:
             wanted += point.replicates
             missing += len(folder.missing(point.id, point.replicates))
@@ -114,7 +135,7 @@ def run_counts(chosen: Sequence[tuple[str, Experiment]], where: Path) -> tuple[i
 
 
 def run(  # noqa: PLR0913
-    paper: str,
+    source: str,
     experiment: Experiment,
     where: Path,
     jobs: int | None = None,
@@ -125,7 +146,7 @@ def run(  # noqa: PLR0913
     stop: Callable[[], bool] = lambda: False,
 ) -> campaign.CampaignOutcome:
     """Begin an experiment and run its missing runs."""
-    return resume(begin(paper, experiment, where, full), jobs, batch=batch, watch=watch, stop=stop)
+    return resume(begin(source, experiment, where, full), jobs, batch=batch, watch=watch, stop=stop)
 
 
 def resume(
@@ -138,21 +159,21 @@ def resume(
 ) -> campaign.CampaignOutcome:
     """Run the missing runs of an experiment that was begun."""
     engine = LocalEngine(jobs or available_cores())
-    allowed = access(Plugins.ANY)  # `begin` has written the scenarios of the folder, which come with wsnsim
+    allowed = access(Plugins.ANY)  # the folder's scenarios are those of the study that the caller named, see `begin`
     return campaign.run_campaign(folder, engine, on_progress=watch, should_stop=stop, batch=batch, access=allowed)
 
 
-def folder_of(where: Path, paper: str, experiment: Experiment) -> Path:
+def folder_of(where: Path, source: str, experiment: Experiment) -> Path:
     """The folder of an experiment's campaign."""
-    return where / paper / experiment.name
+    return where / load_study(source).name / experiment.name
 
 
-def rows(paper: str, experiment: Experiment, folder: Path) -> list[ClaimRow]:
+def rows(source: str, experiment: Experiment, folder: Path) -> list[ClaimRow]:
     """The rows of an experiment whose campaign is in a folder, for each claim that is shown.
 
     Beside the row of an order, which is of the published statistic, stands one of the paired differences' median.
     """
-    data = Data(Folder(folder), load_paper(paper))
+    data = Data(Folder(folder), load_study(source))
     found = [rows_of(claim, data) for claim in tracked(experiment.claims, f"claims of {experiment.name} judged")]
     by_id: dict[str, dict[str, ClaimRow]] = {}
     for row, *_ in found:
@@ -160,21 +181,23 @@ def rows(paper: str, experiment: Experiment, folder: Path) -> list[ClaimRow]:
     shown = [row for these, claim in zip(found, experiment.claims, strict=True) if claim.shown for row in these]
     return [
         replace(
-            row, paper=paper, experiment=experiment.name, title=experiment.title,
+            row, paper=load_study(source).name, experiment=experiment.name, title=experiment.title,
             literal=experiment.literal and row.literal, reason=rendered(row.reason, row, by_id),
         )
         for row in shown
     ]  # fmt: skip
 
 
-def evaluated(paper: str, experiment: Experiment, folder: Path) -> tuple[list[ClaimRow], list[str]]:
+def evaluated(source: str, experiment: Experiment, folder: Path) -> tuple[list[ClaimRow], list[str]]:
     """`rows` and `summary` of an experiment, kept beside its campaign while no file, claim or code changes."""
     campaign_folder = Folder(folder)
     points = [asdict(point) for point in campaign_folder.manifest().points]
-    question = [paper, repr(experiment), dict(load_paper(paper).published), points, campaign_folder.state()]
+    study = load_study(source)
+    given = [dict(study.published), dict(study.registered), study.code_digest()]
+    question = [study.name, repr(experiment), given, points, campaign_folder.state()]
 
     def compute() -> list[Any]:
-        return [[asdict(row) for row in rows(paper, experiment, folder)], summary(paper, experiment, folder)]
+        return [[asdict(row) for row in rows(source, experiment, folder)], summary(source, experiment, folder)]
 
     found, lines = KeptAnswers(folder / KEPT / "rows.json").answer(question, compute)
     return [row_of(content) for content in found], lines
@@ -186,23 +209,25 @@ def set_aside(folder: Path) -> list[Path]:
     return [path for point in campaign_folder.manifest().points for path in campaign_folder.set_aside(point.id)]
 
 
-def summary(paper: str, experiment: Experiment, folder: Path) -> list[str]:
-    """The summary beneath an experiment's rows, line by line."""
-    if not experiment.summary:
-        return []
-    return load_paper(paper).summary(experiment.summary)(Data(Folder(folder), load_paper(paper)))
+def summary(source: str, experiment: Experiment, folder: Path) -> list[str]:
+    """The lines beneath an experiment's rows: the answers to its hypotheses, and its summary."""
+    study = load_study(source)
+    data = Data(Folder(folder), study)
+    answers = [f"registered {answered(each, data)}" for each in experiment.hypotheses]
+    return [*answers, *(study.summary(experiment.summary)(data) if experiment.summary else [])]
 
 
-def draw(paper: str, experiment: Experiment, folder: Path, into: Path) -> list[Path]:
-    """Draw the figures of an experiment, whose campaign is in a folder, as INTO/PAPER_NAME.png."""
+def draw(source: str, experiment: Experiment, folder: Path, into: Path) -> list[Path]:
+    """Draw the figures of an experiment, whose campaign is in a folder, as INTO/STUDY_NAME.png."""
     from wsnsim.analysis.figure_style import write_figure
 
     into.mkdir(parents=True, exist_ok=True)
-    data, files = Data(Folder(folder), load_paper(paper)), []
+    study = load_study(source)
+    data, files = Data(Folder(folder), study), []
     for figure in experiment.figures:
-        function = load_paper(paper).figure(figure.draw or figure.name)
-        caption = f"{load_paper(paper).source}, {figure.caption}"
-        out = into / f"{paper}_{figure.name}.png"
+        function = study.figure(figure.draw or figure.name)
+        caption = f"{study.source}, {figure.caption}"
+        out = into / f"{study.name}_{figure.name}.png"
         files.append(write_figure(functools.partial(function, data=data), out, figure.size, caption))
     return files
 

@@ -3,16 +3,25 @@
     Experiment: variants that run side by side as one campaign       Variant: one scenario of an experiment
     Claim: a published value of one variant, or order of two         ClaimRow: one line of `wsnsim reproduce`
 
-`wsnsim.papers.paper` reads experiments from a paper's YAML file; `wsnsim.papers.verdicts` judges.
+`wsnsim.papers.study` reads experiments from a study's file; `wsnsim.papers.verdicts` judges.
+
+Reasons are format strings over rows: '{rmse[pf, 50].measured:.1f} m', or '{row.lost:.0f}' of the row itself.
+
+    problems(reason, keys) -> [message, ...]          checked when a study's file is loaded
+    rendered(reason, row, rows) -> str                once the rows are measured
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from string import Formatter
 from typing import Any, Final, Literal, NamedTuple
 
-from wsnsim.papers.document import PaperFigure
+from wsnsim.base.errors import did_you_mean
+from wsnsim.papers.study_file import StudyFigure
 from wsnsim.papers.verdicts import NO_SHARE, AstrayShare, Judgement, Verdict
 
 Basis = Literal["evidence", "reconstruction", "construction", "our constant"]
@@ -41,9 +50,9 @@ class Claim:
     Attributes:
         measure: what is measured, see `wsnsim.papers.measures`; of an order: the published statistic.
         published: None for a value that the paper does not print, and for an order.
-        bound: the kind of bound beside it, '' for none; see `bounds_beside`.
+        bound: the kind of bound beside it, '' for none; see `rows.bound_beside`.
         where: the table or figure that prints the value.
-        reason: one line on why the result is as it is: a format string over rows, see `wsnsim.papers.reasons`.
+        reason: one line on why the result is as it is: a format string over rows, see `rendered`.
         read: True if the value is our reading of a curve or of words, not a printed number.
         judged: False if the two values cannot be compared, such as seconds on two machines.
         fraction: True for a fraction of at most 1; a few runs cannot move it far from a published value of 1/2 or more.
@@ -87,6 +96,17 @@ class Claim:
 
 
 @dataclass(frozen=True)
+class RegisteredHypothesis:
+    """A hypothesis that is registered before the runs: that a measure of a variant is above, or below, a threshold."""
+
+    says: str
+    of: str
+    measure: str
+    above: float | None = None
+    below: float | None = None
+
+
+@dataclass(frozen=True)
 class Experiment:
     """Variants that run side by side on the same ground truths, as one campaign.
 
@@ -97,7 +117,8 @@ class Experiment:
         sets: settings laid on every variant.
         quick_sets: further settings in a quick reproduction.
         block: runs in one task of the campaign.
-        summary: the function of the paper's SUMMARIES that gives lines beneath the rows, '' for none.
+        hypotheses: what was registered before the runs, and is answered beneath the rows.
+        summary: the function of the study's SUMMARIES that gives lines beneath the rows, '' for none.
         literal: False if the whole experiment is another reading of the paper, so that no claim is counted.
     """
 
@@ -107,7 +128,8 @@ class Experiment:
     quick: int
     full: int
     claims: tuple[Claim, ...] = ()
-    figures: tuple[PaperFigure, ...] = ()
+    hypotheses: tuple[RegisteredHypothesis, ...] = ()
+    figures: tuple[StudyFigure, ...] = ()
     record: tuple[str, ...] = ()
     sets: tuple[str, ...] = ()
     quick_sets: tuple[str, ...] = ()
@@ -225,3 +247,43 @@ def row_of(content: Mapping[str, Any]) -> ClaimRow:
         **{name: nested[name](*value) if name in nested else value for name, value in content.items()}
         | {"median": tuple(content["median"])}
     )
+
+
+FIELD: Final = re.compile(r"(row|(?P<id>\w+)\[(?P<key>[^\]]+)\])\.(?P<value>\w+)")
+VALUES: Final = ("published", "measured", "low", "high", "replicates", "lost", "lost_fraction", "bound", "reacquired")
+
+
+def problems(reason: str, keys: Mapping[str, Collection[str]]) -> Iterator[str]:
+    """What is wrong with a reason, given the keys (variants, or orders) of the rows of each id."""
+    try:
+        fields = [(name, spec or "") for _, name, spec, _ in Formatter().parse(reason) if name is not None]
+    except ValueError as error:
+        yield f"not a format string: {error}"
+        return
+    for name, spec in fields:
+        found = FIELD.fullmatch(name)
+        if found is None:
+            yield f"'{{{name}}}' is not of the form 'row.measured' or 'id[variant].measured'"
+            continue
+        if found["id"] and found["id"] not in keys:
+            yield f"no row has the id '{found['id']}' ({did_you_mean(found['id'], keys)})"
+        elif found["id"] and found["key"] not in keys[found["id"]]:
+            yield f"no row is '{found['id']}[{found['key']}]' ({did_you_mean(found['key'], keys[found['id']])})"
+        if found["value"] not in VALUES:
+            yield f"a row has no number '{found['value']}' ({did_you_mean(found['value'], VALUES)})"
+        try:
+            format(1.0, spec)
+        except ValueError as error:
+            yield f"'{{{name}:{spec}}}': {error}"
+
+
+def rendered(reason: str, row: ClaimRow, rows: Mapping[str, Mapping[str, ClaimRow]]) -> str:
+    """The reason of a row with the numbers of the rows that it names, by id and key."""
+    return _Numbers().vformat(reason, (), {"row": row, **rows})
+
+
+class _Numbers(Formatter):
+    """Formats numbers; those that no run has are unknown."""
+
+    def format_field(self, value: float, spec: str) -> str:
+        return "unknown" if math.isnan(value) else format(value, spec)

@@ -34,6 +34,11 @@ def shipped_sweeps() -> dict[str, Path]:
     return _shipped("sweeps/*.yaml")
 
 
+def shipped_studies() -> dict[str, Path]:
+    """Return the folders of the papers and studies that come with wsnsim, by name."""
+    return {path.parent.name: path.parent for path in _paths("*/*/study.yaml")}
+
+
 def find(source: str | Path, folder: Path | None = None) -> Path | None:
     """Return the file of a scenario.
 
@@ -123,8 +128,12 @@ def _first_file(paths: tuple[Path, ...]) -> Path | None:
 
 
 def _shipped(pattern: str) -> dict[str, Path]:
+    return {path.stem: path for path in _paths(pattern)}
+
+
+def _paths(pattern: str) -> list[Path]:
     package = Path(__file__).resolve().parent.parent
     for folder in (package / "_scenarios", package.parent / "scenarios"):
         if folder.is_dir():
-            return {path.stem: path for path in sorted(folder.glob(pattern))}
-    return {}
+            return sorted(folder.glob(pattern))
+    return []

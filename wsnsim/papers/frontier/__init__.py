@@ -1,1 +1,0 @@
-"""A comparison of our own: error against energy of every tracker on one field."""

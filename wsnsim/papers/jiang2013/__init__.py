@@ -1,1 +1,0 @@
-"""Jiang, Song, Lin (2013): PSO-MHPF, IPF and PPF."""

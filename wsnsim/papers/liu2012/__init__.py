@@ -1,1 +1,0 @@
-"""Liu, Wang (2012): RKF and IMSF along a line."""

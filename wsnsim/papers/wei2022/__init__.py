@@ -1,1 +1,0 @@
-"""Wei, Guo (2022): PF, CS-PF and ICS-PF."""
