@@ -1,4 +1,7 @@
-"""The command line of wsnsim with one run of each variant in a quick reproduction: few_runs.py reproduce frontier."""
+"""The command line of wsnsim with one run of each variant in a quick reproduction, and bounds over a few truths.
+
+few_runs.py reproduce frontier
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,11 @@ import sys
 from dataclasses import replace
 
 from wsnsim.cli import main
-from wsnsim.papers import reproduce
+from wsnsim.papers import measures, reproduce
 from wsnsim.papers.reproduction import Experiment
 
 experiments = reproduce.experiments
+TRUTHS = 3
 
 
 def with_few_runs(paper: str) -> tuple[Experiment, ...]:
@@ -18,5 +22,5 @@ def with_few_runs(paper: str) -> tuple[Experiment, ...]:
 
 
 if __name__ == "__main__":
-    reproduce.experiments = with_few_runs
+    reproduce.experiments, measures.TRUTHS = with_few_runs, TRUTHS
     sys.exit(main())

@@ -13,7 +13,7 @@ import pytest
 
 from tests.helpers.commands import run_process
 from tests.papers import few_runs
-from wsnsim.papers import reproduce, table
+from wsnsim.papers import measures, reproduce, table
 from wsnsim.papers.measures import Data
 from wsnsim.papers.study import PAGES, PAPERS
 
@@ -43,7 +43,7 @@ def without_estimates(self: Data, name: str) -> pd.DataFrame:
 @pytest.mark.parametrize("page", [page for page in PAGES if page not in LARGE])
 def test_a_page_is_reproduced_and_what_no_run_has_is_unknown(page, fresh_folder, monkeypatch):
     program = ["-m", "wsnsim"] if page in WHOLE else [few_runs.__file__]
-    words = ["reproduce", page, "--quick", "--figures", "figures"]
+    words = ["reproduce", page, "--quick", "--figures", "figures", *([] if page in WHOLE else ["--jobs", "1"])]
     ended = run_process(fresh_folder, *words, program=program, PYTHONWARNINGS=WARNINGS)
     assert ended.code == 0, ended.err
     assert not re.search("Traceback|internal error|Warning", ended.err)
@@ -51,6 +51,7 @@ def test_a_page_is_reproduced_and_what_no_run_has_is_unknown(page, fresh_folder,
     figures = [figure for experiment in reproduce.experiments(page) for figure in experiment.figures]
     assert {path.name for path in Path("figures").iterdir()} == {f"{page}_{figure.name}.png" for figure in figures}
     monkeypatch.setattr(Data, "_table", without_estimates)
+    monkeypatch.setattr(measures, "TRUTHS", few_runs.TRUTHS)
     for experiment in reproduce.experiments(page):
         folder = reproduce.folder_of(Path("results/reproduce/quick"), page, experiment)
         said = [table.text(reproduce.rows(page, experiment, folder)), *reproduce.summary(page, experiment, folder)]
