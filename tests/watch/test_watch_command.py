@@ -100,11 +100,17 @@ SWEEPS = [["sweep", *SWEEP, "--vary", "tracker.stay=0.9,0.95"], ["compare", *SWE
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("words", SWEEPS, ids=["sweep", "compare"])
-def test_a_campaign_is_shown_while_it_computes_and_has_the_rows_of_any_other(interrupted, capsys, tmp_path, ask, words):
+def test_a_campaign_is_shown_while_it_computes_and_has_the_rows_of_any_other(
+    interrupted, monkeypatch, capsys, tmp_path, ask, words
+):
+    """The signal comes when the command has printed its tables and waits: before, it would end the command with 130."""
+    waits, wait = threading.Event(), live._SeenCampaign._wait
+    monkeypatch.setattr(live._SeenCampaign, "_wait", lambda self: (waits.set(), wait(self)))
     assert main([*words, "-o", "alone"]) == 0
     told = capsys.readouterr().out
     addresses = interrupted(
-        signal.SIGINT, lambda: (lambda now: now["complete"] and not now["computes"])(state_of(ask, addresses))
+        signal.SIGINT,
+        lambda: (lambda now: waits.is_set() and now["complete"] and not now["computes"])(state_of(ask, addresses)),
     )
     assert main([*words, "-o", "watched", "--watch"]) == 0
     seen = capsys.readouterr()
