@@ -87,7 +87,7 @@ class Result:
             ResultError: the table was not recorded.
             UsageError: there is no such table.
         """
-        from wsnsim.analysis.data_frames import data_frame, read_file
+        from wsnsim.analysis.campaigns import data_frame, read_file
 
         if name not in TABLES:
             raise UsageError(f"there is no table '{name}' ({did_you_mean(str(name), TABLES)})")

@@ -60,7 +60,7 @@ def print_comparison(folder: Folder, options: ComparisonOptions, plugins: Plugin
     Returns:
         The exit code: 1 if there are no results, 3 if a damaged file was set aside.
     """
-    from wsnsim.analysis import code_origin, comparison, comparison_answer, comparison_text
+    from wsnsim.analysis import campaign_info, comparison, comparison_text
     from wsnsim.base.errors import ResultError
     from wsnsim.campaign import needs_permission
 
@@ -82,10 +82,10 @@ def print_comparison(folder: Folder, options: ComparisonOptions, plugins: Plugin
     if options.csv:
         _write_csv(found.table, options.csv)
     if options.as_json:
-        answer = {"answer": comparison_answer.answer(found), "folder": str(folder.path)}
-        echo_json({**comparison.as_json(found), **answer, **code_origin.as_json(folder)})
+        answer = {"answer": comparison_text.answer(found), "folder": str(folder.path)}
+        echo_json({**comparison.as_json(found), **answer, **campaign_info.code_json(folder)})
     else:
-        echo("\n".join([comparison_text.text(found), *code_origin.lines(folder)]))
+        echo("\n".join([comparison_text.text(found), *campaign_info.code_lines(folder)]))
     return 0
 
 

@@ -131,14 +131,14 @@ def diff(a: Path, b: Path, as_json: bool) -> int:
 
     The exit code is 1 if they differ, and 2 if one of them cannot be read.
     """
-    from wsnsim.analysis import difference, difference_text
+    from wsnsim.analysis import difference
 
     try:
         with reading(a, b):
             found = difference.differ(a, b)
     except ResultError as error:
         raise UsageError(str(error)) from error
-    echo_answer(difference.as_json(found) if as_json else difference_text.text(found))
+    echo_answer(difference.as_json(found) if as_json else difference.text(found))
     return 0 if found.same else 1
 
 

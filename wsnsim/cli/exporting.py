@@ -34,16 +34,14 @@ def export(
     if matlab_file is not None:
         _check_matlab_file(matlab_file, result)
     with reading(result):
-        from wsnsim.analysis import table_files
+        from wsnsim.analysis import frames
 
-        for folder, write in ((csv_folder, table_files.csv), (parquet_folder, table_files.parquet)):
+        for folder, write in ((csv_folder, frames.csv), (parquet_folder, frames.parquet)):
             if folder is not None:
                 for file, rows in write(result, folder, tables):
                     echo(f"{file}: {rows:,} rows")
         if matlab_file is not None:
-            from wsnsim.analysis import matlab
-
-            for table, rows in matlab.export(result, matlab_file, tables):
+            for table, rows in frames.matlab(result, matlab_file, tables):
                 echo(f"{matlab_file}: {table}: {rows:,} rows")
 
 

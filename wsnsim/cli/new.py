@@ -12,14 +12,14 @@ import click
 from wsnsim.base.errors import UsageError
 from wsnsim.cli.shared import echo, group
 
-ROLES: Final = ("tracker", "sensor", "motion", "mac")
+PLUGIN_ROLES: Final = ("tracker", "sensor", "motion", "mac")
 """The roles for which there is a plug-in to start from."""
 
 
 @group.command()
 @click.argument("name")
 @click.option("--bench", is_flag=True, help="Write a scenario of a standalone filter, without a network.")
-@click.option("--for", "role", type=click.Choice(ROLES), help="Also write a plug-in of this role, NAME.py.")
+@click.option("--for", "role", type=click.Choice(PLUGIN_ROLES), help="Also write a plug-in of this role, NAME.py.")
 def new(name: str, bench: bool, role: str | None) -> None:
     """Write a commented scenario, and a plug-in with --for.
 
