@@ -10,7 +10,7 @@ import pytest
 
 from wsnsim import read
 from wsnsim.cli import main
-from wsnsim.cli.new import PLUGIN_ROLES, class_name
+from wsnsim.cli.commands import PLUGIN_ROLES, class_name
 from wsnsim.scenario.kind_info import kind_info
 from wsnsim.scenario.tracker_choices import tracker_choices
 
