@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
-from wsnsim.analysis.baselines import baseline_point, keys_by_default, label
+from wsnsim.analysis.campaign_info import baseline_point, keys_by_default, label
 from wsnsim.analysis.conclusions import PairWords, hint, pair_columns, sentence, traffic, with_pairs
 from wsnsim.analysis.quantities import loss_rule
 from wsnsim.base.errors import UsageError, did_you_mean

@@ -17,7 +17,7 @@ from typing import Any, Final
 import pandas as pd
 
 from wsnsim.analysis.answer import percent
-from wsnsim.analysis.baselines import label
+from wsnsim.analysis.campaign_info import label
 from wsnsim.analysis.comparison import Comparison
 from wsnsim.analysis.conclusions import ERRORS, number
 from wsnsim.analysis.phrases import aligned, counted, wrapped

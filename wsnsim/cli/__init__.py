@@ -26,10 +26,9 @@ from wsnsim.base.garbage import NEW_OBJECTS
 from wsnsim.base.plugin_code import TRACEBACK_HINT, PluginImport, plugin_fault, watching_imports
 from wsnsim.base.progress import watching
 from wsnsim.cli import campaigns, commands, exporting, fitting, importing, reproducing, running
-from wsnsim.cli.interrupts import Interrupts
+from wsnsim.cli.interrupts import Interrupts, end_stderr, open_streams, redirect_to_nowhere
 from wsnsim.cli.progress import WorkBar
 from wsnsim.cli.shared import echo, group
-from wsnsim.cli.streams import end_stderr, open_streams, redirect_to_nowhere
 
 __all__ = [
     "campaigns",

@@ -61,7 +61,7 @@ class ComparisonOptions(NamedTuple):
 
 def check_comparison(options: ComparisonOptions, plan: Plan | Manifest, by: Sequence[str]) -> None:
     """Raise UsageError, before anything runs, if the comparison would fail or could not be written."""
-    from wsnsim.analysis import baselines  # not comparison: pandas may start a thread, and workers would be spawned
+    from wsnsim.analysis import campaign_info  # not comparison: pandas may start a thread, and workers would be spawned
     from wsnsim.base.errors import did_you_mean
     from wsnsim.base.tables import METRICS
 
@@ -71,7 +71,7 @@ def check_comparison(options: ComparisonOptions, plan: Plan | Manifest, by: Sequ
     for key in options.by:
         if key not in plan.keys:
             raise UsageError(f"--by: the campaign does not vary '{key}' ({did_you_mean(key, plan.keys)})")
-    baselines.demand_baseline(plan, by, options.baseline)
+    campaign_info.demand_baseline(plan, by, options.baseline)
     if options.csv and options.csv.is_dir():
         raise UsageError(f"--csv {options.csv} is a folder, not a file")
     if options.csv and (reason := why_not_regular(options.csv)):

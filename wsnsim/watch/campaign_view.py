@@ -19,7 +19,7 @@ from typing import Any, Final, final
 import numpy as np
 
 from wsnsim.analysis import campaigns
-from wsnsim.analysis.baselines import label
+from wsnsim.analysis.campaign_info import label
 from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.recording.folder import Folder
