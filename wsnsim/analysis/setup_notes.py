@@ -53,7 +53,7 @@ def motions_beyond_the_field(setup: TrackingSetup) -> Iterator[str]:
         beyond = max(monitored[0] - left, right - monitored[1], monitored[2] - bottom, top - monitored[3])
         if beyond > reach:
             yield (
-                f"{_of_target(setup, i)}.{key}: the target moves up to {beyond:g} m beyond {_named(field)}, out of the "
+                f"{_of_target(setup, i)}.{key}: the target moves up to {beyond:g} m beyond {named(field)}, out of the "
                 f"sensing range of {reach:g} m of every node; keep it within the field, or enlarge the field"
             )
 
@@ -67,7 +67,7 @@ def steps_across_the_field(setup: TrackingSetup) -> Iterator[str]:
         if speed * setup.dt > side:
             yield (
                 f"{_of_target(setup, i)}: at {speed:g} m/s a target goes {speed * setup.dt:g} m in a step of "
-                f"{setup.dt:g} s, across all of {_named(field)} and out of the sensing range of every node; give a "
+                f"{setup.dt:g} s, across all of {named(field)} and out of the sensing range of every node; give a "
                 f"step of at most {_rounded_down(side / speed)} s"
             )
 
@@ -94,7 +94,7 @@ def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
         if away > setup.link.reach:
             nearest = min(max(x, left), right), min(max(y, bottom), top)
             yield (
-                f"sink: ({x:g}, {y:g}) m is {away:.4g} m outside {_named(field)}; the sink is the node nearest to it, "
+                f"sink: ({x:g}, {y:g}) m is {away:.4g} m outside {named(field)}; the sink is the node nearest to it, "
                 f"at the edge: the nearest point of the field is ({nearest[0]:g}, {nearest[1]:g}) m"
             )
 
@@ -295,7 +295,8 @@ def _box(field: Field) -> Box:
     return x - field.width / 2, x + field.width / 2, y - field.height / 2, y + field.height / 2
 
 
-def _named(field: Field) -> str:
+def named(field: Field) -> str:
+    """The field with its size and centre, as notes name it."""
     return f"the field of {field.width:g} m by {field.height:g} m around ({field.centre[0]:g}, {field.centre[1]:g})"
 
 

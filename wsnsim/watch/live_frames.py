@@ -178,14 +178,11 @@ class LiveFrames:
         return text
 
     def _take_rows(self, pieces: Iterable[RunPiece]) -> None:
-        names = {"events": EVENTS, "particles": self._particle_columns()}
+        names = {"events": EVENTS, "particles": ("target", "step", *self._position(), "weight")}
         for table, columns in names.items():
             written = [rows for piece in pieces for rows in piece.rows.get(table, ())]
             new = [_equally_long({name: rows[name] for name in columns}) for rows in written]
             self._rows[table] = _joined([self._rows[table], *new])
-
-    def _particle_columns(self) -> tuple[str, ...]:
-        return ("target", "step", *self._position(), "weight")
 
     def _position(self) -> tuple[str, ...]:
         setup = self._start.setup
