@@ -43,8 +43,8 @@ FOREIGN = {
     ("recording.layout", "\"error message = '([^']*+)'\""): ("search", "a error message = 'b' c"),
     ("base.synonyms", "'(?<=[a-z])(?=[A-Z])'"): ("search", "aWord"),
     ("base.synonyms", "'[\\\\s.\\\\-/]+'"): ("search", "a . b"),
-    ("analysis.matlab", "'\\\\W'"): ("search", "a b"),
-    ("analysis.matlab", "'[A-Za-z]'"): ("match", "a"),
+    ("analysis.frames", "'\\\\W'"): ("search", "a b"),
+    ("analysis.frames", "'[A-Za-z]'"): ("match", "a"),
 }
 """{(module, the pattern or its name): (how it is applied, a text that it fits)}."""
 

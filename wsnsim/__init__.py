@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     # fmt: off
     # isort: off
     from wsnsim.analysis.frames import read as read
-    from wsnsim.api.plotting import plot as plot
+    from wsnsim.api.result import plot as plot
     from wsnsim.api.result import Result as Result
     from wsnsim.api.running import run as run, simulate as simulate
-    from wsnsim.api.sweep_result import SweepResult as SweepResult
+    from wsnsim.api.sweeping import SweepResult as SweepResult
     from wsnsim.api.sweeping import compare as compare, sweep as sweep
     from wsnsim.base.errors import (
         Issue as Issue, ResultError as ResultError, RunError as RunError, ScenarioError as ScenarioError,

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 import wsnsim
 from wsnsim import experiment
 from wsnsim.analysis import result_info, summary
-from wsnsim.analysis.answer import answer, sentence
+from wsnsim.analysis.answer import answer, energy_clause, lifetime_clause, percent, sentence, sink_clause
 from wsnsim.analysis.answer_facts import AnswerFacts, RecordedErrors
-from wsnsim.analysis.answer_network import energy_clause, lifetime_clause, percent, sink_clause
 from wsnsim.base.tables import CAUSE
 from wsnsim.bounds import bound_of_run
 from wsnsim.scenario import load

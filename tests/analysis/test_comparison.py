@@ -14,8 +14,8 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from wsnsim.analysis import campaigns, comparison, comparison_text, frames, statistics, table_files
-from wsnsim.analysis.comparison_answer import answer
+from wsnsim.analysis import campaigns, comparison, comparison_text, frames, statistics
+from wsnsim.analysis.comparison_text import answer
 from wsnsim.analysis.phrases import wrapped
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import TABLES
@@ -441,7 +441,7 @@ def test_parquet_gives_back_what_is_read(place: Place) -> None:
         ({KIND: "pf", SIZE: 100, "step": 0.5, "deploy.cover": True}, "w", {"rmse": [1.0, NAN]}),
         ({KIND: "ekf", "step": 1.0, "deploy.cover": False}, "w", {"rmse": [2.0]}),
     ])  # fmt: skip
-    written = table_files.parquet(folder.path, place.path / "out")
+    written = frames.parquet(folder.path, place.path / "out")
     assert [(file.name, rows) for file, rows in written] == [("runs.parquet", 3), ("estimates.parquet", 6)]
     for file, _ in written:
         pd.testing.assert_frame_equal(pd.read_parquet(file), frames.read(folder.path, file.stem))
@@ -452,16 +452,16 @@ def test_parquet_says_what_it_cannot_write(place: Place) -> None:
     pytest.importorskip("pyarrow")
     folder = place.campaign([({SIZE: 1}, "w", {"rmse": [1.0]})])
     with pytest.raises(UsageError, match=r"holds no table 'rnus' .*did you mean 'runs'"):
-        table_files.parquet(folder.path, place.path / "out", ["rnus"])
+        frames.parquet(folder.path, place.path / "out", ["rnus"])
     (place.path / "file").write_text("")
     with pytest.raises(ResultError, match="cannot be written"):
-        table_files.parquet(folder.path, place.path / "file", ["runs"])
+        frames.parquet(folder.path, place.path / "file", ["runs"])
 
 
 def test_a_campaign_without_results_has_no_tables_to_write(place: Place) -> None:
     pytest.importorskip("pyarrow")
     with pytest.raises(ResultError, match="holds no results yet"):
-        table_files.parquet(place.campaign([({SIZE: 2}, "w", {"rmse": []})]).path, place.path / "out")
+        frames.parquet(place.campaign([({SIZE: 2}, "w", {"rmse": []})]).path, place.path / "out")
     assert not (place.path / "out").exists()
 
 

@@ -10,9 +10,15 @@ import pandas as pd
 import pytest
 
 from wsnsim.analysis import statistics
-from wsnsim.analysis.conclusions import PairWords, sentence, shows_difference
-from wsnsim.analysis.network_hints import PointTraffic, hint
-from wsnsim.analysis.pairs import pair_columns, with_pairs
+from wsnsim.analysis.conclusions import (
+    PairWords,
+    PointTraffic,
+    hint,
+    pair_columns,
+    sentence,
+    shows_difference,
+    with_pairs,
+)
 
 WORDS = PairWords("ekf", "pf", "", "rmse", "m")
 NAN = float("nan")

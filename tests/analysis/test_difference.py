@@ -10,8 +10,7 @@ import pytest
 
 from tests.helpers.thorough import thorough
 from wsnsim.analysis import difference
-from wsnsim.analysis.difference import as_json, differ
-from wsnsim.analysis.difference_text import text
+from wsnsim.analysis.difference import as_json, differ, text
 from wsnsim.recording import ResultFile
 
 NAN = float("nan")

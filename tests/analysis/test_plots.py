@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from wsnsim.analysis import figure_style, figures, plot_data, plots
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, CAUSES, TABLES, columns_of
-from wsnsim.cli.plotting import PLOTS
+from wsnsim.cli.exporting import PLOTS
 from wsnsim.recording import ResultFile, read_table
 
 DT = 0.5

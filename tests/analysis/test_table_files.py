@@ -11,8 +11,8 @@ from scipy.io import loadmat
 
 import wsnsim
 from tests.helpers.commands import run_command
-from wsnsim.analysis import matlab, table_files
-from wsnsim.analysis.matlab import legal_names
+from wsnsim.analysis import frames
+from wsnsim.analysis.frames import legal_names
 from wsnsim.base.errors import StorageError, UsageError
 
 SCENARIO = {
@@ -37,9 +37,9 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.thorough
 def test_matlab_reads_what_pandas_reads(result: Path, tmp_path: Path) -> None:
     file = tmp_path / "small.mat"
-    written = dict(matlab.export(result, file))
+    written = dict(frames.matlab(result, file))
     content = loadmat(file, squeeze_me=False)
-    assert set(written) == set(table_files.tables_of(result)) and str(content["wsnsim"]["version"][0, 0][0])
+    assert set(written) == set(frames.tables_of(result)) and str(content["wsnsim"]["version"][0, 0][0])
     for table, rows in written.items():
         frame, struct = wsnsim.read(result, table), content[table][0, 0]
         assert len(frame) == rows and set(struct.dtype.names) == set(frame.columns)
@@ -55,7 +55,7 @@ def test_matlab_reads_what_pandas_reads(result: Path, tmp_path: Path) -> None:
 
 
 def test_csv_files_give_back_every_float(result: Path, tmp_path: Path) -> None:
-    written = table_files.csv(result, tmp_path / "out", ["estimates", "runs"])
+    written = frames.csv(result, tmp_path / "out", ["estimates", "runs"])
     assert [file.name for file, _ in written] == ["estimates.csv", "runs.csv"]
     frame = wsnsim.read(result, "estimates")
     again = pd.read_csv(tmp_path / "out" / "estimates.csv", converters={"px": float})
@@ -72,8 +72,8 @@ def test_names_become_those_that_matlab_allows() -> None:
 
 def test_columns_of_mixed_values_become_texts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frame = pd.DataFrame({"tracker.kind": ["ekf", None, "pf"], "n": [1, 2, 3], "mixed": [1, "a", 2.5]})
-    monkeypatch.setattr(matlab, "read_tables", lambda *_: [("runs", frame)])
-    matlab.export(tmp_path, tmp_path / "x.mat")
+    monkeypatch.setattr(frames, "read_tables", lambda *_: [("runs", frame)])
+    frames.matlab(tmp_path, tmp_path / "x.mat")
     struct = loadmat(tmp_path / "x.mat")["runs"][0, 0]
     assert [cell[0] if cell.size else "" for cell in struct["tracker_kind"][:, 0]] == ["ekf", "", "pf"]
     assert [cell[0] for cell in struct["mixed"][:, 0]] == ["1", "a", "2.5"]
@@ -82,16 +82,16 @@ def test_columns_of_mixed_values_become_texts(tmp_path: Path, monkeypatch: pytes
 def test_a_table_that_the_format_cannot_hold_is_refused_before_anything_is_written(
     result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(matlab, "LARGEST", 10)
+    monkeypatch.setattr(frames, "LARGEST", 10)
     with pytest.raises(UsageError, match=r"small.h5: column .*, a MATLAB file holds 2.1 GB a variable"):
-        matlab.export(result, tmp_path / "x.mat")
+        frames.matlab(result, tmp_path / "x.mat")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_cannot_be_written_is_named(result: Path, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
     with pytest.raises(StorageError, match=r"out/runs.csv: cannot be written"):
-        table_files.csv(result, tmp_path / "out", ["runs"])
+        frames.csv(result, tmp_path / "out", ["runs"])
 
 
 @pytest.mark.parametrize(

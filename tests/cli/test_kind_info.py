@@ -10,8 +10,7 @@ import pytest
 
 from wsnsim import scenario
 from wsnsim.cli import main
-from wsnsim.cli.kind_text import kinds_text
-from wsnsim.cli.word_info import word_text
+from wsnsim.cli.describe import kinds_text, word_text
 from wsnsim.scenario.kind_info import OTHER_FORMS, KindInfo, citations, cited_in, kind_info, kinds_named
 from wsnsim.scenario.parameter_info import DIMENSIONLESS
 from wsnsim.scenario.registry import ROLES, load_class

@@ -10,7 +10,7 @@ import pytest
 
 from wsnsim import read
 from wsnsim.cli import main
-from wsnsim.cli.new import ROLES, class_name
+from wsnsim.cli.commands import PLUGIN_ROLES, class_name
 from wsnsim.papers.study import study
 from wsnsim.scenario.kind_info import kind_info
 from wsnsim.scenario.tracker_choices import tracker_choices
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("fresh_folder")
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", PLUGIN_ROLES)
 def test_a_new_plug_in_passes_its_check_and_runs(role: str, capsys: pytest.CaptureFixture[str]) -> None:
     name = f"my_own_{role}"
     assert main(["new", "--for", role, name]) == 0
@@ -45,7 +45,7 @@ def test_a_new_plug_in_passes_its_check_and_runs(role: str, capsys: pytest.Captu
     sys.modules.pop(name, None)
 
 
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("role", PLUGIN_ROLES)
 def test_a_new_plug_in_is_described_in_full(role: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(Path.cwd())
     assert main(["new", "--for", role, f"told_{role}"]) == 0

@@ -16,7 +16,7 @@ from .synthetic_results import write_result
 @pytest.fixture
 def wsnsim(tmp_path, monkeypatch, capsys):
     """wsnsim('report', ...) -> (exit code, stdout, stderr), in a folder of its own."""
-    import wsnsim.cli.reporting  # noqa: F401
+    import wsnsim.cli.exporting  # noqa: F401
     from wsnsim.cli import main
 
     monkeypatch.chdir(tmp_path)

@@ -15,8 +15,7 @@ from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.cli import main
 from wsnsim.recording.folder import Folder
 from wsnsim.watch import campaign_view
-from wsnsim.watch.campaign_state import campaign_state
-from wsnsim.watch.campaign_view import CampaignView
+from wsnsim.watch.campaign_view import CampaignView, campaign_state
 
 SWEEP = [
     "sweep",

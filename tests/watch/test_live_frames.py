@@ -10,10 +10,9 @@ import pytest
 from tests.report.page_reader import decoded
 from wsnsim import experiment, read
 from wsnsim.report import replay
-from wsnsim.report.replay_clusters import ENDS, LEAVES, STARTS
+from wsnsim.report.replay_tracks import ENDS, LEAVES, STARTS
 from wsnsim.scenario import load
-from wsnsim.watch.live_frames import LiveFrames
-from wsnsim.watch.live_recorder import LiveRecorder
+from wsnsim.watch.live_frames import LiveFrames, LiveRecorder
 
 SHORT = ["duration=3 s", "tracker.particles=40"]
 

@@ -46,7 +46,7 @@ def interrupted(monkeypatch):
             threading.Thread(target=send, daemon=True).start()
 
         monkeypatch.setattr(live, "say_where", say)
-        monkeypatch.setattr("wsnsim.cli.watch.say_where", say)
+        monkeypatch.setattr("wsnsim.cli.running.say_where", say)
         return addresses
 
     return when
@@ -143,7 +143,7 @@ def test_nothing_is_watched_that_is_not_run(capsys):
 def test_the_page_of_a_result_is_shown_until_ctrl_c(interrupted, monkeypatch, capsys, ask):
     assert main(["run", "pso_mhpf", *QUICK[:-1], "-q", "-o", "lab.h5"]) == 0
     given = []
-    monkeypatch.setattr("wsnsim.cli.watch.page_of", lambda *words: given.append(words) or "the result")
+    monkeypatch.setattr("wsnsim.cli.running.page_of", lambda *words: given.append(words) or "the result")
     addresses = interrupted(signal.SIGINT, lambda: ask(addresses[0])[2] == b"the result")
     assert main(["watch", "lab.h5", "--no-browser"]) == 0
     assert given == [(Path("lab.h5"), None, False, False)]  # what a file names is not imported

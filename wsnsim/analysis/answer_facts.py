@@ -1,10 +1,13 @@
-"""What the answer of a result is made of: columns of the short tables, position errors, and joules by cause.
+"""What answers and summaries are made of: columns of the short tables, arrays, joules by cause, and errors of clocks.
 
 facts_of_file(path)      facts_of_tables(tables, scenario)      facts_of_report(report)
+read_arrays(path) -> ResultArrays        position_unit(path) -> 'm'
+clock_figures(report) -> dict            clock_rows(figures) -> [(name, value)]
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,13 +16,85 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.scenario as scenarios
+from wsnsim.analysis import plot_data
 from wsnsim.analysis.plot_data import stored_json
-from wsnsim.analysis.stored_arrays import position_unit
+from wsnsim.analysis.quantities import QUANTITIES, ResultArrays
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.results import Report
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import CAUSES
-from wsnsim.recording import read_table, tables
+from wsnsim.recording import attributes, read_table, tables
+
+
+def read_arrays(path: str | Path) -> ResultArrays:
+    """The arrays of a result file; of the long tables, only the errors are read."""
+    held = tables(path)
+    runs = read_table(path, "runs") if "runs" in held else {}
+    columns = {name: column.astype(np.float64) for name, column in runs.items() if column.dtype.kind in "uif"}
+    errors = plot_data.errors(path).errors if "estimates" in held and held["estimates"].rows else np.empty((0, 0, 0))
+    about = attributes(path)
+    tracks = _tracks(path, len(runs.get("replicate", ())))
+    return ResultArrays(errors, columns, bool(about["states"]), tracks, len(about["position"] or ()))
+
+
+def _tracks(path: str | Path, runs: int) -> dict[str, Floats]:
+    """The columns of the table `tracks`, (runs, targets) each; a row each if runs differ in their tracks."""
+    if "tracks" not in tables(path) or not tables(path)["tracks"].rows:
+        return {}
+    columns = read_table(path, "tracks", _latencies(path))
+    rows = runs if runs and all(column.size % runs == 0 for column in columns.values()) else None
+    return {name: column.astype(np.float64).reshape(rows or column.size, -1) for name, column in columns.items()}
+
+
+def _latencies(path: str | Path) -> list[str]:
+    """The columns of `tracks` that quantities need, as far as the file has them."""
+    needed = [name for quantity in QUANTITIES.values() if quantity.of_tracks for name in quantity.columns]
+    return [name for name in needed if name in tables(path)["tracks"].columns]
+
+
+def position_unit(path: str | Path) -> str:
+    """The unit of the errors; metres in a file without a target."""
+    if not attributes(path)["states"]:
+        return "m"
+    layout = plot_data.layout(path)
+    return layout.units[layout.position[0]]
+
+
+CLOCK_COLUMNS: Final = ("error", "error_max", "spread", "spread_max", "synchronised")
+TIME_UNITS: Final = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
+
+
+def clock_figures(report: Report) -> dict[str, float]:
+    """The columns of `clocks` at the end of runs, mean over runs, with names such as `clock_error`.
+
+    NaN where the table was not recorded.
+    """
+    if not dict(report.scenario.record).get("clocks"):
+        return {f"clock_{name}": math.nan for name in CLOCK_COLUMNS}
+    table = read_table(report.out, "clocks", ["replicate", *CLOCK_COLUMNS])
+    last = np.flatnonzero(np.diff(table["replicate"].astype(np.int64), append=-1))
+    return {f"clock_{name}": float(table[name][last].mean()) if last.size else math.nan for name in CLOCK_COLUMNS}
+
+
+def clock_rows(figures: Mapping[str, float]) -> list[tuple[str, str]]:
+    """The lines of a summary; none where clocks were not recorded or show the true time."""
+    if not figures["clock_error_max"] > 0.0:
+        return []
+    error, spread = (
+        f"{_seconds(figures[f'clock_{name}'])}, at most {_seconds(figures[f'clock_{name}_max'])}"
+        for name in ("error", "spread")
+    )
+    result = [("clocks from true time at the end", error), ("clocks from their mean at the end", spread)]
+    if figures["clock_synchronised"] > 0.0:
+        result.append(("nodes that take their clock for synchronised", f"{figures['clock_synchronised']:.0%}"))
+    return result
+
+
+def _seconds(time: float) -> str:
+    """A time in the largest unit of which it is at least one."""
+    size, unit = next(((size, unit) for size, unit in TIME_UNITS if time >= size), TIME_UNITS[-1])
+    return f"{time / size:.3g} {unit}"
+
 
 Table = Mapping[str, Any]
 """Columns by name: a DataFrame, or a mapping to arrays."""

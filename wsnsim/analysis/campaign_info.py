@@ -1,17 +1,105 @@
-"""The progress and settings of a campaign, as `wsnsim info DIR` shows them.
+"""What a campaign's folder says of itself: progress, settings, baseline, and which code made its runs.
 
-info(path) -> dict        info_text(path) -> str
+info(path) -> dict        info_text(path) -> str        as `wsnsim info DIR` shows them
+demand_baseline(plan, by, wanted)      baseline_point(manifest, by, wanted) -> its label      label(values) -> text
+code_json(folder) -> dict        code_lines(folder) -> [str, ...], empty unless a change of the code was accepted
+
+A baseline is the point that differences are from. Nothing heavy is imported here.
 """
 
 from __future__ import annotations
 
+import json
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from wsnsim.analysis import code_origin
-from wsnsim.analysis.baselines import label
 from wsnsim.analysis.stopping import ReplicateCounts
-from wsnsim.recording.folder import Folder
+from wsnsim.base.errors import ResultError, UsageError, did_you_mean
+from wsnsim.recording import read_text
+from wsnsim.recording.folder import Folder, Manifest
+
+if TYPE_CHECKING:
+    from wsnsim.scenario.sweep_schema import Plan
+
+SCENARIO: Final = "scenario"
+"""The swept key of a sweep over several scenarios."""
+
+
+def demand_baseline(plan: Plan | Manifest, by: Sequence[str], wanted: str | None) -> None:
+    """Raise UsageError unless the campaign can be compared with this baseline."""
+    baseline_point(plan, tuple(by) or keys_by_default(plan.keys), wanted)
+
+
+def baseline_point(manifest: Plan | Manifest, by: Sequence[str], wanted: str | None) -> str | None:
+    """The wanted baseline, or else the campaign's first point; None if nothing is compared.
+
+    Raises:
+        UsageError: there is no such point, or a baseline is wanted and nothing is compared.
+    """
+    names = [label(point.settings.get(key) for key in by) for point in manifest.points]
+    if wanted is None:
+        return names[0] if by else None
+    if not by:
+        raise UsageError(f"a baseline requires a key to compare by: --by {' or '.join(manifest.keys)}")
+    if wanted not in names:
+        raise UsageError(f"{manifest.name} has no point '{wanted}' ({did_you_mean(wanted, set(names))})")
+    return wanted
+
+
+def keys_by_default(keys: Sequence[str]) -> tuple[str, ...]:
+    """The keys compared by default: the scenarios if there are several, or else the only swept key."""
+    return (SCENARIO,) if SCENARIO in keys else tuple(keys) if len(keys) == 1 else ()
+
+
+def label(values: Iterable[Any]) -> str:
+    """Values of settings as a short text."""
+    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
+
+
+UNKNOWN: Final = "unknown"
+MAX_NAMED: Final = 8
+"""Changed files that a line names."""
+
+
+def code_json(folder: Folder) -> dict[str, Any]:
+    """The accepted changes of the code and {digest of the code: number of runs}; {} if there was no change."""
+    changes = folder.manifest().code_changes
+    if not changes:
+        return {}
+    return {"code_changes": [dict(change) for change in changes], "runs_by_code": dict(_runs_by_code(folder))}
+
+
+def code_lines(folder: Folder) -> list[str]:
+    """Lines on the accepted changes of the code, and on how many runs each code made."""
+    about = code_json(folder)
+    if not about:
+        return []
+    runs = ", ".join(f"{count} by code {code}" for code, count in about["runs_by_code"].items())
+    found = [f"code         accepted changes; runs: {runs}"]
+    for change in about["code_changes"]:
+        files = change.get("changed") or ["unknown files"]
+        named = ", ".join(files[:MAX_NAMED]) + (f" and {len(files) - MAX_NAMED} more" if len(files) > MAX_NAMED else "")
+        found.append(f"  {change.get('time')}: {change.get('before')} to {change.get('after')}: {named}")
+    return found
+
+
+def _runs_by_code(folder: Folder) -> Counter[str]:
+    found: Counter[str] = Counter()
+    for point in folder.manifest().points:
+        for batch in folder.batches(point.id):
+            found[_code_of(batch.path)] += batch.last - batch.first + 1
+    return found
+
+
+def _code_of(path: Path) -> str:
+    """The digest of the code that made a result file."""
+    try:
+        return str(json.loads(read_text(path, "provenance_json")).get("code", UNKNOWN))
+    except (ResultError, ValueError, AttributeError):
+        return UNKNOWN
+
 
 MAX_LINES: Final = 20
 """The largest number of points, and of failures, that are printed."""
@@ -51,7 +139,7 @@ def info(path: str | Path) -> dict[str, Any]:
         "timeout": manifest.timeout,
         "wsnsim_version": manifest.wsnsim_version,
         "provenance": dict(manifest.provenance),
-        **code_origin.as_json(folder),
+        **code_json(folder),
     }
 
 
@@ -67,7 +155,7 @@ def info_text(path: str | Path) -> str:
         f"axes         {', '.join(about['keys']) or 'none'}",
         f"made by      wsnsim {about['wsnsim_version']}, Python {provenance.get('python')}",
         f"command      {provenance.get('command_line')}",
-        *code_origin.lines(Folder(path)),
+        *code_lines(Folder(path)),
         "",
     ]
     lines += [_point_line(point) for point in points[:MAX_LINES]]

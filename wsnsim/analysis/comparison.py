@@ -5,6 +5,8 @@
 
 Differences are paired (common random numbers): two points with the same world (seed, deployment, motion, sensor, prior)
 have the same ground truth and the same readings in the same run, so a run's difference is that of the strategies.
+
+Points that gave the same runs are named: what they differ in has no effect.
 """
 
 from __future__ import annotations
@@ -18,16 +20,34 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
-from wsnsim.analysis.baselines import baseline_point, keys_by_default, label
-from wsnsim.analysis.conclusions import PairWords, sentence
-from wsnsim.analysis.network_hints import hint, traffic
-from wsnsim.analysis.pairs import pair_columns, with_pairs
+from wsnsim.analysis.campaign_info import baseline_point, keys_by_default, label
+from wsnsim.analysis.conclusions import PairWords, hint, pair_columns, sentence, traffic, with_pairs
 from wsnsim.analysis.quantities import loss_rule
-from wsnsim.analysis.same_runs import same_runs
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import DUTY_CYCLED, METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
 from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder, Manifest
+
+
+def same_runs(folder: Folder, manifest: Manifest) -> str:
+    """Which points differ in no column of `runs`, the processor time apart; '' if there are none.
+
+    Fingerprints are among the columns: such points differ in no event and in no estimate.
+    """
+    runs = campaigns.read(folder.path, "runs")
+    names = [column.name for column in TABLES["runs"] if column.name in runs and column.name != "cpu_seconds"]
+    alike: dict[bytes, list[Mapping[str, Any]]] = {}
+    for number, rows in runs.groupby(campaigns.POINT, sort=True):
+        content = pd.util.hash_pandas_object(rows[names], index=False).to_numpy().tobytes()
+        settings = manifest.points[int(number)].settings
+        alike.setdefault(content, []).append(settings)
+    groups = [points for points in alike.values() if len(points) > 1]
+    if not groups:
+        return ""
+    differ = [key for key in manifest.keys if any(len({repr(one.get(key)) for one in group}) > 1 for group in groups)]
+    shown = [" | ".join(label(one.get(key, "-") for key in manifest.keys) for one in group) for group in groups]
+    return f"the same runs, so that {' and '.join(differ)} had no effect there: {'; '.join(shown)}"
+
 
 ENERGY: Final = "energy"
 MEASURED: Final = ("replicate", "lost", "losses", "lost_window", "lost_limit", "tracked", ENERGY)

@@ -1,21 +1,91 @@
-"""What a comparison concludes: one sentence a pair of points.
+"""What a comparison concludes: pairs of points compared run by run, a sentence each, and hints at other causes.
 
-sentence(pair, words) -> 'ekf is 21.1 m better than pf in per-run RMSE, 95 % [18, 25], Wilcoxon p = 6.1e-05, ...'
+    pair_columns(here, there, metric) -> {column: value} of one pair
+    with_pairs(table, pairs) -> the table with these columns, and p-values corrected for the number of pairs
+    sentence(pair, words) -> 'ekf is 21.1 m better than pf in per-run RMSE, 95 % [18, 25], Wilcoxon p = 6.1e-05, ...'
+    traffic(folder, table) -> [PointTraffic of each row]        hint(here, there, names) -> a sentence, or ''
+
+Losses are compared first, on all runs, by McNemar's exact test. Errors are then compared by Wilcoxon's signed-rank test
+on the runs in which neither of the two lost its target at any time: the error of a run that lost it says only how long
+ago. Other metrics are compared on all runs. P-values are corrected over all pairs of the comparison (Holm 1979), those
+of losses and those of the metric separately.
 
 A sentence claims a difference only if the 95 % interval of the median paired difference excludes zero and the p-value,
 corrected for the number of pairs, is at most 5 %; a difference in losses only if McNemar's corrected p-value is.
+
+A network takes part in the decision if packets take time and estimates come late or not at all: the messages of a step,
+above all of a handover with all its particles, take longer than the step. Different filters with different numbers of
+particles differ by these, too; a hint says so.
 """
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final, NamedTuple
 
-from wsnsim.analysis.pairs import ERRORS
+import numpy as np
+import pandas as pd
+
+from wsnsim.analysis import campaigns, statistics
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
+from wsnsim.base.errors import ResultError
+from wsnsim.base.tables import TABLES
+from wsnsim.recording.folder import Folder
+
+NAN: Final = float("nan")
+ERRORS: Final = tuple(column.name for column in TABLES["runs"] if column.of_position)
+"""Metrics that are compared on the runs that both points survive."""
+DIFFERENCE: Final = ("difference", "difference_low", "difference_high", "effect", "p", "pairs")
+WHOLE: Final = ("difference_all", "difference_all_low", "difference_all_high")
+LOSSES: Final = ("lost_alone", "baseline_lost_alone", "p_losses")
+NUMBERS: Final = (*DIFFERENCE, "p_holm", *WHOLE, *LOSSES, "p_losses_holm", "common")
+WILCOXON: Final = "Wilcoxon signed-rank"
+
+
+def pair_columns(here: pd.DataFrame, there: pd.DataFrame, metric: str) -> dict[str, float]:
+    """The differences of a point from its baseline, from their rows of `runs` by replicate.
+
+    `difference` and the columns after it are of the metric, for errors on the runs that both survive;
+    `difference_all` is of all runs. `lost_alone` counts the runs that only the point lost at any time,
+    `baseline_lost_alone` those that only the baseline lost.
+    """
+    common = here.index.intersection(there.index)
+    one, other = here.loc[common], there.loc[common]
+    lost, other_lost = campaigns.ever_lost(one), campaigns.ever_lost(other)
+    values, base = (frame[metric].to_numpy(dtype=np.float64) for frame in (one, other))
+    kept = ~(lost | other_lost) if metric in ERRORS else np.ones(len(common), dtype=np.bool_)
+    whole = found = statistics.paired_difference(values[kept], base[kept])
+    if not kept.all():
+        whole = statistics.paired_difference(values, base)
+    alone, other_alone = int((lost & ~other_lost).sum()), int((other_lost & ~lost).sum())
+    losses = (alone, other_alone, statistics.exact_mcnemar(alone, other_alone) if (lost | other_lost).any() else NAN)
+    return {
+        **dict(zip(DIFFERENCE, found, strict=True)),
+        **dict(zip(WHOLE, whole[:3], strict=True)),
+        **dict(zip(LOSSES, losses, strict=True)),
+        "common": len(common),
+    }
+
+
+def with_pairs(table: pd.DataFrame, pairs: dict[int, dict[str, float]]) -> pd.DataFrame:
+    """The table of a comparison with the columns of its pairs, by row; corrected over all pairs."""
+    numbers = {name: [pairs.get(row, {}).get(name, NAN) for row in range(len(table))] for name in NUMBERS}
+    for raw, adjusted in (("p", "p_holm"), ("p_losses", "p_losses_holm")):
+        numbers[adjusted] = statistics.holm(numbers[raw])
+    tests = [_test(pairs[row]["pairs"]) if row in pairs else "" for row in range(len(table))]
+    return table.assign(**{name: np.array(column, dtype=np.float64) for name, column in numbers.items()}, test=tests)
+
+
+def _test(pairs: float) -> Any:
+    """The name of the test of the metric: exact up to `statistics.EXACT` pairs, then by the normal approximation."""
+    if not pairs:
+        return ""
+    return f"{WILCOXON}, exact" if pairs <= statistics.EXACT else WILCOXON
+
 
 LEVEL: Final = 0.05
 Pair = Mapping[str, Any]
@@ -113,3 +183,113 @@ def number(value: float) -> str:
 def p_value(value: float) -> str:
     """A p-value with two digits."""
     return f"{value:.2g}"
+
+
+MOST_LATE: Final = 0.05
+"""Share of steps with a late or missing estimate above which the network may have decided [our choice]."""
+READ: Final = ("replicate", "late", "reports", "delay", "handover_bits")
+
+
+class PointTraffic(NamedTuple):
+    """What the network made of a point's estimates.
+
+    Attributes:
+        late: share of the steps whose estimate came after the next step began.
+        missing: share of the steps without an estimate.
+        delay: median latency at the cluster head in s.
+        step: duration of a step in s.
+        handover: mean airtime in s of the bits of a handover; NaN without one, or if packets take no time.
+        timed: whether packets take time. Where they do not, a missing estimate is not their fault.
+        particles: the tracker's number of particles, None without.
+        kind: the tracker's kind.
+    """
+
+    late: float = NAN
+    missing: float = NAN
+    delay: float = NAN
+    step: float = NAN
+    handover: float = NAN
+    timed: bool = False
+    particles: int | None = None
+    kind: str = ""
+
+    @property
+    def is_late(self) -> bool:
+        """Whether estimates are late, missing where packets take time, or the latency or a handover fills the step."""
+        absent = self.late + (self.missing if self.timed else 0.0)
+        return absent > MOST_LATE or self.delay > self.step or self.handover > self.step
+
+
+def traffic(folder: Folder, numbers: Iterable[int]) -> list[PointTraffic]:
+    """The traffic of points by their numbers in the manifest; unknown where their tables or scenarios are missing."""
+    points, tracks = folder.manifest().points, _tracks(folder)
+    found = []
+    for number in numbers:
+        rows = tracks[tracks[campaigns.POINT] == number] if tracks is not None else None
+        try:
+            found.append(_of_point(json.loads(folder.scenario(points[number].id)), rows))
+        except ResultError:
+            found.append(PointTraffic())
+    return found
+
+
+def hint(here: PointTraffic, there: PointTraffic, names: tuple[str, str]) -> str:
+    """What beside the filters may have decided between a point and its baseline; '' if nothing is known."""
+    pair = list(zip(names, (here, there), strict=True))
+    found = []
+    if here.is_late or there.is_late:
+        found.append("packets, not the filter, may have decided: " + "; ".join(_latency(*one) for one in pair))
+    if here.kind != there.kind and here.particles and there.particles and here.particles != there.particles:
+        words = " and ".join(f"{name} has {one.particles} particles" for name, one in pair)
+        found.append(f"the numbers of particles differ: {words}")
+    return "; ".join(found)
+
+
+def _tracks(folder: Folder) -> pd.DataFrame | None:
+    """The columns of `tracks` with the steps of their runs; None if they were not recorded."""
+    try:
+        tracks = campaigns.read(folder.path, "tracks", READ, ("handover_bits",))
+    except ResultError:
+        return None
+    keys = [campaigns.POINT, "replicate"]
+    runs = campaigns.read(folder.path, "runs", ("replicate", "steps"))
+    return tracks.merge(runs[[*keys, "steps"]], on=keys)
+
+
+def _of_point(scenario: dict[str, Any], tracks: pd.DataFrame | None) -> PointTraffic:
+    tracker = scenario.get("tracker", {})
+    particles, kind = tracker.get("particles"), tracker.get("kind", "")
+    if tracks is None or not len(tracks) or not tracks["steps"].sum():
+        return PointTraffic(particles=particles, kind=kind)
+    steps, late, reports = (float(tracks[name].sum()) for name in ("steps", "late", "reports"))
+    missing = steps - reports
+    rate = scenario.get("mac", {}).get("rate")
+    bits = _mean(tracks["handover_bits"].to_numpy(dtype=np.float64))
+    delays = tracks["delay"].dropna().to_numpy(dtype=np.float64)
+    return PointTraffic(
+        (late - missing) / steps,
+        missing / steps,
+        float(np.median(delays)) if delays.size else NAN,
+        float(scenario["step"]),
+        bits / rate if rate else NAN,
+        bool(rate),
+        particles,
+        kind,
+    )
+
+
+def _mean(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else NAN
+
+
+def _latency(name: str, one: PointTraffic) -> str:
+    """How late a point's estimates were, against the duration of its step."""
+    if not math.isfinite(one.late):
+        return f"{name}: not recorded"
+    words = f"{name}: {one.late:.0%} of the steps late, {one.missing:.0%} missing"
+    if math.isfinite(one.delay):
+        words += f", median latency {one.delay:.2g} s"
+    if math.isfinite(one.handover):
+        words += f", {one.handover:.2g} s of airtime a handover"
+    return f"{words} (step {one.step:g} s)"

@@ -15,7 +15,7 @@ import wsnsim.scenario as scenarios
 from wsnsim.analysis import connectivity
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.plot_data import stored_json
-from wsnsim.analysis.setup_notes import of_values, window_out_of_reach
+from wsnsim.analysis.setup_notes import in_a_check, named
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import InitialConditions, node_names, sample_initial_conditions, sample_positions
@@ -77,7 +77,7 @@ class _Visibility(NamedTuple):
 
 def of_setup(setup: Setup, replicate: int = 0) -> list[str]:
     """What makes a valid scenario hopeless or harder than it looks: its values, and the initial conditions of a run."""
-    found = [*of_values(setup), *window_out_of_reach(setup)]
+    found = in_a_check(setup)
     try:
         if isinstance(setup, BeaconSetup):
             return found + _parted(setup, sample_positions(setup, setup.link.reach, replicate), replicate)
@@ -208,9 +208,6 @@ def _visibility_notes(setup: TrackingSetup, runs: Sequence[Sequence[_Visibility]
             count = f"{unheard:,.4g} of {steps:,.4g} steps"
             notes.append(f"{when}: target {target} is not within {reach} of any node at {count}")
         if unheard and outside:
-            field = setup.deploy.field
-            place = f"{field.width:g} m by {field.height:g} m around ({field.centre[0]:g}, {field.centre[1]:g})"
-            notes.append(
-                f"{when}: target {target} is outside the field of {place} at {outside:,.4g} of {steps:,.4g} steps"
-            )
+            place = named(setup.deploy.field)
+            notes.append(f"{when}: target {target} is outside {place} at {outside:,.4g} of {steps:,.4g} steps")
     return notes

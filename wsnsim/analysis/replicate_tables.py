@@ -129,7 +129,8 @@ def read_replicate(path: str | Path, replicate: int) -> ReplicateTables:
         check_replicate(path, replicate)
     words = recording.meanings(path, "events", "what") if rows["events"] else ()
     tables = (rows[name] for name in wanted)
-    return ReplicateTables(_step_of(path), layout, words, frozenset(wanted) - sizes.keys(), *tables)
+    step = float(plot_data.stored_json(path, "scenario/resolved_json").get("step", "nan"))  # it may hold no scenario
+    return ReplicateTables(step, layout, words, frozenset(wanted) - sizes.keys(), *tables)
 
 
 def first_replicate(path: str | Path) -> int:
@@ -160,8 +161,3 @@ def _rows(path: str | Path, table: str, columns: tuple[str, ...], replicate: int
     first = int(mine[0])
     held = recording.read_table(path, table, columns, slice(first, int(mine[-1]) + 1))
     return {name: values[mine - first] for name, values in held.items()}
-
-
-def _step_of(path: str | Path) -> float:
-    """The length of a step in s; NaN if the file does not hold its scenario."""
-    return float(plot_data.stored_json(path, "scenario/resolved_json").get("step", "nan"))

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from wsnsim.analysis.answer import answer
+from wsnsim.analysis.answer_facts import position_unit, read_arrays
 from wsnsim.analysis.phrases import counted, wrapped
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.quantities import QUANTITIES, beside, medians, values, worth_showing
-from wsnsim.analysis.stored_arrays import position_unit, read_arrays
 from wsnsim.base.recorded_files import COUNTS, FILES, ROWS
 from wsnsim.recording import attributes, read_table, tables
 

@@ -1,8 +1,9 @@
 """What is valid in a scenario and yet hardly meant: each note says why, with the figures and the nearest remedy.
 
-of_values(setup) -> notes        before_a_run(setup) -> these, and whether links reach anybody
+before_a_run(setup) -> notes        in_a_check(setup) -> notes
 
-They follow from the values of the scenario. Nodes are placed only where links may be too short, or something fails.
+They follow from the values of the scenario, by one table of rules. Nodes are placed only where links may be too short,
+or something fails.
 """
 
 from __future__ import annotations
@@ -40,20 +41,8 @@ Box = tuple[float, float, float, float]
 """xmin, xmax, ymin, ymax in m."""
 
 
-def of_values(setup: Setup) -> list[str]:
-    """What the values of a scenario make hardly meant, a sentence each."""
-    return [note for find in NOTES for note in find(setup)]
-
-
-def before_a_run(setup: Setup) -> list[str]:
-    """`of_values`, and a note if no node can reach another: `check` looks at the whole graph of links."""
-    return [*of_values(setup), *links_that_reach_nobody(setup)]
-
-
-def motions_beyond_the_field(setup: Setup) -> Iterator[str]:
+def motions_beyond_the_field(setup: TrackingSetup) -> Iterator[str]:
     """Targets whose area reaches beyond the field by more than the sensing range: there no node can measure them."""
-    if not isinstance(setup, TrackingSetup):
-        return
     field, reach = setup.deploy.field, setup.sensor.reach
     for i, motion in enumerate(setup.motions):
         found = _area(motion)
@@ -64,15 +53,13 @@ def motions_beyond_the_field(setup: Setup) -> Iterator[str]:
         beyond = max(monitored[0] - left, right - monitored[1], monitored[2] - bottom, top - monitored[3])
         if beyond > reach:
             yield (
-                f"{_of_target(setup, i)}.{key}: the target moves up to {beyond:g} m beyond {_named(field)}, out of the "
+                f"{_of_target(setup, i)}.{key}: the target moves up to {beyond:g} m beyond {named(field)}, out of the "
                 f"sensing range of {reach:g} m of every node; keep it within the field, or enlarge the field"
             )
 
 
-def steps_across_the_field(setup: Setup) -> Iterator[str]:
+def steps_across_the_field(setup: TrackingSetup) -> Iterator[str]:
     """Targets that are so fast that one step takes them out of the field."""
-    if not isinstance(setup, TrackingSetup):
-        return
     field = setup.deploy.field
     side = max(field.width, field.height) + 2.0 * setup.sensor.reach
     for i, motion in enumerate(setup.motions):
@@ -80,14 +67,14 @@ def steps_across_the_field(setup: Setup) -> Iterator[str]:
         if speed * setup.dt > side:
             yield (
                 f"{_of_target(setup, i)}: at {speed:g} m/s a target goes {speed * setup.dt:g} m in a step of "
-                f"{setup.dt:g} s, across all of {_named(field)} and out of the sensing range of every node; give a "
+                f"{setup.dt:g} s, across all of {named(field)} and out of the sensing range of every node; give a "
                 f"step of at most {_rounded_down(side / speed)} s"
             )
 
 
-def links_that_reach_nobody(setup: Setup) -> Iterator[str]:
+def links_that_reach_nobody(setup: RadioSetup) -> Iterator[str]:
     """A communication range within which no node has another, in the first run; looked for where nodes are sparse."""
-    if not isinstance(setup, RadioSetup) or isinstance(setup.link, RecordsLinks):
+    if isinstance(setup.link, RecordsLinks):
         return
     field, reach = setup.deploy.field, setup.link.reach
     if getattr(setup.deploy, "nodes", 0) * math.pi * reach**2 > SURELY_LINKED * field.width * field.height:
@@ -98,10 +85,8 @@ def links_that_reach_nobody(setup: Setup) -> Iterator[str]:
             yield f"run 0: {said}"
 
 
-def sink_outside_the_field(setup: Setup) -> Iterator[str]:
+def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
     """A sink whose point is farther outside the field than a frame reaches: the node nearest to it is at the edge."""
-    if not isinstance(setup, RadioSetup):
-        return
     field = setup.deploy.field
     left, right, bottom, top = _box(field)
     for x, y in setup.sink_points:
@@ -109,7 +94,7 @@ def sink_outside_the_field(setup: Setup) -> Iterator[str]:
         if away > setup.link.reach:
             nearest = min(max(x, left), right), min(max(y, bottom), top)
             yield (
-                f"sink: ({x:g}, {y:g}) m is {away:.4g} m outside {_named(field)}; the sink is the node nearest to it, "
+                f"sink: ({x:g}, {y:g}) m is {away:.4g} m outside {named(field)}; the sink is the node nearest to it, "
                 f"at the edge: the nearest point of the field is ({nearest[0]:g}, {nearest[1]:g}) m"
             )
 
@@ -132,9 +117,9 @@ def longer_than_the_run(setup: Setup) -> Iterator[str]:
             )
 
 
-def window_out_of_reach(setup: Setup) -> Iterator[str]:
-    """A window of lost tracks that a run can hardly reach: for `check` alone, a short run to try things is meant."""
-    if isinstance(setup, TrackingSetup) and 2 * setup.lost_window > setup.steps:
+def window_out_of_reach(setup: TrackingSetup) -> Iterator[str]:
+    """A window of lost tracks that a run can hardly reach."""
+    if 2 * setup.lost_window > setup.steps:
         yield (
             f"lost.window: {setup.lost_window * setup.dt:g} s are more than half of the {setup.steps:,} steps of "
             f"{setup.dt:g} s of the run, in which a track is hardly lost by this rule; give a shorter window, or a "
@@ -142,10 +127,10 @@ def window_out_of_reach(setup: Setup) -> Iterator[str]:
         )
 
 
-def sleep_that_costs_more(setup: Setup) -> Iterator[str]:
+def sleep_that_costs_more(setup: RadioSetup) -> Iterator[str]:
     """A sleep schedule with which a node consumes more than without: sleep, or changes of mode, are dear."""
-    model = continuous_power(setup.energy) if isinstance(setup, RadioSetup) else None
-    if model is None or not isinstance(setup, RadioSetup) or setup.sleep.rest is not Mode.SCHEDULED:
+    model = continuous_power(setup.energy)
+    if model is None or setup.sleep.rest is not Mode.SCHEDULED:
         return
     awake, asleep = (_power(model, mode) for mode in (Mode.AWAKE, Mode.ASLEEP))
     change = (model.switching(Mode.AWAKE, Mode.ASLEEP) + model.switching(Mode.ASLEEP, Mode.AWAKE)) / 2.0
@@ -163,9 +148,9 @@ def sleep_that_costs_more(setup: Setup) -> Iterator[str]:
         )
 
 
-def steps_shorter_than_a_hop(setup: Setup) -> Iterator[str]:
+def steps_shorter_than_a_hop(setup: NetworkSetup) -> Iterator[str]:
     """Steps in which hardly a reading can reach a cluster head: a hop takes longer."""
-    if not isinstance(setup, NetworkSetup) or not is_duty_cycled(setup.mac) or setup.dt >= setup.hop.unicast:
+    if not is_duty_cycled(setup.mac) or setup.dt >= setup.hop.unicast:
         return
     least = math.ceil(setup.hop.unicast * 10.0) / 10.0
     yield (
@@ -175,9 +160,9 @@ def steps_shorter_than_a_hop(setup: Setup) -> Iterator[str]:
     )
 
 
-def rounds_longer_than_a_step(setup: Setup) -> Iterator[str]:
+def rounds_longer_than_a_step(setup: NetworkSetup) -> Iterator[str]:
     """Kept slots for the nodes around a target that do not fit into a step."""
-    if not isinstance(setup, NetworkSetup) or getattr(setup.mac, "idle_slots", "skipped") != "kept":
+    if getattr(setup.mac, "idle_slots", "skipped") != "kept":
         return
     field, nodes = setup.deploy.field, getattr(setup.deploy, "nodes", 0)
     members = min(round(nodes * math.pi * setup.sensor.reach**2 / (field.width * field.height)), nodes)
@@ -190,9 +175,9 @@ def rounds_longer_than_a_step(setup: Setup) -> Iterator[str]:
         )
 
 
-def messages_after_their_step(setup: Setup) -> Iterator[str]:
+def messages_after_their_step(setup: NetworkSetup) -> Iterator[str]:
     """Wake-up messages that arrive after the step for which they wake nodes, two hops from a head that waits long."""
-    if not isinstance(setup, NetworkSetup) or not is_duty_cycled(setup.mac) or setup.wakeup.mechanism == "none":
+    if not is_duty_cycled(setup.mac) or setup.wakeup.mechanism == "none":
         return
     wait, hops = setup.waits.gather or 0.0, 2.0 * setup.hop.broadcast
     if setup.hop.broadcast < setup.dt < wait + hops:
@@ -204,9 +189,9 @@ def messages_after_their_step(setup: Setup) -> Iterator[str]:
         )
 
 
-def radios_that_save_nothing(setup: Setup) -> Iterator[str]:
+def radios_that_save_nothing(setup: RadioSetup) -> Iterator[str]:
     """Radios that are mostly off where listening costs nothing."""
-    if not isinstance(setup, RadioSetup) or not is_duty_cycled(setup.mac):
+    if not is_duty_cycled(setup.mac):
         return
     model = continuous_power(setup.energy)
     if model is None or not model.mode_power(Mode.AWAKE).radio:
@@ -216,10 +201,10 @@ def radios_that_save_nothing(setup: Setup) -> Iterator[str]:
         )
 
 
-def beacons_that_fill_the_channel(setup: Setup) -> Iterator[str]:
+def beacons_that_fill_the_channel(setup: RadioSetup) -> Iterator[str]:
     """Routing beacons that follow each other faster than a neighbourhood of duty-cycled radios can send them."""
-    shortest = getattr(setup.routing, "i_min", None) if isinstance(setup, RadioSetup) else None
-    if not isinstance(setup, RadioSetup) or shortest is None or not is_duty_cycled(setup.mac):
+    shortest = getattr(setup.routing, "i_min", None)
+    if shortest is None or not is_duty_cycled(setup.mac):
         return
     least = CROWD * setup.hop.broadcast
     if shortest < least:
@@ -230,23 +215,42 @@ def beacons_that_fill_the_channel(setup: Setup) -> Iterator[str]:
         )
 
 
-NOTES: Final[tuple[Callable[[Setup], Iterator[str]], ...]] = (
-    keys_without_effect,
-    parameters_without_effect,
-    faults_that_hit_nobody,
-    faults_between_instants,
-    motions_beyond_the_field,
-    steps_across_the_field,
-    sink_outside_the_field,
-    longer_than_the_run,
-    sleep_that_costs_more,
-    steps_shorter_than_a_hop,
-    rounds_longer_than_a_step,
-    messages_after_their_step,
-    radios_that_save_nothing,
-    beacons_that_fill_the_channel,
+Rule = tuple[type[Setup], Callable[[Any], Iterator[str]]]
+RULES: Final[tuple[Rule, ...]] = (
+    (Setup, keys_without_effect),
+    (Setup, parameters_without_effect),
+    (Setup, faults_that_hit_nobody),
+    (Setup, faults_between_instants),
+    (TrackingSetup, motions_beyond_the_field),
+    (TrackingSetup, steps_across_the_field),
+    (RadioSetup, sink_outside_the_field),
+    (Setup, longer_than_the_run),
+    (RadioSetup, sleep_that_costs_more),
+    (NetworkSetup, steps_shorter_than_a_hop),
+    (NetworkSetup, rounds_longer_than_a_step),
+    (NetworkSetup, messages_after_their_step),
+    (RadioSetup, radios_that_save_nothing),
+    (RadioSetup, beacons_that_fill_the_channel),
 )
-"""One function for each kind of note."""
+"""(setups that a rule is about, what it notes of one): the path of a value, what is wrong, and the nearest remedy."""
+BEFORE_A_RUN: Final[tuple[Rule, ...]] = (*RULES, (RadioSetup, links_that_reach_nobody))
+"""A check looks at the whole graph of links instead."""
+IN_A_CHECK: Final[tuple[Rule, ...]] = (*RULES, (TrackingSetup, window_out_of_reach))
+"""A short run, to try things, is meant to be short."""
+
+
+def before_a_run(setup: Setup) -> list[str]:
+    """What the values of a scenario make hardly meant, a sentence each, and whether no node can reach another."""
+    return _found(BEFORE_A_RUN, setup)
+
+
+def in_a_check(setup: Setup) -> list[str]:
+    """What the values of a scenario make hardly meant, and what is so only in a run that is no trial."""
+    return _found(IN_A_CHECK, setup)
+
+
+def _found(rules: tuple[Rule, ...], setup: Setup) -> list[str]:
+    return [note for about, rule in rules if isinstance(setup, about) for note in rule(setup)]
 
 
 def _area(motion: Any) -> tuple[str, Box] | None:
@@ -291,7 +295,8 @@ def _box(field: Field) -> Box:
     return x - field.width / 2, x + field.width / 2, y - field.height / 2, y + field.height / 2
 
 
-def _named(field: Field) -> str:
+def named(field: Field) -> str:
+    """The field with its size and centre, as notes name it."""
     return f"the field of {field.width:g} m by {field.height:g} m around ({field.centre[0]:g}, {field.centre[1]:g})"
 
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from wsnsim.analysis.event_groups import NodeAction
-from wsnsim.analysis.messages import LoggedBurst, LoggedMessage
+from wsnsim.analysis.event_groups import LoggedBurst, LoggedMessage, NodeAction
 from wsnsim.analysis.phrases import (
     FROM_NODES,
     LOSSES,

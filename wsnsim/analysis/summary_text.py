@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from wsnsim.analysis import clock_figures
+from wsnsim.analysis import answer_facts
 from wsnsim.analysis.phrases import counted, wrapped
 from wsnsim.analysis.quantities import BOUND_NOTE, CONSISTENCY_NOTE, ONLY_IF_NOT_ZERO, QUANTITIES, beside, bound_name
 from wsnsim.analysis.summary import NOT_COMPUTED, OF_THREE, RunBounds, as_json, without_network
@@ -52,7 +52,7 @@ def text(report: Report, published: Published, source: str = "the paper", limits
         rows += _load_rows(report)
     else:
         rows += _energy_rows(figures, published) + _network_rows(figures, published) + _lifetime_rows(figures)
-        rows += [(name, value, "") for name, value in clock_figures.rows(clock_figures.figures(report))]
+        rows += [(name, value, "") for name, value in answer_facts.clock_rows(answer_facts.clock_figures(report))]
     widths = [max(len(row[i]) for row in rows) for i in range(2)]
     lines = [f"  {row[0]:<{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]}".rstrip() for row in rows]
     if limits.every and math.isfinite(figures["bound"]):

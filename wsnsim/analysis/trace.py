@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.analysis.event_groups import NodeAction, group_events
+from wsnsim.analysis.event_groups import LoggedMessage, NodeAction, group_events
 from wsnsim.analysis.logged_events import LoggedEvent, in_other_steps, layout_or_empty, rows_at
-from wsnsim.analysis.messages import LoggedMessage
 from wsnsim.analysis.phrases import Sentence, StepContext, counted, energy_in_words
 from wsnsim.analysis.plot_data import number_span
 from wsnsim.analysis.step_text import describe

@@ -1,27 +1,30 @@
-"""The result of one or many Monte Carlo runs, as an object.
+"""The result of one or many Monte Carlo runs, as an object; and plots of results and of result files by one function.
 
 result = wsnsim.simulate("pso_mhpf", keep=["estimates"])
 result.estimates, result.energy, result.table("clusters")      pandas DataFrames
 result.plot.track();  result.report("page.html");  result.save("run.h5")
+wsnsim.plot("run.h5", "track")
 """
 
 from __future__ import annotations
 
 import html as markup
+import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, final
 
 from wsnsim.api.arguments import file_given, result_file
 from wsnsim.api.result_plots import ResultPlots
-from wsnsim.base.errors import ResultError, UsageError, WsnsimError, did_you_mean
+from wsnsim.base.errors import ResultError, UsageError, WsnsimError, did_you_mean, shown_value
 from wsnsim.base.tables import TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
     from wsnsim.experiment import Report
     from wsnsim.recording import MemoryResult
@@ -87,7 +90,7 @@ class Result:
             ResultError: the table was not recorded.
             UsageError: there is no such table.
         """
-        from wsnsim.analysis.data_frames import data_frame, read_file
+        from wsnsim.analysis.campaigns import data_frame, read_file
 
         if name not in TABLES:
             raise UsageError(f"there is no table '{name}' ({did_you_mean(str(name), TABLES)})")
@@ -268,3 +271,35 @@ class Result:
 def _without(path: Path, error: WsnsimError) -> WsnsimError:
     """The same error without the name of a temporary file."""
     return type(error)(str(error).replace(f"{path}: ", ""))
+
+
+def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = None, **options: Any) -> Axes:
+    """Draw one plot of a result, or of a result file, and return its axes.
+
+    Examples::
+
+        plot("results/pso_mhpf.h5", "error")
+        plot(wsnsim.simulate("pso_mhpf"), "states", column="vx")
+
+    It is `result.plot(what, ...)` for results and files alike.
+
+    Args:
+        result: what `simulate` or `run` returned, or the path of a result file.
+        what: 'track', 'states', 'error', 'consistency', 'energy' or 'particles'.
+        ax: matplotlib axes to draw on; by default those of a new figure.
+        options: what the plot of this name takes beside `ax`, such as `replicate` and `target` of 'track', `column` of
+            'states', `step` of 'particles' (see `ResultPlots`).
+
+    Raises:
+        UsageError: there is no such plot, option, column, run or target, or `result` is neither a result nor a path.
+        ResultError: the file cannot be read, or a table that the plot needs was not recorded.
+    """
+    if isinstance(result, Result):
+        return result.plot(what, ax, **options)
+    if not isinstance(result, str | os.PathLike):
+        raise UsageError(
+            f"result: expected what wsnsim.simulate or wsnsim.run returned, or the path of a result file, got "
+            f"{shown_value(result)}"
+        )
+    path = Path(result)
+    return ResultPlots(lambda: nullcontext(path))(what, ax, **options)

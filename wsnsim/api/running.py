@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, Unpack
 
 import wsnsim.experiment as experiment
-from wsnsim.api.arguments import Changes, named_as_in_python, overrides_of, result_file
-from wsnsim.api.progress import shown
+from wsnsim.api.arguments import Changes, named_as_in_python, overrides_of, result_file, shown
 from wsnsim.api.result import Result
 from wsnsim.base.progress import Progress
 from wsnsim.base.run_numbers import run_number, run_numbers

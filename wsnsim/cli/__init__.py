@@ -22,28 +22,13 @@ import click
 
 from wsnsim.base.caches import CacheWarning, prepare_matplotlib
 from wsnsim.base.errors import ScenarioError, WsnsimError
-from wsnsim.base.plugin_code import TRACEBACK_HINT, plugin_fault
+from wsnsim.base.plugin_code import TRACEBACK_HINT, PluginImport, plugin_fault, watching_imports
 from wsnsim.base.process import NEW_OBJECTS
 from wsnsim.base.progress import watching
-from wsnsim.cli import (
-    campaigns,
-    commands,
-    exporting,
-    fitting,
-    importing,
-    info,
-    new,
-    plotting,
-    reporting,
-    reproducing,
-    running,
-    watch,
-)
-from wsnsim.cli.imports import plugins_announced
-from wsnsim.cli.interrupts import Interrupts
+from wsnsim.cli import campaigns, commands, exporting, fitting, importing, reproducing, running
+from wsnsim.cli.interrupts import Interrupts, end_stderr, open_streams, redirect_to_nowhere
 from wsnsim.cli.progress import WorkBar
 from wsnsim.cli.shared import echo, group
-from wsnsim.cli.streams import end_stderr, open_streams, redirect_to_nowhere
 
 __all__ = [
     "campaigns",
@@ -51,17 +36,14 @@ __all__ = [
     "exporting",
     "fitting",
     "importing",
-    "info",
     "main",
-    "new",
-    "plotting",
-    "reporting",
     "reproducing",
     "running",
-    "watch",
 ]
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+CAMPAIGNS: Final = ("sweep", "compare", "reproduce")
+"""Commands whose runs, in other processes, import plug-ins again and again."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -93,9 +75,7 @@ def _notes_on_caches() -> Iterator[None]:
         if not issubclass(category, CacheWarning):
             before(message, category, *where, **more)
             return
-        context = click.get_current_context(silent=True)
-        options = context.params if context else {}
-        if not options.get("quiet") and options.get("progress") not in ("json", "none"):
+        if not _is_quiet():
             echo(f"wsnsim: {message}", err=True)
 
     warnings.showwarning = show
@@ -105,11 +85,35 @@ def _notes_on_caches() -> Iterator[None]:
         warnings.showwarning = before
 
 
+@contextlib.contextmanager
+def _plugins_announced() -> Iterator[None]:
+    """Print a line for each plug-in before it is imported, unless the command is quiet."""
+    said: set[str] = set()
+
+    def announce(plugin: PluginImport) -> None:
+        if plugin.kind not in said and not _is_quiet(CAMPAIGNS):
+            said.add(plugin.kind)
+            file = f" ({plugin.file})" if plugin.file else ""
+            echo(f"wsnsim: imports {plugin.module}{file}, plug-in of {plugin.role}.kind", err=True)
+
+    with watching_imports(announce):
+        yield
+
+
+def _is_quiet(quiet: Sequence[str] = ()) -> bool:
+    """Whether notes are unwanted: by an option of the command, or because it is one of the `quiet`."""
+    context = click.get_current_context(silent=True)
+    if context is None:
+        return False
+    options = context.params
+    return context.info_name in quiet or bool(options.get("quiet")) or options.get("progress") in ("json", "none")
+
+
 def _perform(arguments: list[str], interrupts: Interrupts) -> int:
     """Run the command. After a signal every error is reported as the signal: compiled code may raise another one."""
     try:
         shown = group.make_context("wsnsim", arguments or ["--help"], obj=interrupts)
-        with shown as context, contextlib.closing(WorkBar()) as bar, watching(bar.step), plugins_announced():
+        with shown as context, contextlib.closing(WorkBar()) as bar, watching(bar.step), _plugins_announced():
             code = group.invoke(context)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0

@@ -9,8 +9,15 @@ from typing import Any, Final, TypeVar
 import click
 
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.cli.campaign_comparison import INCOMPLETE, METRIC, ComparisonOptions, print_comparison
-from wsnsim.cli.campaign_session import SessionOptions, resume, run_plan
+from wsnsim.cli.campaign_session import (
+    INCOMPLETE,
+    METRIC,
+    ComparisonOptions,
+    SessionOptions,
+    print_comparison,
+    resume,
+    run_plan,
+)
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import (
     PATH,

@@ -1,20 +1,25 @@
-"""The commands of scenarios and results."""
+"""The commands of scenarios, studies and results: check, list, info, new, schema, trace, diff, verify and recover."""
 
 from __future__ import annotations
 
+import importlib.util
 import json
+import keyword
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
+from typing import Final
 
 import click
 
-from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.cli.shared import (
     PATH,
     echo,
     echo_answer,
     echo_json_text,
     group,
+    is_campaign,
     json_option,
     overrides_option,
     plugins_option,
@@ -131,14 +136,14 @@ def diff(a: Path, b: Path, as_json: bool) -> int:
 
     The exit code is 1 if they differ, and 2 if one of them cannot be read.
     """
-    from wsnsim.analysis import difference, difference_text
+    from wsnsim.analysis import difference
 
     try:
         with reading(a, b):
             found = difference.differ(a, b)
     except ResultError as error:
         raise UsageError(str(error)) from error
-    echo_answer(difference.as_json(found) if as_json else difference_text.text(found))
+    echo_answer(difference.as_json(found) if as_json else difference.text(found))
     return 0 if found.same else 1
 
 
@@ -150,3 +155,209 @@ def recover(unfinished: Path, out: Path | None) -> None:
     import wsnsim.recording as recording
 
     echo(f"{recording.recover(unfinished, out)}: recovered, with the status partial")
+
+
+@group.command()
+@click.argument("words", metavar="[ROLE] KIND|FILE|NAME", nargs=-1)
+@plugins_option
+@json_option
+def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
+    """Describe a kind: method, parameters, sources and an example.
+
+    KIND is a name of `wsnsim list` (coordinated_turn, motion.coordinated_turn) or a plug-in (mylab.trackers:Mine).
+    Other things can be described, too. FILE is a result, the folder of a campaign, or a scenario, whose radio is
+    described. NAME is a datasheet (`wsnsim list parts`), a table or a column of results (estimates, rmse), or a
+    parameter (reach).
+    """
+    if not 1 <= len(words) <= 2:
+        raise UsageError(f"expected KIND, ROLE KIND, FILE or NAME (such as: wsnsim info ekf), got {len(words)} words")
+    if not all(word.strip() for word in words):
+        raise UsageError("the name is empty: expected KIND, ROLE KIND, FILE or NAME (such as: wsnsim info ekf)")
+    if len(words) == 2 and words[0] not in ("scenario", "part"):
+        _kinds(words, as_json)
+    else:
+        _what(words[-1], plugins, as_json, only_files=len(words) == 2)
+
+
+def _what(word: str, plugins: bool, as_json: bool, only_files: bool) -> None:
+    from wsnsim.scenario.files import is_result
+
+    if is_campaign(word):
+        from wsnsim.analysis import campaign_info
+
+        echo_answer(campaign_info.info(word) if as_json else campaign_info.info_text(word))
+    elif word.endswith(".h5") or is_result(word):
+        from wsnsim.analysis import result_info
+
+        with reading(Path(word)):
+            path = Path(word)
+            answer = result_info.info(path, plugins) if as_json else result_info.info_text(path, plugins)
+        echo_answer(answer)
+    elif only_files or not _kinds((word,), as_json):
+        _file(word, plugins, as_json, only_files)
+
+
+def _kinds(words: tuple[str, ...], as_json: bool) -> bool:
+    """Describe the kinds or the role that words name; False if there are none."""
+    if _is_path(words[-1]):
+        return False
+    from wsnsim.cli import component_info, describe
+
+    if len(words) == 1 and describe.is_role(words[0]):
+        echo_answer(describe.role_text(words[0], as_json))
+        return True
+    found = describe.described(words)
+    if not found:
+        return False
+    other = len(words) == 1 and component_info.is_described(words[0])
+    if as_json:
+        more = component_info.describe(words[0]).as_json() if other else {}
+        echo_answer({"kinds": [kind.as_json() for kind in found]} | more)
+        return True
+    echo(describe.kinds_text(found))
+    if other:
+        what = component_info.what_it_is(words[0])
+        echo(f"\nThere is also a {what} of this name: wsnsim info {what} {words[0]}")
+    return True
+
+
+def _is_path(word: str) -> bool:
+    return "/" in word or word.endswith((".yaml", ".yml"))
+
+
+def _file(word: str, plugins: bool, as_json: bool, only_files: bool) -> None:
+    from wsnsim.cli import component_info, describe
+    from wsnsim.scenario.files import shipped, shipped_parts
+    from wsnsim.scenario.registry import ROLES, kinds
+
+    if component_info.is_described(word):
+        found = component_info.describe(word, plugins)
+        echo_answer(found.as_json() if as_json else found.text())
+        return
+    if text := "" if _is_path(word) else describe.word_text(word):
+        echo_answer({"word": word, "text": text} if as_json else text)
+        return
+    names = [kind for role in ROLES for kind in kinds(role)]
+    names += [*shipped(), *shipped_parts(), *ROLES, *describe.words_known()]
+    if (known := describe.in_known_case(word, [*names, *_longer_names()])) != word:
+        _what(known, plugins, as_json, only_files)
+        return
+    nearest = did_you_mean(Path(word).stem, names, "see `wsnsim list`")
+    raise UsageError(f"unknown kind, scenario, datasheet or result '{word[:80]}' ({nearest})")
+
+
+def _longer_names() -> Iterator[str]:
+    """Yield the other names of kinds and roles: 'role.kind', the names of classes, and plurals."""
+    from wsnsim.scenario.registry import ROLES, kinds
+
+    for role in ROLES.values():
+        yield role.plural
+        for row in kinds(role.name).values():
+            yield f"{role.name}.{row.kind}"
+            yield row.path.rpartition(":")[2]
+
+
+PLUGIN_ROLES: Final = ("tracker", "sensor", "motion", "mac")
+"""The roles for which there is a plug-in to start from."""
+STUDY: Final = "study"
+
+
+@group.command()
+@click.argument("name")
+@click.option("--bench", is_flag=True, help="Write a scenario of a standalone filter, without a network.")
+@click.option("--for", "role", type=click.Choice((*PLUGIN_ROLES, STUDY)),
+              help="Also write a plug-in of this role, NAME.py; or a study, the folder NAME.")  # fmt: skip
+def new(name: str, bench: bool, role: str | None) -> None:
+    """Write a commented scenario; with --for, a plug-in or a study.
+
+    All are starting points. The scenario is NAME.yaml; the plug-in is NAME.py, and the scenario uses it. A study is a
+    folder with study.yaml (experiments, hypotheses, thresholds) and study.py (measures, figures).
+    """
+    from wsnsim.scenario.examples import template
+    from wsnsim.scenario.schema import unsafe_name
+
+    stem = name.removesuffix(".yaml").removesuffix(".py" if role else ".yaml")
+    if reason := unsafe_name(stem, "a file"):
+        raise UsageError(f"'{name}' {reason}")
+    if role is None:
+        _write({Path(f"{stem}.yaml"): template(stem, bench)})
+        echo(f"{stem}.yaml: written; run it with: wsnsim run {stem}.yaml")
+        return
+    if bench:
+        raise UsageError("--bench cannot be combined with --for")
+    if role == STUDY:
+        _write_study(stem)
+        return
+    if reason := _no_module(stem):
+        raise UsageError(f"'{stem}' {reason}")
+    module, scenario = (_starter(role, suffix, stem) for suffix in ("py", "yaml"))
+    _write({Path(f"{stem}.py"): module, Path(f"{stem}.yaml"): scenario})
+    echo(f"{stem}.py and {stem}.yaml: written")
+    echo(f"check its rules:  python {stem}.py")
+    echo(f"run it:           wsnsim run {stem}.yaml")
+
+
+def _write_study(name: str) -> None:
+    """Write the folder of a study, with its two files."""
+    from wsnsim.scenario.files import shipped_studies
+
+    folder = Path(name)
+    if name in shipped_studies():
+        raise UsageError(f"'{name}' is the name of a study that comes with wsnsim: choose another name")
+    if folder.exists() or folder.is_symlink():
+        raise UsageError(f"file exists: {folder}")
+    try:
+        folder.mkdir()
+    except OSError as error:
+        raise UsageError(f"cannot write {folder}: {error.strerror}") from None
+    try:
+        _write({folder / f"{STUDY}.{suffix}": _starter(STUDY, suffix, name) for suffix in ("yaml", "py")})
+    except UsageError:
+        folder.rmdir()
+        raise
+    echo(f"{name}/{STUDY}.yaml and {name}/{STUDY}.py: written")
+    echo(f"run it: wsnsim reproduce {name}")
+
+
+def _no_module(name: str) -> str:
+    """Return why a name cannot be that of a plug-in's module; '' if it can."""
+    if not name.isidentifier() or keyword.iskeyword(name):
+        return "cannot name a module of Python: use letters, digits and '_'"
+    if Path(f"{name}.py").exists():
+        return ""  # which is reported when the file is written
+    if importlib.util.find_spec(name) is not None:
+        return "is the name of an installed module, which Python would import instead: choose another name"
+    return ""
+
+
+def _starter(role: str, suffix: str, name: str) -> str:
+    """Return the text of a plug-in's module ('py') or scenario ('yaml'), with the names that the user chose."""
+    source = Path(__file__).parent / "starters" / f"{role}.{suffix}"
+    text = source.read_text(encoding="utf-8")
+    return text.replace(f"Plugin{role.capitalize()}", class_name(name)).replace("plugin_name", name)
+
+
+def class_name(name: str) -> str:
+    """Return the name of a plug-in's class: 'NearestNode' for 'nearest_node'."""
+    found = "".join(piece[:1].upper() + piece[1:] for piece in name.split("_"))
+    return found if found.isidentifier() else f"Plugin{found}"
+
+
+def _write(texts: dict[Path, str]) -> None:
+    """Write files that do not exist; none of them if one cannot be written."""
+    for path in texts:
+        if path.exists() or path.is_symlink():
+            raise UsageError(f"file exists: {path}")
+    written: list[Path] = []
+    try:
+        for path, text in texts.items():
+            with path.open("x", encoding="utf-8") as file:
+                written.append(path)
+                file.write(text)
+    except OSError as error:
+        for path in written:
+            path.unlink(missing_ok=True)
+        what = (
+            f"file exists: {path}" if isinstance(error, FileExistsError) else f"cannot write {path}: {error.strerror}"
+        )
+        raise UsageError(what) from None

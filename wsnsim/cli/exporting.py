@@ -1,13 +1,17 @@
-"""The command that exports tables for other tools."""
+"""The commands that write results for others: tables for other tools, figures, and an HTML page."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 import click
 
 from wsnsim.base.errors import UsageError
-from wsnsim.cli.shared import PATH, echo, group, not_the_result, reading, writable
+from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option, reading, writable
+
+if TYPE_CHECKING:
+    from wsnsim.analysis.figures import WrittenFigure
 
 
 @group.command()
@@ -34,16 +38,14 @@ def export(
     if matlab_file is not None:
         _check_matlab_file(matlab_file, result)
     with reading(result):
-        from wsnsim.analysis import table_files
+        from wsnsim.analysis import frames
 
-        for folder, write in ((csv_folder, table_files.csv), (parquet_folder, table_files.parquet)):
+        for folder, write in ((csv_folder, frames.csv), (parquet_folder, frames.parquet)):
             if folder is not None:
                 for file, rows in write(result, folder, tables):
                     echo(f"{file}: {rows:,} rows")
         if matlab_file is not None:
-            from wsnsim.analysis import matlab
-
-            for table, rows in matlab.export(result, matlab_file, tables):
+            for table, rows in frames.matlab(result, matlab_file, tables):
                 echo(f"{matlab_file}: {table}: {rows:,} rows")
 
 
@@ -57,3 +59,123 @@ def _check_matlab_file(file: Path, result: Path) -> None:
         raise UsageError(str(error).replace("--out ", "--mat ")) from None
     if result.exists():
         not_the_result(file, result, "MATLAB file")
+
+
+PLOTS: Final = ("all", "track", "states", "error", "consistency", "energy", "particles")
+
+
+@group.command()
+@click.argument("result", metavar="FILE|DIR", type=PATH)
+@click.option("--what", type=click.Choice(PLOTS), default="all", show_default=True, help="What to plot.")
+@click.option("--column", metavar="NAME", help="State column of states or particles; for a campaign, the swept key.")
+@click.option("--metric", metavar="NAME", help="For a campaign: the column of runs to plot; default rmse.")
+@click.option("--step", type=click.IntRange(min=0), metavar="K", help="Step of the particles; default the last.")
+@click.option("--replicate", type=click.IntRange(min=0), metavar="R", help="Run to plot; default 0.")
+@click.option("--target", type=click.IntRange(min=0), metavar="T", help="Target to plot; default 0.")
+@click.option(
+    "--out", "-o", type=PATH, metavar="PLOT", help="A .png, .svg or .pdf file; default FILE.png or DIR/figures.png."
+)
+@plugins_option
+def plot(
+    result: Path,
+    what: str,
+    column: str | None,
+    metric: str | None,
+    step: int | None,
+    replicate: int | None,
+    target: int | None,
+    out: Path | None,
+    plugins: bool,
+) -> None:
+    """Plot a result, or a campaign over one of its swept keys."""
+    import wsnsim.recording as recording
+    from wsnsim.analysis import figures
+    from wsnsim.analysis.figure_style import suffix_of
+    from wsnsim.recording.folder import Folder
+
+    if result.is_dir():
+        if what != "all" or any(value is not None for value in (step, replicate, target)):
+            raise UsageError(f"{result} is a folder: a campaign takes only --column, --metric and --out")
+        folder = Folder(result)
+        folder.manifest()
+        path = _plot_path(out or result / "figures.png")
+        _print_plotted(figures.draw_campaign(folder, path, metric or "rmse", column))
+        return
+    if metric is not None:
+        raise UsageError("--metric needs the folder of a campaign")
+    for name, value in (("column", column), ("step", step), ("replicate", replicate), ("target", target)):
+        if value is not None and name not in figures.TAKES[what]:
+            takes = ", ".join(other for other, names in figures.TAKES.items() if name in names)
+            raise UsageError(f"--{name} cannot be combined with --what {what}; it can with {takes}")
+    plot_file = out or result.with_suffix(".png")
+    suffix_of(plot_file)
+    recording.attributes(result)
+    path = not_the_result(_plot_path(plot_file), result, "plot")
+    chosen = figures.PlotSelection(column, step, replicate or 0, target or 0, plugins)
+    with reading(result):
+        drawn = figures.draw(result, path, what, chosen)
+    _print_plotted(drawn)
+
+
+def _plot_path(path: Path) -> Path:
+    """The path, checked for its suffix and for being writable."""
+    from wsnsim.analysis.figure_style import suffix_of
+
+    suffix_of(path)
+    return writable(path, Path(path.name))
+
+
+def _print_plotted(plotted: WrittenFigure) -> None:
+    echo(f"{plotted.out}: {', '.join(plotted.shown)}")
+    for name, reason in plotted.left_out.items():
+        echo(f"  without {name}: {reason}")
+
+
+@group.command()
+@click.argument("results", metavar="FILE...", nargs=-1, required=True, type=PATH)
+@click.option(
+    "--out", "-o", type=PATH, metavar="PAGE.html", help="Page; default FILE.html, or report.html for several files."
+)
+@click.option("--replicate", type=click.IntRange(min=0), metavar="R", help="Run to replay; default the first.")
+@click.option(
+    "--megabytes",
+    type=click.FloatRange(min=0.1),
+    default=2.0,
+    show_default=True,
+    metavar="MB",
+    help="Largest size of the page; replay and figures are reduced to fit.",
+)
+@click.option(
+    "--bound",
+    "bounds",
+    is_flag=True,
+    help="Show the Cramer-Rao bounds for the measurements in range, used and arrived.",
+)
+@plugins_option
+def report(
+    results: tuple[Path, ...],
+    out: Path | None,
+    replicate: int | None,
+    megabytes: float,
+    bounds: bool,
+    plugins: bool,
+) -> None:
+    """Write one HTML page of results, with a replay.
+
+    The page needs no other file and loads nothing from the Internet.
+    """
+    import wsnsim.recording as recording
+    import wsnsim.report as pages
+    from wsnsim.papers.published import published
+
+    for result in results:
+        recording.attributes(result)
+    page = out or (results[0].with_suffix(".html") if len(results) == 1 else Path("report.html"))
+    path = writable(page, Path(page.name))
+    for result in results:
+        not_the_result(path, result, "page")
+    with reading(*results):
+        written = pages.write(results, path, replicate, int(1e6 * megabytes), published, plugins, bounds)
+    echo(f"{written.path}: {written.size / 1e6:.2f} MB; open it in a browser")
+    for note in written.notes:
+        echo(f"  {note}")

@@ -1,20 +1,27 @@
-"""Ctrl-C, SIGTERM and SIGHUP, and how they end a run or a campaign.
+"""Signals and streams: Ctrl-C, SIGTERM and SIGHUP end a run or a campaign; what goes to stderr never ends a command.
 
 A run is interrupted by an exception from the signal handler. Compiled code may swallow the exception or turn it into
 another error, so the signal is stored, and the exception is raised again until the run ends. A campaign is not
 interrupted: the handler only stores the signal, and the runner asks for it. A terminal that closes sends SIGHUP; nohup
 lets the command ignore it, and so it stays.
+
+Each standard stream may be closed, a full disk or a terminal that is gone. Answers go to stdout, and one that cannot be
+written is an error.
 """
 
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import FrameType
 from typing import Final, final
+
+import click
 
 AGAIN: Final = 2.0
 """Seconds after which the exception is raised again if the run has not ended; cleaning up takes far less."""
@@ -109,3 +116,43 @@ def _swallowed_interrupts_unreported() -> Iterator[None]:
         yield
     finally:
         sys.unraisablehook = before
+
+
+ENDED: Final = (OSError, ValueError)
+"""What writing to a stream raises that is full, gone or closed."""
+
+
+def open_streams() -> None:
+    """Open the null device for each standard stream that is closed.
+
+    Otherwise the next file to be opened, such as a result, gets the stream's number, and with it what libraries print.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # it gets the lowest free number
+        if getattr(sys, name) is None:
+            nothing = Path(os.devnull).open("w" if number else "r", encoding="utf-8")  # noqa: SIM115 - it stays open
+            setattr(sys, name, nothing)
+
+
+def tell(text: str) -> None:
+    """Print a line on stderr, if that is possible."""
+    with contextlib.suppress(*ENDED):
+        click.echo(text, err=True)
+
+
+def end_stderr() -> None:
+    """Write what is left on stderr. If that is impossible, the interpreter must not try again and fail at its end."""
+    try:
+        sys.stderr.flush()
+    except ENDED:
+        redirect_to_nowhere(2)
+
+
+def redirect_to_nowhere(number: int) -> None:
+    """Redirect a stream to the null device."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, number)
+    os.close(nowhere)

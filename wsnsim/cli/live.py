@@ -182,7 +182,7 @@ def campaign_shown_live(folder: Folder, metric: str, options: LiveOptions | None
 
 def show_page(page: str, options: LiveOptions, quiet: bool, interrupts: Interrupts) -> None:
     """Serve a page until Ctrl-C."""
-    from wsnsim.watch.page_view import page_server
+    from wsnsim.watch.server import page_server
 
     with page_server(page, options.port) as server:
         say_where(server.url, options)

@@ -18,7 +18,7 @@ from typing import Any, Final, Protocol, final
 
 import click
 
-from wsnsim.cli.streams import ENDED, tell
+from wsnsim.cli.interrupts import ENDED, tell
 
 MODES: Final = ("auto", "bar", "plain", "json", "none")
 INTERVAL: Final = 30.0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from wsnsim.base.errors import ResultError, UsageError
-from wsnsim.cli.campaign_comparison import INCOMPLETE
+from wsnsim.cli.campaign_session import INCOMPLETE
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import CAMPAIGN, display
 from wsnsim.cli.shared import (

@@ -16,8 +16,8 @@ from wsnsim.base.plugin_code import TRACEBACK_HINT, plugin_fault
 from wsnsim.base.process import gc_disabled
 from wsnsim.base.regular_files import LARGEST_NAME, LONGEST_ADDITION, is_too_long, why_not_regular
 from wsnsim.base.version import __version__
+from wsnsim.cli.interrupts import tell
 from wsnsim.cli.progress import MODES
-from wsnsim.cli.streams import tell
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario

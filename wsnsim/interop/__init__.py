@@ -4,6 +4,5 @@
     trajectories    what they become: CSV files and a scenario
     stonesoup       Stone Soup filters as trackers, results as Stone Soup tracks (extra `stonesoup`)
 
-Nothing here is imported by the other packages but `cli`. Result tables leave by `wsnsim export`: `analysis.parquet`,
-`analysis.csv_tables` and `analysis.matlab`.
+Nothing here is imported by the other packages but `cli`. Result tables leave by `wsnsim export`: `analysis.frames`.
 """

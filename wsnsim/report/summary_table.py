@@ -15,10 +15,9 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.analysis import recorded_bounds
-from wsnsim.analysis.answer_facts import fault_kinds
+from wsnsim.analysis.answer_facts import fault_kinds, position_unit, read_arrays
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, QUANTITIES, beside, bound_name, medians, worth_showing
-from wsnsim.analysis.stored_arrays import position_unit, read_arrays
 from wsnsim.base.errors import ResultError
 from wsnsim.recording import read_json
 

@@ -1,4 +1,4 @@
-"""The figures of a result as SVG, each on its own, to be placed in a page.
+"""The figures of a result, and the plots of a campaign, as SVG, each on its own, to be placed in a page.
 
 Text stays text, in the page's font. Figures with very many marks contain an image of them.
 """
@@ -20,11 +20,12 @@ from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from wsnsim.analysis import plot_data, plots, recorded_bounds
+from wsnsim.analysis import plot_data, plots, recorded_bounds, sweep_plots
 from wsnsim.analysis.figure_style import STYLE
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.progress import tracked
 from wsnsim.recording import read_table
+from wsnsim.recording.folder import Folder
 
 MANY: Final = 3000
 """Marks above which they are drawn as an image (our choice)."""
@@ -167,3 +168,35 @@ def _marks(artist: Any) -> int:
     if isinstance(artist, PolyCollection):
         return sum(int(np.asarray(path.vertices).shape[0]) for path in artist.get_paths())
     return 0
+
+
+PLOTS: Final = ("median", "energy", "lost", "differences")
+
+
+class SweepSvgs(NamedTuple):
+    """{name of a plot: (its title, its SVG)}, and {name of a plot: why it cannot be drawn}."""
+
+    drawn: dict[str, tuple[str, str]]
+    left_out: dict[str, str]
+
+
+def sweep_svgs(folder: Folder, metric: str = "rmse", key: str | None = None) -> SweepSvgs:
+    """Plot a campaign over one of its keys: a metric, energy, lost runs and paired differences.
+
+    Raises:
+        UsageError: the campaign does not vary the key, or there is no such metric.
+        ResultError: there are no results yet.
+    """
+    lines = sweep_plots.lines_of(folder, metric, key)
+    left_out = sweep_plots.lacking(lines)
+    drawn = {}
+    with style.context(["default", PAGE_STYLE]):
+        for name in PLOTS:
+            if name not in left_out:
+                figure = Figure(figsize=SIZE, layout="constrained")
+                FigureCanvasAgg(figure)
+                axes = getattr(sweep_plots, name)(figure.subplots(), lines)
+                text = io.StringIO()
+                figure.savefig(text, format="svg", metadata={"Date": None})
+                drawn[name] = (axes.get_title(loc="left"), text.getvalue())
+    return SweepSvgs(drawn, left_out)

@@ -24,10 +24,8 @@ from wsnsim.base.ports import Recorder
 from wsnsim.base.progress import Progress
 from wsnsim.base.rows import RunStart
 from wsnsim.report.page_template import filled, script_of, source_of, static_text
-from wsnsim.watch.live_frames import LiveFrames
-from wsnsim.watch.live_recorder import INTERVAL, LiveRecorder, RunPiece
-from wsnsim.watch.page_view import answer_with_page
-from wsnsim.watch.server import HttpAnswer, WatchServer
+from wsnsim.watch.live_frames import INTERVAL, LiveFrames, LiveRecorder, RunPiece
+from wsnsim.watch.server import HttpAnswer, WatchServer, answer_with_page
 
 SCRIPTS: Final = ("replay_data.js", "tooltips.js", "drawing.js", "legend.js", "player.js")
 LIVE_SCRIPTS: Final = ("live_data.js", "live_curves.js", "live.js")

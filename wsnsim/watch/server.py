@@ -1,6 +1,7 @@
 """A server on the loopback interface that shows pages to whoever knows its address, and takes nothing.
 
     with WatchServer(answer, port) as server: print(server.url)
+    with page_server(page) as server: print(server.url)      a finished page, such as that of a result
 
 The address holds a random token. What is asked without it, under another host name, or by the page of another site, is
 refused. Only GET is answered, from memory: no file is looked up.
@@ -10,7 +11,9 @@ from __future__ import annotations
 
 import contextlib
 import hmac
+import html
 import json
+import re
 import secrets
 import socket
 import threading
@@ -207,3 +210,27 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *values: Any) -> None:
         """Print nothing."""
+
+
+META_POLICY: Final = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
+
+
+def answer_with_page(page: str) -> HttpAnswer:
+    """The answer that holds a page. The policy that the page states becomes one of the answer."""
+    found = META_POLICY.search(page)
+    policy = f"{html.unescape(found[1])}; frame-ancestors 'none'" if found else POLICY
+    return HttpAnswer(page.encode(), policy=policy)
+
+
+def page_server(page: str, port: int = 0) -> WatchServer:
+    """A server that shows one page, and nothing else.
+
+    Args:
+        page: the page as HTML.
+        port: port of the loopback interface; 0 chooses a free one.
+
+    Raises:
+        UsageError: the port is taken or not allowed.
+    """
+    answer = answer_with_page(page)
+    return WatchServer(lambda name, given: answer if name == "" else None, port)
