@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from wsnsim.base.errors import ResultError, StorageError
-from wsnsim.recording import ResultFile, consolidated, read_table
-from wsnsim.recording.consolidated import read_consolidated
+from wsnsim.recording import ResultFile, kept, read_table
+from wsnsim.recording.kept import read_consolidated
 
 
 @pytest.fixture
 def write(tmp_path, states, rows_of, monkeypatch):
     """write(name, seed): a file with five rows of `runs`. Files count as old at once."""
-    monkeypatch.setattr(consolidated, "SETTLED", -1)
+    monkeypatch.setattr(kept, "SETTLED", -1)
 
     def written(name: str, seed: int) -> Path:
         path = tmp_path / "point" / name
@@ -49,7 +49,7 @@ def kept_in(folder: Path) -> Path:
 
 def test_the_second_reading_opens_no_result_file(tmp_path, files, monkeypatch):
     assert_rows(read_consolidated(tmp_path, "runs", files), files)
-    monkeypatch.setattr(consolidated, "read_packed_rows", None)
+    monkeypatch.setattr(kept, "read_packed_rows", None)
     assert_rows(read_consolidated(tmp_path, "runs", files), files)
     assert [path.name for path in kept_in(tmp_path).parent.iterdir()] == ["runs.npz"]
 
@@ -108,13 +108,13 @@ def test_a_folder_that_cannot_be_written_is_read_all_the_same(tmp_path, files, m
     def refuse(*_):
         raise StorageError("read-only")
 
-    monkeypatch.setattr(consolidated, "write_atomically", refuse)
+    monkeypatch.setattr(kept, "write_atomically", refuse)
     assert_rows(read_consolidated(tmp_path, "runs", files), files)
     assert not kept_in(tmp_path).exists()
 
 
 def test_files_that_may_still_change_unnoticed_are_not_kept(tmp_path, files, monkeypatch):
-    monkeypatch.setattr(consolidated, "SETTLED", 10**12)
+    monkeypatch.setattr(kept, "SETTLED", 10**12)
     assert_rows(read_consolidated(tmp_path, "runs", files), files)
     assert not kept_in(tmp_path).exists()
 

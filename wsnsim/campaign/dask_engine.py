@@ -23,9 +23,9 @@ from wsnsim.campaign.dask_worker import WorkerRequirements, installed_version, p
 from wsnsim.campaign.dask_workers import ANSWER_TIMEOUT, DaskWorkers, unreadable
 from wsnsim.campaign.engines import EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.task import Task, TaskOutcome, describe_error
-from wsnsim.recording.code_digests import digest_of, package_digests
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import reason
+from wsnsim.recording.provenance import digest_of, package_digests
 
 FETCH_TIMEOUT: Final = 5.0
 """Seconds to fetch outcomes, before the engine checks whether their workers are alive."""

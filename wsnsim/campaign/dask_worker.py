@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from wsnsim.base.version import __version__
 from wsnsim.campaign.task import Task, TaskOutcome, perform
-from wsnsim.recording.code_digests import digest_of, package_digests
 from wsnsim.recording.layout import reason
+from wsnsim.recording.provenance import digest_of, package_digests
 
 
 class WorkerRequirements(NamedTuple):

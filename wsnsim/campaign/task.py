@@ -262,7 +262,7 @@ def _demand_code(folder: str, code: str) -> None:
     if not code:
         return
     from wsnsim.campaign.code_changes import changed_files, code_id, code_of, shortened
-    from wsnsim.recording.code_digests import PACKAGE
+    from wsnsim.recording.provenance import PACKAGE
 
     expected = Folder(folder).manifest().code
     found = code_of(set(expected) - {PACKAGE}, expected)

@@ -26,7 +26,7 @@ from wsnsim.papers.reasons import rendered
 from wsnsim.papers.reproduction import ClaimRow, Experiment, row_of
 from wsnsim.papers.rows import rows_of
 from wsnsim.recording.folder import Folder
-from wsnsim.recording.kept_answers import KEPT, KeptAnswers
+from wsnsim.recording.kept import KEPT, KeptAnswers
 from wsnsim.scenario.plugin_access import Plugins, access
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.scenario.sweep_schema import Plan

@@ -1,10 +1,14 @@
-"""The rows of a short table of all result files of a campaign, kept in one file of the campaign's folder.
+"""What is kept in a campaign's folder since it takes seconds to make: short tables of all files, and answers.
 
-read_consolidated(folder, "runs", files) -> ConsolidatedTable
+    read_consolidated(folder, "runs", files) -> ConsolidatedTable
+    kept = KeptAnswers(folder.path / KEPT / "bounds.json")
+    kept.answer({"scenario": ..., "runs": 100}, compute)
 
 DIR/consolidated/TABLE.npz holds the rows, and a digest of the names, sizes, times and inodes of the files. It is used
-only if the files are the same now and its checksums are right. Else the files are read, and it is written again as
-a whole. In a folder that cannot be written, the files are read each time. It may be deleted at any time.
+only if the files are the same now and its checksums are right; else the files are read, and it is written again as a
+whole. An answer (bounds, the rows of a reproduction) depends on its question and on this package's code, whose digest
+is in the file; answers of other code, and a file that is damaged, count as missing. In a folder that cannot be
+written, nothing is kept. All of it may be deleted at any time.
 """
 
 from __future__ import annotations
@@ -16,18 +20,20 @@ import json
 import math
 import time
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, final
 
 import numpy as np
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.errors import StorageError
 from wsnsim.base.progress import tracked
-from wsnsim.recording.atomic_files import write_atomically
-from wsnsim.recording.packed_rows import PackedRows, read_packed_rows
+from wsnsim.base.regular_files import read_regular
+from wsnsim.recording.atomic_files import write_atomically, write_text_atomically
+from wsnsim.recording.provenance import code_digest
 from wsnsim.recording.reader import read_with_meanings
+from wsnsim.recording.rows import PackedRows, read_packed_rows
 
 FOLDER: Final = "consolidated"
 FORMAT: Final = 1
@@ -153,3 +159,54 @@ def _of_file(file: Path, table: str) -> PackedRows:
     for name, values in columns.items():
         records[name] = values
     return PackedRows(records, words)
+
+
+KEPT: Final = "kept"
+"""The folder of kept answers in a campaign's folder."""
+
+
+@final
+class KeptAnswers:
+    """The kept answers of one file.
+
+    Args:
+        place: the file; it need not exist.
+    """
+
+    def __init__(self, place: Path) -> None:
+        self._place = place
+        self._answers = _load_answers(place)
+
+    def answer(self, question: Any, compute: Callable[[], Any]) -> Any:
+        """The kept answer, or the computed one, which is then kept.
+
+        Args:
+            question: what the answer depends on, as JSON values.
+            compute: the function that gives the answer as JSON values. Errors are not kept.
+        """
+        key = hashlib.sha256(_json(question).encode()).hexdigest()
+        if key not in self._answers:
+            self._answers[key] = json.loads(_json(compute()))
+            with contextlib.suppress(StorageError):
+                content = {"code": code_digest(), "digest": _digest(self._answers), "answers": self._answers}
+                write_text_atomically(self._place, json.dumps(content))
+        return self._answers[key]
+
+
+def _load_answers(place: Path) -> dict[str, Any]:
+    """The answers in the file; none if it is missing, damaged, or of other code."""
+    try:
+        content = json.loads(read_regular(place))
+        answers: dict[str, Any] = content["answers"]
+        return answers if (content["code"], content["digest"]) == (code_digest(), _digest(answers)) else {}
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return {}
+
+
+def _digest(answers: dict[str, Any]) -> str:
+    return hashlib.sha256(_json(answers).encode()).hexdigest()
+
+
+def _json(value: Any) -> str:
+    """The value as JSON, the same text for equal values. NumPy's numbers become Python's."""
+    return json.dumps(value, sort_keys=True, default=lambda number: number.item())
