@@ -19,10 +19,9 @@ from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import UsageError
 from wsnsim.fitting.data_files import ReadingOptions, read_nodes, read_sample
 from wsnsim.fitting.estimation import FitOptions, fit_sample
-from wsnsim.fitting.laws import LAWS
-from wsnsim.fitting.located_readings import LocatedReadings
+from wsnsim.fitting.fitted_law import LAWS
+from wsnsim.fitting.located_readings import SAME_SHARE, LocatedReadings, share
 from wsnsim.fitting.result import Fit
-from wsnsim.fitting.shared_rows import SAME_SHARE, share
 from wsnsim.scenario.files import shipped
 
 RECEIVERS: Final = "receivers.csv"
