@@ -4,7 +4,7 @@
     DIR/<point>/scenario.json       the point's scenario with every default
     DIR/<point>/r00000-00004.h5     its replicates 0 to 4; a file with this name is complete
     DIR/failed/<task>.txt           why a task failed
-    DIR/consolidated/runs.npz       the rows of all files, to be read at once; see `kept`
+    DIR/consolidated/runs.rows      the rows of all files, to be read at once; see `kept`
     DIR/kept/                       answers that take long to compute; see `kept`
     DIR/running/                    markers of running tasks; those of killed workers stay
 

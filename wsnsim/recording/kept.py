@@ -4,8 +4,8 @@
     kept = KeptAnswers(folder.path / KEPT / "bounds.json")
     kept.answer({"scenario": ..., "runs": 100}, compute)
 
-DIR/consolidated/TABLE.npz holds the rows, and a digest of the names, sizes, times and inodes of the files. It is used
-only if the files are the same now and its checksums are right; else the files are read, and it is written again as a
+DIR/consolidated/TABLE.rows holds the rows, and a digest of the names, sizes, times and inodes of the files. It is used
+only if the files are the same now and its digest is right; else the files are read, and it is written again as a
 whole. An answer (bounds, the rows of a reproduction) depends on its question and on this package's code, whose digest
 is in the file; answers of other code, and a file that is damaged, count as missing. In a folder that cannot be
 written, nothing is kept. All of it may be deleted at any time.
@@ -15,11 +15,8 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import io
 import json
-import math
 import time
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple, final
@@ -61,15 +58,15 @@ def read_consolidated(folder: Path, table: str, files: Sequence[Path]) -> Consol
     Raises:
         ResultError: a file cannot be read.
     """
-    kept = folder / FOLDER / f"{table}.npz"
+    kept = folder / FOLDER / f"{table}.rows"
     stamp, settled = _stamp(files)
     if (found := _load(kept, stamp)) is not None:
-        return found
+        return _columns_of(*found)
     found = _read(files, table)
     if found is not None and settled and _stamp(files)[0] == stamp:
         with contextlib.suppress(StorageError):
             write_atomically(kept, lambda tmp: _save(tmp, found, stamp))
-    return found
+    return None if found is None else _columns_of(*found)
 
 
 def _stamp(files: Sequence[Path]) -> tuple[str, bool]:
@@ -86,66 +83,44 @@ def _stamp(files: Sequence[Path]) -> tuple[str, bool]:
     return digest.hexdigest(), time.time_ns() - newest > SETTLED
 
 
-def _load(kept: Path, stamp: str) -> ConsolidatedTable | None:
-    """What is kept, None if it is missing, outdated or damaged."""
+def _load(kept: Path, stamp: str) -> tuple[PackedRows, Ints] | None:
+    """The rows that are kept, and their number by file; None if they are missing, outdated or damaged."""
     try:
-        if not kept.is_file():
+        digest, content = read_regular(kept).split(b"\n", 1)
+        if digest.decode() != hashlib.sha256(content).hexdigest():
             return None
-        with zipfile.ZipFile(kept) as held:
-            if str(_array(held, "stamp")) != stamp:
-                return None
-            words = {name: tuple(some) for name, some in json.loads(str(_array(held, "words"))).items()}
-            columns = {name: _array(held, f"column {name}") for name in json.loads(str(_array(held, "names")))}
-            counts = _array(held, "counts")
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        EOFError,
-        RuntimeError,
-        TypeError,
-        AttributeError,
-        MemoryError,
-        zipfile.BadZipFile,
-    ):
+        head, rows = content.split(b"\n", 1)
+        about = json.loads(head)
+        records = np.frombuffer(rows, [(name, kind) for name, kind in about["types"]])
+        words = {name: tuple(some) for name, some in about["words"].items()}
+        counts = np.array(about["counts"], np.int64)
+        known = about["stamp"] == stamp and counts.ndim == 1 and counts.sum() == len(records)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, MemoryError):
         return None
-    rows = counts.sum() if counts.ndim == 1 and counts.dtype.kind == "i" else -1
-    return ConsolidatedTable(columns, words, counts) if all(c.shape == (rows,) for c in columns.values()) else None
+    return (PackedRows(records, words), counts) if known else None
 
 
-def _array(held: zipfile.ZipFile, name: str) -> np.ndarray:
-    """An array of the archive. Raises ValueError if it is compressed, or states another size than it has."""
-    about = held.getinfo(f"{name}.npy")
-    if about.compress_type != zipfile.ZIP_STORED or about.file_size > about.compress_size:
-        raise ValueError(f"{name} is compressed")
-    raw = held.read(about)
-    content = io.BytesIO(raw)
-    if np.lib.format.read_magic(content) != (1, 0):
-        raise ValueError(f"{name} is of another version")
-    shape, by_column, dtype = np.lib.format.read_array_header_1_0(content)
-    begin = content.tell()
-    if by_column or dtype.hasobject or begin + math.prod(shape) * dtype.itemsize != len(raw):
-        raise ValueError(f"{name} states another size than it has")
-    return np.frombuffer(raw, dtype, offset=begin).reshape(shape).copy()
+def _save(tmp: Path, rows: tuple[PackedRows, Ints], stamp: str) -> None:
+    (records, words), counts = rows
+    about = {"stamp": stamp, "types": records.dtype.descr, "words": dict(words), "counts": counts.tolist()}
+    content = json.dumps(about).encode() + b"\n" + records.tobytes()
+    tmp.write_bytes(hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
 
 
-def _save(tmp: Path, table: ConsolidatedTable, stamp: str) -> None:
-    columns: dict[str, Any] = {f"column {name}": values for name, values in table.columns.items()}
-    names, words = json.dumps(list(table.columns)), json.dumps(dict(table.words))
-    with tmp.open("wb") as file:
-        np.savez(file, stamp=stamp, names=names, words=words, counts=table.counts, **columns)
-
-
-def _read(files: Sequence[Path], table: str) -> ConsolidatedTable | None:
-    """The rows of the files, each read; None if they differ in their columns or words."""
+def _read(files: Sequence[Path], table: str) -> tuple[PackedRows, Ints] | None:
+    """The rows of the files, each read, and their number by file; None if they differ in their columns or words."""
     pieces = [_of_file(file, table) for file in tracked(files, "result files read")]
     first = pieces[0]
     types = {id(piece.records.dtype): piece.records.dtype for piece in pieces}  # files of a campaign share one
     if any(each != first.records.dtype for each in types.values()) or any(p.words != first.words for p in pieces):
         return None
-    together = np.concatenate([piece.records for piece in pieces])
-    columns = {name: np.ascontiguousarray(together[name]) for name in first.records.dtype.names or ()}
-    return ConsolidatedTable(columns, first.words, np.array([len(piece.records) for piece in pieces], dtype=np.int64))
+    counts = np.array([len(piece.records) for piece in pieces], dtype=np.int64)
+    return PackedRows(np.concatenate([piece.records for piece in pieces]), first.words), counts
+
+
+def _columns_of(rows: PackedRows, counts: Ints) -> ConsolidatedTable:
+    columns = {name: rows.records[name].copy() for name in rows.records.dtype.names or ()}
+    return ConsolidatedTable(columns, rows.words, counts)
 
 
 def _of_file(file: Path, table: str) -> PackedRows:
