@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, final
 
 from wsnsim.analysis.comparison import Comparison, conclusions_of
 from wsnsim.base.errors import did_you_mean
-from wsnsim.campaign.status import CampaignOutcome
+from wsnsim.campaign.engines import CampaignOutcome
 
 if TYPE_CHECKING:
     import pandas as pd

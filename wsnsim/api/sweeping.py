@@ -23,7 +23,7 @@ from wsnsim.api.progress import shown
 from wsnsim.api.sweep_result import ShownComparison, SweepResult, shown_comparison
 from wsnsim.base.errors import RunError, UsageError, shown_value
 from wsnsim.base.run_numbers import run_count
-from wsnsim.campaign.status import CampaignOutcome, CampaignProgress
+from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress
 from wsnsim.campaign.sweeping import TrackersText, needs_main_guard
 from wsnsim.campaign.sweeping import sweep as run_sweep
 from wsnsim.recording.folder import Folder
