@@ -12,7 +12,7 @@ from wsnsim.analysis.comparison import compare
 from wsnsim.analysis.comparison_bounds import PointBounds
 from wsnsim.analysis.comparison_text import text
 from wsnsim.recording.folder import Folder
-from wsnsim.recording.kept_answers import KeptAnswers
+from wsnsim.recording.kept import KeptAnswers
 from wsnsim.scenario import Plugins, load, resolved
 
 

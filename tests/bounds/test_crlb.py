@@ -10,7 +10,7 @@ from wsnsim import read
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.bounds import GAINS, KINDS, PLACES, READINGS, bound, bound_of_run, crlb
-from wsnsim.bounds.recorded_readings import RecordedReadings
+from wsnsim.bounds.information import RecordedReadings
 from wsnsim.experiment import run, simulate_run
 from wsnsim.scenario import build, load, resolved, shipped
 

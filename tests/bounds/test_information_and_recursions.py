@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from wsnsim.bounds import recursion, unknown_constants
-from wsnsim.bounds.information import UsedReadings, in_range, information
-from wsnsim.bounds.recorded_readings import _members
-from wsnsim.bounds.unknown_constants import UnknownConstants
+from wsnsim.bounds import covariances, recursion
+from wsnsim.bounds.covariances import UnknownConstants
+from wsnsim.bounds.information import UsedReadings, _members, in_range, information
 from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
@@ -100,7 +99,7 @@ def test_the_information_about_position_and_gain_is_the_covariance_of_the_score(
     sensor, rng = AcousticEnergy(samples=40), np.random.default_rng(2)
     point, place, gain = np.array([[12.0, -9.0]] * 2), np.array([[30.0, 4.0]]), np.array([[0.85]])
     used, unknown = UsedReadings(np.array([1]), np.array([0])), UnknownConstants(gain=0.03)
-    told, rows = unknown_constants.linearised_readings(sensor, point, place, gain, used, unknown)
+    told, rows = covariances.linearised_readings(sensor, point, place, gain, used, unknown)
     assert (rows.steps.tolist(), rows.nodes.tolist()) == ([1], [0])
     theta = np.vstack([told.slopes.T, told.constant_slopes.T])[:, 0]
     readings = sensor.measure(
@@ -128,7 +127,7 @@ def test_the_information_about_target_and_node_is_the_covariance_of_the_score(se
     at, gain = np.array([-12.0, -1.0, 30.0, 4.0]), np.full((1, len(sensor.trait_names)), 0.9)
     used, unknown = UsedReadings(np.array([1]), np.array([0])), UnknownConstants(place=2.0)
     points = np.array([at[:2]] * 2)
-    told, rows = unknown_constants.linearised_readings(sensor, points, at[None, 2:], gain, used, unknown)
+    told, rows = covariances.linearised_readings(sensor, points, at[None, 2:], gain, used, unknown)
     assert len(rows.steps) == components and told.constant_slopes == pytest.approx(-told.slopes, rel=1e-5)
     noise = rng.standard_normal((count, components))
     where = np.tile(at[:2], (count, 1)), np.tile(at[2:], (count, 1)), np.tile(gain, (count, 1))
@@ -151,12 +150,12 @@ def test_constants_of_nodes_give_the_bound_of_the_joint_information_matrix_of_al
     slope, noise, prior = np.eye(4) + 0.3 * rng.normal(size=(4, 4)), spread(rng, 4), spread(rng, 4)
     pairs = [(k, node) for k in range(steps + 1) for node in range(nodes) if (k + 2 * node) % 5 < 2 and k != 4]
     used = UsedReadings(*np.array(pairs).T)
-    told = unknown_constants.LinearisedReadings(
+    told = covariances.LinearisedReadings(
         rng.normal(size=(len(pairs), 2)), rng.normal(size=(len(pairs), each)), rng.uniform(0, 2, len(pairs))
     )
     motions = [(slope[None], noise)] * steps
-    found = unknown_constants.along_trajectory(motions, prior, told, used, PLANE, np.array(variances))
-    assert unknown_constants.node_slots(used)[1] <= nodes
+    found = covariances.along_trajectory(motions, prior, told, used, PLANE, np.array(variances))
+    assert covariances.node_slots(used)[1] <= nodes
     whole = np.zeros((size * (steps + 1) + nodes * each,) * 2)
     whole[:size, :size] = np.linalg.inv(prior)
     whole[-nodes * each :, -nodes * each :] = np.diag(1.0 / np.tile(variances, nodes))
@@ -179,7 +178,7 @@ def test_a_slot_is_reused_only_after_the_last_reading_of_its_node():
     rng = np.random.default_rng(4)
     pairs = sorted({(int(k), int(n)) for k, n in zip(rng.integers(0, 60, 200), rng.integers(0, 40, 200), strict=True)})
     used = UsedReadings(*np.array(pairs).T)
-    slots, count = unknown_constants.node_slots(used)
+    slots, count = covariances.node_slots(used)
     spans = [(used.steps[used.nodes == n][[0, -1]], set(slots[used.nodes == n])) for n in set(used.nodes.tolist())]
     assert all(len(own) == 1 for _, own in spans)
     for i, ((begin, end), own) in enumerate(spans):

@@ -1,5 +1,5 @@
 """The engine of tests that need no worker processes."""
 
-from wsnsim.campaign.serial_engine import SerialEngine
+from wsnsim.campaign.engines import SerialEngine
 
 InlineEngine = SerialEngine

@@ -19,9 +19,9 @@ from tests.campaign_cluster.dask_campaigns import TRUSTED, Begun, begun_in, endi
 from tests.campaign_cluster.dask_processes import ODD, files, until
 from wsnsim import campaign
 from wsnsim.base.errors import UsageError
-from wsnsim.campaign import dask_connection, dask_engine, dask_worker
+from wsnsim.campaign import dask_engine, dask_workers
 from wsnsim.campaign.dask_engine import DaskEngine
-from wsnsim.campaign.dask_worker import WorkerRequirements, unmet_requirement
+from wsnsim.campaign.dask_workers import WorkerRequirements, unmet_requirement
 from wsnsim.campaign.task import TaskOutcome
 from wsnsim.recording.folder import Folder
 
@@ -84,7 +84,7 @@ def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of
 def test_a_task_and_its_outcome_are_small_and_nothing_of_them_stays(begun: Begun, engine_of: Any) -> None:
     folder = begun(replicates=8)
     engine = engine_of(folder)
-    assert len(pickle.dumps((dask_worker.perform_on_worker, task_of(folder), engine._required))) < 1000
+    assert len(pickle.dumps((dask_workers.perform_on_worker, task_of(folder), engine._required))) < 1000
     assert len(pickle.dumps(TaskOutcome("failed", "x" * 600, 1.0, 1))) < 1000
     for number in range(8):
         engine.submit(task_of(folder, number))
@@ -146,14 +146,14 @@ def test_a_file_that_names_no_scheduler_is_refused(tmp_path: Path, text: str) ->
 def test_an_address_where_no_scheduler_is_is_refused(
     tmp_path: Path, address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dask_connection, "CONNECT_TIMEOUT", 3.0)  # and 1.5 s more for its error to be heard of
+    monkeypatch.setattr(dask_workers, "CONNECT_TIMEOUT", 3.0)  # and 1.5 s more for its error to be heard of
     with pytest.raises(UsageError, match=f"cannot connect to the scheduler {address}"):
         DaskEngine(tmp_path, address)
 
 
 @pytest.mark.thorough
 def test_a_port_where_nobody_answers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dask_connection, "CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr(dask_workers, "CONNECT_TIMEOUT", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(UsageError, match="does not answer"):
         DaskEngine(tmp_path, f"tcp://127.0.0.1:{silent.getsockname()[1]}")
 

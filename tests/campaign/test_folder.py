@@ -101,7 +101,7 @@ def test_files_of_other_machines_are_removed_when_they_were_not_written_for_a_da
         (tmp_path / name).touch()
     written = (tmp_path / names[0]).stat().st_mtime
     for hours, left in ((23, 3), (25, 0)):
-        monkeypatch.setattr("wsnsim.recording.leftovers._time_of_disk", lambda folder, h=hours: written + 3600.0 * h)
+        monkeypatch.setattr("wsnsim.recording.atomic_files._time_of_disk", lambda folder, h=hours: written + 3600.0 * h)
         folder.remove_leftovers()
         assert sum((tmp_path / name).exists() for name in names) == left
     monkeypatch.undo()

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from wsnsim.campaign import orphans
+from wsnsim.campaign import task
 
 from .processes import environment, lives, wait_for
 
@@ -64,11 +64,11 @@ def test_a_worker_whose_driver_ended_before_it_asked_for_the_signal_ends_at_once
 
     parent = SimpleNamespace(pid=os.getppid(), join=lambda: None)
     monkeypatch.setattr(multiprocessing, "parent_process", lambda: parent)
-    monkeypatch.setattr(orphans, "_ask_for_signal", lambda: None)
-    monkeypatch.setattr(orphans, "_exit_after", lambda parent: None)
-    monkeypatch.setattr(orphans.sys, "platform", "linux")
+    monkeypatch.setattr(task, "_ask_for_signal", lambda: None)
+    monkeypatch.setattr(task, "_exit_after", lambda parent: None)
+    monkeypatch.setattr(task.sys, "platform", "linux")
     monkeypatch.setattr(os, "_exit", ended)
-    orphans.end_with_parent()
-    monkeypatch.setattr(os, "getppid", lambda: 1)
+    task.end_with_parent()
+    monkeypatch.setattr(os, "getppid", lambda: parent.pid + 1)
     with pytest.raises(SystemExit):
-        orphans.end_with_parent()
+        task.end_with_parent()

@@ -18,7 +18,7 @@ from wsnsim import campaign
 from wsnsim.base.errors import UsageError
 from wsnsim.campaign import dask_engine, dask_workers
 from wsnsim.campaign.dask_engine import DaskEngine
-from wsnsim.campaign.dask_worker import WorkerRequirements
+from wsnsim.campaign.dask_workers import WorkerRequirements
 from wsnsim.campaign.engines import EngineError
 from wsnsim.recording.folder import Folder
 

@@ -12,7 +12,7 @@ import pytest
 import wsnsim
 from tests.models.test_recorded_links import second_half
 from wsnsim.base.errors import RunError, UsageError
-from wsnsim.fitting.link_curve import delivery
+from wsnsim.fitting.link_sample import delivery
 from wsnsim.models.links import LogNormal
 from wsnsim.scenario.files import shipped
 

@@ -14,7 +14,7 @@ from tests.helpers.recorded_walks import HEIGHT, Walks
 from wsnsim.base.errors import RunError, ScenarioError, UsageError
 from wsnsim.fitting import Fit
 from wsnsim.fitting.data_files import ReadingOptions, read_nodes, read_sample
-from wsnsim.fitting.laws import LAWS
+from wsnsim.fitting.fitted_law import LAWS
 from wsnsim.fitting.located_readings import LocatedReadings, NodeTable
 from wsnsim.scenario import build, load
 from wsnsim.scenario.files import shipped

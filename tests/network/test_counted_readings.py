@@ -11,7 +11,7 @@ from tests.helpers.centroid_network import Centroid, Run, network_setup, standin
 from wsnsim.base.ports import Estimate
 from wsnsim.base.requests import PACKET_BITS, Gather, GatherReadings, Local, Member, Parcel
 from wsnsim.offline.loopback import perform
-from wsnsim.offline.request_costs import RequestCosts
+from wsnsim.offline.offline_run import RequestCosts
 
 NODES = [(0.0, 0.0), (30.0, 0.0), (0.0, 40.0)]
 

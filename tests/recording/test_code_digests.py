@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import wsnsim
-from wsnsim.recording.code_digests import NOT_IN_A_RUN, code_digest, module_digests, package_digests
+from wsnsim.recording.provenance import NOT_IN_A_RUN, code_digest, module_digests, package_digests
 
 ROOT = Path(wsnsim.__file__).parent
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 
@@ -9,8 +10,8 @@ import numpy as np
 import pytest
 
 from wsnsim.base.errors import StorageError
-from wsnsim.recording import code_digests, kept_answers
-from wsnsim.recording.kept_answers import KeptAnswers
+from wsnsim.recording import kept
+from wsnsim.recording.kept import KeptAnswers
 
 
 @pytest.fixture
@@ -34,7 +35,7 @@ def test_another_question_and_other_code_are_answered_anew(place, monkeypatch):
     assert KeptAnswers(place).answer({"runs": 1}, lambda: 1) == 1
     assert KeptAnswers(place).answer({"runs": 2}, lambda: 2) == 2
     assert KeptAnswers(place).answer({"runs": 1}, refuse) == 1
-    monkeypatch.setattr(kept_answers, "code_digest", lambda: "of other code")
+    monkeypatch.setattr(kept, "code_digest", lambda: "of other code")
     assert KeptAnswers(place).answer({"runs": 1}, lambda: 3) == 3
     assert len(json.loads(place.read_text())["answers"]) == 1, "answers of former code are dropped"
 
@@ -54,19 +55,20 @@ def test_errors_are_not_kept_and_a_folder_may_be_read_only(place, monkeypatch):
     def cannot_write(*_):
         raise StorageError("read-only")
 
-    monkeypatch.setattr(kept_answers, "write_text_atomically", cannot_write)
+    monkeypatch.setattr(kept, "write_text_atomically", cannot_write)
     assert KeptAnswers(place).answer("question", lambda: 1) == 1
     assert not place.exists()
 
 
 def test_the_digest_is_that_of_every_source_file(tmp_path, monkeypatch):
+    provenance = importlib.import_module("wsnsim.recording.provenance")  # the package has a function of this name
     package = tmp_path / "package"
     (package / "inner").mkdir(parents=True)
-    monkeypatch.setattr(code_digests, "__file__", str(package / "inner" / "x.py"))
+    monkeypatch.setattr(provenance, "__file__", str(package / "inner" / "x.py"))
     seen = set()
     for name, content in (("a.py", "1"), ("a.py", "2"), ("inner/b.yaml", ""), ("c.txt", "no code")):
         (package / name).write_text(content)
-        code_digests.code_digest.cache_clear()
-        seen.add(code_digests.code_digest())
-    code_digests.code_digest.cache_clear()
+        provenance.code_digest.cache_clear()
+        seen.add(provenance.code_digest())
+    provenance.code_digest.cache_clear()
     assert len(seen) == 3

@@ -9,7 +9,7 @@ import wsnsim
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import columns_of
 from wsnsim.recording import ResultFile, attributes, meanings, read_table, read_text, read_with_meanings, tables
-from wsnsim.recording.packed_rows import read_packed_rows
+from wsnsim.recording.rows import read_packed_rows
 from wsnsim.verification import verify
 
 

@@ -90,7 +90,7 @@ def test_any_columns_in_any_pieces_come_back_bit_by_bit(tmp_path_factory, pieces
     names = ("cluster", "head", "formed", "handover_bits", "members")
     types = {column.name: column.dtype for column in columns_of("clusters")}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("wsnsim.recording.buffer.CHUNK", 8)
+        patch.setattr("wsnsim.recording.rows.CHUNK", 8)
         with ResultFile(path, (), {"clusters": True}) as file:
             for piece in pieces:
                 values = zip(*piece, strict=True) if piece else [()] * len(names)

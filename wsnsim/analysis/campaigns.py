@@ -22,9 +22,9 @@ from wsnsim.base.errors import ResultError
 from wsnsim.base.progress import tracked
 from wsnsim.base.tables import DUTY_CYCLED, RECORDED_BY_DEFAULT, TABLES
 from wsnsim.recording import read_with_meanings, tables
-from wsnsim.recording.consolidated import read_consolidated
 from wsnsim.recording.folder import Batch, Folder, PointOnDisk
-from wsnsim.recording.packed_rows import SHORT_TABLES
+from wsnsim.recording.kept import read_consolidated
+from wsnsim.recording.rows import SHORT_TABLES
 
 
 def read_file(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:

@@ -22,7 +22,7 @@ from wsnsim.base.progress import tracked
 from wsnsim.base.regular_files import read_regular
 from wsnsim.bounds import bound
 from wsnsim.recording.folder import Folder
-from wsnsim.recording.kept_answers import KEPT, KeptAnswers
+from wsnsim.recording.kept import KEPT, KeptAnswers
 from wsnsim.scenario import Plugins, load, plugins
 from wsnsim.scenario.plugin_access import refused
 
@@ -53,7 +53,7 @@ def with_bounds(found: Comparison, folder: Folder, plugins: Plugins | None = Non
     `bound` is the median over runs (100 at most) of the trajectory-conditional CRLB, each a root mean square over all
     steps: tight but not a strict bound, least of all for a run without estimates at its hard steps.
     `bound_unconditional` is the posterior CRLB: strict for the mean over trajectories, and often loose. A point without
-    a bound has NaN, and `unbounded` says why. Bounds are kept beside the campaign, see `recording.kept_answers`.
+    a bound has NaN, and `unbounded` says why. Bounds are kept beside the campaign, see `recording.kept`.
     `plugins` says which plug-ins the campaign's scenarios may name; by default none.
     """
     if found.metric not in BOUNDED:

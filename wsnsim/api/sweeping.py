@@ -29,7 +29,7 @@ from wsnsim.api.arguments import (
 )
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
 from wsnsim.base.run_numbers import run_count
-from wsnsim.campaign.status import CampaignOutcome, CampaignProgress
+from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress
 from wsnsim.campaign.sweeping import TrackersText, needs_main_guard
 from wsnsim.campaign.sweeping import sweep as run_sweep
 from wsnsim.recording.folder import Folder

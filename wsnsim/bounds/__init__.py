@@ -6,7 +6,6 @@ bounds_of_run(path, readings, ...) -> [Bound, ...]            of several kinds o
 """
 
 from wsnsim.bounds.crlb import bound, bound_of_run, bounds_of_run
-from wsnsim.bounds.least_errors import Bound
-from wsnsim.bounds.query import GAINS, KINDS, PLACES, READINGS, BoundQuery
+from wsnsim.bounds.least_errors import GAINS, KINDS, PLACES, READINGS, Bound, BoundQuery
 
 __all__ = ["GAINS", "KINDS", "PLACES", "READINGS", "Bound", "BoundQuery", "bound", "bound_of_run", "bounds_of_run"]

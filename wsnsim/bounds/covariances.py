@@ -1,23 +1,206 @@
 """The error covariances of a bound, from initial conditions and used readings, by the recursion of its kind.
 
 covariances(setup, conditions, readings_of, kind, unknown) -> (R, targets, steps, D, D)
+along_trajectory(...) -> (T, D, D)      for filters that do not know constants of the nodes: gains, and where they stand
+
+Both constants are sampled once per run. Each constant is a further unknown beside the state. The joint covariance of
+all is carried from step to step, so that information about a constant is kept and its correlation with the state
+counts. The state's block of it is the inverse of the Schur complement of the constants in the joint information matrix.
+
+The prior of a gain is a Gaussian with the variance of the distribution that gains are sampled from, γ²/3 where it is
+uniform: a density with jumps has no Fisher information (our choice). The prior of a node's position is N(a, σ² I) with
+the assumed position a: of the true one, an assumed position with the error N(0, σ² I) says just that. The constants of
+a node are dropped after its last reading. Bounds are computed at the true gains and positions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.initial_conditions import InitialConditions
-from wsnsim.base.ports import MotionModel
+from wsnsim.base.ports import Informs, MotionModel, SensorModel
+from wsnsim.base.sensing import gain_column
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.bounds import unknown_constants
-from wsnsim.bounds.information import UsedReadings, information
+from wsnsim.base.vector_readings import components_of, near
+from wsnsim.bounds.information import STEPS_PER_BLOCK, UsedReadings, information
 from wsnsim.bounds.initial_conditions import process_noise
-from wsnsim.bounds.recursion import LinearisedMotion, along_trajectories, over_trajectories
-from wsnsim.bounds.unknown_constants import UnknownConstants
+from wsnsim.bounds.recursion import LinearisedMotion, along_trajectories, over_trajectories, predicted
+
+GAIN_STEP = 1e-3
+"""Gain difference for the numerical derivative: readings are linear in their gain, so any step is exact."""
+PLACE_STEP = 1e-3
+"""m: difference of a node's position for the numerical derivative, whose relative error is about its square."""
+
+
+class UnknownConstants(NamedTuple):
+    """The variance of the prior of each gain, and of each coordinate (m²) of a node; 0: filters know them."""
+
+    gain: float = 0.0
+    place: float = 0.0
+
+    @property
+    def variances(self) -> Floats:
+        """(C,) the variances of the unknown constants of a node: its gain, then its two coordinates."""
+        return np.array([self.gain] * (self.gain > 0.0) + [self.place] * 2 * (self.place > 0.0))
+
+
+class LinearisedReadings(NamedTuple):
+    """The readings z = h · position + k · constants + v at the ground truth, one row per component of a reading.
+
+    Attributes:
+        slopes: (n, P) derivatives h of the mean in the position.
+        constant_slopes: (n, C) derivatives k of the mean in the unknown constants of the node.
+        weights: (n,) information about the mean: 1 / variance of v, with that of a state-dependent variance if a
+            reading has one component.
+    """
+
+    slopes: Floats
+    constant_slopes: Floats
+    weights: Floats
+
+
+def along_trajectory(
+    motions: Iterable[LinearisedMotion],
+    prior: Floats,
+    readings: LinearisedReadings,
+    used: UsedReadings,
+    place: list[int],
+    variances: Floats,
+) -> Floats:
+    """The covariances of the state along one trajectory, (T, D, D); row 0 is step 1.
+
+    Args:
+        motions: the linearised motion model of each step, F as (1, D, D).
+        prior: (D, D) covariance at step 0.
+        readings: one row per component of a used reading.
+        used: step and node of each row; those of step 0 do not count.
+        place: the state columns of the position.
+        variances: (C,) the prior variances of the unknown constants of a node.
+    """
+    size, later = len(prior), used.steps > 0
+    used = UsedReadings(*(values[later] for values in used))
+    readings = LinearisedReadings(*(values[later] for values in readings))
+    slots, count = node_slots(used)
+    columns = size + slots[:, None] * len(variances) + np.arange(len(variances))
+    joint = np.zeros((size + count * len(variances),) * 2)
+    joint[:size, :size] = prior
+    cuts = np.searchsorted(used.steps, np.arange(1, used.steps.max(initial=0) + 2))
+    result = []
+    first = np.zeros(len(used.steps), dtype=np.bool_)
+    first[np.unique(used.nodes, return_index=True)[1]] = True
+    for step, ((jacobian,), noise) in enumerate(motions):
+        joint[:size, :size] = predicted(joint[:size, :size], jacobian, noise)
+        joint[:size, size:] = jacobian @ joint[:size, size:]
+        joint[size:, :size] = joint[:size, size:].T
+        if step + 1 < len(cuts):
+            now = slice(cuts[step], cuts[step + 1])
+            _add_nodes(joint, columns[now][first[now]], variances)
+            joint = _updated(joint, LinearisedReadings(*(values[now] for values in readings)), place, columns[now])
+        result.append(joint[:size, :size].copy())
+    return np.array(result)
+
+
+def linearised_readings(
+    sensor: SensorModel,
+    points: Floats,
+    positions: Floats,
+    traits: Floats,
+    used: UsedReadings,
+    unknown: UnknownConstants,
+) -> tuple[LinearisedReadings, UsedReadings]:
+    """The used readings linearised at the target's positions (T, P); and step and node of each row."""
+    count, size = len(components_of(sensor)), points.shape[1]
+    used_rows = UsedReadings(*(np.repeat(values, count) for values in used))
+    total = len(used_rows.steps)
+    result = LinearisedReadings(np.empty((total, size)), np.empty((total, unknown.variances.size)), np.empty(total))
+    for first in range(0, len(points), STEPS_PER_BLOCK):
+        begin, end = np.searchsorted(used.steps, [first, first + STEPS_PER_BLOCK])
+        nodes, rows = np.unique(used.nodes[begin:end], return_inverse=True)
+        steps, block = used.steps[begin:end] - first, np.ascontiguousarray(points[first : first + STEPS_PER_BLOCK].T)
+        where, own, now = positions[nodes], traits[nodes], slice(begin * count, end * count)
+        each = (rows[:, None] * count + np.arange(count)).reshape(-1), np.repeat(steps, count)
+        _, gradients, variances = sensor.linearise(block, where, own)
+        result.slopes[now] = gradients[each[0], :, each[1]]
+        for column, (higher, lower, apart) in enumerate(_differences(sensor, where, own, unknown)):
+            means = [sensor.linearise(block, *moved)[0] for moved in (higher, lower)]
+            difference = near(sensor, means[0], means[1]) - means[1]
+            result.constant_slopes[now, column] = difference[each] / apart
+        if count > 1:
+            result.weights[now] = 1.0 / variances[each]
+        else:
+            result.weights[now] = _weights(sensor, block, where, own, result.slopes[now], (rows, steps))
+    return result, used_rows
+
+
+def node_slots(used: UsedReadings) -> tuple[Ints, int]:
+    """The slot of each row's node in the joint covariance, and the number of slots.
+
+    A node has the same slot from its first reading to its last. Later nodes reuse the slots of those that have no
+    further reading, which keeps the matrix small.
+    """
+    last = dict(zip(used.nodes.tolist(), used.steps.tolist(), strict=True))
+    taken: dict[int, int] = {}
+    free: list[int] = []
+    slots, count = np.empty(len(used.nodes), dtype=np.int64), 0
+    leaving: list[tuple[int, int]] = sorted(((step, node) for node, step in last.items()), reverse=True)
+    for row, (step, node) in enumerate(zip(used.steps.tolist(), used.nodes.tolist(), strict=True)):
+        while leaving and leaving[-1][0] < step:
+            free.append(taken[leaving.pop()[1]])
+        if node not in taken:
+            taken[node] = free.pop() if free else count
+            count += taken[node] == count
+        slots[row] = taken[node]
+    return slots, count
+
+
+def _differences(
+    sensor: SensorModel, positions: Floats, traits: Floats, unknown: UnknownConstants
+) -> Iterator[tuple[tuple[Floats, Floats], tuple[Floats, Floats], float]]:
+    """For each unknown constant of nodes: positions and traits with more and with less of it, and by how much."""
+    if unknown.gain:
+        step = np.zeros(traits.shape[1])
+        step[gain_column(sensor.trait_names)] = GAIN_STEP
+        yield (positions, traits + step), (positions, traits - step), 2.0 * GAIN_STEP
+    for axis in range(2 if unknown.place else 0):
+        move = PLACE_STEP * np.eye(2)[axis]
+        yield (positions + move, traits), (positions - move, traits), 2.0 * PLACE_STEP
+
+
+def _weights(
+    sensor: SensorModel, block: Floats, positions: Floats, traits: Floats, slopes: Floats, which: tuple[Ints, Ints]
+) -> Floats:
+    """(n,) the information about the mean in readings of one component, by sensors and steps `which`."""
+    assert isinstance(sensor, Informs), "a bound is computed only for a sensor model that has an information matrix"
+    traces = np.trace(sensor.information(block, positions, traits), axis1=1, axis2=2)[which]
+    squared = (slopes**2).sum(axis=1)
+    weights: Floats = np.divide(traces, squared, out=np.zeros_like(traces), where=squared > 0.0)
+    return weights
+
+
+def _add_nodes(joint: Floats, columns: Ints, variances: Floats) -> None:
+    """Set the constants of newly used nodes to their prior, uncorrelated with everything else; `columns` are (n, C)."""
+    rows = columns.reshape(-1)
+    joint[rows, :] = 0.0
+    joint[:, rows] = 0.0
+    joint[rows, rows] = np.tile(variances, len(columns))
+
+
+def _updated(joint: Floats, readings: LinearisedReadings, place: list[int], constants: Ints) -> Floats:
+    """The joint covariance after the readings, whose constants are in the columns (n, C); weight 0: no information."""
+    used = readings.weights > 0.0
+    slopes, constant_slopes, weights = (values[used] for values in readings)
+    constants = constants[used]
+    columns = joint[:, place] @ slopes.T + (joint[:, constants] * constant_slopes).sum(axis=2)
+    innovation = slopes @ columns[place] + (constant_slopes[:, :, None] * columns[constants]).sum(axis=1)
+    innovation += np.diag(1.0 / weights)
+    smaller = joint - columns @ np.linalg.solve(innovation, columns.T)
+    result: Floats = 0.5 * (smaller + smaller.T)
+    return result
+
 
 ReadingsOf = Callable[[int, int], UsedReadings]
 """(index of the run in the initial conditions, target) -> the readings that the bound uses."""
@@ -87,12 +270,10 @@ def _with_unknown(
     columns, result = list(motion.position), []
     for row, (run, truth) in enumerate(zip(conditions, truths, strict=True)):
         used = readings_of(row, target)
-        readings, used = unknown_constants.linearised_readings(
-            setup.sensor, truth[:, columns], run.positions, run.traits, used, unknown
-        )
+        readings, used = linearised_readings(setup.sensor, truth[:, columns], run.positions, run.traits, used, unknown)
         readings = readings._replace(weights=detected * readings.weights)
         motions, variances = _linearised(motion, truth[None], setup.dt), unknown.variances
-        result.append(unknown_constants.along_trajectory(motions, priors[row], readings, used, columns, variances))
+        result.append(along_trajectory(motions, priors[row], readings, used, columns, variances))
     return np.array(result)
 
 

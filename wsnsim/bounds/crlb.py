@@ -34,22 +34,21 @@ from wsnsim.base.progress import tracked
 from wsnsim.base.sensing import has_gains
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 from wsnsim.bounds.covariances import ReadingsOf, covariances
-from wsnsim.bounds.information import UsedReadings, in_range
+from wsnsim.bounds.information import RecordedReadings, UsedReadings, in_range
 from wsnsim.bounds.initial_conditions import (
     cautions,
     cautions_of_readings,
     reason_without_bound,
 )
-from wsnsim.bounds.least_errors import Bound
-from wsnsim.bounds.query import (
+from wsnsim.bounds.least_errors import (
     READINGS,
+    Bound,
     BoundQuery,
     assumed_gains,
     assumed_places,
     checked,
     unknown_constants,
 )
-from wsnsim.bounds.recorded_readings import RecordedReadings
 from wsnsim.recording import read_table, table_names
 from wsnsim.scenario import Plugins, build, load
 from wsnsim.stored_scenario import rerun_source

@@ -6,17 +6,28 @@
 The information is evaluated at the ground truth with the true sensor model, and includes what a state-dependent
 variance contributes (see `base.ports.Informs`). Whether a node has a reading at all also depends on the target's
 position. This is not counted: the bound is for filters that use the values of readings only.
+
+    RecordedReadings(path, setup).used(replicate, target, readings) -> UsedReadings
+
+`active`: the readings of the active members of the cluster, as many as `estimates.active` says.
+`arrived`: the readings that the head had when it computed the estimate. If more readings than these entered the
+computation (`estimates.readings`), the members computed themselves, and the readings of all active members count; at a
+track initiation, those of all nodes that sensed. So the tracker never used more than what counts here.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, planar
+from wsnsim.base.arrays import Bools, Floats, Ints, planar
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.ports import Detects, Informs, SensorModel
+from wsnsim.base.setups import NetworkSetup, TrackingSetup
+from wsnsim.base.tables import KIND
+from wsnsim.recording import meanings, read_table
 
 STEPS_PER_BLOCK = 25
 """Steps computed together: a target meets nearly the same nodes within them (our choice)."""
@@ -64,3 +75,98 @@ def information(sensor: SensorModel, points: Floats, positions: Floats, traits: 
         counted[rows, 0, 0, used.steps[begin:end] - first] = True
         total[first : first + STEPS_PER_BLOCK] = np.where(counted, each, 0.0).sum(axis=0).transpose(2, 0, 1)
     return total
+
+
+Table = dict[str, np.ndarray]
+NodesByStep = dict[int, frozenset[int]]
+KEYS = ("replicate", "target")
+NOBODY: frozenset[int] = frozenset()
+
+
+class RecordedReadings:
+    """The tables of a result file that say whose readings counted."""
+
+    def __init__(self, path: str | Path, setup: TrackingSetup) -> None:
+        self._join = isinstance(setup, NetworkSetup) and setup.members_join
+        self._estimates = read_table(path, "estimates", [*KEYS, "step", "time", "issued", "head", "active", "readings"])
+        self._clusters = read_table(path, "clusters", [*KEYS, "formed", "released", "head"])
+        events = read_table(path, "events", [*KEYS, "time", "step", "node", "peer", "kind", "what"])
+        words = meanings(path, "events", "what")
+        reading = words.index("reading") if "reading" in words else -1
+        self._sensed = _rows(events, events["kind"] == KIND["sense"])
+        self._joined = _rows(events, events["kind"] == KIND["join"])
+        self._received = _rows(events, (events["kind"] == KIND["receive"]) & (events["what"] == reading))
+
+    def used(self, replicate: int, target: int, readings: str) -> UsedReadings:
+        """The readings that count at each step: those of `active` members, or those that `arrived`."""
+        estimates, clusters, sensed, joined, received = (
+            _rows(table, (table["replicate"] == replicate) & (table["target"] == target))
+            for table in (self._estimates, self._clusters, self._sensed, self._joined, self._received)
+        )
+        sensing = _by_step(sensed["step"], sensed["node"])
+        active = self._active(estimates, clusters, joined, sensing)
+        if readings == "active":
+            return _pairs(active)
+        arrived = _arrived(estimates, received, sensing)
+        counts = dict(zip(estimates["step"].tolist(), estimates["readings"].tolist(), strict=True))
+        used = {}
+        for step, count in counts.items():
+            if count:
+                enough = (nodes[step] for nodes in (arrived, active) if len(nodes.get(step, NOBODY)) >= count)
+                used[step] = next(enough, sensing.get(step, NOBODY))
+        return _pairs(used)
+
+    def _active(self, estimates: Table, clusters: Table, joined: Table, sensing: NodesByStep) -> NodesByStep:
+        """The members of the cluster in charge that sensed at each step."""
+        if not self._join:
+            return sensing
+        result = {}
+        for step, head, begin, end in _computations(estimates):
+            led = (clusters["head"] == head) & (clusters["formed"] <= end) & ~(clusters["released"] < begin)
+            if led.any():
+                members = _members(clusters, joined, int(np.flatnonzero(led)[-1]), end)
+                result[step] = sensing.get(step, NOBODY) & members
+        return result
+
+
+def _arrived(estimates: Table, received: Table, sensing: NodesByStep) -> NodesByStep:
+    """The nodes whose readings the head had: itself, and those received from the step's start until the estimate."""
+    result = {}
+    times: Floats = received["time"]
+    for step, head, begin, end in _computations(estimates):
+        first, last = np.searchsorted(times, begin, "left"), np.searchsorted(times, end, "right")
+        to_head = received["node"][first:last] == head
+        own = frozenset([head]) & sensing.get(step, NOBODY)
+        result[step] = own | frozenset(received["peer"][first:last][to_head].tolist())
+    return result
+
+
+def _computations(estimates: Table) -> zip[Any]:
+    """(step, head, start of the step, time of the estimate) of each step; both times are equal without an estimate."""
+    end = np.where(np.isfinite(estimates["issued"]), estimates["issued"], estimates["time"])
+    columns = estimates["step"], estimates["head"], estimates["time"], end
+    return zip(*(values.tolist() for values in columns), strict=True)
+
+
+def _members(clusters: Table, joined: Table, number: int, end: float) -> frozenset[int]:
+    """The members of a cluster at a time: its head, and the nodes that joined it since the cluster before it formed."""
+    head, since = int(clusters["head"][number]), clusters["formed"][number - 1] if number else -np.inf
+    mine = (joined["peer"] == head) & (joined["time"] > since) & (joined["time"] <= end)
+    return frozenset([head, *joined["node"][mine].tolist()])
+
+
+def _by_step(steps: Ints, nodes: Ints) -> NodesByStep:
+    groups: dict[int, set[int]] = {}
+    for step, node in zip(steps.tolist(), nodes.tolist(), strict=True):
+        groups.setdefault(step, set()).add(node)
+    return {step: frozenset(some) for step, some in groups.items()}
+
+
+def _pairs(groups: NodesByStep) -> UsedReadings:
+    pairs = sorted((step, node) for step, nodes in groups.items() for node in nodes)
+    steps, nodes = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    return UsedReadings(steps, nodes)
+
+
+def _rows(table: Table, chosen: Bools) -> Table:
+    return {name: values[chosen] for name, values in table.items()}

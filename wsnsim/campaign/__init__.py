@@ -8,6 +8,7 @@ The folder holds all that a campaign needs to resume after any of its processes 
 """
 
 from wsnsim.campaign.code_changes import differing_code
+from wsnsim.campaign.engines import WHOLE, CampaignOutcome, CampaignProgress, Shard
 from wsnsim.campaign.folders import (
     collect,
     demand_permitted,
@@ -19,7 +20,6 @@ from wsnsim.campaign.folders import (
     reopen,
 )
 from wsnsim.campaign.runner import run_campaign
-from wsnsim.campaign.status import WHOLE, CampaignOutcome, CampaignProgress, Shard
 from wsnsim.campaign.sweeping import sweep
 
 __all__ = [

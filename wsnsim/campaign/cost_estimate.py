@@ -15,7 +15,7 @@ import numpy as np
 
 import wsnsim.experiment as experiment
 import wsnsim.scenario as scenario
-from wsnsim.campaign.status import WHOLE, Shard
+from wsnsim.campaign.engines import WHOLE, Shard
 from wsnsim.recording import read_table
 from wsnsim.recording.folder import Folder, consecutive
 from wsnsim.scenario.sweep_schema import Plan, Point

@@ -1,7 +1,7 @@
 """An engine that runs tasks on the workers of a Dask scheduler.
 
 Workers and scheduler need this version of wsnsim, and the workers must see the campaign's folder. Only this module and
-`dask_worker` import distributed (extra `cluster`). Results are written to the shared folder; only tasks and outcomes
+`dask_workers` import distributed (extra `cluster`). Results are written to the shared folder; only tasks and outcomes
 cross the network, each smaller than a kilobyte.
 """
 
@@ -18,14 +18,21 @@ from typing import Any, Final, final
 
 from wsnsim.base.errors import UsageError
 from wsnsim.base.version import __version__
-from wsnsim.campaign.dask_connection import address_in, connected
-from wsnsim.campaign.dask_worker import WorkerRequirements, installed_version, perform_on_worker
-from wsnsim.campaign.dask_workers import ANSWER_TIMEOUT, DaskWorkers, unreadable
+from wsnsim.campaign.dask_workers import (
+    ANSWER_TIMEOUT,
+    DaskWorkers,
+    WorkerRequirements,
+    address_in,
+    connected,
+    installed_version,
+    perform_on_worker,
+    unreadable,
+)
 from wsnsim.campaign.engines import EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.task import Task, TaskOutcome, describe_error
-from wsnsim.recording.code_digests import digest_of, package_digests
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import reason
+from wsnsim.recording.provenance import digest_of, package_digests
 
 FETCH_TIMEOUT: Final = 5.0
 """Seconds to fetch outcomes, before the engine checks whether their workers are alive."""

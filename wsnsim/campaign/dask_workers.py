@@ -1,13 +1,145 @@
-"""The workers of a Dask scheduler: which of them can run a campaign, and which are left out, and why."""
+"""The workers of a Dask scheduler: the connection to it, which of them can run a campaign, and what runs on them.
+
+A scheduler is found by its address or by the file that it wrote. A worker is checked before it gets tasks; those that
+are left out are named with the reason.
+"""
 
 from __future__ import annotations
 
+import functools
+import json
+import logging
+import queue
+import tempfile
+import threading
 from collections.abc import Iterable
-from typing import Any, Final, final
+from pathlib import Path
+from typing import Any, Final, NamedTuple, final
 
+from wsnsim.base.errors import UsageError
+from wsnsim.base.regular_files import read_regular
 from wsnsim.base.version import __version__
-from wsnsim.campaign.dask_worker import WorkerRequirements, unmet_requirement
-from wsnsim.campaign.task import describe_error
+from wsnsim.campaign.task import Task, TaskOutcome, describe_error, perform
+from wsnsim.recording.layout import reason
+from wsnsim.recording.provenance import digest_of, package_digests
+
+CONNECT_TIMEOUT: Final = 10.0
+"""Seconds to connect to the scheduler."""
+WITHOUT_LOG: Final = {"distributed.admin.low-level-log-length": 0}
+"""Dask's setting by which a client keeps none of the messages that it sent; it would keep 1000, several megabytes."""
+
+
+def connected(address: str) -> Any:
+    """A client of the scheduler, connected in a thread: Dask would wait forever for a server that is no scheduler.
+
+    Raises:
+        UsageError: Dask is not installed, or nothing at the address answers as a scheduler.
+    """
+    try:
+        import dask
+        import distributed
+    except ImportError:
+        raise UsageError("--scheduler needs Dask: pip install 'wsnsim[cluster]'") from None
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # its errors are reported by this engine
+    client_class: Any = distributed.Client
+    found: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def connect() -> None:
+        try:
+            with dask.config.set(WITHOUT_LOG):
+                found.put(client_class(address, timeout=CONNECT_TIMEOUT, set_as_default=False))
+        except Exception as error:
+            found.put(error)
+
+    threading.Thread(target=connect, daemon=True).start()
+    try:
+        client = found.get(timeout=1.5 * CONNECT_TIMEOUT)
+    except queue.Empty:
+        raise UsageError(f"{address} does not answer: is it the address of a Dask scheduler?") from None
+    if isinstance(client, Exception):
+        raise UsageError(f"cannot connect to the scheduler {address}: {describe_error(client)}")
+    return client
+
+
+def address_in(scheduler_file: Path | None) -> str:
+    """The address that a scheduler wrote into its file.
+
+    Raises:
+        UsageError: the file does not exist, cannot be read, or is no scheduler's file.
+    """
+    assert scheduler_file is not None, "either an address or a scheduler file is given"
+    try:
+        return str(json.loads(read_regular(scheduler_file))["address"])
+    except FileNotFoundError:
+        raise UsageError(f"scheduler file does not exist: {scheduler_file}") from None
+    except OSError as error:
+        raise UsageError(f"cannot read {scheduler_file}: {reason(error)}") from None
+    except (ValueError, KeyError, TypeError):
+        raise UsageError(f"{scheduler_file} is not a scheduler file: it contains no address") from None
+
+
+class WorkerRequirements(NamedTuple):
+    """The versions that a worker must have, and a marker file in the campaign's folder that it must see.
+
+    `code` is a digest of the source files of wsnsim that a run can execute; '' for any.
+    """
+
+    wsnsim: str
+    numpy: str
+    marker: str
+    code: str = ""
+
+
+def installed_version() -> str:
+    """The version of wsnsim in this process. It is called in the scheduler's process."""
+    return __version__
+
+
+def unmet_requirement(required: WorkerRequirements, dask_worker: Any) -> str:
+    """The first requirement that the worker does not meet, '' if it meets all. It runs in the worker's process.
+
+    Args:
+        required: versions and marker file of the campaign.
+        dask_worker: the worker. The parameter's name is fixed by Dask, which fills it in.
+    """
+    import numpy
+
+    marker, threads = Path(required.marker), dask_worker.state.nthreads
+    if __version__ != required.wsnsim:
+        return f"has wsnsim {__version__}, but the campaign runs with {required.wsnsim}"
+    if required.code and digest_of(package_digests().items()) != required.code:
+        return f"has other source files of wsnsim {__version__} than the campaign"
+    if numpy.__version__ != required.numpy:
+        return f"has NumPy {numpy.__version__}, but the campaign runs with {required.numpy}: last bits would differ"
+    if threads != 1:
+        return f"has {threads} threads: start workers with --nthreads 1"
+    if not marker.is_file():
+        return f"does not see {marker.parents[1]}: the folder must be on a shared file system"
+    try:
+        with tempfile.TemporaryFile(dir=marker.parent):
+            return ""
+    except OSError as error:
+        return f"cannot write to {marker.parents[1]}: {reason(error)}"
+
+
+@functools.lru_cache(maxsize=8)
+def _unmet_here(required: WorkerRequirements, address: str) -> str:
+    """What the worker of this task lacks, '' if nothing; each worker is checked once."""
+    from distributed import get_worker
+
+    unmet = unmet_requirement(required, get_worker())
+    return f"worker {address} {unmet}" if unmet else ""
+
+
+def perform_on_worker(task: Task, required: WorkerRequirements) -> TaskOutcome:
+    """Perform a task on a Dask worker, which may have joined after the others were checked."""
+    from distributed import get_worker
+
+    if unmet := _unmet_here(required, get_worker().address):
+        return TaskOutcome("version", unmet)
+    return perform(task)
+
 
 ANSWER_TIMEOUT: Final = 60.0
 """Seconds for an answer of the scheduler, or of the workers through it."""

@@ -15,8 +15,16 @@ from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.base.errors import ResultError
 from wsnsim.base.version import __version__
 from wsnsim.campaign.code_changes import code_id
-from wsnsim.campaign.engines import Engine, EngineError, FinishedTask, WorkerLost
-from wsnsim.campaign.status import WHOLE, CampaignOutcome, CampaignProgress, Shard
+from wsnsim.campaign.engines import (
+    WHOLE,
+    CampaignOutcome,
+    CampaignProgress,
+    Engine,
+    EngineError,
+    FinishedTask,
+    Shard,
+    WorkerLost,
+)
 from wsnsim.campaign.task import Task, TaskOutcome, cause_of_death, failure_report, is_timeout, session_name
 from wsnsim.recording.folder import Folder, Manifest, consecutive
 from wsnsim.scenario.plugin_access import ACCESS_OF_FILES, PluginAccess

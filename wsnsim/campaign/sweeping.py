@@ -9,10 +9,9 @@ from typing import Any, TypeAlias
 
 from wsnsim.base.errors import UsageError
 from wsnsim.base.plugin_code import NOT_PYTHON, statements
-from wsnsim.campaign.engines import Engine
+from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress, Engine
 from wsnsim.campaign.folders import prepare
 from wsnsim.campaign.runner import run_campaign
-from wsnsim.campaign.status import CampaignOutcome, CampaignProgress
 from wsnsim.scenario.load import Overrides
 from wsnsim.scenario.plugin_access import Plugins, access
 
@@ -122,7 +121,7 @@ def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
 
         return DaskEngine(folder, scheduler)
     if workers == 0:
-        from wsnsim.campaign.serial_engine import SerialEngine
+        from wsnsim.campaign.engines import SerialEngine
 
         return SerialEngine()
     from wsnsim.campaign.local_engine import LocalEngine, available_cores

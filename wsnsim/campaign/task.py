@@ -3,6 +3,9 @@
 The file does not depend on the worker, nor on how often the task is run. A worker keeps a marker file in the campaign's
 folder while it runs a task. If the task kills the worker, the marker stays. If the task takes too long, it ends the
 worker's process, and the marker holds the traceback.
+
+Worker processes end with the process that started them, however that ended. Linux kills them: a thread that waits for
+the parent cannot run while compiled code holds the interpreter's lock. On other systems there is only the thread.
 """
 
 from __future__ import annotations
@@ -11,8 +14,12 @@ import contextlib
 import faulthandler
 import functools
 import json
+import multiprocessing
 import os
 import shutil
+import signal
+import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -22,12 +29,44 @@ from typing import Any, Final, Literal, TextIO
 from wsnsim.base.errors import StorageError, UsageError, WsnsimError
 from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.version import __version__
-from wsnsim.campaign.orphans import end_with_parent
 from wsnsim.recording.atomic_files import host
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import cannot_write
 from wsnsim.scenario.plugin_access import ACCESS_OF_FILES, PluginAccess
 from wsnsim.scenario.registry import search
+
+PR_SET_PDEATHSIG: Final = 1
+"""The option of prctl(2) that asks for a signal when the parent ends."""
+
+
+def end_with_parent() -> None:
+    """Let this process end when its parent has ended, or at once if it has ended already.
+
+    On Linux the parent is the thread that started this process. It must live as long as the process is needed.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+    if sys.platform == "linux":
+        _ask_for_signal()
+        if os.getppid() != parent.pid:  # it ended before the signal was asked for
+            os._exit(1)
+    threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
+
+
+def _ask_for_signal() -> None:
+    """Ask Linux to kill this process when its parent ends. Where that is forbidden, the thread remains."""
+    import ctypes
+
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)
+    if prctl is not None:
+        prctl(PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGKILL))
+
+
+def _exit_after(parent: Any) -> None:
+    parent.join()
+    os._exit(1)
+
 
 TaskStatus = Literal["done", "exists", "failed", "suspect", "storage", "version", "cancelled"]
 MAX_MESSAGE: Final = 600
@@ -262,7 +301,7 @@ def _demand_code(folder: str, code: str) -> None:
     if not code:
         return
     from wsnsim.campaign.code_changes import changed_files, code_id, code_of, shortened
-    from wsnsim.recording.code_digests import PACKAGE
+    from wsnsim.recording.provenance import PACKAGE
 
     expected = Folder(folder).manifest().code
     found = code_of(set(expected) - {PACKAGE}, expected)
@@ -276,8 +315,6 @@ def start_worker(started: Any = None) -> None:
 
     Output of a plug-in goes to stderr, because stdout carries the answer of the command.
     """
-    import signal
-
     for name in {"SIGINT", "SIGTERM", "SIGHUP"} & set(dir(signal)):
         signal.signal(getattr(signal, name), signal.SIG_IGN)
     with contextlib.suppress(OSError):

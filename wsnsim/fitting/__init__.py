@@ -15,13 +15,10 @@ from typing import Any, Final, Literal, TypeAlias, overload
 
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.fitting.data_files import ReadingOptions
-from wsnsim.fitting.estimation import FitOptions
-from wsnsim.fitting.fitted_law import Evaluation, FittedGain, FittedValue
-from wsnsim.fitting.laws import LAWS, UNFITTED
-from wsnsim.fitting.link_result import LinkFit
+from wsnsim.fitting.estimation import FitOptions, fit_readings
+from wsnsim.fitting.fitted_law import LAWS, UNFITTED, Evaluation, FittedGain, FittedValue
 from wsnsim.fitting.links import LinkOptions, fit_links
-from wsnsim.fitting.readings import fit_readings
-from wsnsim.fitting.result import Fit
+from wsnsim.fitting.result import Fit, LinkFit
 
 __all__ = [
     "Evaluation", "Fit", "FitOptions", "FittedGain", "FittedValue", "LinkFit", "LinkOptions", "ReadingOptions", "fit",

@@ -26,10 +26,9 @@ from scipy import optimize, special
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import RunError, UsageError
 from wsnsim.fitting.fitted_law import FittedValue
-from wsnsim.fitting.link_curve import delivery, margin
-from wsnsim.fitting.link_result import LinkEvaluation, LinkFit
-from wsnsim.fitting.link_sample import LinkRows, read_link_rows
-from wsnsim.fitting.shared_rows import shared_with
+from wsnsim.fitting.link_sample import LinkRows, delivery, margin, read_link_rows
+from wsnsim.fitting.located_readings import shared_with
+from wsnsim.fitting.result import LinkEvaluation, LinkFit
 
 RESAMPLES: Final = 200
 LOSS_RESAMPLES: Final = 60

@@ -1,13 +1,25 @@
-"""Readings at known places of a target, as arrays: what laws are fitted to."""
+"""Readings at known places of a target, as arrays: what laws are fitted to; their regression; rows that files share.
+
+shared_with(rows, files) -> (path, share) of the file that shares too many of these rows, or None
+
+Least squares give the coefficients of a law and the gains of its nodes, with intervals for correlated readings. The
+intervals are a sandwich over blocks of time: the scores of a block's readings, of all nodes, are summed before they
+are squared, so that any correlation within a block counts. Source: Liang, Zeger (1986), "Longitudinal data analysis
+using generalized linear models"; the factor B/(B - 1) and Student's t with B - 1 degrees of freedom for B blocks are
+the usual corrections for few blocks (Cameron, Miller 2015, "A practitioner's guide to cluster-robust inference").
+
+A law must not be judged on rows that it was fitted to, whatever a file is called.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
+from scipy import linalg, stats
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 
@@ -146,3 +158,79 @@ class LocatedReadings:
         """Each file, and which readings are its own."""
         for index, file in enumerate(self.files):
             yield file, self.tracks == index
+
+
+CONFIDENCE: Final = 0.95
+
+
+class Coefficients(NamedTuple):
+    """Estimates with their standard errors.
+
+    Attributes:
+        values: (C,) coefficients of the law.
+        errors: (C,) their standard errors.
+        gains: (S,) of the nodes, with sum 0 over the nodes with readings; empty if none are fitted.
+        gain_errors: (S,) their standard errors.
+        quantile: standard errors from an estimate to the end of its interval.
+    """
+
+    values: Floats
+    errors: Floats
+    gains: Floats
+    gain_errors: Floats
+    quantile: float
+
+
+def least_squares(design: Floats, response: Floats, nodes: Ints, count: int, blocks: Ints) -> Coefficients:
+    """The coefficients that minimise the squares of the residuals.
+
+    Args:
+        design: (n, C) columns of the coefficients.
+        response: (n,) readings without what has no coefficient.
+        nodes: (n,) index of the node of each reading.
+        count: number of nodes with a gain; 0 to fit none.
+        blocks: (n,) number of the block of each reading.
+    """
+    columns = design.shape[1]
+    heard = np.flatnonzero(np.bincount(nodes, minlength=count)[:count])
+    contrasts = np.zeros((count, max(len(heard) - 1, 0)))
+    if len(heard) > 1:
+        contrasts[heard] = linalg.helmert(len(heard)).T
+    matrix = np.column_stack([design, contrasts[nodes]]) if count else design
+    inverse = np.linalg.inv(matrix.T @ matrix)
+    solution = inverse @ (matrix.T @ response)
+    residuals = response - matrix @ solution
+    spread, quantile = _sandwich(inverse, matrix * residuals[:, None], blocks)
+    gain_errors = np.full(count, np.nan)
+    gain_errors[heard] = np.sqrt(np.einsum("ij,jk,ik->i", contrasts, spread[columns:, columns:], contrasts))[heard]
+    errors = np.sqrt(np.diag(spread)[:columns])
+    return Coefficients(solution[:columns], errors, contrasts @ solution[columns:], gain_errors, quantile)
+
+
+def _sandwich(inverse: Floats, scores: Floats, blocks: Ints) -> tuple[Floats, float]:
+    """Covariance (C, C) of the estimates, and the quantile of Student's t. There must be at least two blocks."""
+    count = int(blocks.max()) + 1
+    sums = np.zeros((count, scores.shape[1]))
+    np.add.at(sums, blocks, scores)
+    readings, parameters = scores.shape
+    root = sums @ inverse
+    factor = count / (count - 1) * (readings - 1) / max(readings - parameters, 1)
+    return root.T @ root * factor, float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, count - 1))
+
+
+SAME_SHARE: Final = 0.01
+"""Files that share this part of their rows are not independent (our choice: far more than coincidence gives)."""
+
+
+def share(first: Set[Hashable], second: Set[Hashable]) -> float:
+    """The number of shared rows, relative to the smaller file, so that neither may be a part of the other."""
+    return len(first & second) / max(min(len(first), len(second)), 1)
+
+
+def shared_with(rows: Set[Hashable], files: Mapping[str, Set[Hashable]]) -> tuple[str, float] | None:
+    """The file that shares most with these rows, and how much, if that or the share with all files is too large."""
+    if not files:
+        return None
+    path = max(files, key=lambda name: share(rows, files[name]))
+    largest = max(share(rows, files[path]), share(rows, frozenset().union(*files.values())))
+    return (path, largest) if largest >= SAME_SHARE else None

@@ -28,7 +28,7 @@ from wsnsim.papers.rows import rows_of
 from wsnsim.papers.study import PAPERS, Study
 from wsnsim.papers.study import study as load_study
 from wsnsim.recording.folder import Folder
-from wsnsim.recording.kept_answers import KEPT, KeptAnswers
+from wsnsim.recording.kept import KEPT, KeptAnswers
 from wsnsim.scenario.files import find_or_none
 from wsnsim.scenario.plugin_access import Plugins, access
 from wsnsim.scenario.sweep import load_sweep

@@ -10,7 +10,6 @@ provenance(command_line, seed, plugins)             # versions, command and mach
 """
 
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
-from wsnsim.recording.memory_result import MemoryResult
 from wsnsim.recording.provenance import provenance
 from wsnsim.recording.reader import (
     TableSize,
@@ -26,7 +25,7 @@ from wsnsim.recording.reader import (
     tables,
 )
 from wsnsim.recording.recovery import recover
-from wsnsim.recording.writer import ResultFile
+from wsnsim.recording.writer import MemoryResult, ResultFile
 
 __all__ = [
     "Folder",

@@ -4,8 +4,8 @@
     DIR/<point>/scenario.json       the point's scenario with every default
     DIR/<point>/r00000-00004.h5     its replicates 0 to 4; a file with this name is complete
     DIR/failed/<task>.txt           why a task failed
-    DIR/consolidated/runs.npz       the rows of all files, to be read at once; see `consolidated`
-    DIR/kept/                       answers that take long to compute; see `kept_answers`
+    DIR/consolidated/runs.rows      the rows of all files, to be read at once; see `kept`
+    DIR/kept/                       answers that take long to compute; see `kept`
     DIR/running/                    markers of running tasks; those of killed workers stay
 
 The existing files alone say which replicates are done.
@@ -25,9 +25,8 @@ from typing import Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import ResultError
 from wsnsim.base.regular_files import read_regular
-from wsnsim.recording.atomic_files import TEMPORARY, host, write_atomically, write_text_atomically
+from wsnsim.recording.atomic_files import TEMPORARY, host, remove_leftovers, write_atomically, write_text_atomically
 from wsnsim.recording.layout import SCHEMA_VERSION, demand_schema, reason
-from wsnsim.recording.leftovers import remove_leftovers
 from wsnsim.recording.reader import read_table, tables
 
 MANIFEST: Final = "campaign.json"
@@ -280,7 +279,7 @@ class Folder:
                 place.unlink(missing_ok=True)
 
     def remove_leftovers(self) -> None:
-        """Remove temporary files and markers of killed processes; see `leftovers`."""
+        """Remove temporary files and markers of killed processes; see `atomic_files`."""
         remove_leftovers(self.path)
 
 

@@ -1,17 +1,19 @@
 """Readers of a result file, which give NumPy arrays and text.
 
 Every function raises ResultError, with the file's name and the reason, if the file does not exist, is not a wsnsim
-result, is unfinished or damaged, or does not contain what is asked for.
+result, is unfinished or damaged, or does not contain what is asked for. So does a key of a stored JSON text that is
+missing or of another type.
 """
 
 from __future__ import annotations
 
 import difflib
+import json
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, final
 
 import h5py
 import numpy as np
@@ -22,10 +24,56 @@ from wsnsim.base.regular_files import why_not_regular
 from wsnsim.base.tables import TABLES
 from wsnsim.recording.contents import Content
 from wsnsim.recording.layout import KINDS, TEXTS, WRITING, demand_schema, reason
-from wsnsim.recording.object_headers import DamagedContent
-from wsnsim.recording.packed_rows import PackedRows, packed_rows
-from wsnsim.recording.stored_column import StoredColumn
-from wsnsim.recording.stored_json import parsed
+from wsnsim.recording.object_headers import DamagedContent, StoredColumn
+from wsnsim.recording.rows import PackedRows, packed_rows
+
+NUMBER: Final = (int, float)
+TYPES: Final[dict[str, tuple[type, ...]]] = {
+    "name": (str,), "seed": (int,), "replicates": (int,), "step": NUMBER, "duration": NUMBER,
+    "command_line": (str,), "python": (str,), "packages": (dict,), "git": (dict, type(None)), "commit": (str,),
+    "dirty": (bool,), "platform": (str,), "cpu_features": (list,), "plugins": (list,), "start": (str,), "end": (str,),
+    "engine": (str,), "overrides": (list,),
+}  # fmt: skip
+"""Types of keys that are read from the resolved scenario and from the provenance."""
+
+
+@final
+class StoredKeys(dict[str, Any]):
+    """A mapping of a stored text, whose missing keys raise ResultError. `of` says of which file and text."""
+
+    of = ""
+
+    def __missing__(self, key: str) -> Any:
+        raise ResultError(f"{self.of} has no key '{key}'")
+
+
+def parsed(text: str, what: str) -> StoredKeys:
+    """The mapping in a JSON text.
+
+    Args:
+        text: the text.
+        what: file and name of the text, as an error begins with it.
+
+    Raises:
+        ResultError: the text is no JSON, is no mapping, or a known key is of another type.
+    """
+    try:
+        values = json.loads(text, object_hook=StoredKeys)
+    except (ValueError, RecursionError) as error:
+        raise ResultError(f"{what} is not JSON: {error}") from error
+    if not isinstance(values, StoredKeys):
+        raise ResultError(f"{what} is no mapping of keys")
+    values.of = what
+    for holder in (values, values.get("git")):
+        for key, types in TYPES.items():
+            if isinstance(holder, StoredKeys) and not isinstance(holder.get(key, types[0]()), types):
+                raise ResultError(f"{what} has a key '{key}' of another type than wsnsim writes")
+    if not all(
+        isinstance(word, str) for key in ("cpu_features", "plugins", "overrides") for word in values.get(key, ())
+    ):
+        raise ResultError(f"{what} has a list of something else than texts")
+    return values
+
 
 DAMAGED: Final = (
     OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError, MemoryError, SystemError

@@ -17,11 +17,9 @@ import numpy as np
 
 from wsnsim.fitting.data_files import ReadingOptions, read_nodes, read_sample
 from wsnsim.fitting.estimation import FitOptions, fit_sample
-from wsnsim.fitting.fitted_law import figures
-from wsnsim.fitting.laws import LAWS
-from wsnsim.fitting.located_readings import LocatedReadings
+from wsnsim.fitting.fitted_law import LAWS, figures
+from wsnsim.fitting.located_readings import SAME_SHARE, LocatedReadings, share
 from wsnsim.fitting.result import Fit
-from wsnsim.fitting.shared_rows import SAME_SHARE, share
 from wsnsim.papers.toolkit import Bools, Floats, UsageError, open_text
 
 RECEIVERS: Final = "receivers.csv"
