@@ -163,7 +163,7 @@ def test_what_is_wrong_in_a_studys_file_is_said_with_its_place_and_the_nearest_n
 
 def test_a_variant_whose_scenario_is_wrong_is_said_with_its_place_before_anything_runs(edited):
     found = edited("[rkf, tracker.spread=true]", "[rkf, tracker.spraed=true]")
-    words = r"(?s)study.yaml:14:\d+: error: experiments.0.variants.rkf, spread: .*did you mean 'spread'"
+    words = r"(?s)study.yaml:15:\d+: error: experiments.0.variants.rkf, spread: .*did you mean 'spread'"
     with pytest.raises(ScenarioError, match=words):
         reproduce.plan(str(found.folder), found.experiments[0])
     study.cache_clear()
