@@ -17,9 +17,9 @@ from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.plugins import derive_all, normals, rows
 from wsnsim.testing import check_tracker
-from wsnsim.testing import missed_steps as missed_steps_check
-from wsnsim.testing.angles import demand_angles
-from wsnsim.testing.missed_steps import demand_missed_steps
+from wsnsim.testing import privacy as missed_steps_check
+from wsnsim.testing.privacy import demand_missed_steps
+from wsnsim.testing.whole_runs import demand_angles
 
 
 def wrapped(angles: Any) -> Any:

@@ -30,20 +30,14 @@ from wsnsim.base.requests import (
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import Lose, silent
-from wsnsim.testing.angles import demand_angles
-from wsnsim.testing.demand import demand, examined
-from wsnsim.testing.faults import check_fault
 from wsnsim.testing.isolation import Isolation
-from wsnsim.testing.macs import check_mac
-from wsnsim.testing.missed_steps import demand_missed_steps
+from wsnsim.testing.macs import check_mac, check_wakeup
+from wsnsim.testing.mechanisms import check_fault, check_sync, check_workload
 from wsnsim.testing.motions import check_motion
-from wsnsim.testing.privacy import examine, same
+from wsnsim.testing.privacy import demand_missed_steps, examine, same
 from wsnsim.testing.sensors import check_sensor
-from wsnsim.testing.synchronisation import check_sync
-from wsnsim.testing.table import FIRST, SECOND, Table, another, passed_on, track
-from wsnsim.testing.wakeups import check_wakeup
-from wsnsim.testing.whole_runs import demand_whole_runs
-from wsnsim.testing.workloads import check_workload
+from wsnsim.testing.table import FIRST, SECOND, Table, another, demand, examined, passed_on, track
+from wsnsim.testing.whole_runs import demand_angles, demand_whole_runs
 
 __all__ = [
     "Table",

@@ -8,7 +8,7 @@ from wsnsim.base.arrays import Floats, Keys
 from wsnsim.base.errors import RunError
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.rng import derive_all
-from wsnsim.testing.demand import demand, examined
+from wsnsim.testing.table import demand, examined
 
 STEPS = 40
 SAMPLES = 4000

@@ -10,7 +10,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.optional_ports import Detects
 from wsnsim.base.ports import SensorModel
 from wsnsim.base.vector_readings import components_of, near, periods_of, rows
-from wsnsim.testing.demand import demand, examined
+from wsnsim.testing.table import demand, examined
 
 SAMPLES = 2000
 WIDTH = 1e-5

@@ -7,12 +7,15 @@ estimates = list(passed_on(tracker, Table(motion, sensor, seed)))
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.border import checked
+from wsnsim.base.errors import PluginAnswerError
 from wsnsim.base.ports import Estimate, Field, ForecastsSuccession, MotionModel, Scene, SensorModel, Tracker
 from wsnsim.base.radio import PacketJoules
 from wsnsim.base.requests import Flow, Member, Request
@@ -20,6 +23,26 @@ from wsnsim.base.rng import component_noise, derive, derive_all
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.models.energy import FirstOrder
 from wsnsim.offline.loopback import Answer, Lose, perfect, perform
+
+Component = TypeVar("Component")
+
+
+@contextmanager
+def demand(name: str) -> Iterator[None]:
+    """Turn every exception into an AssertionError that names the demand."""
+    try:
+        yield
+    except (AssertionError, PluginAnswerError) as reason:
+        raise AssertionError(f"demand '{name}': {reason}") from reason
+    except Exception as reason:
+        raise AssertionError(f"demand '{name}': {type(reason).__name__} was raised: {reason}") from reason
+
+
+def examined(component: Component, port: type, columns: int | None = None) -> Component:
+    """The component, whose answers are checked from now on as those of plug-ins are in every run."""
+    with demand("answers"):
+        return checked(component, port, columns)
+
 
 DT = 0.04
 FARTHEST = 100.0
