@@ -246,4 +246,4 @@ def test_swapping_any_two_receivers_changes_every_result_and_nearly_always_for_t
         moved = [{**text, "deploy": {**text["deploy"], "path": path}} for text in texts.values()]
         after.append([wsnsim.experiment.simulate_run(text).run["rmse"] for text in moved])
     assert np.shape(after) == (len(pairs), len(tracks)) and (np.array(after) != before).all()
-    assert (np.mean(after, axis=1) > np.mean(before)).mean() >= (0.9 if len(tracks) > 1 else 0.75)
+    assert (np.mean(after, axis=1) > np.mean(before)).mean() >= (60 / 66 if len(tracks) > 1 else 50 / 66)

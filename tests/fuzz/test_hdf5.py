@@ -141,18 +141,19 @@ def test_the_texts_of_an_attribute_are_bounded_together_before_they_are_allocate
 
 
 @pytest.mark.thorough
-def test_an_index_of_very_many_chunks_is_refused_before_hdf5_visits_each(intact: bytes) -> None:
+@pytest.mark.parametrize("column", ["time", "px"])
+def test_an_index_of_very_many_chunks_is_refused_before_hdf5_visits_each(intact: bytes, column: str) -> None:
     """The column states few rows, and its index, as HDF5 writes it when the column was shortened, all of before."""
     Path("x.h5").write_bytes(intact)
     with h5py.File("x.h5", "r+", libver="latest") as file:
         table = file["truth"]
-        rows, kept = table["px"].size, dict(table["px"].attrs)
-        del table["px"]
+        rows, kept = table[column].size, dict(table[column].attrs)
+        del table[column]
         options = {"dtype": "f8", "maxshape": (None,), "chunks": (rows,), "compression": "gzip"}
-        table.create_dataset("px", shape=(rows * 10**8,), **options)[-1] = 1.0
-        table["px"].resize((rows,))
-        table["px"][...] = 1.0
-        table["px"].attrs.update(kept)
+        table.create_dataset(column, shape=(rows * 10**8,), **options)[-1] = 1.0
+        table[column].resize((rows,))
+        table[column][...] = 1.0
+        table[column].attrs.update(kept)
     for read in (tables, lambda path: read_table(path, "truth"), lambda path: read_with_meanings(path, "truth")):
         with pytest.raises(ResultError, match=r"x\.h5: cannot be read: values are stored in a newer way than wsnsim"):
             read("x.h5")

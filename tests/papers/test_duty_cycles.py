@@ -357,7 +357,7 @@ def test_points_without_an_error_leave_the_axis_of_errors_to_the_others():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("whole", [LI], ids=["li"])
+@pytest.mark.parametrize("whole", [LI, JIANG], ids=["li", "jiang"])
 def test_a_few_short_runs_give_rows_answers_and_figures(whole, tmp_path, monkeypatch):
     kept = [name for name in whole.variants if points.tracker_of(name) in ("gmtt", "ris", "ekf")]
     claims = tuple(one for one in whole.claims if one.variant in kept)
