@@ -3,10 +3,13 @@
 Nothing is imported here that takes time: Ctrl-C before `main` prints the traceback of Python's own start.
 """
 
+import atexit
 import contextlib
+import gc
 import os
 import signal
 import sys
+import threading
 
 
 def main() -> int:
@@ -15,9 +18,22 @@ def main() -> int:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup and shells want it
             signal.signal(number, _end)
+    gc.disable()  # what is imported stays
     from wsnsim.cli import main as perform
 
-    return perform()
+    gc.enable()
+    return _leave(perform())
+
+
+def _leave(code: int) -> int:
+    """End the process without freeing each object, which takes longer than a short run; else return the exit code."""
+    if threading.active_count() == 1:  # otherwise the interpreter waits for the others
+        with contextlib.suppress(OSError, ValueError):  # what cannot be written is the interpreter's to report
+            atexit._run_exitfuncs()
+            for stream in filter(None, (sys.stdout, sys.stderr)):
+                stream.flush()
+            os._exit(code)
+    return code
 
 
 def _end(number: int, _: object) -> None:

@@ -91,6 +91,9 @@ def gc_disabled() -> Iterator[None]:
     try:
         yield
     finally:
+        if was_on and not gc.get_freeze_count():
+            gc.freeze()
+            gc.unfreeze()  # to the oldest generation, where they are not looked through at once
         if was_on:
             gc.enable()
 

@@ -1,4 +1,4 @@
-"""A signal while Python still imports the command line ends the process as one that comes later: no traceback."""
+"""The first and the last moment of a command: a signal while Python imports it, and the end of its process."""
 
 from __future__ import annotations
 
@@ -40,3 +40,12 @@ def test_a_signal_during_the_imports_is_one_line(
     tmp_path: Path, words: tuple[str, ...], name: str, code: int, said: str
 ) -> None:
     assert interrupted(tmp_path, name, *words) == (code, "", f"wsnsim: error: {said}\n")
+
+
+@pytest.mark.parametrize("other", ["", "threading.Thread(target=lambda: (time.sleep(0.1), print('last'))).start()"])
+def test_what_was_registered_for_the_end_and_other_threads_do_their_work(other: str) -> None:
+    code = f"import atexit, threading, time; atexit.register(print, 'kept'); {other}\n{SCRIPT}"
+    words = [sys.executable, "-c", code, "run", "no_scenario.yaml"]
+    ended = subprocess.run(words, capture_output=True, text=True, timeout=50, check=False, cwd=HOME)
+    assert (ended.returncode, ended.stdout) == (2, "last\nkept\n" if other else "kept\n")
+    assert ended.stderr.startswith("no_scenario.yaml: error: file not found")
