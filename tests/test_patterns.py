@@ -41,8 +41,8 @@ FOREIGN = {
     ("scenario.sweep", "'^\\\\W|[^\\\\w.\\\\-]'"): ("search", ".a b"),
     ("papers.reproduction", "FIELD"): ("fullmatch", "rmse[gpf: 5 %].measured"),
     ("recording.layout", "\"error message = '([^']*+)'\""): ("search", "a error message = 'b' c"),
-    ("base.synonyms", "'(?<=[a-z])(?=[A-Z])'"): ("search", "aWord"),
-    ("base.synonyms", "'[\\\\s.\\\\-/]+'"): ("search", "a . b"),
+    ("base.errors", "'(?<=[a-z])(?=[A-Z])'"): ("search", "aWord"),
+    ("base.errors", "'[\\\\s.\\\\-/]+'"): ("search", "a . b"),
     ("analysis.frames", "'\\\\W'"): ("search", "a b"),
     ("analysis.frames", "'[A-Za-z]'"): ("match", "a"),
 }

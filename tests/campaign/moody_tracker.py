@@ -24,7 +24,7 @@ from typing import Annotated
 import numpy as np
 
 import wsnsim
-from wsnsim.base.progress import tracked
+from wsnsim.base.runs import tracked
 from wsnsim.base.rng import HEAD_KEY, Streams, derive
 from wsnsim.campaign.task import TaskOutcome
 

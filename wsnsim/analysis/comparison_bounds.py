@@ -18,8 +18,8 @@ import numpy as np
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.comparison import Comparison
 from wsnsim.base.errors import WsnsimError
-from wsnsim.base.progress import tracked
-from wsnsim.base.regular_files import read_regular
+from wsnsim.base.files import read_regular
+from wsnsim.base.runs import tracked
 from wsnsim.bounds import bound
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept import KEPT, KeptAnswers

@@ -14,8 +14,8 @@ from __future__ import annotations
 import copy
 import inspect
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache, partial
 from operator import attrgetter
 from typing import Any, Final, TypeVar, cast
@@ -23,16 +23,15 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 
 from wsnsim.base import (
-    clustering,
     mac_mechanisms,
     mechanisms,
     medium_access,
+    network_ports,
     optional_ports,
     ports,
     radio,
     sleeping,
     standalone,
-    synchronisation,
 )
 from wsnsim.base.answers import (
     CHOICES,
@@ -41,15 +40,18 @@ from wsnsim.base.answers import (
     SHAPES,
     SIGNED,
     ExpectedAnswer,
+    cycles_fault,
     fault_of,
     ids_fault,
     is_protocol,
     number_fault,
+    parcel_fault,
+    request_fault,
     told,
 )
-from wsnsim.base.checked_flows import checked_flow
 from wsnsim.base.errors import PluginAnswerError, WsnsimError
-from wsnsim.base.plugin_code import code_place, plugin_fault
+from wsnsim.base.plugin_code import code_place, line_place, plugin_fault
+from wsnsim.base.requests import Flow, Gather, Local, Member, Parcel, Request
 from wsnsim.base.setups import Setup, TrackingSetup
 
 _SIZES: Final = ("positions.__len__", "size.__int__", "radio.nodes.size.__int__", "_nodes.size.__int__")
@@ -113,18 +115,17 @@ class CheckedServices:
 Component = TypeVar("Component")
 SetupKind = TypeVar("SetupKind", bound=Setup)
 _MODULES: Final = (
-    ports, optional_ports, clustering, radio, medium_access, sleeping, synchronisation, mechanisms, mac_mechanisms,
-    standalone,
+    ports, optional_ports, network_ports, radio, medium_access, sleeping, mechanisms, mac_mechanisms, standalone,
 )  # fmt: skip
 NAMES: Final[Mapping[str, Any]] = {name: value for module in _MODULES for name, value in vars(module).items()}
 """What the annotations of ports may name."""
 _OF_ROLES: Final[Mapping[type, tuple[type, ...]]] = {
-    mechanisms.StartsFault: (radio.FaultEvent,),
+    mechanisms.StartsFault: (network_ports.FaultEvent,),
     mechanisms.StartsWakeUp: (sleeping.WakeUp,),
-    mechanisms.StartsWorkload: (radio.Workload,),
-    synchronisation.StartsSync: (synchronisation.TimeSync,),
-    mac_mechanisms.StartsMac: (radio.Mac,),
-    radio.HasSeveralSinks: (radio.Sink, radio.Workload),
+    mechanisms.StartsWorkload: (network_ports.Workload,),
+    mechanisms.StartsSync: (mechanisms.TimeSync,),
+    mac_mechanisms.StartsMac: (medium_access.Mac,),
+    network_ports.HasSeveralSinks: (network_ports.Sink, network_ports.Workload),
 }
 """The roles of optional ports whose members, such as `start`, mean something else in other roles."""
 _OPTIONAL: Final = [
@@ -266,3 +267,75 @@ def _offers(kind: type, port: type) -> bool:
 
 def _has(kind: type, name: str) -> bool:
     return hasattr(kind, name) or name in getattr(kind, "__dataclass_fields__", {})
+
+
+MOST_REQUESTS: Final = 10_000
+"""Of one flow: shipped trackers make at most a few dozen. A flow with more would hardly ever end."""
+
+
+def checked_flow(tracker: Any, name: str) -> Callable[..., Flow[Any]]:
+    """Return a method of a tracker whose requests are checked before they are performed, and whose belief is."""
+    method, who = getattr(tracker, name), f"{type(tracker).__name__}.{name}"
+
+    def flow(*arguments: Any, **options: Any) -> Flow[Any]:
+        made = method(*arguments, **options)
+        if not isinstance(made, Generator):
+            fault = told("a generator, a function with yield", made)
+            raise PluginAnswerError(f"{who}: {fault}", code_place(type(tracker), name))
+        belief = yield from _performed(made, who)
+        if belief is None and name != "hand_over":
+            raise PluginAnswerError(f"{who}: {told('a belief', None)}", code_place(type(tracker), name))
+        return belief
+
+    return flow
+
+
+def _performed(made: Flow[Any], who: str) -> Flow[Any]:
+    """Pass on the requests of a flow, and the answers to it."""
+    answer, count = None, 0
+    try:
+        while True:
+            place = line_place(made)
+            try:
+                request = made.send(answer)
+            except StopIteration as end:
+                return end.value
+            except GeneratorExit as reason:
+                said = f"{who} raises GeneratorExit, by which the network ends a flow from outside"
+                raise PluginAnswerError(said, place) from reason
+            count += 1
+            if fault := _too_many(count) or request_fault(request):
+                raise PluginAnswerError(f"{who}: {fault}", line_place(made))
+            try:
+                answer = yield _with_checked_functions(request, who, line_place(made))
+            except PluginAnswerError as refused:  # by the driver
+                raise PluginAnswerError(f"{who}: {refused.said}", line_place(made)) from refused
+    finally:
+        made.close()
+
+
+def _too_many(count: int) -> str:
+    return f"more than {MOST_REQUESTS:,} requests in one step: does it end?" if count > MOST_REQUESTS else ""
+
+
+def _with_checked_functions(request: Request, who: str, place: str) -> Request:
+    """The request; what the functions of a Local or a Gather return is checked for each member."""
+    if isinstance(request, Local) and callable(request.cycles):
+        return replace(request, cycles=_checked(request.cycles, cycles_fault, f"{who}: Local", place))
+    if isinstance(request, Gather):
+
+        def fault(parcel: Parcel | None) -> str:
+            return "" if parcel is None else parcel_fault(parcel)
+
+        return replace(request, parcel_of=_checked(request.parcel_of, fault, f"{who}: Gather", place))
+    return request
+
+
+def _checked(function: Callable[[Member], Any], fault_of: Callable[[Any], str], who: str, place: str) -> Any:
+    def checked(member: Member) -> Any:
+        answer = function(member)
+        if fault := fault_of(answer):
+            raise PluginAnswerError(f"{who}: node {member.id}: {fault}", place)
+        return answer
+
+    return checked

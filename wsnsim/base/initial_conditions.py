@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.arrays import Estimate, Floats, planar
 from wsnsim.base.errors import RunError, plugin_faults_of_run
-from wsnsim.base.ports import Continuous, Estimate, MotionModel, MovesInSpace, SensorModel
+from wsnsim.base.optional_ports import Continuous, MovesInSpace
+from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.rng import Streams, derive_all, normals
 from wsnsim.base.sensing import HEIGHT, recorded_traits
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup

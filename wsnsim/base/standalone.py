@@ -10,8 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from wsnsim.base.arrays import Floats, Ints, Keys
-from wsnsim.base.estimate import Estimate
+from wsnsim.base.arrays import Estimate, Floats, Ints, Keys
 from wsnsim.base.ports import MotionModel, SensorModel
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from wsnsim.base.errors import UsageError, printable
-from wsnsim.base.regular_files import why_not_regular
+from wsnsim.base.files import why_not_regular
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.live import LiveOptions, campaign_shown_live
 from wsnsim.cli.progress import CAMPAIGN, display, duration

@@ -19,7 +19,7 @@ from typing import Any
 
 import wsnsim.campaign as campaign
 from wsnsim.base.errors import ScenarioError, UsageError, did_you_mean
-from wsnsim.base.progress import tracked
+from wsnsim.base.runs import tracked
 from wsnsim.campaign.local_engine import LocalEngine, available_cores
 from wsnsim.papers.answers import answered
 from wsnsim.papers.measures import VARIANT, Data

@@ -15,7 +15,7 @@ from wsnsim.scenario.plugin_access import Plugins
 from wsnsim.scenario.registry import ROLES, kinds, load_class
 
 if TYPE_CHECKING:
-    from wsnsim.base.ports import Deployment
+    from wsnsim.base.network_ports import Deployment
     from wsnsim.base.setups import RadioSetup, Setup, TrackingSetup
     from wsnsim.scenario.schema import Scenario
 
@@ -55,8 +55,8 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
 
 def _readings_not_taken(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for readings with several components, or with angles, that the scenario cannot do with."""
+    from wsnsim.base.arrays import components_of, periods_of
     from wsnsim.base.setups import NetworkSetup
-    from wsnsim.base.vector_readings import components_of, periods_of
 
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     names, allowed = components_of(setup.filter_sensor), scenario.spot(("tracker", "kind")).origin.plugins

@@ -16,7 +16,7 @@ from typing import Any, Final, cast, get_args
 from pydantic import Field, ValidationError, create_model
 
 from wsnsim.base.errors import Issue
-from wsnsim.base.regular_files import file_digest
+from wsnsim.base.files import file_digest
 from wsnsim.scenario.datasheets import with_fields, with_radio
 from wsnsim.scenario.fields import Inner, PartError, PartModel, described, names_of, roles_of
 from wsnsim.scenario.located_values import (

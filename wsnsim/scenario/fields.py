@@ -45,7 +45,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from wsnsim.base import ports, radio, sleeping, synchronisation
+from wsnsim.base import mechanisms, medium_access, network_ports, ports, radio, sleeping
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import OfRole, Quantity
 from wsnsim.scenario.registry import ROLES, load_class
@@ -317,7 +317,7 @@ def _field(field: dataclasses.Field[Any], hint: Any) -> tuple[Any, Any]:
     return annotation, Field(description=" ".join(piece for piece in (about.words, unit) if piece) or None, **default)
 
 
-PORT_MODULES: Final = (ports, radio, sleeping, synchronisation)
+PORT_MODULES: Final = (ports, network_ports, radio, medium_access, sleeping, mechanisms)
 
 
 def demand_port(part: type[Any], role: str) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from wsnsim.base.errors import Issue
-from wsnsim.base.regular_files import read_regular, why_not_regular
+from wsnsim.base.files import read_regular, why_not_regular
 
 LARGEST_FILE: Final = 10_000_000
 SUFFIXES: Final = (".yaml", ".yml")

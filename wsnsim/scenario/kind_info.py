@@ -23,8 +23,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from wsnsim.base.data_tables import read_sections
 from wsnsim.base.errors import UsageError
+from wsnsim.base.files import read_sections
 from wsnsim.base.plugin_code import PluginImport, announce
 from wsnsim.scenario.examples import Example, example_of
 from wsnsim.scenario.fields import PartError, fields_of

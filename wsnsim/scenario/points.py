@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import Issue, ScenarioError
-from wsnsim.base.regular_files import read_regular
+from wsnsim.base.files import read_regular
 from wsnsim.scenario import axes as shapes
 from wsnsim.scenario.axes import Axes, InvalidAxis, Sampling, Settings
 from wsnsim.scenario.build import build, resolved

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.data_tables import read_sections
 from wsnsim.base.errors import UsageError, did_you_mean, nearest, shortened
+from wsnsim.base.files import read_sections
 from wsnsim.base.plugin_code import note_plugin, plugin_fault
 from wsnsim.base.process import streams_kept_open
 

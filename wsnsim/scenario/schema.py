@@ -24,8 +24,8 @@ from pydantic import (
 )
 
 from wsnsim.base import metrics
+from wsnsim.base.files import LARGEST_NAME, LONGEST_ADDITION, is_too_long
 from wsnsim.base.part import Quantity
-from wsnsim.base.regular_files import LARGEST_NAME, LONGEST_ADDITION, is_too_long
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
 from wsnsim.scenario.fields import (
     FROZEN,

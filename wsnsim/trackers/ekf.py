@@ -13,12 +13,11 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, planar
+from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation, Ints, near, planar, rows
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import NO_INNOVATION, Estimate, Innovation, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
-from wsnsim.base.vector_readings import near, rows
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.gains import Gains, gain_prior, gains_before, no_gains
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter

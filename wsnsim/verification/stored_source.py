@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from wsnsim.base.errors import ScenarioError
-from wsnsim.base.leaves import differing_leaves
+from wsnsim.scenario.build import differing_leaves
 from wsnsim.scenario.build import resolved as resolved_of
 from wsnsim.scenario.check import is_path
 from wsnsim.scenario.files import shipped
