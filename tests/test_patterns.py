@@ -30,7 +30,7 @@ FOREIGN = {
     ("scenario.units", "'([/*])'"): ("search", "m / s * s"),
     ("scenario.axes", "WRITTEN"): ("fullmatch", "1.5e3  m"),
     ("scenario.schema", "SAFE_CHARACTERS"): ("fullmatch", "a-b.c"),
-    ("scenario.files", "SHEET"): ("search", "sheet : radio"),
+    ("scenario.texts", "SHEET"): ("search", "sheet : radio"),
     ("scenario.reader", "INT"): ("fullmatch", "-120"),
     ("scenario.reader", "FLOAT"): ("fullmatch", "-12.5e+3"),
     ("scenario.reader", "BOOL"): ("fullmatch", "true"),

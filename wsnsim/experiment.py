@@ -47,7 +47,7 @@ from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.offline.offline_run import OfflineRun
 from wsnsim.recording import MemoryResult, ResultFile, provenance
 from wsnsim.scenario import Overrides, Plugins
-from wsnsim.scenario.files import is_result
+from wsnsim.scenario.texts import is_result
 from wsnsim.stored_scenario import scenario_of_result
 
 __all__ = [

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.campaign.task import _scenario
-from wsnsim.scenario.plugin_access import PluginAccess, Plugins
-from wsnsim.scenario.schema import part_model
+from wsnsim.scenario.fields import part_model
+from wsnsim.scenario.registry import PluginAccess, Plugins
 
 MODULE = '''
 import ctypes

@@ -15,9 +15,9 @@ from tests.helpers.scenario_components import base_scenario, faults_of, kind
 from wsnsim import scenario
 from wsnsim.base.errors import UsageError
 from wsnsim.scenario.examples import template
+from wsnsim.scenario.fields import part_model
 from wsnsim.scenario.json_schema import json_schema
 from wsnsim.scenario.registry import ROLES, Kind, find, kinds, load_class, role_named
-from wsnsim.scenario.schema import part_model
 
 ROWS = [(role.name, row) for role in ROLES.values() for row in role.kinds]
 

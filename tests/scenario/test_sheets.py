@@ -13,10 +13,10 @@ from tests.helpers.files import write_yaml
 from tests.helpers.scenario_components import base_scenario, faults_of, kind
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
+from wsnsim.base.part import names_of, nested_of
 from wsnsim.scenario import datasheets
-from wsnsim.scenario.fields import names_of, nested_of
-from wsnsim.scenario.files import sheets, shipped_parts
 from wsnsim.scenario.registry import ROLES, load_class
+from wsnsim.scenario.texts import sheets, shipped_parts
 
 TINY = "sheet: radio\nname: Tiny\nrate: 10 kbit/s\nsleep: 2 uW\nsources:\n  sleep: datasheet, p. 3\n"
 MADE = scenario_components.Sheet(name="Tiny", rate=1e4, sleep=2e-6)

@@ -24,7 +24,7 @@ from wsnsim.bounds import bound
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept import KEPT, KeptAnswers
 from wsnsim.scenario import Plugins, load, plugins
-from wsnsim.scenario.plugin_access import refused
+from wsnsim.scenario.registry import refused
 
 MOST: Final = 100
 """Runs whose trajectories count at most: more change only the third digit."""

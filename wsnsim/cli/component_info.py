@@ -18,7 +18,7 @@ from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.cli.listing import paragraph, table, wrapped_table
 from wsnsim.scenario import datasheets
-from wsnsim.scenario.files import find_or_none, find_sheet, sheet_of
+from wsnsim.scenario.texts import find_or_none, find_sheet, sheet_of
 
 if TYPE_CHECKING:
     from wsnsim.base.setups import RadioSetup
@@ -202,7 +202,7 @@ def _row(name: str, value: object, unit: str, description: str) -> InfoRow:
 
 def _fields(component: object, prefix: str = "") -> Iterator[InfoRow]:
     """A component's parameters; those of a nested component have its field's name as a prefix."""
-    from wsnsim.scenario.fields import abouts_of, nested_of
+    from wsnsim.base.part import abouts_of, nested_of
 
     kind: Any = type(component)
     nested = nested_of(kind)

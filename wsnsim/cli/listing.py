@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.scenario import shipped
-from wsnsim.scenario.files import sheet_of, shipped_parts, shipped_sweeps
 from wsnsim.scenario.registry import ROLES, Kind, Role, kinds, role_named
+from wsnsim.scenario.texts import sheet_of, shipped_parts, shipped_sweeps
 
 COLUMNS: Final = ("kind", "idea", "paper")
 WIDEST: Final = 100

@@ -226,7 +226,7 @@ def command_line() -> str:
 @gc_disabled()
 def loaded(source: str, overrides: Sequence[str], plugins: bool) -> Scenario:
     """The scenario of a file or name, or the scenario stored in a result, which may name installed plug-ins only."""
-    from wsnsim.scenario.files import is_result
+    from wsnsim.scenario.texts import is_result
 
     if not is_result(source):
         from wsnsim.scenario import load

@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Final
 
 from wsnsim.base.errors import Issue, RunError
-from wsnsim.scenario.plugin_access import Plugins
-from wsnsim.scenario.registry import ROLES, kinds, load_class
+from wsnsim.scenario.registry import ROLES, Plugins, kinds, load_class
 
 if TYPE_CHECKING:
     from wsnsim.base.network_ports import Deployment

@@ -19,9 +19,8 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 
 from wsnsim.base.errors import Issue
-from wsnsim.scenario.fields import described
-from wsnsim.scenario.located_values import Keys, LocatedValue, assigned, child, dotted, plain, sequence
-from wsnsim.scenario.units import NUMBER, shown
+from wsnsim.scenario.texts import Keys, LocatedValue, dotted
+from wsnsim.scenario.units import NUMBER, described, shown
 
 Settings: TypeAlias = tuple[tuple[Keys, LocatedValue], ...]
 """The assignments of one point."""
@@ -102,16 +101,16 @@ def values_of(node: LocatedValue, path: Keys) -> list[LocatedValue]:
     if isinstance(node.value, dict) and any(name in node.value for name in RANGES):
         return _spaced(node)
     example = "[100, 200], {range: [0, 1], count: 5} or {log_range: [1, 100], count: 5}"
-    raise InvalidAxis(node, f"expected values such as {example}, got {described(plain(node))}")
+    raise InvalidAxis(node, f"expected values such as {example}, got {described(node.plain())}")
 
 
 def of_reals(node: LocatedValue) -> LocatedValue:
     """Return the axis with real numbers as ends of its range, so that the values between are not rounded."""
     changed = node
     for name in RANGES:
-        ends = child(node, name)
+        ends = node.child(name)
         if ends is not None and isinstance(ends.value, list):
-            changed = assigned(changed, (name,), sequence([_real(end) for end in ends.value], ends.spot))
+            changed = changed.assigned((name,), LocatedValue([_real(end) for end in ends.value], ends.spot))
     return changed
 
 
@@ -177,7 +176,7 @@ def _placed(draw: Sampling, uniforms: np.ndarray) -> list[Settings]:
     points: dict[str, Settings] = {}
     for row in uniforms.tolist():
         nodes = [pick(share) for pick, share in zip(pickers, row, strict=True)]
-        points.setdefault(repr([plain(node) for node in nodes]), tuple(zip(draw.over, nodes, strict=True)))
+        points.setdefault(repr([node.plain() for node in nodes]), tuple(zip(draw.over, nodes, strict=True)))
     return list(points.values())
 
 
@@ -199,7 +198,7 @@ def _spaced(node: LocatedValue) -> list[LocatedValue]:
     span = _span(node)
     count = _count(node, span)
     demand_few(count, node)
-    step = child(node, "step")
+    step = node.child("step")
     if step is None:
         values = [span.at(i / (count - 1) if count > 1 else 0.0) for i in range(count)]
     else:
@@ -211,13 +210,13 @@ def _spaced(node: LocatedValue) -> list[LocatedValue]:
 
 def _count(node: LocatedValue, span: Span) -> int:
     """Return the number of values of a range: `count`, or what `step` gives."""
-    count, step = child(node, "count"), child(node, "step")
+    count, step = node.child("count"), node.child("step")
     if (count is None) == (step is None):
         raise InvalidAxis(node, "a range needs either 'count' (number of values) or 'step' (distance between them)")
     if count is not None:
         number = count.value
         if isinstance(number, bool) or not isinstance(number, int) or number < 1:
-            raise InvalidAxis(count, f"expected a whole number of at least 1, got {described(plain(count))}")
+            raise InvalidAxis(count, f"expected a whole number of at least 1, got {described(count.plain())}")
         return number
     assert step is not None
     if span.logarithmic:
@@ -238,7 +237,7 @@ def _span(node: LocatedValue) -> Span:
         raise InvalidAxis(node.value[strange[0]].node, f"unknown key {shown(strange[0])} in a range (count or step)")
     ends = node.value[name].node
     if not isinstance(ends.value, list) or len(ends.value) != 2:
-        raise InvalidAxis(ends, f"expected [low, high], got {described(plain(ends))}")
+        raise InvalidAxis(ends, f"expected [low, high], got {described(ends.plain())}")
     (low, unit, whole), (high, other, also) = (_number(end, "an end of a range") for end in ends.value)
     if unit != other:
         raise InvalidAxis(ends, f"both ends need one unit, not '{unit or 'none'}' and '{other or 'none'}'")
@@ -257,7 +256,7 @@ def _number(node: LocatedValue, what: str) -> tuple[float, str, bool]:
     match = WRITTEN.fullmatch(value.strip()) if isinstance(value, str) else None
     number = float(match[1].replace(".inf", "inf")) if match else math.nan
     if match is None or not abs(number) <= LARGEST:
-        raise InvalidAxis(node, f"{what} is a finite number, with a unit or without, not {described(plain(node))}")
+        raise InvalidAxis(node, f"{what} is a finite number, with a unit or without, not {described(node.plain())}")
     return number, match[2], False
 
 
@@ -279,9 +278,9 @@ def _walk(node: LocatedValue, path: Keys) -> Iterator[tuple[Keys, LocatedValue]]
 def _refuse_twins(nodes: Sequence[LocatedValue]) -> None:
     seen: dict[str, Any] = {}
     for node in nodes:
-        text = repr(plain(node))
+        text = repr(node.plain())
         if text in seen:
-            raise InvalidAxis(node, f"{shown(plain(node))} is in the list twice")
+            raise InvalidAxis(node, f"{shown(node.plain())} is in the list twice")
         seen[text] = node
 
 

@@ -11,46 +11,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from wsnsim.base.errors import Issue, ScenarioError, UsageError, shown_value
+from wsnsim.base.errors import Issue, ScenarioError, UsageError
 from wsnsim.scenario.abilities import impossible_combinations, kinds_with, missing_abilities
 from wsnsim.scenario.registry import AT_TOP, ROLES, Role, find
+from wsnsim.scenario.texts import Keys, in_order
 
 if TYPE_CHECKING:
     from wsnsim.base.setups import BeaconSetup, TrackingSetup
     from wsnsim.scenario.schema import Scenario
-
-
-def demand_scenario(value: Any) -> None:
-    """Refuse what is no scenario."""
-    from wsnsim.scenario.schema import Scenario
-
-    if not isinstance(value, str | Path | Mapping | Scenario):
-        raise UsageError(
-            "scenario: expected the name of a scenario, a file, a dict, or what wsnsim.load returned, got "
-            + _shown(value)
-        )
-
-
-def demand_loaded(value: Any) -> None:
-    """Refuse what is not a loaded scenario."""
-    from wsnsim.scenario.schema import Scenario
-
-    if not isinstance(value, Scenario):
-        raise UsageError(f"scenario: expected what wsnsim.load returned, got {_shown(value)}")
-
-
-def _shown(value: Any) -> str:
-    """A value as a message shows it; of a result, also where its scenario is."""
-    from wsnsim.scenario.schema import Scenario
-
-    held = isinstance(getattr(value, "scenario", None), Scenario)
-    return shown_value(value) + (" (its attribute `scenario` is one)" if held else "")
-
-
-Keys = tuple[str | int, ...]
 
 
 def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
@@ -68,9 +38,10 @@ def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
         PluginAnswerError: a plug-in's component is not what its port says. Its answers are checked from now on.
     """
     from wsnsim.base.border import checked_setup
-    from wsnsim.scenario.located_values import in_order
+    from wsnsim.scenario.schema import Scenario, shown_scenario
 
-    demand_loaded(scenario)
+    if not isinstance(scenario, Scenario):
+        raise UsageError(f"scenario: expected what wsnsim.load returned, got {shown_scenario(scenario)}")
     components, issues = _built(scenario)
     issues += _too_short(scenario)
     if issues:
@@ -121,7 +92,7 @@ def _models(scenario: Scenario) -> list[tuple[Role, Keys, Any]]:
 
 def _kinds_in(role: str, model: Any) -> Iterator[tuple[str, str]]:
     """Yield (role, kind) of a model and of the components within it."""
-    from wsnsim.scenario.fields import roles_of
+    from wsnsim.base.part import roles_of
 
     yield role, model.kind
     for field, inner in roles_of(model.part).items():
@@ -132,7 +103,7 @@ def _kinds_in(role: str, model: Any) -> Iterator[tuple[str, str]]:
 
 def _built(scenario: Scenario) -> tuple[dict[Keys, Any], list[Issue]]:
     """Return every component by its path, and the issues raised by the classes themselves."""
-    from wsnsim.scenario.schema import InvalidComponent, built
+    from wsnsim.scenario.fields import InvalidComponent, built
 
     components: dict[Keys, Any] = {}
     issues = []

@@ -13,9 +13,9 @@ from pydantic import BaseModel, Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
 
 from wsnsim.scenario.build import plain_json
-from wsnsim.scenario.fields import PartError, PartModel
+from wsnsim.scenario.fields import PartError, PartModel, part_model
 from wsnsim.scenario.registry import AT_TOP, ROLES, kinds
-from wsnsim.scenario.schema import WITHOUT_TARGETS, Scenario, part_model
+from wsnsim.scenario.schema import WITHOUT_TARGETS, Scenario
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 REF = "#/$defs/"

@@ -244,7 +244,7 @@ def _roles(word: str) -> list[Role]:
 
 def _plugin(path: str) -> list[tuple[str, str]]:
     """Return the roles that the class at a dotted path can play."""
-    from wsnsim.scenario.schema import part_model
+    from wsnsim.scenario.fields import part_model
 
     search([""])
     announce(PluginImport("info", path, path.partition(":")[0], ""))

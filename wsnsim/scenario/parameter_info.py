@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
-from wsnsim.base.part import Quantity
-from wsnsim.scenario.fields import names_of, nested_of, roles_of
+from wsnsim.base.part import Quantity, names_of, nested_of, roles_of
 
 DIMENSIONLESS: Final = "dimensionless"
 

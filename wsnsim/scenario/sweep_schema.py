@@ -16,9 +16,9 @@ from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import Quantity
 from wsnsim.base.tables import METRICS
 from wsnsim.scenario.axes import MOST_POINTS
-from wsnsim.scenario.fields import FROZEN, Number, Strict, refusal
+from wsnsim.scenario.fields import FROZEN
 from wsnsim.scenario.schema import unsafe_name
-from wsnsim.scenario.units import shown
+from wsnsim.scenario.units import Number, Strict, refusal, shown
 
 BLOCK: Final = 5
 MOST_REPLICATES: Final = 100_000
