@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.errors import Issue as Issue
     from wsnsim.base.frames import Burst as Burst, MacFrame as MacFrame, OfferedFrame as OfferedFrame
+    from wsnsim.base.initial_conditions import (
+        BlockEstimates as BlockEstimates, StandaloneBlock as StandaloneBlock, StandaloneRun as StandaloneRun,
+        WholeRuns as WholeRuns,
+    )
     from wsnsim.base.mac_mechanisms import (
         ExpectsMembers as ExpectsMembers, FollowsRestarts as FollowsRestarts, Fragmenter as Fragmenter,
         KeepsIdleSlots as KeepsIdleSlots, Listening as Listening, MacMechanism as MacMechanism,
@@ -77,10 +81,6 @@ if TYPE_CHECKING:
     from wsnsim.base.sleeping import (
         Decision as Decision, SleepSchedule as SleepSchedule, WakeUp as WakeUp, WakeUpMessage as WakeUpMessage,
         WakeUpPlan as WakeUpPlan, WakeUpRadio as WakeUpRadio, WakeUpRound as WakeUpRound,
-    )
-    from wsnsim.base.standalone import (
-        BlockEstimates as BlockEstimates, StandaloneBlock as StandaloneBlock, StandaloneRun as StandaloneRun,
-        WholeRuns as WholeRuns,
     )
     from wsnsim.base.tables import Recorder as Recorder, Words as Words
     from wsnsim.models.access import Framed as Framed

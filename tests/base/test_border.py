@@ -29,7 +29,7 @@ from wsnsim.experiment import simulate_run
 from wsnsim.models.links import Disk
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range
-from wsnsim.scenario import registry, schema
+from wsnsim.scenario import fields, registry
 from wsnsim.trackers.ekf import ExtendedKalman
 
 NAN = float("nan")
@@ -450,7 +450,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(registry, "SEARCHED", [])
     monkeypatch.delitem(sys.modules, "lab", raising=False)
-    schema.part_model.cache_clear()
+    fields.part_model.cache_clear()
 
 
 @pytest.mark.usefixtures("lab")

@@ -11,8 +11,8 @@ import pytest
 from wsnsim.base.tables import TABLES
 from wsnsim.cli.shared import group
 from wsnsim.scenario.datasheets import datasheet
-from wsnsim.scenario.json_schema import json_schema
 from wsnsim.scenario.kind_info import kind_info
+from wsnsim.scenario.parameter_info import json_schema
 from wsnsim.scenario.registry import AT_TOP, ROLES
 from wsnsim.scenario.texts import shipped_parts
 

@@ -16,7 +16,7 @@ from wsnsim import scenario
 from wsnsim.base.errors import UsageError
 from wsnsim.scenario.examples import template
 from wsnsim.scenario.fields import part_model
-from wsnsim.scenario.json_schema import json_schema
+from wsnsim.scenario.parameter_info import json_schema
 from wsnsim.scenario.registry import ROLES, Kind, find, kinds, load_class, role_named
 
 ROWS = [(role.name, row) for role in ROLES.values() for row in role.kinds]
@@ -136,7 +136,7 @@ from wsnsim import scenario
 from wsnsim.base import border
 from wsnsim.base.errors import ScenarioError
 from wsnsim.scenario.registry import find, kinds
-from wsnsim.scenario.json_schema import json_schema
+from wsnsim.scenario.parameter_info import json_schema
 
 border.checked_setup = lambda setup: setup  # the components have no behaviour
 source = json.load(sys.stdin)

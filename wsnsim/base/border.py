@@ -23,6 +23,7 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 
 from wsnsim.base import (
+    initial_conditions,
     mac_mechanisms,
     mechanisms,
     medium_access,
@@ -31,7 +32,6 @@ from wsnsim.base import (
     ports,
     radio,
     sleeping,
-    standalone,
 )
 from wsnsim.base.answers import (
     CHOICES,
@@ -115,7 +115,8 @@ class CheckedServices:
 Component = TypeVar("Component")
 SetupKind = TypeVar("SetupKind", bound=Setup)
 _MODULES: Final = (
-    ports, optional_ports, network_ports, radio, medium_access, sleeping, mechanisms, mac_mechanisms, standalone,
+    ports, optional_ports, network_ports, radio, medium_access, sleeping, mechanisms, mac_mechanisms,
+    initial_conditions,
 )  # fmt: skip
 NAMES: Final[Mapping[str, Any]] = {name: value for module in _MODULES for name, value in vars(module).items()}
 """What the annotations of ports may name."""

@@ -77,7 +77,7 @@ def list_(role: str | None, as_json: bool) -> None:
 @group.command()
 def schema() -> None:
     """Print the JSON Schema of scenarios, with installed plug-ins."""
-    from wsnsim.scenario.json_schema import json_schema
+    from wsnsim.scenario.parameter_info import json_schema
 
     echo_json_text(json.dumps(json_schema(), indent=2, ensure_ascii=False))
 

@@ -19,11 +19,11 @@ from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.base.files import file_digest
 from wsnsim.base.part import Inner, names_of, roles_of
 from wsnsim.scenario.datasheets import with_fields
-from wsnsim.scenario.fields import InnerKinds, PartError, PartModel, inner_models, part_model, with_inner
+from wsnsim.scenario.fields import InnerKinds, PartError, PartModel, inner_models, model_for, with_inner
 from wsnsim.scenario.messages import issues_of
-from wsnsim.scenario.registry import AT_TOP, ROLES, Role, Scope, is_missing, kinds, not_found, permit
+from wsnsim.scenario.registry import AT_TOP, ROLES, Role, Scope, kinds
 from wsnsim.scenario.schema import Chosen, Scenario, is_without_target, scenario_model, with_radio
-from wsnsim.scenario.texts import BROKEN, Assignment, Entry, Keys, LocatedValue, ScenarioText, Spot, in_order
+from wsnsim.scenario.texts import BROKEN, Assignment, Entry, Keys, LocatedValue, ScenarioText, in_order
 from wsnsim.scenario.units import described
 
 BEACON_STEP: Final = 1.0
@@ -87,11 +87,9 @@ def validate(tree: LocatedValue) -> tuple[Scenario | None, list[Issue]]:
     chosen, of_kinds = _choose(tree, scope)
     tree, of_sheets = with_fields(tree, chosen)
     issues += of_kinds + of_sheets
+    known = dict(chosen)
+    data = {key: value for key, value in _located(tree, chosen).items() if key in known or key not in AT_TOP}
     model = scenario_model(chosen)
-    data = _located(tree, chosen)
-    for key in AT_TOP:
-        if key not in dict(chosen):
-            data.pop(key, None)
     try:
         scenario = with_radio(model.model_validate(data))
     except ValidationError as error:
@@ -113,20 +111,9 @@ def _scope(tree: LocatedValue) -> tuple[Scope, list[Issue]]:
 
 def _is_without_target(kind: LocatedValue) -> bool:
     try:
-        return isinstance(kind.value, str) and is_without_target(_permitted("workload", kind.value, kind.spot))
+        return isinstance(kind.value, str) and is_without_target(model_for("workload", kind.value, kind.spot))
     except (LookupError, ImportError, PartError):
         return False
-
-
-def _permitted(role: str, kind: str, spot: Spot) -> type[PartModel]:
-    """Return the model of a kind that the text at the spot may name; otherwise as `part_model`."""
-    permit(role, kind, spot.origin.plugins, spot.origin.folder, of_file=bool(spot.origin.lines))
-    try:
-        return part_model(role, kind)
-    except ImportError as error:
-        if is_missing(kind, error.__cause__):
-            raise ImportError(not_found(kind, spot.origin.folder)) from error
-        raise
 
 
 def _with_defaults(tree: LocatedValue, scope: Scope) -> LocatedValue:
@@ -207,7 +194,7 @@ def _model_at(node: LocatedValue, path: Keys, role: Role, issues: list[Issue]) -
         issues.append((written or node).spot.issue(kind_path, problem))
         return None
     try:
-        model = _permitted(role.name, kind, (written or node).spot)
+        model = model_for(role.name, kind, (written or node).spot)
     except (LookupError, ImportError, PartError) as error:
         issues.append((written or node).spot.issue(kind_path, str(error.args[0])))
         return None

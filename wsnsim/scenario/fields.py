@@ -37,8 +37,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 from wsnsim.base import mechanisms, medium_access, network_ports, ports, radio, sleeping
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import Quantity, about, inner_in, is_part, names_of, roles_of
-from wsnsim.scenario.registry import ROLES, find, load_class
-from wsnsim.scenario.texts import Keys
+from wsnsim.scenario.registry import ROLES, find, is_missing, load_class, not_found, permit
+from wsnsim.scenario.texts import Keys, Spot
 from wsnsim.scenario.units import Items, Named, Number, Strict, refusal
 
 FROZEN: Final = ConfigDict(
@@ -205,6 +205,21 @@ class TrackerModel(PartModel):
             raise refusal(f"'{twice[0]}' and 'assumes.{SHORT_FORMS[twice[0]]}' are the same: give one of them")
         folded = self.assumes.model_copy(update={SHORT_FORMS[name]: value for name, value in short.items()})
         return self.model_copy(update={"assumes": folded, **dict.fromkeys(short)})
+
+
+def model_for(role: str, kind: str, spot: Spot) -> type[PartModel]:
+    """Return the model of a kind that the text at the spot may name.
+
+    Raises:
+        PluginRefused: the text may not name it; otherwise as `part_model`.
+    """
+    permit(role, kind, spot.origin.plugins, spot.origin.folder, of_file=bool(spot.origin.lines))
+    try:
+        return part_model(role, kind)
+    except ImportError as error:
+        if is_missing(kind, error.__cause__):
+            raise ImportError(not_found(kind, spot.origin.folder)) from error
+        raise
 
 
 @functools.cache

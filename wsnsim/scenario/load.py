@@ -47,9 +47,9 @@ def load(
     from wsnsim.scenario.reader import read_scenario
     from wsnsim.scenario.schema import Scenario, demand_scenario
 
-    demand_scenario(source)
     if isinstance(source, Scenario):
         return source if not overrides else load(resolved(source), overrides)
+    demand_scenario(source)
     text = read_scenario(source, plugins)
     if text.tree is None:
         raise ScenarioError(text.issues)

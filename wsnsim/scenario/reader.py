@@ -29,9 +29,9 @@ from wsnsim.scenario.texts import (
     Origin,
     ScenarioText,
     Spot,
-    content_of,
-    find_or_none,
+    TextFile,
     shipped,
+    text_file,
 )
 from wsnsim.scenario.units import shown
 
@@ -43,20 +43,20 @@ def read_scenario(source: str | Path | Mapping[str, Any], plugins: Plugins = Plu
     """Return the text of a scenario merged with what it extends, unchecked. `plugins`: which ones it may name."""
     if isinstance(source, Mapping):
         return _of_dict(source, plugins)
-    path = find_or_none(source)
-    if path is not None:
-        return _of_file(path, plugins)
+    file = text_file(source)
+    if file.path is not None:
+        return _of_file(file, plugins)
     message = f"file not found, and no shipped scenario has this name ({_nearest(source)})"
     return ScenarioText(None, [Spot(Origin(str(source), Path())).issue((), message)])
 
 
-def _of_file(path: Path, plugins: Plugins, extending: tuple[Path, ...] = ()) -> ScenarioText:
+def _of_file(file: TextFile, plugins: Plugins, extending: tuple[Path, ...] = ()) -> ScenarioText:
     """Return the text of a file merged with the file it extends. `extending`: the files that led to this one."""
-    content, issues = content_of(path)
-    if content is None:
-        return ScenarioText(None, issues)
-    tree, issues = read(content, origin_of(path, content, plugins=plugins))
-    return _extended(ScenarioText(tree, issues, (str(path), content)), path.parent, (*extending, path.resolve()))
+    if file.path is None or file.content is None:
+        return ScenarioText(None, file.issues)
+    tree, issues = read(file.content, origin_of(file.path, file.content, plugins=plugins))
+    text = ScenarioText(tree, issues, (str(file.path), file.content))
+    return _extended(text, file.path.parent, (*extending, file.path.resolve()))
 
 
 def _of_dict(source: Mapping[str, Any], plugins: Plugins) -> ScenarioText:
@@ -77,18 +77,19 @@ def _extended(text: ScenarioText, folder: Path, extending: tuple[Path, ...]) -> 
         return text
     own = LocatedValue({key: entry for key, entry in tree.value.items() if key != "extends"}, tree.spot)
     node = tree.value["extends"].node
-    path = find_or_none(node.value, folder) if isinstance(node.value, str) and node.value else None
-    if path is None:
-        named = isinstance(node.value, str)
+    named = isinstance(node.value, str)
+    file = text_file(node.value, folder) if named and node.value else TextFile(None, None, [])
+    problem = ""
+    if file.path is None:
         problem = f"there is no scenario {node.value!r}" if named else "expected the name of a scenario"
-        message = f"{problem} ({_nearest(str(node.value))})"
-    else:
-        message = f"{path} extends itself" if path.resolve() in extending else ""
-    if path is None or message:
-        return text._replace(tree=own, issues=[*text.issues, node.spot.issue(("extends",), message)])
+        problem += f" ({_nearest(str(node.value))})"
+    elif file.path.resolve() in extending:
+        problem = f"{file.path} extends itself"
+    if problem:
+        return text._replace(tree=own, issues=[*text.issues, node.spot.issue(("extends",), problem)])
     if len(extending) > MOST_EXTENDED:
         raise ScenarioError([node.spot.issue(("extends",), f"more than {MOST_EXTENDED} files extend each other")])
-    base = _of_file(path, tree.spot.origin.plugins, extending)
+    base = _of_file(file, tree.spot.origin.plugins, extending)
     merged = own if base.tree is None else base.tree.merged(own)
     return text._replace(tree=merged, issues=[*text.issues, *base.issues])
 
