@@ -150,7 +150,7 @@ print(json.dumps({
     "memory": scenario.build(loaded).tracker.memory,
     "plugins": scenario.plugins(loaded),
     "broken": broken,
-    "row": vars(kinds("tracker")["mine"]),
+    "row": kinds("tracker")["mine"]._asdict(),
     "own": find("tracker", "pso_mhpf").path,
     "schema": "Mine" in schema["$defs"],
 }))

@@ -26,8 +26,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, dataclass_transform, get
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Quantity:
+class Quantity(NamedTuple):
     """The unit and the bounds of a field of a component: `Annotated[float, Quantity("m", gt=0), "sensing range"]`.
 
     Attributes:
@@ -48,8 +47,7 @@ class Quantity:
     label: str = ""
 
 
-@dataclass(frozen=True)
-class OfRole:
+class OfRole(NamedTuple):
     """Says that a field holds a component of a role, of any of its kinds: `Annotated[SensorModel, OfRole("sensor")]`.
 
     In YAML it is a mapping with a key `kind`, as the role itself. A field that is a tuple of them is a list of such

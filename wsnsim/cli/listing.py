@@ -60,7 +60,7 @@ def _datasheets(as_json: bool) -> str | dict[str, Any]:
 
 
 def _role_json(role: Role) -> dict[str, Any]:
-    rows = [dict(vars(row)) for row in kinds(role.name).values()]
+    rows = [row._asdict() for row in kinds(role.name).values()]
     return {"purpose": role.purpose, "default": role.default, "group": role.group, "kinds": rows}
 
 
@@ -70,7 +70,7 @@ def _role_text(role: Role) -> str:
 
 
 def _cell(row: Kind, name: str, role: Role) -> str:
-    text = str(vars(row)[name])
+    text = str(getattr(row, name))
     return f"{text} (default)" if name == "kind" and text == role.default else text
 
 

@@ -11,9 +11,8 @@ each value. All other keys are fields of the component. A class whose `sheet` is
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from pydantic import ValidationError
 
@@ -31,8 +30,7 @@ OWN_KEYS: Final = ("sheet", "sources")
 """Keys of a datasheet that are not fields of the component."""
 
 
-@dataclass(frozen=True)
-class SheetValue:
+class SheetValue(NamedTuple):
     """One value of a datasheet.
 
     Attributes:
@@ -52,8 +50,7 @@ class SheetValue:
     source: str
 
 
-@dataclass(frozen=True)
-class Datasheet:
+class Datasheet(NamedTuple):
     """The content of a datasheet: what it describes (radio, processor, ...), the component and each of its values."""
 
     sheet: str
@@ -62,8 +59,7 @@ class Datasheet:
     values: tuple[SheetValue, ...]
 
 
-@dataclass(frozen=True)
-class _SheetTree:
+class _SheetTree(NamedTuple):
     """The tree of a datasheet: the value of `sheet`, the fields, and `sources` (None if missing)."""
 
     sheet: LocatedValue

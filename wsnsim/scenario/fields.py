@@ -39,7 +39,7 @@ from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import Quantity, about, inner_in, is_part, names_of, roles_of
 from wsnsim.scenario.registry import ROLES, find, is_missing, load_class, not_found, permit
 from wsnsim.scenario.texts import Keys, Spot
-from wsnsim.scenario.units import Items, Named, Number, Strict, refusal
+from wsnsim.scenario.units import Named, Number, Strict, demand_items, refusal
 
 FROZEN: Final = ConfigDict(
     extra="forbid", frozen=True, validate_default=True, protected_namespaces=(), defer_build=True
@@ -73,7 +73,7 @@ def annotation_of(kind: Any, quantity: Quantity) -> Any:
         return kind
     if origin is tuple:
         inner = tuple(argument if argument is ... else annotation_of(argument, quantity) for argument in arguments)
-        items = Items(None if ... in arguments else len(arguments))
+        items = functools.partial(demand_items, None if ... in arguments else len(arguments))
         return Annotated[tuple[inner], BeforeValidator(items)]  # type: ignore[valid-type]
     if origin in (Union, types.UnionType):
         return Union[tuple(annotation_of(argument, quantity) for argument in arguments)]  # noqa: UP007

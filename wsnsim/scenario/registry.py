@@ -22,7 +22,6 @@ import importlib
 import importlib.machinery
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -37,8 +36,7 @@ TARGET_ROLES: Final = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Kind:
+class Kind(NamedTuple):
     """The description of one kind.
 
     Attributes:
@@ -62,8 +60,7 @@ class Kind:
     plugin: str = ""
 
 
-@dataclass(frozen=True)
-class Role:
+class Role(NamedTuple):
     """A role of a scenario.
 
     Attributes:
@@ -132,8 +129,7 @@ AT_TOP: Final = {key: role for role in ROLES.values() for key in role.keys}
 """The role of each key at the top of a scenario."""
 
 
-@dataclass(frozen=True)
-class Scope:
+class Scope(NamedTuple):
     """Which roles a scenario uses: with or without a network, with or without targets."""
 
     network: bool = True

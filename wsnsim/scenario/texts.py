@@ -170,8 +170,7 @@ BROKEN: Final = object()
 """Stands for a value whose issue is already reported, so that it is not reported again."""
 
 
-@dataclass(frozen=True)
-class Origin:
+class Origin(NamedTuple):
     """The origin of values: a file (name and lines), one `--set` (name and keys), or a caller's dict (no name).
 
     Relative paths in it start from `folder`. `plugins` says which plug-ins it may name.
@@ -184,8 +183,7 @@ class Origin:
     plugins: Plugins = Plugins.ANY
 
 
-@dataclass(frozen=True, slots=True)
-class Spot:
+class Spot(NamedTuple):
     """A position in a text (or another origin): line and column, both counted from 0."""
 
     origin: Origin
@@ -315,8 +313,7 @@ def _is_replaced(key: str, over: LocatedValue) -> bool:
     return key in AT_TOP and any(other in over.value for other in AT_TOP[key].keys if other != key)
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(NamedTuple):
     """The position of a key, and the value under it."""
 
     spot: Spot

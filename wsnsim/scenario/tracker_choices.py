@@ -13,9 +13,9 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from wsnsim.base.errors import Issue, ScenarioError, did_you_mean, shortened
 from wsnsim.scenario.axes import Settings, joined
@@ -32,16 +32,14 @@ WITH_PARAMETERS: Final = re.compile(rf"(?P<kind>[^=]*?):(?P<parameter>{PARAMETER
 CLOSED_BY: Final = {"[": "]", "{": "}", "(": ")"}
 
 
-@dataclass(frozen=True)
-class TrackerChoice:
+class TrackerChoice(NamedTuple):
     """A tracker with parameters: its name in tables, and the values to assign."""
 
     name: str
     assignments: tuple[Assignment, ...]
 
 
-@dataclass(frozen=True)
-class TrackerText:
+class TrackerText(NamedTuple):
     """A part of the option's text, and its position there."""
 
     text: str

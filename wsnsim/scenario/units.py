@@ -13,9 +13,8 @@ from __future__ import annotations
 import functools
 import math
 import re
-from dataclasses import dataclass
 from decimal import Context, Decimal, localcontext
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -71,8 +70,7 @@ class UnitError(ValueError):
     """A quantity cannot be read or has the wrong dimension. `str(error)` says what is expected."""
 
 
-@dataclass(frozen=True)
-class Unit:
+class Unit(NamedTuple):
     """A unit: its factor to SI, the powers of `BASES`, the dimension in words, and whether it is dBm, a logarithm."""
 
     factor: Decimal
@@ -214,8 +212,7 @@ def refusal(message: str) -> PydanticCustomError:
     return PydanticCustomError("refused", "{message}", {"message": message})
 
 
-@dataclass(frozen=True)
-class Number:
+class Number(NamedTuple):
     """A pydantic annotation: a real or whole number with unit and bounds."""
 
     quantity: Quantity
@@ -270,8 +267,7 @@ class Number:
         return "a whole number" if self.whole else "a number" if not self.quantity.unit else wanted(self.quantity.unit)
 
 
-@dataclass(frozen=True)
-class Strict:
+class Strict(NamedTuple):
     """A pydantic annotation: a text or a truth value, without conversion from other types."""
 
     schema: Literal["str", "bool"]
@@ -280,24 +276,17 @@ class Strict:
         return core_schema.str_schema(strict=True) if self.schema == "str" else core_schema.bool_schema(strict=True)
 
 
-@dataclass(frozen=True)
-class Items:
-    """A validator of lists; `count`: their number of items, None: any."""
-
-    count: int | None
-
-    def __call__(self, value: Any) -> Any:
-        """Return the list as it is, or refuse the value."""
-        several = "a list" if self.count is None else f"a list of {self.count} items"
-        if not isinstance(value, list | tuple):
-            raise refusal(f"expected {several}, got {described(value)}")
-        if self.count is not None and len(value) != self.count:
-            raise refusal(f"expected {several}, got {len(value)}")
-        return value
+def demand_items(length: int | None, value: Any) -> Any:
+    """Return a list as it is; refuse other values, and lists of another length (None: any length will do)."""
+    several = "a list" if length is None else f"a list of {length} items"
+    if not isinstance(value, list | tuple):
+        raise refusal(f"expected {several}, got {described(value)}")
+    if length is not None and len(value) != length:
+        raise refusal(f"expected {several}, got {len(value)}")
+    return value
 
 
-@dataclass(frozen=True)
-class Named:
+class Named(NamedTuple):
     """A pydantic annotation: the JSON Schema allows the name of a datasheet in place of its fields."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
