@@ -36,7 +36,7 @@ def axes_of(values: dict[str, Any]) -> dict[tuple[str, ...], LocatedValue]:
 
 
 def values(value: Any) -> list[Any]:
-    return [node.plain() for node in axes.values_of(node_of(value), KEYS)]
+    return [node.plain() for node in axes.values_of(node_of(value))]
 
 
 def points(settings: list[axes.Settings]) -> list[tuple[Any, ...]]:
@@ -281,6 +281,6 @@ def test_a_draw_over_what_is_no_range_is_refused(how: Any, written: Any, message
 
 def test_a_range_of_real_numbers_does_not_round_what_lies_between_whole_ends() -> None:
     made = axes.of_reals(node_of({"range": [0, 1], "count": 3}))
-    assert [node.plain() for node in axes.values_of(made, KEYS)] == [0.0, 0.5, 1.0]
+    assert [node.plain() for node in axes.values_of(made)] == [0.0, 0.5, 1.0]
     kept = node_of([0, 1])
     assert axes.of_reals(kept) is kept

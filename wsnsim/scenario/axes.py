@@ -1,6 +1,6 @@
 """The axes of a sweep: from a file or `--vary` to points, each a set of values assigned to a scenario.
 
-    values_of(node, path) -> the values of one axis: a list, {range: [a, b], count: n}, {log_range: [a, b], count: n}
+    values_of(node) -> the values of one axis: a list, {range: [a, b], count: n}, {log_range: [a, b], count: n}
     grid(axes), zipped(axes), random(sampling), latin_hypercube(sampling) -> points, as tuples of (keys, LocatedValue)
 
 Issues are raised as `InvalidAxis`, with the value that causes them. Points are counted before they are listed.
@@ -87,7 +87,7 @@ class Sampling(NamedTuple):
     over: Axes
 
 
-def values_of(node: LocatedValue, path: Keys) -> list[LocatedValue]:
+def values_of(node: LocatedValue) -> list[LocatedValue]:
     """Return the values of one axis, in order, each once.
 
     Raises:
@@ -124,10 +124,7 @@ def count_of(node: LocatedValue) -> int:
 def grid(axes: Axes) -> list[Settings]:
     """Return every combination of the axes' values; the last axis varies fastest."""
     demand_few(math.prod(count_of(node) for node in axes.values()), next(iter(axes.values())))
-    return [
-        tuple(zip(axes, chosen, strict=True))
-        for chosen in itertools.product(*(values_of(node, keys) for keys, node in axes.items()))
-    ]
+    return [tuple(zip(axes, chosen, strict=True)) for chosen in itertools.product(*map(values_of, axes.values()))]
 
 
 def zipped(axes: Axes) -> list[Settings]:
@@ -136,7 +133,7 @@ def zipped(axes: Axes) -> list[Settings]:
     Raises:
         InvalidAxis: the axes have unequal lengths.
     """
-    columns = {keys: values_of(node, keys) for keys, node in axes.items()}
+    columns = {keys: values_of(node) for keys, node in axes.items()}
     if len({len(column) for column in columns.values()}) > 1:
         counts = ", ".join(f"{dotted(keys)} has {len(column)}" for keys, column in columns.items())
         raise InvalidAxis(next(iter(axes.values())), f"axes of `zip` must have equal lengths: {counts}")
@@ -172,7 +169,7 @@ def _large(count: int) -> str:
 
 def _placed(draw: Sampling, uniforms: np.ndarray) -> list[Settings]:
     """Return the points at fractions in [0, 1) of each axis. Equal points (of whole numbers) are kept once."""
-    pickers = [_picker(node, keys) for keys, node in draw.over.items()]
+    pickers = list(map(_picker, draw.over.values()))
     points: dict[str, Settings] = {}
     for row in uniforms.tolist():
         nodes = [pick(share) for pick, share in zip(pickers, row, strict=True)]
@@ -180,13 +177,13 @@ def _placed(draw: Sampling, uniforms: np.ndarray) -> list[Settings]:
     return list(points.values())
 
 
-def _picker(node: LocatedValue, keys: Keys) -> Callable[[float], LocatedValue]:
+def _picker(node: LocatedValue) -> Callable[[float], LocatedValue]:
     """Return the function from a uniform number to a value of the axis: an item of a list, or a point of a range."""
     if isinstance(node.value, list):
-        values = values_of(node, keys)
+        values = values_of(node)
         return lambda share: values[min(int(share * len(values)), len(values) - 1)]
     if not (isinstance(node.value, dict) and any(name in node.value for name in RANGES)):
-        values_of(node, keys)
+        values_of(node)
     for name in SPACING:
         if name in node.value:
             raise InvalidAxis(node.value[name].node, f"'{name}' is not allowed for random points")

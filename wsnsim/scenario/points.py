@@ -90,15 +90,6 @@ def points_of(
     return list(points.values())
 
 
-def reals_of(bases: Iterable[ScenarioText], common: Sequence[Assignment]) -> Callable[[Keys], bool]:
-    """Return a function: whether a key holds a real number in every scenario that is valid without the axes."""
-    content = []
-    for base in bases:
-        with contextlib.suppress(ScenarioError):  # a value may be missing that an axis gives
-            content.append(resolved(validated(base, common)))
-    return lambda keys: bool(content) and all(isinstance(_value_at(values, keys), float) for values in content)
-
-
 def demand_no_axis(assignments: Iterable[Assignment], settings: Iterable[Settings]) -> None:
     """Refuse a --set that every point would replace.
 
@@ -218,11 +209,14 @@ def assignments_in(node: LocatedValue | None, found: Findings) -> list[Assignmen
 
 def with_reals(tree: LocatedValue, bases: Iterable[ScenarioText], common: Sequence[Assignment]) -> LocatedValue:
     """Return the tree with ranges of real numbers wherever the scenarios have a real number at the key."""
-    is_real = reals_of(bases, common)
+    scenarios = []
+    for base in bases:
+        with contextlib.suppress(ScenarioError):  # a value may be missing that an axis gives
+            scenarios.append(resolved(validated(base, common)))
     for block in BLOCKS:
         axes = tree.at(block)
         for key, entry in axes.value.items() if axes is not None else ():
-            if is_real(keys_of(key)):
+            if scenarios and all(isinstance(_value_at(one, keys_of(key)), float) for one in scenarios):
                 tree = tree.assigned((*block, key), shapes.of_reals(entry.node))
     return tree
 

@@ -55,10 +55,15 @@ def unsafe_name(name: str, what: str) -> str:
     return f"cannot name {what}: use letters and digits, then also '_', '-' and '.'"
 
 
-def _safe_name(name: str) -> str:
-    if reason := unsafe_name(name, "a file"):
-        raise refusal(f"{shown(name)} {reason}")
-    return name
+def names(what: str) -> AfterValidator:
+    """Return the annotation of a text that names `what` ('a file')."""
+
+    def demand_safe(name: str) -> str:
+        if reason := unsafe_name(name, what):
+            raise refusal(f"{shown(name)} {reason}")
+        return name
+
+    return AfterValidator(demand_safe)
 
 
 class Until(BaseModel):
@@ -110,7 +115,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     """
 
     model_config = FROZEN
-    name: Annotated[str, Strict("str"), AfterValidator(_safe_name)] = Field(description="name of scenario and result")
+    name: Annotated[str, Strict("str"), names("a file")] = Field(description="name of scenario and result")
     seed: Annotated[int, Number(Quantity("", ge=0), whole=True)] = Field(0, description="seed of every random stream")
     replicates: Annotated[int, Number(Quantity("", ge=1, le=100_000), whole=True)] = Field(
         1, description="number of Monte Carlo runs"

@@ -257,10 +257,6 @@ class LocatedValue:
             node = inner
         return node.spot
 
-    def with_entry(self, key: str, node: LocatedValue) -> LocatedValue:
-        """Return this mapping with a value under a key, in place of that which stands there."""
-        return LocatedValue({**self.value, key: Entry(node.spot, node)}, self.spot)
-
     def merged(self, over: LocatedValue, path: Keys = ()) -> LocatedValue:
         """Return the tree with `over` merged into it.
 
