@@ -22,9 +22,8 @@ from typing import Any, Final, TypeAlias, TypedDict
 
 from wsnsim.base.errors import Issue, ScenarioError, StorageError, UsageError, did_you_mean, shown_value
 from wsnsim.base.tables import TABLES
-from wsnsim.scenario.load import Override, Overrides, listed
+from wsnsim.scenario.load import Override, Overrides, demand_scenario, listed
 from wsnsim.scenario.registry import AT_TOP
-from wsnsim.scenario.schema import demand_scenario
 
 OPTIONS: Final = {"--set": "overrides", "--trackers": "trackers", "--replicates": "replicates", "--vary": "vary"}
 """Options of the command line, and the arguments of Python with the same meaning."""

@@ -12,7 +12,7 @@ from wsnsim.api.result import Result
 from wsnsim.base.runs import Progress, run_number, run_numbers
 from wsnsim.recording.atomic_files import sole_writer
 from wsnsim.scenario import Overrides
-from wsnsim.scenario.schema import demand_scenario
+from wsnsim.scenario.load import demand_scenario
 
 Source: TypeAlias = Any
 """A scenario: the name of a shipped one, a file, a dict, what `load` returned, or a result file to be run again."""

@@ -7,7 +7,6 @@ track_row(estimates, columns, rule) -> {column: value}      losses(errors, windo
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -111,8 +110,7 @@ def _woken(columns: Mapping[str, Any], steps: int) -> dict[str, int]:
     return {"woken": int(woken.sum()), "ineffective": int(ineffective.sum()), "ineffective_twenty": twenty}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunTotals:
+class RunTotals(NamedTuple):
     """Columns of the table `runs` that do not depend on estimates. The defaults hold for a run without a network.
 
     `radio_on` and `hurried` are None, and no columns, where the radios of nodes that are awake always listen.
@@ -283,7 +281,7 @@ def _run_row(result: RunResult, errors: Floats, tracks: Sequence[Mapping[str, An
 
 def columns_of_totals(totals: RunTotals) -> dict[str, Any]:
     """The columns of the table `runs` that do not depend on estimates; those that are None are left out."""
-    return {name: value for name, value in dataclasses.asdict(totals).items() if value is not None}
+    return {name: value for name, value in totals._asdict().items() if value is not None}
 
 
 def _mean(tracks: Sequence[Mapping[str, Any]], name: str) -> float:

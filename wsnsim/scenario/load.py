@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 from wsnsim.base.errors import Issue, ScenarioError, UsageError, shown_value
 from wsnsim.scenario.build import plain_json, resolved
 from wsnsim.scenario.registry import Plugins
-from wsnsim.scenario.texts import BROKEN, Assignment, Keys, LocatedValue, Origin, dotted, keys_of
+from wsnsim.scenario.texts import BROKEN, Assignment, Keys, LocatedValue, Origin, dotted
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
@@ -45,7 +45,7 @@ def load(
     """
     from wsnsim.scenario.check import validated
     from wsnsim.scenario.reader import read_scenario
-    from wsnsim.scenario.schema import Scenario, demand_scenario
+    from wsnsim.scenario.schema import Scenario
 
     if isinstance(source, Scenario):
         return source if not overrides else load(resolved(source), overrides)
@@ -61,6 +61,15 @@ def load(
         for each, (_, node) in zip(written, assignments, strict=True)
     )
     return scenario
+
+
+def demand_scenario(value: Any) -> None:
+    """Refuse what is no scenario."""
+    from wsnsim.scenario.schema import Scenario, shown_scenario
+
+    if not isinstance(value, str | Path | Mapping | Scenario):
+        message = "scenario: expected the name of a scenario, a file, a dict, or what wsnsim.load returned, got "
+        raise UsageError(message + shown_scenario(value))
 
 
 def listed(overrides: Overrides) -> tuple[Override, ...]:
@@ -88,6 +97,14 @@ def assignments_of(overrides: Overrides, plugins: Plugins = Plugins.ANY) -> tupl
     read = [_assignment(override, plugins) for override in listed(overrides)]
     assignments = [(keys, node) for keys, node, _ in read if node is not None and node.value is not BROKEN]
     return assignments, [issue for *_, issues in read for issue in issues]
+
+
+def keys_of(written: str) -> Keys:
+    """Return the path of keys that a text such as 'targets.0.bound' names, or () if it names none."""
+    pieces = [piece.strip() for piece in written.split(".")]
+    if not all(pieces):
+        return ()
+    return tuple(int(piece) if piece.isascii() and piece.isdigit() and len(piece) < 10 else piece for piece in pieces)
 
 
 def _assignment(override: Override, plugins: Plugins) -> tuple[Keys, LocatedValue | None, list[Issue]]:

@@ -141,7 +141,7 @@ def _unwrapped(annotation: Any) -> Any:
 class DocumentModel(BaseModel):
     """Declared keys of a mapping; any other key is an issue."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 M = TypeVar("M", bound=DocumentModel)

@@ -23,9 +23,10 @@ from wsnsim.scenario import axes as shapes
 from wsnsim.scenario.axes import Axes, InvalidAxis, Sampling, Settings
 from wsnsim.scenario.build import build, resolved
 from wsnsim.scenario.check import validated
+from wsnsim.scenario.load import keys_of
 from wsnsim.scenario.schema import Scenario
 from wsnsim.scenario.sweep_schema import Point, SweepText
-from wsnsim.scenario.texts import Assignment, Entry, Keys, LocatedValue, ScenarioText, dotted, in_order, keys_of
+from wsnsim.scenario.texts import Assignment, Entry, Keys, LocatedValue, ScenarioText, dotted, in_order
 
 LEFT_OUT: Final = ("name", "replicates")
 """Keys of a scenario that change none of its runs."""

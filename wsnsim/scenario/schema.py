@@ -12,14 +12,12 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, PrivateAttr, ValidationInfo, create_model, field_validator
 
 from wsnsim.base import metrics
-from wsnsim.base.errors import UsageError, shown_value
+from wsnsim.base.errors import shown_value
 from wsnsim.base.files import LARGEST_NAME, LONGEST_ADDITION, is_too_long
 from wsnsim.base.part import Quantity
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
@@ -189,13 +187,6 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     def spot(self, path: Keys) -> Spot:
         """Return the position of the value at a path, or of the nearest value around it."""
         return self._tree.spot_of(path)
-
-
-def demand_scenario(value: Any) -> None:
-    """Refuse what is no scenario."""
-    if not isinstance(value, str | Path | Mapping | Scenario):
-        message = "scenario: expected the name of a scenario, a file, a dict, or what wsnsim.load returned, got "
-        raise UsageError(message + shown_scenario(value))
 
 
 def shown_scenario(value: Any) -> str:

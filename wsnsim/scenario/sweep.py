@@ -31,7 +31,7 @@ from wsnsim.base.tables import TABLES
 from wsnsim.scenario import axes as shapes
 from wsnsim.scenario.axes import demand_few
 from wsnsim.scenario.build import resolved
-from wsnsim.scenario.load import Overrides, assignments_of
+from wsnsim.scenario.load import Overrides, assignments_of, keys_of
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.points import (
     BLOCKS,
@@ -60,7 +60,6 @@ from wsnsim.scenario.texts import (
     find_or_none,
     find_sweep,
     in_order,
-    keys_of,
 )
 from wsnsim.scenario.tracker_choices import TrackerChoice, choices_of, tracker_choices, with_trackers
 

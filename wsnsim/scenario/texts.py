@@ -333,14 +333,6 @@ class ScenarioText(NamedTuple):
     origin: tuple[str, str] = ("", "")
 
 
-def keys_of(written: str) -> Keys:
-    """Return the path of keys that a text such as 'targets.0.bound' names, or () if it names none."""
-    pieces = [piece.strip() for piece in written.split(".")]
-    if not all(pieces):
-        return ()
-    return tuple(int(piece) if piece.isascii() and piece.isdigit() and len(piece) < 10 else piece for piece in pieces)
-
-
 def in_order(issues: Iterable[Issue]) -> list[Issue]:
     """Return the issues in the order of their positions in the text, each once."""
 
