@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from wsnsim.base.errors import did_you_mean, meant_by, nearest, synonyms
-from wsnsim.base.part import names_of
 from wsnsim.base.tables import TABLES
 from wsnsim.cli import main
 from wsnsim.cli.shared import group
+from wsnsim.scenario.fields import names_of
 from wsnsim.scenario.registry import ROLES, kinds, load_class
 
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from tests.helpers.scenario_components import base_scenario, faults_of
 from tests.helpers.thorough import THOROUGH
-from wsnsim.base.part import nested_of
-from wsnsim.scenario.fields import fields_of
+from wsnsim.scenario.fields import fields_of, nested_of
 from wsnsim.scenario.registry import ROLES, load_class
 
 

@@ -20,10 +20,9 @@ import pytest
 from wsnsim import experiment, scenario
 from wsnsim.analysis import setup_notes
 from wsnsim.base.errors import RunError, ScenarioError
-from wsnsim.base.part import nested_of, roles_of
 from wsnsim.base.tables import TABLES, Memory
 from wsnsim.scenario.examples import example_of
-from wsnsim.scenario.fields import fields_of
+from wsnsim.scenario.fields import fields_of, nested_of, roles_of
 from wsnsim.scenario.registry import ROLES, Scope, find, load_class
 
 MODES: Final = {"network": Scope(), "standalone": Scope(network=False), "workload": Scope(targets=False)}

@@ -13,8 +13,8 @@ from tests.helpers.files import write_yaml
 from tests.helpers.scenario_components import base_scenario, faults_of, kind
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
-from wsnsim.base.part import names_of, nested_of
 from wsnsim.scenario import datasheets
+from wsnsim.scenario.fields import names_of, nested_of
 from wsnsim.scenario.registry import ROLES, load_class
 from wsnsim.scenario.texts import sheets, shipped_parts
 

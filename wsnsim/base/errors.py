@@ -108,6 +108,11 @@ class UsageError(WsnsimError):
     exit_code = 2
 
 
+def dotted(path: tuple[str | int, ...]) -> str:
+    """Return a path as messages write it: targets.0.bound."""
+    return ".".join(str(key) for key in path)
+
+
 @dataclass(frozen=True)
 class Issue:
     """One finding of the validation: where it is, and what is wrong.
@@ -125,9 +130,9 @@ class Issue:
     excerpt: str = ""
 
     def __str__(self) -> str:
-        dotted = ".".join(str(key) for key in self.path)
-        dotted = dotted if len(dotted) <= LONGEST_PATH else f"{dotted[:LONGEST_PATH]}…"
-        head = ": ".join(piece for piece in (self.place, "error", dotted) if piece)
+        path = dotted(self.path)
+        path = path if len(path) <= LONGEST_PATH else f"{path[:LONGEST_PATH]}…"
+        head = ": ".join(piece for piece in (self.place, "error", path) if piece)
         return printable(f"{head}: {self.message}" + (f"\n{self.excerpt}" if self.excerpt else ""))
 
 

@@ -16,9 +16,9 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from wsnsim.base.errors import UsageError
-from wsnsim.base.part import roles_of
 from wsnsim.recording.folder import Folder, Manifest
 from wsnsim.recording.provenance import PACKAGE, digest_of, module_digests, package_digests
+from wsnsim.scenario.fields import roles_of
 from wsnsim.scenario.registry import AT_TOP, ROLES, find, load_class
 from wsnsim.scenario.sweep_schema import Plan
 

@@ -202,7 +202,7 @@ def _row(name: str, value: object, unit: str, description: str) -> InfoRow:
 
 def _fields(component: object, prefix: str = "") -> Iterator[InfoRow]:
     """A component's parameters; those of a nested component have its field's name as a prefix."""
-    from wsnsim.base.part import abouts_of, nested_of
+    from wsnsim.scenario.fields import abouts_of, nested_of
 
     kind: Any = type(component)
     nested = nested_of(kind)

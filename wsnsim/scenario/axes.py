@@ -18,8 +18,8 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.errors import Issue
-from wsnsim.scenario.texts import Keys, LocatedValue, dotted
+from wsnsim.base.errors import Issue, dotted
+from wsnsim.scenario.texts import Keys, LocatedValue
 from wsnsim.scenario.units import NUMBER, described, shown
 
 Settings: TypeAlias = tuple[tuple[Keys, LocatedValue], ...]

@@ -92,7 +92,7 @@ def _models(scenario: Scenario) -> list[tuple[Role, Keys, Any]]:
 
 def _kinds_in(role: str, model: Any) -> Iterator[tuple[str, str]]:
     """Yield (role, kind) of a model and of the components within it."""
-    from wsnsim.base.part import roles_of
+    from wsnsim.scenario.fields import roles_of
 
     yield role, model.kind
     for field, inner in roles_of(model.part).items():
@@ -103,7 +103,7 @@ def _kinds_in(role: str, model: Any) -> Iterator[tuple[str, str]]:
 
 def _built(scenario: Scenario) -> tuple[dict[Keys, Any], list[Issue]]:
     """Return every component by its path, and the issues raised by the classes themselves."""
-    from wsnsim.scenario.fields import InvalidComponent, built
+    from wsnsim.scenario.schema import InvalidComponent, built
 
     components: dict[Keys, Any] = {}
     issues = []

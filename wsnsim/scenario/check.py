@@ -11,20 +11,52 @@ from __future__ import annotations
 import functools
 import operator
 from collections.abc import Iterable, Iterator
-from typing import Any, Final, cast
+from typing import Any, Final, cast, get_args
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError, create_model
 
 from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.base.files import file_digest
-from wsnsim.base.part import Inner, names_of, roles_of
 from wsnsim.scenario.datasheets import with_fields
-from wsnsim.scenario.fields import InnerKinds, PartError, PartModel, inner_models, model_for, with_inner
+from wsnsim.scenario.fields import Inner, PartError, PartModel, names_of, part_model, roles_of
 from wsnsim.scenario.messages import issues_of
-from wsnsim.scenario.registry import AT_TOP, ROLES, Role, Scope, kinds
+from wsnsim.scenario.registry import AT_TOP, ROLES, Role, Scope, demand_class, kinds
 from wsnsim.scenario.schema import Chosen, Scenario, is_without_target, scenario_model, with_radio
-from wsnsim.scenario.texts import BROKEN, Assignment, Entry, Keys, LocatedValue, ScenarioText, in_order
+from wsnsim.scenario.texts import BROKEN, Assignment, Entry, Keys, LocatedValue, ScenarioText, Spot, in_order
 from wsnsim.scenario.units import described
+
+InnerKinds = type[PartModel] | None | tuple[type[PartModel] | None, ...]
+"""The model of the component that a field holds, or those of a list; None for one whose kind has an issue."""
+
+
+@functools.cache
+def with_inner(model: type[PartModel], inner: tuple[tuple[str, InnerKinds], ...]) -> type[PartModel]:
+    """Return the model of a kind whose fields hold components of these kinds."""
+    fields: dict[str, Any] = {
+        name: (_annotation_of_kinds(chosen), Field(description=model.model_fields[name].description))
+        for name, chosen in inner
+        if chosen != ()  # an empty list is of the same model as none
+    }
+    return create_model(model.__name__, __base__=model, __module__=model.__module__, **fields) if fields else model
+
+
+def _annotation_of_kinds(chosen: InnerKinds) -> Any:
+    if isinstance(chosen, tuple):
+        return tuple[tuple(kind or Any for kind in chosen)]  # type: ignore[misc]
+    return chosen or Any
+
+
+def inner_models(model: type[PartModel]) -> dict[Keys, type[PartModel]]:
+    """Return the models of the components that a component holds, by their paths in it, where the kinds are known."""
+    found: dict[Keys, Any] = {}
+    for name, inner in roles_of(model.part).items():
+        held = model.model_fields[name].annotation
+        if inner.several:
+            found.update(((name, i), kind) for i, kind in enumerate(get_args(held)))
+        else:
+            found[name,] = held
+    return {path: kind for path, kind in found.items() if isinstance(kind, type) and issubclass(kind, PartModel)}
+
 
 BEACON_STEP: Final = 1.0
 """Time (s) between result rows of a network without a target, unless the scenario gives `step`."""
@@ -109,9 +141,15 @@ def _scope(tree: LocatedValue) -> tuple[Scope, list[Issue]]:
     return Scope(network=True, targets=False), [kind.spot.issue(("workload", "kind"), message)]
 
 
+def _model_of(role: str, kind: str, spot: Spot) -> type[PartModel]:
+    """Return the model of a kind that the text at the spot may name."""
+    demand_class(role, kind, spot.origin.plugins, spot.origin.folder, of_file=bool(spot.origin.lines))
+    return part_model(role, kind)
+
+
 def _is_without_target(kind: LocatedValue) -> bool:
     try:
-        return isinstance(kind.value, str) and is_without_target(model_for("workload", kind.value, kind.spot))
+        return isinstance(kind.value, str) and is_without_target(_model_of("workload", kind.value, kind.spot))
     except (LookupError, ImportError, PartError):
         return False
 
@@ -194,7 +232,7 @@ def _model_at(node: LocatedValue, path: Keys, role: Role, issues: list[Issue]) -
         issues.append((written or node).spot.issue(kind_path, problem))
         return None
     try:
-        model = model_for(role.name, kind, (written or node).spot)
+        model = _model_of(role.name, kind, (written or node).spot)
     except (LookupError, ImportError, PartError) as error:
         issues.append((written or node).spot.issue(kind_path, str(error.args[0])))
         return None

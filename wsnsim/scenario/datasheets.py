@@ -17,12 +17,11 @@ from typing import Any, Final, NamedTuple
 from pydantic import ValidationError
 
 from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
-from wsnsim.base.part import abouts_of, nested_of
-from wsnsim.scenario.fields import InvalidComponent, PartError, PartModel, built, nested_model
+from wsnsim.scenario.fields import PartError, PartModel, abouts_of, nested_model, nested_of
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.reader import origin_of, read
 from wsnsim.scenario.registry import AT_TOP, ROLES, kinds, load_class
-from wsnsim.scenario.schema import Chosen
+from wsnsim.scenario.schema import Chosen, InvalidComponent, built
 from wsnsim.scenario.texts import BROKEN, Keys, LocatedValue, content_of, find_sheet, sheets
 from wsnsim.scenario.units import described, shown
 

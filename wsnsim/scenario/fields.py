@@ -1,6 +1,7 @@
 """From the fields of a component to its pydantic model: types, units and bounds come from its annotations.
 
-part_model(role, kind, class) -> the model of one kind      built(model) -> the component
+part_model(role, kind) -> the model of one kind
+names_of, abouts_of, nested_of, roles_of(class) -> its fields, what they mean, the components that they hold
 
 A real number takes a quantity with unit ('60 m'), a whole number takes 400.0 but not 400.5, neither takes true or NaN;
 infinity is allowed only where there is no bound on that side. A field whose type is a component becomes a mapping of
@@ -17,7 +18,7 @@ import dataclasses
 import functools
 import types
 import warnings
-from collections.abc import Collection
+from collections.abc import Mapping
 from typing import (
     Annotated,
     Any,
@@ -25,6 +26,7 @@ from typing import (
     Final,
     Generic,
     Literal,
+    NamedTuple,
     Protocol,
     Union,
     get_args,
@@ -36,9 +38,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from wsnsim.base import mechanisms, medium_access, network_ports, ports, radio, sleeping
 from wsnsim.base.errors import did_you_mean
-from wsnsim.base.part import Quantity, about, inner_in, is_part, names_of, roles_of
-from wsnsim.scenario.registry import ROLES, find, is_missing, load_class, not_found, permit
-from wsnsim.scenario.texts import Keys, Spot
+from wsnsim.base.part import OfRole, Quantity
+from wsnsim.scenario.registry import ROLES, find, load_class
 from wsnsim.scenario.units import Named, Number, Strict, demand_items, refusal
 
 FROZEN: Final = ConfigDict(
@@ -56,6 +57,73 @@ class PartModel(BaseModel):
 
     model_config = FROZEN
     part: ClassVar[type[Any]]
+
+
+def is_part(kind: Any) -> bool:
+    """Return whether something is the class of a component."""
+    return isinstance(kind, type) and dataclasses.is_dataclass(kind)
+
+
+def names_of(part: type[Any]) -> list[str]:
+    """Return the names of a component's fields."""
+    return [field.name for field in dataclasses.fields(part) if field.init]
+
+
+class About(NamedTuple):
+    """The description of a field and its unit ('' for a pure number or a text), from its annotation."""
+
+    words: str
+    unit: str
+
+
+def abouts_of(part: type[Any]) -> dict[str, About]:
+    """Return the descriptions of a component's fields, by name."""
+    hints = get_type_hints(part, include_extras=True)
+    return {name: about(hints[name])[1] for name in names_of(part)}
+
+
+def about(hint: Any) -> tuple[Quantity, About]:
+    """Return the unit and bounds, and the description, that the annotation of a field gives."""
+    notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
+    quantity = next((note for note in notes if isinstance(note, Quantity)), Quantity())
+    return quantity, About(next((note for note in notes if isinstance(note, str)), ""), quantity.unit)
+
+
+@functools.cache
+def nested_of(part: Any) -> Mapping[str, Any]:
+    """Return the fields of a component that hold, or may hold, another component, with its class."""
+    found = {}
+    for name, hint in get_type_hints(part).items():
+        inner = next((kind for kind in (hint, *get_args(hint)) if is_part(kind)), None)
+        if inner is not None and name in names_of(part):
+            found[name] = inner
+    return types.MappingProxyType(found)
+
+
+class Inner(NamedTuple):
+    """The role of the components that a field holds; `several`: a list of them."""
+
+    role: str
+    several: bool
+
+
+def roles_of(part: Any) -> Mapping[str, Inner]:
+    """Return the fields of a component that hold a component, or a list of them, of any kind of a role."""
+    return _roles_of(part)
+
+
+@functools.cache
+def _roles_of(part: Any) -> Mapping[str, Inner]:
+    hints = get_type_hints(part, include_extras=True)
+    found = {name: inner_in(hints[name]) for name in names_of(part)}
+    return types.MappingProxyType({name: inner for name, inner in found.items() if inner})
+
+
+def inner_in(hint: Any) -> Inner | None:
+    """Return the role that the annotation of a field names; None if it names none."""
+    held, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    role = next((note.role for note in notes if isinstance(note, OfRole)), "")
+    return Inner(role, get_origin(held) is tuple) if role else None
 
 
 def annotation_of(kind: Any, quantity: Quantity) -> Any:
@@ -207,21 +275,6 @@ class TrackerModel(PartModel):
         return self.model_copy(update={"assumes": folded, **dict.fromkeys(short)})
 
 
-def model_for(role: str, kind: str, spot: Spot) -> type[PartModel]:
-    """Return the model of a kind that the text at the spot may name.
-
-    Raises:
-        PluginRefused: the text may not name it; otherwise as `part_model`.
-    """
-    permit(role, kind, spot.origin.plugins, spot.origin.folder, of_file=bool(spot.origin.lines))
-    try:
-        return part_model(role, kind)
-    except ImportError as error:
-        if is_missing(kind, error.__cause__):
-            raise ImportError(not_found(kind, spot.origin.folder)) from error
-        raise
-
-
 @functools.cache
 def part_model(role: str, kind: str) -> type[PartModel]:
     """Return the model of one kind.
@@ -243,70 +296,3 @@ def part_model(role: str, kind: str) -> type[PartModel]:
         return made_model(part, base, {"kind": choice, **fields})
     except PartError as error:
         raise PartError(f"{info.path} {error}") from None
-
-
-InnerKinds = type[PartModel] | None | tuple[type[PartModel] | None, ...]
-"""The model of the component that a field holds, or those of a list; None for one whose kind has an issue."""
-
-
-@functools.cache
-def with_inner(model: type[PartModel], inner: tuple[tuple[str, InnerKinds], ...]) -> type[PartModel]:
-    """Return the model of a kind whose fields hold components of these kinds."""
-    fields: dict[str, Any] = {
-        name: (_annotation_of_kinds(chosen), Field(description=model.model_fields[name].description))
-        for name, chosen in inner
-        if chosen != ()  # an empty list is of the same model as none
-    }
-    return create_model(model.__name__, __base__=model, __module__=model.__module__, **fields) if fields else model
-
-
-def _annotation_of_kinds(chosen: InnerKinds) -> Any:
-    if isinstance(chosen, tuple):
-        return tuple[tuple(kind or Any for kind in chosen)]  # type: ignore[misc]
-    return chosen or Any
-
-
-def inner_models(model: type[PartModel]) -> dict[Keys, type[PartModel]]:
-    """Return the models of the components that a component holds, by their paths in it, where the kinds are known."""
-    found: dict[Keys, Any] = {}
-    for name, inner in roles_of(model.part).items():
-        held = model.model_fields[name].annotation
-        if inner.several:
-            found.update(((name, i), kind) for i, kind in enumerate(get_args(held)))
-        else:
-            found[name,] = held
-    return {path: kind for path, kind in found.items() if isinstance(kind, type) and issubclass(kind, PartModel)}
-
-
-class InvalidComponent(Exception):
-    """A component refuses its values.
-
-    Attributes:
-        path: where the component is in the scenario; or its key that the reason begins with, as in 'room: ...'.
-    """
-
-    def __init__(self, path: Keys, reason: Exception, keys: Collection[str] = ()) -> None:
-        text = str(reason) or type(reason).__name__
-        key, _, rest = text.partition(": ")
-        named = key in keys and rest != ""
-        super().__init__(rest if named else text)
-        self.path = (*path, key) if named else path
-
-
-def built(model: PartModel, path: Keys = ()) -> Any:
-    """Return the component of a model, with the components within it.
-
-    Raises:
-        InvalidComponent: a class refuses its values.
-    """
-    values = {name: _built_within(getattr(model, name), (*path, name)) for name in names_of(model.part)}
-    try:
-        return model.part(**values)
-    except (ValueError, TypeError) as reason:
-        raise InvalidComponent(path, reason, names_of(model.part)) from reason
-
-
-def _built_within(value: Any, path: Keys) -> Any:
-    if isinstance(value, tuple):
-        return tuple(_built_within(item, (*path, i)) for i, item in enumerate(value))
-    return built(value, path) if isinstance(value, PartModel) else value

@@ -12,10 +12,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from wsnsim.base.errors import Issue, ScenarioError, UsageError, shown_value
+from wsnsim.base.errors import Issue, ScenarioError, UsageError, dotted, shown_value
 from wsnsim.scenario.build import plain_json, resolved
 from wsnsim.scenario.registry import Plugins
-from wsnsim.scenario.texts import BROKEN, Assignment, Keys, LocatedValue, Origin, dotted
+from wsnsim.scenario.texts import BROKEN, Assignment, Keys, LocatedValue, Origin
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario

@@ -14,9 +14,9 @@ from typing import Any, Final, Generic, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
+from wsnsim.base.errors import Issue, ScenarioError, did_you_mean, dotted
 from wsnsim.scenario.reader import read
-from wsnsim.scenario.texts import BROKEN, Key, Keys, LocatedValue, Origin, content_of, dotted
+from wsnsim.scenario.texts import BROKEN, Key, Keys, LocatedValue, Origin, content_of
 from wsnsim.scenario.units import described, shown
 
 BOUNDS: Final = {

@@ -18,9 +18,9 @@ from typing import Any, Final, Literal, final, get_args, get_origin, get_type_hi
 from pydantic import BaseModel, Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
 
-from wsnsim.base.part import Quantity, names_of, nested_of, roles_of
+from wsnsim.base.part import Quantity
 from wsnsim.scenario.build import plain_json
-from wsnsim.scenario.fields import PartError, PartModel, part_model
+from wsnsim.scenario.fields import PartError, PartModel, names_of, nested_of, part_model, roles_of
 from wsnsim.scenario.registry import AT_TOP, ROLES, kinds
 from wsnsim.scenario.schema import WITHOUT_TARGETS, Scenario
 

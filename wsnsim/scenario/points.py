@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple, final
 
-from wsnsim.base.errors import Issue, ScenarioError
+from wsnsim.base.errors import Issue, ScenarioError, dotted
 from wsnsim.base.files import read_regular
 from wsnsim.scenario import axes as shapes
 from wsnsim.scenario.axes import Axes, InvalidAxis, Sampling, Settings
@@ -26,7 +26,7 @@ from wsnsim.scenario.check import validated
 from wsnsim.scenario.load import keys_of
 from wsnsim.scenario.schema import Scenario
 from wsnsim.scenario.sweep_schema import Point, SweepText
-from wsnsim.scenario.texts import Assignment, Entry, Keys, LocatedValue, ScenarioText, dotted, in_order
+from wsnsim.scenario.texts import Assignment, Entry, Keys, LocatedValue, ScenarioText, in_order
 
 LEFT_OUT: Final = ("name", "replicates")
 """Keys of a scenario that change none of its runs."""

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from wsnsim.base.errors import Issue
-from wsnsim.base.part import names_of, roles_of
+from wsnsim.scenario.fields import names_of, roles_of
 from wsnsim.scenario.registry import AT_TOP, ROLES, kinds
 from wsnsim.scenario.texts import BROKEN, DEEPEST, Entry, Keys, LocatedValue, Origin, Spot
 

@@ -6,7 +6,7 @@ Nothing heavy is imported here. A kind comes from the rows of kinds.table, from 
 
     ROLES: {role name: Role}    AT_TOP: {key at the top of a scenario: Role}
     load_class(find("tracker", "pso_mhpf")) -> the class
-    permit("tracker", "mylab:Mine", Plugins.ANY, folder)      raises PluginRefused, or makes the module findable
+    demand_class("tracker", "mylab:Mine", Plugins.ANY, folder)      imports it, if a text may name it
 
 A permission belongs to a text (`texts.Origin`): what the caller writes may name any module, what a result or a
 campaign's folder holds may name kinds of installed packages, and a text that is only to be shown may name none. Only
@@ -104,9 +104,7 @@ class Role(NamedTuple):
     @property
     def plural(self) -> str:
         """The plural of the role's name: trackers, energies, clusters."""
-        if self.name == "energy":
-            return "energies"
-        return self.name if self.name.endswith("s") else self.name + "s"
+        return "energies" if self.name == "energy" else self.name.removesuffix("s") + "s"
 
     @property
     def group(self) -> str:
@@ -193,7 +191,7 @@ def load_class(info: Kind) -> type[Any]:
     named = info.path if info.kind == info.path else f"'{info.kind}' ({info.path})"
     note_plugin(module)
     try:
-        with streams_kept_open():
+        with contextlib.nullcontext() if module in sys.modules else streams_kept_open():
             found: Any = importlib.import_module(module)
         for step in name.split("."):
             found = getattr(found, step)
@@ -225,7 +223,7 @@ def _installed() -> dict[str, tuple[Kind, ...]]:
     for group in (role.group for role in ROLES.values()):
         points = sorted(filter(_is_installed, installed.select(group=group)), key=lambda point: point.name)
         if points:
-            groups[group] = tuple(_info(point) for point in points)
+            groups[group] = tuple(map(_info, points))
     return groups
 
 
@@ -261,19 +259,19 @@ class PluginRefused(LookupError):
     """A text names a plug-in that it may not name."""
 
 
-def permit(role: str, kind: str, plugins: Plugins, folder: Path, of_file: bool = False) -> None:
-    """Make sure that a text in a folder, which may name `plugins`, may name a kind, and that its module can be found.
+def demand_class(role: str, kind: str, plugins: Plugins, folder: Path, of_file: bool = False) -> None:
+    """Import the class of a kind that a text in a folder names, if a text that may name `plugins` may name it.
 
     The folder and the working directory are searched after Python's path, so that no file there can stand
     in for a module of Python or of an installed package.
 
     Raises:
         PluginRefused: the text may not name it.
-        ImportError: another module of the same name would be imported than that beside the text, which is `of_file`.
+        LookupError: there is no such kind.
+        ImportError: it cannot be imported, or another module of the same name would be than that beside the text,
+            which is `of_file`.
     """
     needed, module = _needed(role, kind)
-    if needed is Plugins.NONE:
-        return
     if needed > plugins:
         raise PluginRefused(_refusal(kind))
     top = module.partition(".")[0]
@@ -281,7 +279,14 @@ def permit(role: str, kind: str, plugins: Plugins, folder: Path, of_file: bool =
         search([str(folder), ""])
         if of_file:
             _demand_unambiguous(kind, top, folder)
-    announce(PluginImport(role, kind, module, _file_of(top)))
+    if needed is not Plugins.NONE:
+        announce(PluginImport(role, kind, module, _file_of(top)))
+    try:
+        load_class(find(role, kind))
+    except ImportError as error:
+        if _is_missing(kind, error.__cause__):
+            raise ImportError(_not_found(kind, folder)) from error
+        raise
 
 
 def access(plugins: Plugins) -> PluginAccess:
@@ -306,31 +311,27 @@ def _refusal(kind: str) -> str:
     return f"needs plug-in {kind}; --plugins allows it (in Python: plugins=True)"
 
 
-def is_missing(kind: str, error: BaseException | None) -> bool:
+def _is_missing(kind: str, error: BaseException | None) -> bool:
     """Return whether an import failed because the module of a 'module:Class' does not exist."""
     missing = getattr(error, "name", None) if isinstance(error, ModuleNotFoundError) else None
-    return ":" in kind and missing is not None and f"{_module(kind)}.".startswith(f"{missing}.")
+    return ":" in kind and missing is not None and f"{kind.partition(':')[0]}.".startswith(f"{missing}.")
 
 
-def not_found(kind: str, folder: Path) -> str:
+def _not_found(kind: str, folder: Path) -> str:
     """Return where a module was looked for that does not exist."""
-    place = folder.resolve()
+    place, module = folder.resolve(), kind.partition(":")[0]
     beside = "" if place == Path.cwd() else f"beside the scenario ({place}), "
-    return f"{kind}: there is no module '{_module(kind)}' {beside}in the working directory or on Python's path"
-
-
-def _module(kind: str) -> str:
-    return kind.partition(":")[0]
+    return f"{kind}: there is no module '{module}' {beside}in the working directory or on Python's path"
 
 
 def _needed(role: str, kind: str) -> tuple[Plugins, str]:
     """Return the permission that a kind needs, and its module; NONE for a built-in kind and for an unknown one."""
     if ":" in kind:
-        return Plugins.ANY, _module(kind)
+        return Plugins.ANY, kind.partition(":")[0]
     if any(info.kind == kind for info in ROLES[role].kinds):
         return Plugins.NONE, ""
     info = kinds(role).get(kind)
-    return (Plugins.INSTALLED, _module(info.path)) if info else (Plugins.NONE, "")
+    return (Plugins.INSTALLED, info.path.partition(":")[0]) if info else (Plugins.NONE, "")
 
 
 def _demand_unambiguous(kind: str, top: str, folder: Path) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections.abc import Collection
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, PrivateAttr, ValidationInfo, create_model, field_validator
@@ -21,7 +22,7 @@ from wsnsim.base.errors import shown_value
 from wsnsim.base.files import LARGEST_NAME, LONGEST_ADDITION, is_too_long
 from wsnsim.base.part import Quantity
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
-from wsnsim.scenario.fields import FROZEN, InvalidComponent, PartModel, built
+from wsnsim.scenario.fields import FROZEN, PartModel, names_of
 from wsnsim.scenario.registry import AT_TOP, Role, Scope
 from wsnsim.scenario.texts import Keys, LocatedValue, Spot
 from wsnsim.scenario.units import Number, Strict, refusal, shown
@@ -62,6 +63,40 @@ def names(what: str) -> AfterValidator:
         return name
 
     return AfterValidator(demand_safe)
+
+
+class InvalidComponent(Exception):
+    """A component refuses its values.
+
+    Attributes:
+        path: where the component is in the scenario; or its key that the reason begins with, as in 'room: ...'.
+    """
+
+    def __init__(self, path: Keys, reason: Exception, keys: Collection[str] = ()) -> None:
+        text = str(reason) or type(reason).__name__
+        key, _, rest = text.partition(": ")
+        named = key in keys and rest != ""
+        super().__init__(rest if named else text)
+        self.path = (*path, key) if named else path
+
+
+def built(model: PartModel, path: Keys = ()) -> Any:
+    """Return the component of a model, with the components within it.
+
+    Raises:
+        InvalidComponent: a class refuses its values.
+    """
+    values = {name: _built_within(getattr(model, name), (*path, name)) for name in names_of(model.part)}
+    try:
+        return model.part(**values)
+    except (ValueError, TypeError) as reason:
+        raise InvalidComponent(path, reason, names_of(model.part)) from reason
+
+
+def _built_within(value: Any, path: Keys) -> Any:
+    if isinstance(value, tuple):
+        return tuple(_built_within(item, (*path, i)) for i, item in enumerate(value))
+    return built(value, path) if isinstance(value, PartModel) else value
 
 
 class Until(BaseModel):

@@ -26,7 +26,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from wsnsim.base.errors import ScenarioError
+from wsnsim.base.errors import ScenarioError, dotted
 from wsnsim.base.tables import TABLES
 from wsnsim.scenario import axes as shapes
 from wsnsim.scenario.axes import demand_few
@@ -56,7 +56,6 @@ from wsnsim.scenario.texts import (
     ScenarioText,
     Spot,
     content_of,
-    dotted,
     find_or_none,
     find_sweep,
     in_order,

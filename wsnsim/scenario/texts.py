@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from wsnsim.base.errors import Issue
+from wsnsim.base.errors import Issue, dotted
 from wsnsim.base.files import read_regular, why_not_regular
 from wsnsim.scenario.registry import AT_TOP, Plugins
 
@@ -267,12 +267,16 @@ class LocatedValue:
         new = over.child("kind")
         if path and new is not None and new.plain() != self._kind(path):
             return over
-        kept = self.value if path else {key: entry for key, entry in self.value.items() if not _is_replaced(key, over)}
+        kept = self.value if path else {key: entry for key, entry in self.value.items() if not over._replaces(key)}
         overlay = {
             key: Entry(entry.spot, kept[key].node.merged(entry.node, (*path, key))) if key in kept else entry
             for key, entry in over.value.items()
         }
         return LocatedValue(kept | overlay, over.spot)
+
+    def _replaces(self, key: str) -> bool:
+        """Return whether this tree gives the role of a key under its other key: `targets` instead of `motion`."""
+        return key in AT_TOP and any(other in self.value for other in AT_TOP[key].keys if other != key)
 
     def assigned(self, path: Keys, new: LocatedValue, depth: int = 0) -> LocatedValue:
         """Return the tree with `new` at a path; missing mappings are created. A new kind drops the role's other keys.
@@ -304,21 +308,11 @@ class LocatedValue:
         return written.plain() if written else role.default if role else None
 
 
-def _is_replaced(key: str, over: LocatedValue) -> bool:
-    """Return whether `over` gives the role under its other key, such as `targets` instead of `motion`."""
-    return key in AT_TOP and any(other in over.value for other in AT_TOP[key].keys if other != key)
-
-
 class Entry(NamedTuple):
     """The position of a key, and the value under it."""
 
     spot: Spot
     node: LocatedValue
-
-
-def dotted(path: Keys) -> str:
-    """Return a path as messages write it: targets.0.bound."""
-    return ".".join(str(key) for key in path)
 
 
 Assignment: TypeAlias = tuple[Keys, LocatedValue]

@@ -17,14 +17,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from wsnsim.base.errors import Issue, ScenarioError, did_you_mean, shortened
+from wsnsim.base.errors import Issue, ScenarioError, did_you_mean, dotted, shortened
 from wsnsim.scenario.axes import Settings, joined
 from wsnsim.scenario.load import keys_of
 from wsnsim.scenario.points import PointName
 from wsnsim.scenario.python_values import defaults_of, of_dict
 from wsnsim.scenario.reader import read
 from wsnsim.scenario.registry import kinds
-from wsnsim.scenario.texts import Assignment, LocatedValue, Origin, Spot, dotted
+from wsnsim.scenario.texts import Assignment, LocatedValue, Origin, Spot
 
 OPTION: Final = "--trackers"
 EXAMPLE: Final = "such as --trackers 'pf:particles=1000,ekf'"
