@@ -13,7 +13,7 @@ from wsnsim.base import plugin_code
 from wsnsim.base.errors import UsageError
 from wsnsim.campaign import sweeping
 from wsnsim.cli import main
-from wsnsim.scenario import registry, schema
+from wsnsim.scenario import fields, registry
 
 HINT = " (set WSNSIM_TRACEBACK=1 for the traceback)\n"
 FAULTY = """
@@ -74,7 +74,7 @@ def _lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "SEARCHED", [])
     for module in ("faulty", "faulty_helper", "broken"):
         monkeypatch.delitem(sys.modules, module, raising=False)
-    schema.part_model.cache_clear()
+    fields.part_model.cache_clear()
 
 
 AT = "the run failed at 1 s of simulated time (seed 20220101, replicate 0): "

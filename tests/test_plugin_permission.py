@@ -21,7 +21,7 @@ from wsnsim.base.errors import ScenarioError
 from wsnsim.campaign import task
 from wsnsim.cli import main
 from wsnsim.cli.shared import group
-from wsnsim.scenario import Plugins, registry, schema
+from wsnsim.scenario import Plugins, fields, registry
 
 SIDE = '''
 from pathlib import Path
@@ -50,7 +50,7 @@ IMPORTS = "wsnsim: imports side ("
 def forget() -> None:
     """Undo imports of the plug-in."""
     sys.modules.pop("side", None)
-    schema.part_model.cache_clear()
+    fields.part_model.cache_clear()
     task._scenario.cache_clear()
 
 

@@ -18,7 +18,7 @@ import wsnsim
 from tests.helpers.thorough import first
 from wsnsim.analysis.difference import differ
 from wsnsim.base.tables import Memory
-from wsnsim.scenario.files import shipped
+from wsnsim.scenario.texts import shipped
 
 BLE = shipped()["pso_mhpf"].parent / "recorded" / "ble"
 TRACKS = ["straight_04", "rectangular_with_rotation", "straight_01", "straight_02", "straight_05",

@@ -14,8 +14,8 @@ from wsnsim import scenario
 from wsnsim.analysis import notes
 from wsnsim.analysis.result_info import info_text
 from wsnsim.base.errors import RunError, ScenarioError
+from wsnsim.base.files import file_digest
 from wsnsim.base.initial_conditions import sample_initial_conditions
-from wsnsim.base.regular_files import file_digest
 from wsnsim.base.tables import Memory
 from wsnsim.bounds import crlb
 from wsnsim.experiment import load, replicate_of

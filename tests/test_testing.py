@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.thorough import thorough
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.requests import PACKET_BITS, Broadcast, Compute, Gather, Local, Member, Parcel, Send
 from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wsnsim
-from wsnsim.base.ports import ReportsState
+from wsnsim.base.optional_ports import ReportsState
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, Memory
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.pso_mhpf import PsoMhpf

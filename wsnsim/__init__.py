@@ -19,19 +19,17 @@ if TYPE_CHECKING:
     # fmt: off
     # isort: off
     from wsnsim.analysis.frames import read as read
-    from wsnsim.api.result import plot as plot
-    from wsnsim.api.result import Result as Result
+    from wsnsim.api.result import plot as plot, Result as Result
     from wsnsim.api.running import run as run, simulate as simulate
-    from wsnsim.api.sweeping import SweepResult as SweepResult
-    from wsnsim.api.sweeping import compare as compare, sweep as sweep
+    from wsnsim.api.sweeping import compare as compare, sweep as sweep, SweepResult as SweepResult
+    from wsnsim.base.arrays import Estimate as Estimate
     from wsnsim.base.errors import (
         Issue as Issue, ResultError as ResultError, RunError as RunError, ScenarioError as ScenarioError,
         StorageError as StorageError, UsageError as UsageError, WsnsimError as WsnsimError,
     )
     from wsnsim.base.part import part as part, Quantity as Quantity
     from wsnsim.base.ports import (
-        Estimate as Estimate, MotionModel as MotionModel, Scene as Scene, SensorModel as SensorModel,
-        Tracker as Tracker,
+        MotionModel as MotionModel, Scene as Scene, SensorModel as SensorModel, Tracker as Tracker,
     )
     from wsnsim.base.requests import (
         Broadcast as Broadcast, Compute as Compute, Delivery as Delivery, Flow as Flow, Gather as Gather,

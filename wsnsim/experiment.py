@@ -29,16 +29,13 @@ from wsnsim.base.initial_conditions import (
     sample_positions,
 )
 from wsnsim.base.plugin_code import plugin_classes
-from wsnsim.base.ports import Recorder
 from wsnsim.base.process import contained, gc_frozen, limited, time_limit
-from wsnsim.base.progress import OnTime, Progress, throttled
-from wsnsim.base.recorded_files import provenance_of
-from wsnsim.base.results import Report, RunResult, Summary, summarise
+from wsnsim.base.results import Report, RunResult, Summary, provenance_of, summarise
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import RunStart, follower_of
-from wsnsim.base.run_numbers import run_numbers
+from wsnsim.base.runs import OnTime, Progress, run_numbers, throttled
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TableLayout, TrackingSetup, table_layout
-from wsnsim.base.tables import Memory
+from wsnsim.base.tables import Memory, Recorder
 from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation
 from wsnsim.models.coverage import coverage_of_living
 from wsnsim.network.base_network import Sensors
@@ -50,7 +47,7 @@ from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.offline.offline_run import OfflineRun
 from wsnsim.recording import MemoryResult, ResultFile, provenance
 from wsnsim.scenario import Overrides, Plugins
-from wsnsim.scenario.files import is_result
+from wsnsim.scenario.texts import is_result
 from wsnsim.stored_scenario import scenario_of_result
 
 __all__ = [

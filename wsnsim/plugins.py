@@ -14,14 +14,16 @@ from wsnsim.base.facades import facade
 if TYPE_CHECKING:
     # fmt: off
     # isort: off
-    from wsnsim.base.arrays import Bools as Bools, Floats as Floats, Ints as Ints, Keys as Keys
-    from wsnsim.base.clustering import (
-        AppointingPolicy as AppointingPolicy, Appointment as Appointment, ClusterPolicy as ClusterPolicy,
-        MovingPolicy as MovingPolicy, NearNodes as NearNodes, Outlook as Outlook, SeesGeometry as SeesGeometry,
+    from wsnsim.base.arrays import (
+        Bools as Bools, Estimate as Estimate, Floats as Floats, Innovation as Innovation, Ints as Ints, Keys as Keys,
+        near as near, rows as rows,
     )
     from wsnsim.base.errors import Issue as Issue
-    from wsnsim.base.estimate import Estimate as Estimate, Innovation as Innovation
     from wsnsim.base.frames import Burst as Burst, MacFrame as MacFrame, OfferedFrame as OfferedFrame
+    from wsnsim.base.initial_conditions import (
+        BlockEstimates as BlockEstimates, StandaloneBlock as StandaloneBlock, StandaloneRun as StandaloneRun,
+        WholeRuns as WholeRuns,
+    )
     from wsnsim.base.mac_mechanisms import (
         ExpectsMembers as ExpectsMembers, FollowsRestarts as FollowsRestarts, Fragmenter as Fragmenter,
         KeepsIdleSlots as KeepsIdleSlots, Listening as Listening, MacMechanism as MacMechanism,
@@ -30,17 +32,20 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.mechanisms import (
         FaultMechanism as FaultMechanism, FaultServices as FaultServices, NodeServices as NodeServices,
-        SensorDefect as SensorDefect, StartsFault as StartsFault, StartsWakeUp as StartsWakeUp,
-        StartsWorkload as StartsWorkload, WakeUpMechanism as WakeUpMechanism, WakeUpServices as WakeUpServices,
-        WorkloadMechanism as WorkloadMechanism, WorkloadServices as WorkloadServices,
+        SensorDefect as SensorDefect, StartsFault as StartsFault, StartsSync as StartsSync,
+        StartsWakeUp as StartsWakeUp, StartsWorkload as StartsWorkload, SyncMechanism as SyncMechanism,
+        SyncServices as SyncServices, TimeSync as TimeSync, WakeUpMechanism as WakeUpMechanism,
+        WakeUpServices as WakeUpServices, WorkloadMechanism as WorkloadMechanism, WorkloadServices as WorkloadServices,
     )
     from wsnsim.base.medium_access import (
         DutyCycledMac as DutyCycledMac, FramedMac as FramedMac, GivesTurns as GivesTurns, KnowsLatency as KnowsLatency,
         Latency as Latency, Mac as Mac, Packing as Packing, RadioDuty as RadioDuty, SwitchesRadio as SwitchesRadio,
     )
     from wsnsim.base.network_ports import (
+        AppointingPolicy as AppointingPolicy, Appointment as Appointment, ClusterPolicy as ClusterPolicy,
         Deployment as Deployment, FaultEvent as FaultEvent, Field as Field, HasSeveralSinks as HasSeveralSinks,
-        Routing as Routing, Sink as Sink, Workload as Workload,
+        MovingPolicy as MovingPolicy, NearNodes as NearNodes, Outlook as Outlook, Routing as Routing,
+        SeesGeometry as SeesGeometry, Sink as Sink, Workload as Workload,
     )
     from wsnsim.base.optional_ports import (
         Announces as Announces, ConstantGaussian as ConstantGaussian, Continuous as Continuous, Detects as Detects,
@@ -77,15 +82,7 @@ if TYPE_CHECKING:
         Decision as Decision, SleepSchedule as SleepSchedule, WakeUp as WakeUp, WakeUpMessage as WakeUpMessage,
         WakeUpPlan as WakeUpPlan, WakeUpRadio as WakeUpRadio, WakeUpRound as WakeUpRound,
     )
-    from wsnsim.base.standalone import (
-        BlockEstimates as BlockEstimates, StandaloneBlock as StandaloneBlock, StandaloneRun as StandaloneRun,
-        WholeRuns as WholeRuns,
-    )
-    from wsnsim.base.synchronisation import (
-        StartsSync as StartsSync, SyncMechanism as SyncMechanism, SyncServices as SyncServices, TimeSync as TimeSync,
-    )
     from wsnsim.base.tables import Recorder as Recorder, Words as Words
-    from wsnsim.base.vector_readings import near as near, rows as rows
     from wsnsim.models.access import Framed as Framed
     from wsnsim.models.appointed import Appointed as Appointed
     from wsnsim.models.csvfile import demand_digest as demand_digest

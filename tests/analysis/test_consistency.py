@@ -16,8 +16,8 @@ from wsnsim.analysis import figure_style, figures, plots, summary_text
 from wsnsim.analysis.consistency import state_nees, step_consistency
 from wsnsim.analysis.quantities import QUANTITIES
 from wsnsim.base import metrics
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.initial_conditions import sample_initial_conditions
-from wsnsim.base.ports import Estimate
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import METRICS, Memory, columns_of, product_unit
 from wsnsim.experiment import replicate_of

@@ -14,7 +14,7 @@ from wsnsim.analysis import setup_notes
 from wsnsim.base.tables import TABLES, Memory
 from wsnsim.cli import main
 from wsnsim.scenario import build
-from wsnsim.scenario.files import shipped
+from wsnsim.scenario.texts import shipped
 
 XMAC = "mac={kind: xmac, interval: 125 ms}"
 SPARSE = "deploy={kind: anchors, places: [[0, 0], [30, 0], [0, 30]], width: 400 m, height: 400 m, centre: [0, 0]}"

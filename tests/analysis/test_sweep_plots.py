@@ -15,8 +15,8 @@ from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import columns_of
 from wsnsim.cli import main
 from wsnsim.recording import ResultFile
-from wsnsim.scenario.files import shipped_sweeps
 from wsnsim.scenario.sweep import load_sweep
+from wsnsim.scenario.texts import shipped_sweeps
 
 STATES = (("px", "m"), ("vx", "m/s"), ("py", "m"), ("vy", "m/s"))
 RUNS = 8

@@ -13,10 +13,11 @@ from wsnsim.base.errors import ScenarioError
 from wsnsim.base.part import part
 from wsnsim.models import CoordinatedTurn, DiskLink, RangeSensor
 from wsnsim.scenario import build, resolved
+from wsnsim.scenario.fields import part_model
 from wsnsim.scenario.kind_info import homes, import_line
-from wsnsim.scenario.reader import values_of
+from wsnsim.scenario.python_values import values_of
 from wsnsim.scenario.registry import ROLES, find, load_class
-from wsnsim.scenario.schema import built, part_model
+from wsnsim.scenario.schema import built
 from wsnsim.trackers import Ekf, PsoMhpf
 
 KINDS = [(role.name, info.kind) for role in ROLES.values() for info in role.kinds]

@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 
 import wsnsim
-from wsnsim.base import border, clustering, mac_mechanisms, ports, radio, sleeping, synchronisation
+from wsnsim.base import border, mac_mechanisms, mechanisms, medium_access, network_ports, ports, radio, sleeping
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.border import CheckedServices, checked
 from wsnsim.base.errors import PluginAnswerError, RunError, UsageError
-from wsnsim.base.estimate import Estimate
 from wsnsim.base.plugin_code import note_plugin
 from wsnsim.base.process import contained, limited, time_limit
 from wsnsim.base.requests import Broadcast, Compute, Gather, GatherReadings, Local, Parcel, Scatter, Send
@@ -29,7 +29,7 @@ from wsnsim.experiment import simulate_run
 from wsnsim.models.links import Disk
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range
-from wsnsim.scenario import registry, schema
+from wsnsim.scenario import fields, registry
 from wsnsim.trackers.ekf import ExtendedKalman
 
 NAN = float("nan")
@@ -71,8 +71,8 @@ WRONG: list[tuple[type, str, tuple[Any, ...], Any, str]] = [
     (ports.PriorModel, "draw", (np.zeros(4), RNG), Estimate(np.zeros(4), -np.eye(4)), "not positive semidefinite"),
     (ports.Acquire, "estimate", (ONE, ONE, ONE, 0, 0, GOOD), Estimate(np.zeros(2), np.eye(2)), "shape (4,), not (2,)"),
     (ports.Detection, "distort", (np.zeros(3), KEYS), np.zeros(2), "shape (3,), not (2,)"),
-    (ports.Deployment, "draw", (50.0, RNG), np.array([[0.0, NAN]]), "not nan (1 of 2)"),
-    (ports.Deployment, "draw", (50.0, RNG), np.zeros((4, 3)), "shape (N, 2), not (4, 3)"),
+    (network_ports.Deployment, "draw", (50.0, RNG), np.array([[0.0, NAN]]), "not nan (1 of 2)"),
+    (network_ports.Deployment, "draw", (50.0, RNG), np.zeros((4, 3)), "shape (N, 2), not (4, 3)"),
     (radio.EnergyModel, "transmit", (8.0, 1.0), (1.0, NAN), "number 2 of its tuple: expected a number, 0 or more, not"),
     (radio.EnergyModel, "compute", (8.0,), -1.0, "expected a number, 0 or more, not -1.0"),
     (radio.EnergyModel, "receive", (8.0,), "much", "expected a number, 0 or more, not 'much'"),
@@ -85,17 +85,23 @@ WRONG: list[tuple[type, str, tuple[Any, ...], Any, str]] = [
     (sleeping.SleepSchedule, "tally", (KEYS, np.zeros(3), 1.0), np.zeros(3), "expected a tuple of 2"),
     (sleeping.WakeUp, "compose", (None, None), 5, "expected a WakeUpMessage, not 5"),
     (sleeping.WakeUp, "decide", ((0.0, 0.0), None, False, 1.0, 0.5), True, "expected a Decision, not True"),
-    (clustering.ClusterPolicy, "elect", ([3, 4], [1.0, 2.0], [True, True]), 5, "one of the nodes that it was given"),
-    (clustering.ClusterPolicy, "successor", (np.zeros(2), TWO, [True, True]), 2, "one of the nodes that it was given"),
-    (clustering.ClusterPolicy, "must_hand_over", (1, 2), None, "expected True or False, not None"),
-    (radio.Packing, "packets", (8, 80), 2.5, "expected an integer, 0 or more, not 2.5"),
-    (radio.Mac, "start", (None,), None, "expected a MacMechanism, not None, which lacks send, offer, silence"),
-    (radio.FaultEvent, "start", (None,), 5, "expected a FaultMechanism, not 5, which lacks begin, end"),
-    (radio.Workload, "start", (None,), 5, "expected a WorkloadMechanism, not 5, which lacks begin"),
+    (network_ports.ClusterPolicy, "elect", ([3, 4], [1.0, 2.0], [True, True]), 5, "one of the nodes that it was given"),
+    (
+        network_ports.ClusterPolicy,
+        "successor",
+        (np.zeros(2), TWO, [True, True]),
+        2,
+        "one of the nodes that it was given",
+    ),
+    (network_ports.ClusterPolicy, "must_hand_over", (1, 2), None, "expected True or False, not None"),
+    (medium_access.Packing, "packets", (8, 80), 2.5, "expected an integer, 0 or more, not 2.5"),
+    (medium_access.Mac, "start", (None,), None, "expected a MacMechanism, not None, which lacks send, offer, silence"),
+    (network_ports.FaultEvent, "start", (None,), 5, "expected a FaultMechanism, not 5, which lacks begin, end"),
+    (network_ports.Workload, "start", (None,), 5, "expected a WorkloadMechanism, not 5, which lacks begin"),
     (sleeping.WakeUp, "start", (None,), 5, "expected a WakeUpMechanism, not 5, which lacks begin"),
-    (synchronisation.TimeSync, "start", (None,), 5, "expected a SyncMechanism, not 5"),
+    (mechanisms.TimeSync, "start", (None,), 5, "expected a SyncMechanism, not 5"),
     (mac_mechanisms.MacMechanism, "send", ([],), None, "expected a Signal, not None, which lacks succeed"),
-    (synchronisation.SyncMechanism, "is_synchronised", (1,), "yes", "expected True or False, not 'yes'"),
+    (mechanisms.SyncMechanism, "is_synchronised", (1,), "yes", "expected True or False, not 'yes'"),
     (ports.Tracker, "estimate", (None,), Estimate(np.zeros(4), np.eye(3)), "covariance: expected an array of shape"),
     (ports.Tracker, "estimate", (None,), Estimate(np.full(4, NAN), np.eye(4)), "the mean is not finite"),
     (ports.Tracker, "estimate", (None,), Estimate(np.full(4, 1e300), np.eye(4)), "the mean is not finite"),
@@ -120,7 +126,12 @@ def test_a_wrong_answer_is_named_with_method_and_place(
 
 @pytest.mark.parametrize("method", ["measure", "estimate", "start", "decide"])
 def test_an_async_method_is_said_as_what_it_is(method: str) -> None:
-    port = {"measure": ports.SensorModel, "estimate": ports.Tracker, "start": radio.Mac, "decide": sleeping.WakeUp}
+    port = {
+        "measure": ports.SensorModel,
+        "estimate": ports.Tracker,
+        "start": medium_access.Mac,
+        "decide": sleeping.WakeUp,
+    }
     component = checked(plugin(object, method, _awaited())(), port[method])
     with pytest.raises(PluginAnswerError, match=r"coroutine.*of an async function"):
         getattr(component, method)(*[np.zeros(1)] * (1 if method == "start" else 5))
@@ -439,7 +450,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(registry, "SEARCHED", [])
     monkeypatch.delitem(sys.modules, "lab", raising=False)
-    schema.part_model.cache_clear()
+    fields.part_model.cache_clear()
 
 
 @pytest.mark.usefixtures("lab")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wsnsim.base.caches import prepare_matplotlib, private_folder, reason, wished_folder
+from wsnsim.base.files import prepare_matplotlib, private_folder, reason, wished_folder
 from wsnsim.base.version import __version__
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system has no owners of files")

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.rows import Issued, consistency, fingerprint
 
 

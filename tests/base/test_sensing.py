@@ -11,7 +11,7 @@ from scipy.stats import chi2, kstest, norm
 
 import wsnsim
 from wsnsim.base.initial_conditions import sample_initial_conditions
-from wsnsim.base.ports import IsShadowed
+from wsnsim.base.optional_ports import IsShadowed
 from wsnsim.base.rng import Streams, derive
 from wsnsim.base.sensing import PathShadowing, informations, path_shadowing
 from wsnsim.bounds import bound

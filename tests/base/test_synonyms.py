@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wsnsim.base.errors import did_you_mean, nearest
-from wsnsim.base.synonyms import meant_by, synonyms
+from wsnsim.base.errors import did_you_mean, meant_by, nearest, synonyms
 from wsnsim.base.tables import TABLES
 from wsnsim.cli import main
 from wsnsim.cli.shared import group

@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.ports import Estimate, Field, Scene
+from wsnsim.base.arrays import Estimate
+from wsnsim.base.network_ports import Field
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import derive, derive_all
 from wsnsim.models.motion import BoundedVelocity

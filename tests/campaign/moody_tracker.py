@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.campaign.task import _scenario
-from wsnsim.scenario.plugin_access import PluginAccess, Plugins
-from wsnsim.scenario.schema import part_model
+from wsnsim.scenario.fields import part_model
+from wsnsim.scenario.registry import PluginAccess, Plugins
 
 MODULE = '''
 import ctypes
@@ -24,7 +24,7 @@ from typing import Annotated
 import numpy as np
 
 import wsnsim
-from wsnsim.base.progress import tracked
+from wsnsim.base.runs import tracked
 from wsnsim.base.rng import HEAD_KEY, Streams, derive
 from wsnsim.campaign.task import TaskOutcome
 

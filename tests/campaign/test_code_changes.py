@@ -20,7 +20,7 @@ from wsnsim.campaign.code_changes import changed_files
 from wsnsim.cli import main
 from wsnsim.papers import reproduce
 from wsnsim.recording.folder import Folder
-from wsnsim.scenario.plugin_access import Plugins, access
+from wsnsim.scenario.registry import Plugins, access
 from wsnsim.scenario.sweep import load_sweep
 
 from .campaign_files import files_of

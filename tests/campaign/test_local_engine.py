@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from tests.helpers.thorough import thorough
-from wsnsim.base.progress import watching
+from wsnsim.base.runs import watching
 from wsnsim.base.version import __version__
 from wsnsim.campaign import Shard, collect, local_engine, prepare, run_campaign
 from wsnsim.campaign.engines import FinishedTask

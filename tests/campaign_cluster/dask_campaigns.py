@@ -15,7 +15,7 @@ from wsnsim.campaign.dask_engine import DaskEngine
 from wsnsim.campaign.engines import FinishedTask
 from wsnsim.campaign.task import Task
 from wsnsim.recording.folder import Folder
-from wsnsim.scenario.plugin_access import PluginAccess, Plugins
+from wsnsim.scenario.registry import PluginAccess, Plugins
 from wsnsim.scenario.sweep import load_sweep
 
 from .dask_processes import PATIENCE

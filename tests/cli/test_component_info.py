@@ -13,7 +13,7 @@ import yaml
 from tests.helpers.scenario_components import base_scenario
 from wsnsim.base.tables import TABLES
 from wsnsim.cli import main
-from wsnsim.scenario.files import shipped_parts
+from wsnsim.scenario.texts import shipped_parts
 
 pytestmark = pytest.mark.usefixtures("fresh_folder")
 

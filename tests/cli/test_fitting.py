@@ -10,7 +10,7 @@ import pytest
 from tests.helpers.recorded_walks import Walks
 from wsnsim.cli import main
 from wsnsim.scenario import load
-from wsnsim.scenario.files import shipped
+from wsnsim.scenario.texts import shipped
 
 
 @pytest.fixture(scope="module")

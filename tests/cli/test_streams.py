@@ -17,7 +17,7 @@ import pytest
 
 from tests.campaign.inline_engine import InlineEngine
 from tests.helpers.full_disk import FullDisk
-from wsnsim.base.caches import CacheWarning
+from wsnsim.base.files import CacheWarning
 from wsnsim.campaign import local_engine
 from wsnsim.cli import main
 from wsnsim.cli.interrupts import Interrupts

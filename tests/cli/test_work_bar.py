@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 import pytest
 
-from wsnsim.base.progress import WorkProgress, tracked, watching
+from wsnsim.base.runs import WorkProgress, tracked, watching
 from wsnsim.cli import progress as shown
 from wsnsim.cli.progress import WorkBar
 

@@ -11,10 +11,10 @@ import pytest
 from wsnsim.base.tables import TABLES
 from wsnsim.cli.shared import group
 from wsnsim.scenario.datasheets import datasheet
-from wsnsim.scenario.files import shipped_parts
-from wsnsim.scenario.json_schema import json_schema
 from wsnsim.scenario.kind_info import kind_info
+from wsnsim.scenario.parameter_info import json_schema
 from wsnsim.scenario.registry import AT_TOP, ROLES
+from wsnsim.scenario.texts import shipped_parts
 
 EXTENSIONS = Path(__file__).resolve().parents[2] / "docs" / "_ext"
 ROWS = [(role.name, row.kind) for role in ROLES.values() for row in role.kinds]

@@ -14,7 +14,7 @@ from tests.models.test_recorded_links import second_half
 from wsnsim.base.errors import RunError, UsageError
 from wsnsim.fitting.link_sample import delivery
 from wsnsim.models.links import LogNormal
-from wsnsim.scenario.files import shipped
+from wsnsim.scenario.texts import shipped
 
 GRENOBLE = next(iter(shipped().values())).parent / "recorded" / "links" / "grenoble_first_half.k7.gz"
 TRUE = LogNormal(loss_at_1m=50.0, exponent=3.0, shadowing=5.0, asymmetry=2.0, sensitivity=-90.0)

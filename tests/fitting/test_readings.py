@@ -17,7 +17,7 @@ from wsnsim.fitting.data_files import ReadingOptions, read_nodes, read_sample
 from wsnsim.fitting.fitted_law import LAWS
 from wsnsim.fitting.located_readings import LocatedReadings, NodeTable
 from wsnsim.scenario import build, load
-from wsnsim.scenario.files import shipped
+from wsnsim.scenario.texts import shipped
 
 BLE = next(iter(shipped().values())).parent / "recorded" / "ble"
 TRACKS = ("straight_01", "straight_02", "straight_04", "straight_05", "zigzagging_with_rotation")

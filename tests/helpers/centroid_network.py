@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.requests import PACKET_BITS, Compute, Gather, Member, Parcel, Send
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import estimate_rows, truth_rows

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from tests.helpers.scenes import make_scene
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.arrays import Estimate
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Broadcast, Compute, Local, Member, Parcel, Request, all_arrived
 from wsnsim.base.rng import derive, derive_all, normals
 from wsnsim.offline.loopback import Lose, perform

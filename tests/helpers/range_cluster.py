@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tests.helpers.linear_cluster import Cluster
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.requests import Compute, GatheredReadings, GatherReadings, Send
 from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.ranging import Range

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import Field, Scene
+from wsnsim.base.network_ports import Field
+from wsnsim.base.ports import Scene
 
 
 def make_scene(

@@ -11,7 +11,8 @@ import pytest
 
 from tests.bench import twins
 from tests.bench.entries import ENTRIES
-from wsnsim.base.ports import Field, Scene
+from wsnsim.base.network_ports import Field
+from wsnsim.base.ports import Scene
 from wsnsim.base.rng import derive
 from wsnsim.kernels.particles import allocate, moments, predict_and_score, systematic, weigh
 from wsnsim.models.motion import BoundedVelocity

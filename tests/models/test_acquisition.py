@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.acquire import AroundTruth, FromReadings
 from wsnsim.models.clusters import MovingHead, StrongestSignal

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wsnsim.base.clustering import Appointment, NearNodes, Outlook, SeesGeometry, predicted_path, steps_in
-from wsnsim.base.estimate import Estimate
+from wsnsim.base.arrays import Estimate
+from wsnsim.base.network_ports import Appointment, NearNodes, Outlook, SeesGeometry, predicted_path, steps_in
 from wsnsim.models.appointed import PRIOR, Appointed, ExpectedInformation
 from wsnsim.models.clusters import MovingHead, StrongestSignal
 from wsnsim.models.energy import FirstOrder

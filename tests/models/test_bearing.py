@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate
 from wsnsim.models.acquire import FromReadings
 from wsnsim.models.bearing import TURN, Bearing, RangeBearing, wrapped
 from wsnsim.models.linear import ConstantVelocity

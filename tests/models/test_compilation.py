@@ -7,7 +7,7 @@ from numba.core import event
 
 import wsnsim
 from wsnsim import experiment
-from wsnsim.base.progress import Progress
+from wsnsim.base.runs import Progress
 from wsnsim.models.compilation import announced, compilation_seconds, time_without_compilation
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wsnsim.base import regular_files
+from wsnsim.base import files
 from wsnsim.base.errors import RunError
 from wsnsim.models import csvfile
 from wsnsim.models.csvfile import BadRow, Wanted, bad_rows_text, demand_digest, first_of_equal, only_rows, read_rows
@@ -88,7 +88,7 @@ def test_at_most_fifty_rows_are_printed() -> None:
 
 
 def test_a_file_that_changed_or_is_gone_is_refused_by_its_digest(tmp_path: Path) -> None:
-    from wsnsim.base.regular_files import file_digest
+    from wsnsim.base.files import file_digest
 
     path = Path(written(tmp_path, TEXT))
     digest = file_digest(path)
@@ -114,7 +114,7 @@ def test_shipped_tracks_are_read_as_they_are_written() -> None:
 
 @pytest.mark.thorough
 def test_a_small_file_that_holds_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(regular_files, "MOST_BYTES", 2_000_000)
+    monkeypatch.setattr(files, "MOST_BYTES", 2_000_000)
     path = tmp_path / "much.csv.gz"
     path.write_bytes(gzip.compress(b"x,y\n" + b"1,2\n" * 600_000))
     with pytest.raises(RunError, match=r"much\.csv\.gz: cannot be read: it is more than 2 MB when decompressed"):

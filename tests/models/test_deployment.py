@@ -11,7 +11,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from wsnsim.base.errors import RunError
-from wsnsim.base.ports import Field
+from wsnsim.base.network_ports import Field
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.coverage import covers

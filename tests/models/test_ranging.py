@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from wsnsim.base.ports import Detects
+from wsnsim.base.optional_ports import Detects
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.ranging import Range, RangeFromOrigin
 from wsnsim.models.rssi import Rssi

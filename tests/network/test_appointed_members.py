@@ -12,8 +12,8 @@ import pytest
 import wsnsim
 from tests.helpers.appointed_networks import TRIANGLE, along, three
 from tests.helpers.centroid_network import Centroid, Run, network_setup, standing
-from wsnsim.base.clustering import Appointment
 from wsnsim.base.initial_conditions import sample_initial_conditions
+from wsnsim.base.network_ports import Appointment
 from wsnsim.base.part import part
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.bounds import bound_of_run

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.centroid_network import Centroid, Run, network_setup, standing
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.requests import PACKET_BITS, Gather, GatherReadings, Local, Member, Parcel
 from wsnsim.offline.loopback import perform
 from wsnsim.offline.offline_run import RequestCosts

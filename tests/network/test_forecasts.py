@@ -9,8 +9,9 @@ import pytest
 
 from tests.helpers import sleeping_networks
 from tests.helpers.centroid_network import Centroid, Run, network_setup, passing
+from wsnsim.base.arrays import Estimate
+from wsnsim.base.optional_ports import ForecastsSuccession
 from wsnsim.base.part import part
-from wsnsim.base.ports import Estimate, ForecastsSuccession
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.links import MinimumHop
 from wsnsim.trackers.mixture_pf import MixturePf

@@ -22,7 +22,7 @@ from wsnsim.papers.measures import computing
 from wsnsim.papers.reproduction import BASES, ClaimRow, rendered
 from wsnsim.papers.study import PAGES, study
 from wsnsim.papers.verdicts import Judgement
-from wsnsim.scenario.files import shipped_studies
+from wsnsim.scenario.texts import shipped_studies
 
 NAMES = [(name, raw.name) for name in PAGES for raw in study(name)._document.content.experiments]
 """(paper, experiment); experiments are computed in tests, because that of recorded tracks is dear."""

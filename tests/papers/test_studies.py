@@ -20,7 +20,7 @@ from wsnsim.papers.answers import answered
 from wsnsim.papers.reproduction import RegisteredHypothesis
 from wsnsim.papers.study import study
 from wsnsim.papers.toolkit import ALLOWED
-from wsnsim.scenario.files import shipped_studies
+from wsnsim.scenario.texts import shipped_studies
 
 TEXT = """
 source: Mine

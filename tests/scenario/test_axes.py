@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from tests.helpers.calls import counted_calls
 from wsnsim.scenario import axes
 from wsnsim.scenario.axes import InvalidAxis, Sampling
-from wsnsim.scenario.located_values import LocatedValue, Origin, plain
-from wsnsim.scenario.reader import of_dict
+from wsnsim.scenario.python_values import of_dict
+from wsnsim.scenario.texts import LocatedValue, Origin
 from wsnsim.scenario.units import si
 
 KEYS = ("tracker", "particles")
@@ -36,11 +36,11 @@ def axes_of(values: dict[str, Any]) -> dict[tuple[str, ...], LocatedValue]:
 
 
 def values(value: Any) -> list[Any]:
-    return [plain(node) for node in axes.values_of(node_of(value), KEYS)]
+    return [node.plain() for node in axes.values_of(node_of(value))]
 
 
 def points(settings: list[axes.Settings]) -> list[tuple[Any, ...]]:
-    return [tuple(plain(node) for _, node in laid) for laid in settings]
+    return [tuple(node.plain() for _, node in laid) for laid in settings]
 
 
 def drawn(
@@ -281,6 +281,6 @@ def test_a_draw_over_what_is_no_range_is_refused(how: Any, written: Any, message
 
 def test_a_range_of_real_numbers_does_not_round_what_lies_between_whole_ends() -> None:
     made = axes.of_reals(node_of({"range": [0, 1], "count": 3}))
-    assert [plain(node) for node in axes.values_of(made, KEYS)] == [0.0, 0.5, 1.0]
+    assert [node.plain() for node in axes.values_of(made)] == [0.0, 0.5, 1.0]
     kept = node_of([0, 1])
     assert axes.of_reals(kept) is kept

@@ -15,9 +15,9 @@ from tests.helpers.scenario_components import base_scenario, faults_of, kind
 from wsnsim import scenario
 from wsnsim.base.errors import UsageError
 from wsnsim.scenario.examples import template
-from wsnsim.scenario.json_schema import json_schema
+from wsnsim.scenario.fields import part_model
+from wsnsim.scenario.parameter_info import json_schema
 from wsnsim.scenario.registry import ROLES, Kind, find, kinds, load_class, role_named
-from wsnsim.scenario.schema import part_model
 
 ROWS = [(role.name, row) for role in ROLES.values() for row in role.kinds]
 
@@ -136,7 +136,7 @@ from wsnsim import scenario
 from wsnsim.base import border
 from wsnsim.base.errors import ScenarioError
 from wsnsim.scenario.registry import find, kinds
-from wsnsim.scenario.json_schema import json_schema
+from wsnsim.scenario.parameter_info import json_schema
 
 border.checked_setup = lambda setup: setup  # the components have no behaviour
 source = json.load(sys.stdin)
@@ -150,7 +150,7 @@ print(json.dumps({
     "memory": scenario.build(loaded).tracker.memory,
     "plugins": scenario.plugins(loaded),
     "broken": broken,
-    "row": vars(kinds("tracker")["mine"]),
+    "row": kinds("tracker")["mine"]._asdict(),
     "own": find("tracker", "pso_mhpf").path,
     "schema": "Mine" in schema["$defs"],
 }))

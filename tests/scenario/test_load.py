@@ -312,7 +312,7 @@ def test_the_nearest_shipped_scenario_is_named(tmp_path: Path, monkeypatch: pyte
     package = tmp_path / "wsnsim" / "scenario"
     (tmp_path / "scenarios").mkdir()
     write_yaml("scenarios/quick.yaml", base_scenario(name="quick"))
-    monkeypatch.setattr(sys.modules["wsnsim.scenario.files"], "__file__", str(package / "files.py"))
+    monkeypatch.setattr(sys.modules["wsnsim.scenario.texts"], "__file__", str(package / "texts.py"))
     assert scenario.load("quick").name == "quick"
     assert "(did you mean 'quick'?)" in faults_of("quikc")[0]
     Path("quick").mkdir()

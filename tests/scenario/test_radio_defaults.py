@@ -9,9 +9,9 @@ from wsnsim.base.medium_access import off_time
 from wsnsim.models.access import Csma
 from wsnsim.scenario.build import build, resolved
 from wsnsim.scenario.datasheets import datasheet
-from wsnsim.scenario.files import find_sheet, sheets
 from wsnsim.scenario.load import load
 from wsnsim.scenario.registry import kinds
+from wsnsim.scenario.texts import find_sheet, sheets
 
 RECORDING = Path(__file__).parents[2] / "scenarios" / "recorded_links.yaml"
 LINKS = {"disk": {}, "log_normal": {}, "recorded": load(str(RECORDING)).link.model_dump(exclude_unset=True)}

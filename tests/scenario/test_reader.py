@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wsnsim.scenario.located_values import BROKEN, Origin, plain, spot_of
-from wsnsim.scenario.reader import LARGEST, of_dict, read
+from wsnsim.scenario.python_values import of_dict
+from wsnsim.scenario.reader import LARGEST, read
+from wsnsim.scenario.texts import BROKEN, Origin
 
 
 def text(content: str) -> Origin:
@@ -22,7 +23,7 @@ def value_of(content: str) -> Any:
     node, faults = read(content, text(content))
     assert node is not None, faults
     assert not faults
-    return plain(node)
+    return node.plain()
 
 
 def faults_of(content: str) -> list[str]:
@@ -75,7 +76,7 @@ def test_a_value_and_its_key_know_where_they_stand() -> None:
     content = "a: 1\nb:\n  deep: [1, {x: 2}]\n"
     node, _ = read(content, text(content))
     assert node is not None
-    value, key = spot_of(node, ("b", "deep", 1, "x")), spot_of(node, ("b", "deep", 1, "x"), of_key=True)
+    value, key = node.spot_of(("b", "deep", 1, "x")), node.spot_of(("b", "deep", 1, "x"), of_key=True)
     assert (value.line, value.column) == (2, 16)
     assert (key.line, key.column) == (2, 13)
 
@@ -84,7 +85,7 @@ def test_a_place_that_is_not_written_is_that_of_what_stands_around_it() -> None:
     content = "a: 1\nb:\n  deep: 3\n"
     node, _ = read(content, text(content))
     assert node is not None
-    spot = spot_of(node, ("b", "missing", "inside"))
+    spot = node.spot_of(("b", "missing", "inside"))
     assert (spot.line, spot.column) == (2, 2)
 
 
@@ -167,7 +168,7 @@ def test_a_dict_may_hold_tuples_paths_and_numpy_values() -> None:
     values = {"a": (1, 2), "b": np.float64(3), "c": np.arange(3), "d": Path("x"), 5: True}
     node, faults = of_dict(values, Origin("", Path()))
     assert not faults
-    assert plain(node) == {"a": [1, 2], "b": 3.0, "c": [0, 1, 2], "d": "x", "5": True}
+    assert node.plain() == {"a": [1, 2], "b": 3.0, "c": [0, 1, 2], "d": "x", "5": True}
 
 
 def test_a_dict_within_itself_or_with_strange_values_is_refused() -> None:

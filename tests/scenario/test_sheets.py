@@ -15,8 +15,8 @@ from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.scenario import datasheets
 from wsnsim.scenario.fields import names_of, nested_of
-from wsnsim.scenario.files import sheets, shipped_parts
 from wsnsim.scenario.registry import ROLES, load_class
+from wsnsim.scenario.texts import sheets, shipped_parts
 
 TINY = "sheet: radio\nname: Tiny\nrate: 10 kbit/s\nsleep: 2 uW\nsources:\n  sleep: datasheet, p. 3\n"
 MADE = scenario_components.Sheet(name="Tiny", rate=1e4, sleep=2e-6)

@@ -17,9 +17,9 @@ from tests.helpers.scenario_components import base_scenario, kind
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import TABLES
-from wsnsim.scenario.files import shipped_sweeps
 from wsnsim.scenario.sweep import is_sweep, load_sweep
 from wsnsim.scenario.sweep_schema import Plan
+from wsnsim.scenario.texts import shipped_sweeps
 
 PARTICLES = "tracker.particles"
 
@@ -552,7 +552,7 @@ def test_a_sweep_is_told_from_a_scenario_and_from_what_is_not_there(monkeypatch:
 
 def test_shipped_sweeps_are_found_by_name_and_a_file_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
     place = Path(write_yaml("away/mine.yaml", sweep(scenario="../small", grid={"seed": [1]}))).resolve()
-    monkeypatch.setattr("wsnsim.scenario.files.shipped_sweeps", lambda: {"mine": place})
+    monkeypatch.setattr("wsnsim.scenario.texts.shipped_sweeps", lambda: {"mine": place})
     for name in ("mine", "mine.yaml"):
         assert is_sweep(name)
         assert load_sweep(name).name == "mine"

@@ -7,13 +7,12 @@ import json
 import pytest
 
 from wsnsim.base.errors import ScenarioError
-from wsnsim.scenario.located_values import plain
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.scenario.tracker_choices import column_of, tracker_choices
 
 
 def read(text):
-    return [(one.name, {".".join(map(str, keys[1:])): plain(node) for keys, node in one.assignments})
+    return [(one.name, {".".join(map(str, keys[1:])): node.plain() for keys, node in one.assignments})
             for one in tracker_choices(text)]  # fmt: skip
 
 

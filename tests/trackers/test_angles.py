@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from wsnsim import scenario
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.errors import ScenarioError
-from wsnsim.base.ports import Estimate
 from wsnsim.models.bearing import TURN, Bearing, RangeBearing
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ungm import Ungm

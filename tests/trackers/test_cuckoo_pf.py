@@ -12,8 +12,7 @@ from scipy import stats
 
 from tests.helpers.linear_cluster import Cluster, LinearSensor, against_kalman, sent
 from tests.helpers.scenes import make_scene
-from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate, Floats
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import derive, derive_all, normals, uniforms
 from wsnsim.models.motion import BoundedVelocity

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from tests.helpers.scenes import make_scene
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.requests import Compute, Member, Send, all_arrived
 from wsnsim.base.rng import normals
 from wsnsim.models.motion import BoundedVelocity

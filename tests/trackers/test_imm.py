@@ -11,8 +11,8 @@ import wsnsim
 from tests.helpers.linear_cluster import Cluster, F, LinearMotion, LinearSensor, kalman, sent
 from tests.helpers.losses import losing
 from wsnsim import experiment, scenario
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.errors import ScenarioError
-from wsnsim.base.ports import Estimate
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, Memory
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
 from wsnsim.models.mobility import CoordinatedTurn

@@ -10,7 +10,7 @@ import pytest
 from tests.helpers.linear_cluster import Cluster, LinearMotion, against_kalman, kalman, sent
 from tests.kernels.test_relay import chain, combine_by_the_book, mix_by_the_book, update_each_by_the_book
 from tests.trackers.test_relay_kalman import Line, losing
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate
 from wsnsim.base.requests import Member
 from wsnsim.models.linear import ConstantAcceleration
 from wsnsim.models.ranging import Range

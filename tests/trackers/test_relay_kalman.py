@@ -10,7 +10,8 @@ import pytest
 from tests.helpers.linear_cluster import Cluster, LinearMotion, against_kalman, kalman, sent
 from tests.helpers.scenes import make_scene
 from tests.kernels.test_relay import chain, kalman_by_the_book, rkf_by_the_book
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.arrays import Estimate
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Member
 from wsnsim.models.linear import ConstantAcceleration
 from wsnsim.models.ranging import Range

@@ -19,7 +19,7 @@ from pandas.api.types import union_categoricals
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import ResultError
-from wsnsim.base.progress import tracked
+from wsnsim.base.runs import tracked
 from wsnsim.base.tables import DUTY_CYCLED, RECORDED_BY_DEFAULT, TABLES
 from wsnsim.recording import read_with_meanings, tables
 from wsnsim.recording.folder import Batch, Folder, PointOnDisk

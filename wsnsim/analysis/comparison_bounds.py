@@ -18,13 +18,13 @@ import numpy as np
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.comparison import Comparison
 from wsnsim.base.errors import WsnsimError
-from wsnsim.base.progress import tracked
-from wsnsim.base.regular_files import read_regular
+from wsnsim.base.files import read_regular
+from wsnsim.base.runs import tracked
 from wsnsim.bounds import bound
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept import KEPT, KeptAnswers
 from wsnsim.scenario import Plugins, load, plugins
-from wsnsim.scenario.plugin_access import refused
+from wsnsim.scenario.registry import refused
 
 MOST: Final = 100
 """Runs whose trajectories count at most: more change only the third digit."""

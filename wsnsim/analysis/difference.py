@@ -17,7 +17,7 @@ import wsnsim.recording as recording
 from wsnsim.analysis.logged_events import BLOCK, layout_or_empty, ranges, rows_in
 from wsnsim.analysis.phrases import aligned, row_in_words
 from wsnsim.analysis.plot_data import stored_json
-from wsnsim.base.leaves import ABSENT, differing_leaves
+from wsnsim.scenario.build import ABSENT, differing_leaves
 
 OF_THE_DAY: Final = ("start", "end")
 """Provenance entries that differ between any two runs."""

@@ -19,8 +19,7 @@ from wsnsim.analysis.setup_notes import in_a_check, named
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import InitialConditions, node_names, sample_initial_conditions, sample_positions
-from wsnsim.base.recorded_files import COUNTS, ROWS, provenance_of
-from wsnsim.base.results import Report
+from wsnsim.base.results import COUNTS, ROWS, Report, provenance_of
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 
 NO_ESTIMATE: Final = "no step has an estimate"

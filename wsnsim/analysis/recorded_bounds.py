@@ -19,7 +19,7 @@ from wsnsim.base.errors import WsnsimError
 from wsnsim.bounds import READINGS, Bound, bound_of_run
 from wsnsim.recording import read_table, tables
 from wsnsim.scenario import Plugins
-from wsnsim.scenario.plugin_access import refused
+from wsnsim.scenario.registry import refused
 
 
 def lacking(path: str | Path, plugins: bool = False) -> str:

@@ -13,7 +13,7 @@ from wsnsim.analysis.answer_facts import position_unit, read_arrays
 from wsnsim.analysis.phrases import counted, wrapped
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.quantities import QUANTITIES, beside, medians, values, worth_showing
-from wsnsim.base.recorded_files import COUNTS, FILES, ROWS
+from wsnsim.base.results import COUNTS, FILES, ROWS
 from wsnsim.recording import attributes, read_table, tables
 
 

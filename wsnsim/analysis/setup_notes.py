@@ -26,7 +26,7 @@ from wsnsim.analysis.effect_notes import (
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import sample_positions
 from wsnsim.base.medium_access import CAP_SHARE, is_duty_cycled
-from wsnsim.base.ports import Field
+from wsnsim.base.network_ports import Field
 from wsnsim.base.radio import Mode, RecordsLinks, continuous_power
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup

@@ -18,7 +18,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.recording.folder import Folder, Manifest
 from wsnsim.scenario import Plugins, load
-from wsnsim.scenario.plugin_access import refused
+from wsnsim.scenario.registry import refused
 
 UNIT: Final = re.compile(r"\[([^\[\]]+)\]$")
 """The unit at the end of a field's description."""

@@ -22,8 +22,7 @@ from typing import Any, Final, TypeAlias, TypedDict
 
 from wsnsim.base.errors import Issue, ScenarioError, StorageError, UsageError, did_you_mean, shown_value
 from wsnsim.base.tables import TABLES
-from wsnsim.scenario.build import demand_scenario
-from wsnsim.scenario.load import Override, Overrides, listed
+from wsnsim.scenario.load import Override, Overrides, demand_scenario, listed
 from wsnsim.scenario.registry import AT_TOP
 
 OPTIONS: Final = {"--set": "overrides", "--trackers": "trackers", "--replicates": "replicates", "--vary": "vary"}

@@ -9,11 +9,10 @@ from typing import Any, TypeAlias, Unpack
 import wsnsim.experiment as experiment
 from wsnsim.api.arguments import Changes, named_as_in_python, overrides_of, result_file, shown
 from wsnsim.api.result import Result
-from wsnsim.base.progress import Progress
-from wsnsim.base.run_numbers import run_number, run_numbers
+from wsnsim.base.runs import Progress, run_number, run_numbers
 from wsnsim.recording.atomic_files import sole_writer
 from wsnsim.scenario import Overrides
-from wsnsim.scenario.build import demand_scenario
+from wsnsim.scenario.load import demand_scenario
 
 Source: TypeAlias = Any
 """A scenario: the name of a shipped one, a file, a dict, what `load` returned, or a result file to be run again."""

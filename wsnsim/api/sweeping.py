@@ -28,7 +28,7 @@ from wsnsim.api.arguments import (
     shown,
 )
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
-from wsnsim.base.run_numbers import run_count
+from wsnsim.base.runs import run_count
 from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress
 from wsnsim.campaign.sweeping import TrackersText, needs_main_guard
 from wsnsim.campaign.sweeping import sweep as run_sweep

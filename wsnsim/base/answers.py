@@ -1,5 +1,7 @@
 """What an answer of a plug-in must be: of the type that its port's annotation names, of the right shape, and finite.
 
+The same of the requests of its trackers, as far as it shows before a request is performed.
+
 Each function returns what is wrong, in words; '' if nothing is. `wsnsim.testing` asks the same functions.
 """
 
@@ -13,9 +15,18 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from wsnsim.base.arrays import components_of
 from wsnsim.base.errors import shown_value
-from wsnsim.base.requests import Parcel
-from wsnsim.base.vector_readings import components_of
+from wsnsim.base.requests import (
+    Broadcast,
+    Compute,
+    Gather,
+    GatherReadings,
+    Local,
+    Parcel,
+    Scatter,
+    Send,
+)
 
 LARGEST: Final = 1e100
 """A greater number is a mistake: no quantity of a network is, and its powers overflow."""
@@ -238,3 +249,47 @@ def ids_fault(ids: Iterable[Any] | None, size: float = np.inf) -> str:
         return told("ids of nodes", ids)
     most = "" if size == np.inf else f" from 0 to {size - 1:g}"
     return told(f"ids of nodes{most}", found[0]) if found else ""
+
+
+REQUESTS: Final = (Local, Compute, Gather, GatherReadings, Scatter, Broadcast, Send)
+
+
+def request_fault(request: Any) -> str:
+    """Return what is wrong with a request."""
+    if type(request) not in REQUESTS:
+        names = ", ".join(each.__name__ for each in REQUESTS)
+        return f"{shown_value(request)} is not a request; requests are {names}"
+    fault = _FAULTS[type(request)](request)
+    return f"{type(request).__name__}: {fault}" if fault else ""
+
+
+def _local_fault(request: Local) -> str:
+    functions = [request.work] if request.work_all is None else [request.work, request.work_all]
+    if not all(map(callable, functions)):
+        return told("functions as work and work_all", functions[-1])
+    return ids_fault(request.who) or ("" if callable(request.cycles) else cycles_fault(request.cycles))
+
+
+def _gather_fault(request: Gather | GatherReadings) -> str:
+    if isinstance(request, Gather) and not callable(request.parcel_of):
+        return told("a function as parcel_of", request.parcel_of)
+    if isinstance(request, GatherReadings) and (fault := number_fault(request.packet_bits, least=1)):
+        return f"packet_bits: {fault}"
+    return ids_fault(request.who)
+
+
+def _scatter_fault(request: Scatter) -> str:
+    if not isinstance(request.parcels, Mapping):
+        return told("a mapping of ids to parcels", request.parcels)
+    return ids_fault(request.parcels) or next(filter(None, map(parcel_fault, request.parcels.values())), "")
+
+
+_FAULTS: Final[Mapping[type, Callable[[Any], str]]] = {
+    Local: _local_fault,
+    Compute: lambda request: cycles_fault(request.cycles),
+    Gather: _gather_fault,
+    GatherReadings: _gather_fault,
+    Scatter: _scatter_fault,
+    Broadcast: lambda request: parcel_fault(request.parcel),
+    Send: lambda request: ids_fault([request.to]) or parcel_fault(request.parcel),
+}

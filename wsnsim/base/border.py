@@ -14,8 +14,8 @@ from __future__ import annotations
 import copy
 import inspect
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache, partial
 from operator import attrgetter
 from typing import Any, Final, TypeVar, cast
@@ -23,33 +23,21 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 
 from wsnsim.base import (
-    clustering,
+    answers,
+    initial_conditions,
     mac_mechanisms,
     mechanisms,
     medium_access,
+    network_ports,
     optional_ports,
     ports,
     radio,
     sleeping,
-    standalone,
-    synchronisation,
 )
-from wsnsim.base.answers import (
-    CHOICES,
-    INFINITE,
-    LARGEST,
-    SHAPES,
-    SIGNED,
-    ExpectedAnswer,
-    fault_of,
-    ids_fault,
-    is_protocol,
-    number_fault,
-    told,
-)
-from wsnsim.base.checked_flows import checked_flow
+from wsnsim.base.answers import is_protocol
 from wsnsim.base.errors import PluginAnswerError, WsnsimError
-from wsnsim.base.plugin_code import code_place, plugin_fault
+from wsnsim.base.plugin_code import code_place, line_place, plugin_fault
+from wsnsim.base.requests import Flow, Gather, Local, Member, Parcel, Request
 from wsnsim.base.setups import Setup, TrackingSetup
 
 _SIZES: Final = ("positions.__len__", "size.__int__", "radio.nodes.size.__int__", "_nodes.size.__int__")
@@ -57,7 +45,7 @@ _SIZES: Final = ("positions.__len__", "size.__int__", "radio.nodes.size.__int__"
 _OF_NODES: Final = frozenset({"node", "nodes", "source", "to", "sleepers", "centre_node"})
 _LEAST: Final[Mapping[str, float]] = {
     "seconds": 0.0, "joules": 0.0, "radius": 0.0, "probability": 0.0, "bits": 1.0, "payload_bits": 1.0,
-    "rate": 1e-9, "shows": -LARGEST,
+    "rate": 1e-9, "shows": -answers.LARGEST,
 }  # fmt: skip
 """The least value of each number."""
 _FUNCTIONS: Final = frozenset({"action", "done", "on_end", "on_heard", "on_awake"})
@@ -89,13 +77,13 @@ class CheckedServices:
 
     def _fault(self, key: str, argument: Any) -> str:
         if key in _OF_NODES:
-            return ids_fault(
+            return answers.ids_fault(
                 [argument] if np.ndim(argument) == 0 and not isinstance(argument, set) else argument, self._size
             )
         if key in _LEAST:
-            most = 1.0 if key == "probability" else LARGEST
-            return number_fault(argument, least=_LEAST[key], most=most, infinite=key in ("joules", "seconds"))
-        return told("a function", argument) if key in _FUNCTIONS and not callable(argument) else ""
+            most = 1.0 if key == "probability" else answers.LARGEST
+            return answers.number_fault(argument, least=_LEAST[key], most=most, infinite=key in ("joules", "seconds"))
+        return answers.told("a function", argument) if key in _FUNCTIONS and not callable(argument) else ""
 
     @property
     def _size(self) -> float:
@@ -113,18 +101,18 @@ class CheckedServices:
 Component = TypeVar("Component")
 SetupKind = TypeVar("SetupKind", bound=Setup)
 _MODULES: Final = (
-    ports, optional_ports, clustering, radio, medium_access, sleeping, synchronisation, mechanisms, mac_mechanisms,
-    standalone,
+    ports, optional_ports, network_ports, radio, medium_access, sleeping, mechanisms, mac_mechanisms,
+    initial_conditions,
 )  # fmt: skip
 NAMES: Final[Mapping[str, Any]] = {name: value for module in _MODULES for name, value in vars(module).items()}
 """What the annotations of ports may name."""
 _OF_ROLES: Final[Mapping[type, tuple[type, ...]]] = {
-    mechanisms.StartsFault: (radio.FaultEvent,),
+    mechanisms.StartsFault: (network_ports.FaultEvent,),
     mechanisms.StartsWakeUp: (sleeping.WakeUp,),
-    mechanisms.StartsWorkload: (radio.Workload,),
-    synchronisation.StartsSync: (synchronisation.TimeSync,),
-    mac_mechanisms.StartsMac: (radio.Mac,),
-    radio.HasSeveralSinks: (radio.Sink, radio.Workload),
+    mechanisms.StartsWorkload: (network_ports.Workload,),
+    mechanisms.StartsSync: (mechanisms.TimeSync,),
+    mac_mechanisms.StartsMac: (medium_access.Mac,),
+    network_ports.HasSeveralSinks: (network_ports.Sink, network_ports.Workload),
 }
 """The roles of optional ports whose members, such as `start`, mean something else in other roles."""
 _OPTIONAL: Final = [
@@ -221,12 +209,13 @@ def _checked_method(component: Any, name: str, returns: str, parameters: tuple[s
 
 def _demand(component: Any, name: str, returns: str, found: Any, given: Mapping[str, Any]) -> None:
     """Raise PluginAnswerError if a member of a component is not what its port says."""
-    shape = SHAPES[name](component, given) if name in SHAPES and given else None
+    shape = answers.SHAPES[name](component, given) if name in answers.SHAPES and given else None
     shapes = shape if isinstance(shape, list) else [] if shape is None else [shape]
-    infinite, signed = name in INFINITE, name in SIGNED
-    fault = fault_of(returns, found, ExpectedAnswer(NAMES, shapes, component._border, infinite, signed))
-    if not fault and given and name in CHOICES and found is not None and found not in CHOICES[name](given):
-        fault = told("one of the nodes that it was given", found)
+    infinite, signed = name in answers.INFINITE, name in answers.SIGNED
+    fault = answers.fault_of(returns, found, answers.ExpectedAnswer(NAMES, shapes, component._border, infinite, signed))
+    choices = answers.CHOICES.get(name) if given and found is not None else None
+    if not fault and choices and found not in choices(given):
+        fault = answers.told("one of the nodes that it was given", found)
     if fault and all(map(_is_finite, given.values())):  # otherwise it is not to blame
         raise PluginAnswerError(f"{type(component).__name__}.{name}: {fault}", code_place(type(component), name))
 
@@ -266,3 +255,75 @@ def _offers(kind: type, port: type) -> bool:
 
 def _has(kind: type, name: str) -> bool:
     return hasattr(kind, name) or name in getattr(kind, "__dataclass_fields__", {})
+
+
+MOST_REQUESTS: Final = 10_000
+"""Of one flow: shipped trackers make at most a few dozen. A flow with more would hardly ever end."""
+
+
+def checked_flow(tracker: Any, name: str) -> Callable[..., Flow[Any]]:
+    """Return a method of a tracker whose requests are checked before they are performed, and whose belief is."""
+    method, who = getattr(tracker, name), f"{type(tracker).__name__}.{name}"
+
+    def flow(*arguments: Any, **options: Any) -> Flow[Any]:
+        made = method(*arguments, **options)
+        if not isinstance(made, Generator):
+            fault = answers.told("a generator, a function with yield", made)
+            raise PluginAnswerError(f"{who}: {fault}", code_place(type(tracker), name))
+        belief = yield from _performed(made, who)
+        if belief is None and name != "hand_over":
+            raise PluginAnswerError(f"{who}: {answers.told('a belief', None)}", code_place(type(tracker), name))
+        return belief
+
+    return flow
+
+
+def _performed(made: Flow[Any], who: str) -> Flow[Any]:
+    """Pass on the requests of a flow, and the answers to it."""
+    answer, count = None, 0
+    try:
+        while True:
+            place = line_place(made)
+            try:
+                request = made.send(answer)
+            except StopIteration as end:
+                return end.value
+            except GeneratorExit as reason:
+                said = f"{who} raises GeneratorExit, by which the network ends a flow from outside"
+                raise PluginAnswerError(said, place) from reason
+            count += 1
+            if fault := _too_many(count) or answers.request_fault(request):
+                raise PluginAnswerError(f"{who}: {fault}", line_place(made))
+            try:
+                answer = yield _with_checked_functions(request, who, line_place(made))
+            except PluginAnswerError as refused:  # by the driver
+                raise PluginAnswerError(f"{who}: {refused.said}", line_place(made)) from refused
+    finally:
+        made.close()
+
+
+def _too_many(count: int) -> str:
+    return f"more than {MOST_REQUESTS:,} requests in one step: does it end?" if count > MOST_REQUESTS else ""
+
+
+def _with_checked_functions(request: Request, who: str, place: str) -> Request:
+    """The request; what the functions of a Local or a Gather return is checked for each member."""
+    if isinstance(request, Local) and callable(request.cycles):
+        return replace(request, cycles=_checked(request.cycles, answers.cycles_fault, f"{who}: Local", place))
+    if isinstance(request, Gather):
+
+        def fault(parcel: Parcel | None) -> str:
+            return "" if parcel is None else answers.parcel_fault(parcel)
+
+        return replace(request, parcel_of=_checked(request.parcel_of, fault, f"{who}: Gather", place))
+    return request
+
+
+def _checked(function: Callable[[Member], Any], fault_of: Callable[[Any], str], who: str, place: str) -> Any:
+    def checked(member: Member) -> Any:
+        answer = function(member)
+        if fault := fault_of(answer):
+            raise PluginAnswerError(f"{who}: node {member.id}: {fault}", place)
+        return answer
+
+    return checked

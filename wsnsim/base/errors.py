@@ -16,13 +16,72 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import functools
+import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
+from wsnsim.base.files import read_sections
 from wsnsim.base.plugin_code import plugin_fault
-from wsnsim.base.synonyms import meant_by
+
+FILLERS: Final = (
+    "model",
+    "filter",
+    "sensor",
+    "tracker",
+    "motion",
+    "mac",
+    "protocol",
+    "kind",
+    "the",
+    "m",
+    "s",
+    "hz",
+    "dbm",
+)
+"""Words that a name may have more than a row of the table."""
+
+
+@functools.cache
+def synonyms() -> dict[str, tuple[str, ...]]:
+    """Return what each word may mean, the likeliest first: the rows of synonyms.table."""
+    found: dict[str, tuple[str, ...]] = {}
+    for _, rows in read_sections(Path(__file__).with_name("synonyms.table")):
+        for words, names in rows:
+            for word in words.split(", "):
+                found[word] = (*found.get(word, ()), *names.split())
+    return found
+
+
+def meant_by(word: str, known: Collection[str]) -> list[str]:
+    """Return the known names that a word may mean, the likeliest first; none if the table has no such word."""
+    by_form = {_form(name): name for name in sorted(known, reverse=True)}
+    for form in _forms(word):
+        names = [form, *synonyms().get(form, ())]
+        found = [by_form[name] for name in dict.fromkeys(names) if name in by_form]
+        if found and _form(word) not in known:
+            return found
+    return []
+
+
+def _forms(word: str) -> Iterator[str]:
+    """Yield the word, then without fillers, then each of its own words."""
+    form = _form(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", word))
+    pieces = form.split("_")
+    yield form
+    yield form.replace("_", "")
+    yield form.removesuffix("s")
+    yield "_".join(piece for piece in pieces if piece not in FILLERS)
+    if len(pieces) > 1:
+        yield from (piece for piece in pieces if piece not in FILLERS and len(piece) > 1)
+
+
+def _form(word: str) -> str:
+    return re.sub(r"[\s.\-/]+", "_", word.strip().lower())
+
 
 MOST_PRINTED: Final = 50
 """Issues of one scenario or sweep that a message names."""
@@ -49,6 +108,11 @@ class UsageError(WsnsimError):
     exit_code = 2
 
 
+def dotted(path: tuple[str | int, ...]) -> str:
+    """Return a path as messages write it: targets.0.bound."""
+    return ".".join(str(key) for key in path)
+
+
 @dataclass(frozen=True)
 class Issue:
     """One finding of the validation: where it is, and what is wrong.
@@ -66,9 +130,9 @@ class Issue:
     excerpt: str = ""
 
     def __str__(self) -> str:
-        dotted = ".".join(str(key) for key in self.path)
-        dotted = dotted if len(dotted) <= LONGEST_PATH else f"{dotted[:LONGEST_PATH]}…"
-        head = ": ".join(piece for piece in (self.place, "error", dotted) if piece)
+        path = dotted(self.path)
+        path = path if len(path) <= LONGEST_PATH else f"{path[:LONGEST_PATH]}…"
+        head = ": ".join(piece for piece in (self.place, "error", path) if piece)
         return printable(f"{head}: {self.message}" + (f"\n{self.excerpt}" if self.excerpt else ""))
 
 

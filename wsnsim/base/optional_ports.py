@@ -9,10 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.estimate import Estimate
+from wsnsim.base.arrays import Bools, Estimate, Floats, Ints, Reading
 from wsnsim.base.requests import Member, Parcel
-from wsnsim.base.vector_readings import Reading
 
 
 @lru_cache

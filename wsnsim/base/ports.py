@@ -1,6 +1,6 @@
 """The ports: the protocols that the components of a scenario implement, one per role.
 
-A component is a frozen `@part` class. Optional ports are in `base.optional_ports`, and can be imported from here too.
+A component is a frozen `@part` class. Optional ports are in `base.optional_ports`.
 
 Shapes: D state columns, P of them the position (1 or 2), N particles or nodes, S sensors. States are (D, N): column j
 is particle j. A target whose position is one column moves along the x-axis. SI units throughout. `keys` are (N,)
@@ -16,42 +16,10 @@ from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, Keys
-from wsnsim.base.clustering import AppointingPolicy as AppointingPolicy
-from wsnsim.base.clustering import ClusterPolicy as ClusterPolicy
-from wsnsim.base.clustering import MovingPolicy as MovingPolicy
-from wsnsim.base.clustering import SeesGeometry as SeesGeometry
-from wsnsim.base.estimate import NO_INNOVATION as NO_INNOVATION
-from wsnsim.base.estimate import Estimate as Estimate
-from wsnsim.base.estimate import Innovation as Innovation
-from wsnsim.base.network_ports import Deployment as Deployment
-from wsnsim.base.network_ports import Field as Field
-from wsnsim.base.optional_ports import Announces as Announces
-from wsnsim.base.optional_ports import ConstantGaussian as ConstantGaussian
-from wsnsim.base.optional_ports import Continuous as Continuous
-from wsnsim.base.optional_ports import Detects as Detects
-from wsnsim.base.optional_ports import Drifts as Drifts
-from wsnsim.base.optional_ports import ForecastsSuccession as ForecastsSuccession
-from wsnsim.base.optional_ports import Foresees as Foresees
-from wsnsim.base.optional_ports import HasHeights as HasHeights
-from wsnsim.base.optional_ports import Informs as Informs
-from wsnsim.base.optional_ports import IsShadowed as IsShadowed
-from wsnsim.base.optional_ports import LimitsReadings as LimitsReadings
-from wsnsim.base.optional_ports import LinearGaussian as LinearGaussian
-from wsnsim.base.optional_ports import MeasuresEnergy as MeasuresEnergy
-from wsnsim.base.optional_ports import MovesInSpace as MovesInSpace
-from wsnsim.base.optional_ports import NamesNodes as NamesNodes
-from wsnsim.base.optional_ports import Portable as Portable
-from wsnsim.base.optional_ports import Ranks as Ranks
-from wsnsim.base.optional_ports import RecordedFile as RecordedFile
-from wsnsim.base.optional_ports import Recording as Recording
-from wsnsim.base.optional_ports import Replays as Replays
-from wsnsim.base.optional_ports import ReportsState as ReportsState
-from wsnsim.base.optional_ports import Snapshots as Snapshots
-from wsnsim.base.optional_ports import VectorReadings as VectorReadings
+from wsnsim.base.arrays import Estimate, Floats, Ints, Keys
+from wsnsim.base.network_ports import Field
 from wsnsim.base.radio import free_packets
 from wsnsim.base.requests import Flow
-from wsnsim.base.tables import Recorder as Recorder
 
 B = TypeVar("B")
 

@@ -1,7 +1,5 @@
 """Ports of energy models, links, clocks and processors, and what an energy model makes of time and of a packet.
 
-Ports of MACs (`base.medium_access`) and of `base.network_ports` can be imported from here too.
-
 Each port is implemented by frozen `@part` classes. Quantities are in SI units, received powers in dBm. `keys` are
 counter keys (see `base.rng`): equal keys give equal random numbers.
 """
@@ -15,14 +13,6 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
-from wsnsim.base.medium_access import FramedMac as FramedMac
-from wsnsim.base.medium_access import Mac as Mac
-from wsnsim.base.medium_access import Packing as Packing
-from wsnsim.base.network_ports import FaultEvent as FaultEvent
-from wsnsim.base.network_ports import HasSeveralSinks as HasSeveralSinks
-from wsnsim.base.network_ports import Routing as Routing
-from wsnsim.base.network_ports import Sink as Sink
-from wsnsim.base.network_ports import Workload as Workload
 from wsnsim.base.requests import PACKET_BITS
 
 

@@ -29,9 +29,8 @@ from typing import Any, Final, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.arrays import Bools, Floats, Ints, Reading, is_finite
 from wsnsim.base.errors import RunError
-from wsnsim.base.vector_readings import Reading, is_finite
 
 NOBODY: Final = -1
 

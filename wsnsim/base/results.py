@@ -1,14 +1,14 @@
 """The result of one run and of several, and the rows of `runs`, `tracks`, `truth`, `estimates` and `covariances`.
 
 summarise(setup, replicate, result, truths, recorder) -> Summary        writes the rows of these tables
+provenance_of(setup)                     the recorded files that a scenario reads, and the rows left out
 track_row(estimates, columns, rule) -> {column: value}      losses(errors, window, limit, dt) -> those on losses
 """
 
 from __future__ import annotations
 
-import dataclasses
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -17,7 +17,9 @@ import numpy as np
 
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import Recorder
+from wsnsim.base.errors import MOST_PRINTED
+from wsnsim.base.files import file_digest
+from wsnsim.base.optional_ports import RecordedFile
 from wsnsim.base.rows import (
     NAN,
     Issued,
@@ -30,6 +32,7 @@ from wsnsim.base.rows import (
     truth_rows,
 )
 from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.base.tables import Recorder
 
 FIRST_STEPS: Final = 20
 """Steps over which Li (2012) counts unnecessary wake-ups."""
@@ -107,8 +110,7 @@ def _woken(columns: Mapping[str, Any], steps: int) -> dict[str, int]:
     return {"woken": int(woken.sum()), "ineffective": int(ineffective.sum()), "ineffective_twenty": twenty}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunTotals:
+class RunTotals(NamedTuple):
     """Columns of the table `runs` that do not depend on estimates. The defaults hold for a run without a network.
 
     `radio_on` and `hurried` are None, and no columns, where the radios of nodes that are awake always listen.
@@ -279,8 +281,53 @@ def _run_row(result: RunResult, errors: Floats, tracks: Sequence[Mapping[str, An
 
 def columns_of_totals(totals: RunTotals) -> dict[str, Any]:
     """The columns of the table `runs` that do not depend on estimates; those that are None are left out."""
-    return {name: value for name, value in dataclasses.asdict(totals).items() if value is not None}
+    return {name: value for name, value in totals._asdict().items() if value is not None}
 
 
 def _mean(tracks: Sequence[Mapping[str, Any]], name: str) -> float:
     return float(np.mean([row[name] for row in tracks])) if tracks else NAN
+
+
+FILES: Final = "recorded_files"
+COUNTS: Final = "skipped_rows"
+ROWS: Final = "skipped"
+
+
+@dataclass(frozen=True, slots=True)
+class ReadFile:
+    """A recorded file: its name without folder, the digest of its content, and the rows that are left out."""
+
+    name: str
+    digest: str
+    skipped: tuple[str, ...]
+
+
+def recorded_files(setup: Setup) -> list[ReadFile]:
+    """The recorded files of a setup, each once: readings and trajectory may stand in the same one.
+
+    Raises:
+        RunError: a file cannot be read.
+    """
+    found: dict[tuple[str, str], dict[str, None]] = {}
+    for component in _components(setup):
+        key = Path(component.path).name, component.digest or file_digest(component.path)
+        found.setdefault(key, {}).update(dict.fromkeys(component.skipped_rows(setup)))
+    return [ReadFile(name, digest, tuple(skipped)) for (name, digest), skipped in found.items()]
+
+
+def provenance_of(setup: Setup) -> dict[str, Any]:
+    """The entries of a provenance: digests by file, counts of rows left out by file, and the first 50 of these rows."""
+    files = recorded_files(setup)
+    entries: dict[str, Any] = {FILES: {file.name: file.digest for file in files}} if files else {}
+    if any(file.skipped for file in files):
+        entries[COUNTS] = {file.name: len(file.skipped) for file in files if file.skipped}
+        entries[ROWS] = [row for file in files for row in file.skipped][:MOST_PRINTED]
+    return entries
+
+
+def _components(setup: Setup) -> Iterator[RecordedFile]:
+    """Yield the components that read a recorded file."""
+    for value in vars(setup).values():
+        for component in value if isinstance(value, tuple) else (value,):
+            if isinstance(component, RecordedFile):
+                yield component

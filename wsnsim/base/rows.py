@@ -16,11 +16,12 @@ from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from wsnsim.base import metrics
-from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import NO_INNOVATION, Estimate, MotionModel, Recorder, ReportsState, Snapshots
+from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Reading
+from wsnsim.base.optional_ports import ReportsState, Snapshots
+from wsnsim.base.ports import MotionModel
 from wsnsim.base.requests import Member
 from wsnsim.base.setups import Setup
-from wsnsim.base.vector_readings import Reading
+from wsnsim.base.tables import Recorder
 
 NAN = float("nan")
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from wsnsim.base.clustering import ClusterPolicy
+from wsnsim.base.arrays import Estimate, components_of
+from wsnsim.base.mechanisms import TimeSync
 from wsnsim.base.medium_access import (
     DutyCycledMac,
     GivesTurns,
@@ -25,27 +26,13 @@ from wsnsim.base.medium_access import (
     hop_latency,
 )
 from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
-from wsnsim.base.network_ports import FaultEvent, HasSeveralSinks, Routing, Sink, Workload
-from wsnsim.base.ports import (
-    Acquire,
-    Deployment,
-    Detection,
-    Estimate,
-    ForecastsSuccession,
-    LinearGaussian,
-    MotionModel,
-    PriorModel,
-    Replays,
-    Scene,
-    SensorModel,
-    Tracker,
-)
+from wsnsim.base.network_ports import ClusterPolicy, Deployment, FaultEvent, HasSeveralSinks, Routing, Sink, Workload
+from wsnsim.base.optional_ports import ForecastsSuccession, LinearGaussian, Replays
+from wsnsim.base.ports import Acquire, Detection, MotionModel, PriorModel, Scene, SensorModel, Tracker
 from wsnsim.base.radio import Clock, Cpu, EnergyModel, LinkModel, PacketJoules
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.sensing import is_perfect
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
-from wsnsim.base.synchronisation import TimeSync
-from wsnsim.base.vector_readings import components_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from wsnsim.base.data_tables import read_sections
+from wsnsim.base.files import read_sections
 
 KINDS: Final = (
     "wake", "sleep", "sense", "elect", "join", "announce", "allocate", "send", "receive", "drop", "collide", "compute",

@@ -20,12 +20,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats, Ints, components_of, near
 from wsnsim.base.initial_conditions import InitialConditions
-from wsnsim.base.ports import Informs, MotionModel, SensorModel
+from wsnsim.base.optional_ports import Informs
+from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.sensing import gain_column
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.vector_readings import components_of, near
 from wsnsim.bounds.information import STEPS_PER_BLOCK, UsedReadings, information
 from wsnsim.bounds.initial_conditions import process_noise
 from wsnsim.bounds.recursion import LinearisedMotion, along_trajectories, over_trajectories, predicted

@@ -29,8 +29,8 @@ import numpy as np
 
 from wsnsim.base.errors import ResultError
 from wsnsim.base.initial_conditions import InitialConditions, node_names, sample_initial_conditions
-from wsnsim.base.ports import Informs
-from wsnsim.base.progress import tracked
+from wsnsim.base.optional_ports import Informs
+from wsnsim.base.runs import tracked
 from wsnsim.base.sensing import has_gains
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 from wsnsim.bounds.covariances import ReadingsOf, covariances

@@ -24,7 +24,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, planar
 from wsnsim.base.cell_grid import CellGrid
-from wsnsim.base.ports import Detects, Informs, SensorModel
+from wsnsim.base.optional_ports import Detects, Informs
+from wsnsim.base.ports import SensorModel
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.base.tables import KIND
 from wsnsim.recording import meanings, read_table

@@ -13,7 +13,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.initial_conditions import InitialConditions
-from wsnsim.base.ports import Continuous, IsShadowed, MotionModel
+from wsnsim.base.optional_ports import Continuous, IsShadowed
+from wsnsim.base.ports import MotionModel
 from wsnsim.base.setups import TrackingSetup
 
 FAULTLESS: Final = "faults are not counted: the bound for readings in range is that without faults"

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import UsageError
-from wsnsim.base.regular_files import read_regular
+from wsnsim.base.files import read_regular
 from wsnsim.base.version import __version__
 from wsnsim.campaign.task import Task, TaskOutcome, describe_error, perform
 from wsnsim.recording.layout import reason

@@ -24,7 +24,7 @@ from wsnsim.campaign.code_changes import (
 from wsnsim.recording import provenance
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, consecutive
 from wsnsim.recording.layout import reason
-from wsnsim.scenario.plugin_access import Plugins, refused
+from wsnsim.scenario.registry import Plugins, refused
 from wsnsim.scenario.sweep_schema import Plan
 
 MAX_SHOWN: Final = 56

@@ -27,7 +27,7 @@ from wsnsim.campaign.engines import (
 )
 from wsnsim.campaign.task import Task, TaskOutcome, cause_of_death, failure_report, is_timeout, session_name
 from wsnsim.recording.folder import Folder, Manifest, consecutive
-from wsnsim.scenario.plugin_access import ACCESS_OF_FILES, PluginAccess
+from wsnsim.scenario.registry import ACCESS_OF_FILES, PluginAccess
 
 GRACE: Final = 10.0
 """Seconds that running tasks get to finish after the campaign is stopped."""

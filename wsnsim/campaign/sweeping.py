@@ -13,7 +13,7 @@ from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress, Engine
 from wsnsim.campaign.folders import prepare
 from wsnsim.campaign.runner import run_campaign
 from wsnsim.scenario.load import Overrides
-from wsnsim.scenario.plugin_access import Plugins, access
+from wsnsim.scenario.registry import Plugins, access
 
 TrackersText: TypeAlias = str | Sequence[Any] | Mapping[str, Any] | None
 """Trackers to compare: 'pf:particles=1000,ekf', a list of names, components and mappings, or a mapping by names."""

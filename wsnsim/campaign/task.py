@@ -32,8 +32,7 @@ from wsnsim.base.version import __version__
 from wsnsim.recording.atomic_files import host
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import cannot_write
-from wsnsim.scenario.plugin_access import ACCESS_OF_FILES, PluginAccess
-from wsnsim.scenario.registry import search
+from wsnsim.scenario.registry import ACCESS_OF_FILES, PluginAccess, search
 
 PR_SET_PDEATHSIG: Final = 1
 """The option of prctl(2) that asks for a signal when the parent ends."""

@@ -20,11 +20,11 @@ from typing import Any, Final
 
 import click
 
-from wsnsim.base.caches import CacheWarning, prepare_matplotlib
 from wsnsim.base.errors import ScenarioError, WsnsimError
+from wsnsim.base.files import CacheWarning, prepare_matplotlib
 from wsnsim.base.plugin_code import TRACEBACK_HINT, PluginImport, plugin_fault, watching_imports
 from wsnsim.base.process import NEW_OBJECTS
-from wsnsim.base.progress import watching
+from wsnsim.base.runs import watching
 from wsnsim.cli import campaigns, commands, exporting, fitting, importing, reproducing, running
 from wsnsim.cli.interrupts import Interrupts, end_stderr, open_streams, redirect_to_nowhere
 from wsnsim.cli.progress import WorkBar

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from wsnsim.base.errors import UsageError, printable
-from wsnsim.base.regular_files import why_not_regular
+from wsnsim.base.files import why_not_regular
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.live import LiveOptions, campaign_shown_live
 from wsnsim.cli.progress import CAMPAIGN, display, duration
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from wsnsim.campaign.cost_estimate import CostEstimate
     from wsnsim.campaign.engines import Engine
     from wsnsim.recording.folder import Folder, Manifest
-    from wsnsim.scenario.plugin_access import PluginAccess, Plugins
+    from wsnsim.scenario.registry import PluginAccess, Plugins
     from wsnsim.scenario.sweep_schema import Plan
 
 
@@ -232,7 +232,7 @@ def _print_answer(
 
 def _access(of_caller: bool) -> PluginAccess:
     """What a campaign's scenarios may import: what they name if they are the caller's, or only what is installed."""
-    from wsnsim.scenario.plugin_access import Plugins, access
+    from wsnsim.scenario.registry import Plugins, access
 
     return access(Plugins.ANY if of_caller else Plugins.INSTALLED)
 

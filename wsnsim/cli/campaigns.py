@@ -164,7 +164,7 @@ def collect(shards: tuple[Path, ...], out: Path | None, metric: str, accept_code
 
 
 def _why_no_sweep(source: str) -> str:
-    from wsnsim.scenario.files import find_or_none, shipped_sweeps
+    from wsnsim.scenario.texts import find_or_none, shipped_sweeps
 
     if Path(source).is_dir():
         return f"folder holds no campaign: {source}"

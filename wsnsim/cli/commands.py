@@ -77,7 +77,7 @@ def list_(role: str | None, as_json: bool) -> None:
 @group.command()
 def schema() -> None:
     """Print the JSON Schema of scenarios, with installed plug-ins."""
-    from wsnsim.scenario.json_schema import json_schema
+    from wsnsim.scenario.parameter_info import json_schema
 
     echo_json_text(json.dumps(json_schema(), indent=2, ensure_ascii=False))
 
@@ -180,7 +180,7 @@ def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
 
 
 def _what(word: str, plugins: bool, as_json: bool, only_files: bool) -> None:
-    from wsnsim.scenario.files import is_result
+    from wsnsim.scenario.texts import is_result
 
     if is_campaign(word):
         from wsnsim.analysis import campaign_info
@@ -227,8 +227,8 @@ def _is_path(word: str) -> bool:
 
 def _file(word: str, plugins: bool, as_json: bool, only_files: bool) -> None:
     from wsnsim.cli import component_info, describe
-    from wsnsim.scenario.files import shipped, shipped_parts
     from wsnsim.scenario.registry import ROLES, kinds
+    from wsnsim.scenario.texts import shipped, shipped_parts
 
     if component_info.is_described(word):
         found = component_info.describe(word, plugins)
@@ -299,7 +299,7 @@ def new(name: str, bench: bool, role: str | None) -> None:
 
 def _write_study(name: str) -> None:
     """Write the folder of a study, with its two files."""
-    from wsnsim.scenario.files import shipped_studies
+    from wsnsim.scenario.texts import shipped_studies
 
     folder = Path(name)
     if name in shipped_studies():

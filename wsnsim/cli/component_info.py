@@ -18,7 +18,7 @@ from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.cli.listing import paragraph, table, wrapped_table
 from wsnsim.scenario import datasheets
-from wsnsim.scenario.files import find_or_none, find_sheet, sheet_of
+from wsnsim.scenario.texts import find_or_none, find_sheet, sheet_of
 
 if TYPE_CHECKING:
     from wsnsim.base.setups import RadioSetup

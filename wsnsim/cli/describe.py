@@ -156,7 +156,7 @@ def _keys(word: str) -> str:
 
 def _rows_at_top(word: str) -> Iterator[list[str]]:
     """A key at the top of a scenario that is no role, such as `seed`."""
-    from wsnsim.scenario.json_schema import json_schema
+    from wsnsim.scenario.parameter_info import json_schema
 
     field = json_schema()["properties"].get(word)
     if field is not None and word not in AT_TOP and "description" in field:

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.scenario import shipped
-from wsnsim.scenario.files import sheet_of, shipped_parts, shipped_sweeps
 from wsnsim.scenario.registry import ROLES, Kind, Role, kinds, role_named
+from wsnsim.scenario.texts import sheet_of, shipped_parts, shipped_sweeps
 
 COLUMNS: Final = ("kind", "idea", "paper")
 WIDEST: Final = 100
@@ -60,7 +60,7 @@ def _datasheets(as_json: bool) -> str | dict[str, Any]:
 
 
 def _role_json(role: Role) -> dict[str, Any]:
-    rows = [dict(vars(row)) for row in kinds(role.name).values()]
+    rows = [row._asdict() for row in kinds(role.name).values()]
     return {"purpose": role.purpose, "default": role.default, "group": role.group, "kinds": rows}
 
 
@@ -70,7 +70,7 @@ def _role_text(role: Role) -> str:
 
 
 def _cell(row: Kind, name: str, role: Role) -> str:
-    text = str(vars(row)[name])
+    text = str(getattr(row, name))
     return f"{text} (default)" if name == "kind" and text == role.default else text
 
 

@@ -17,8 +17,8 @@ from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import echo
 
 if TYPE_CHECKING:
-    from wsnsim.base.ports import Recorder
-    from wsnsim.base.progress import Progress
+    from wsnsim.base.runs import Progress
+    from wsnsim.base.tables import Recorder
     from wsnsim.recording.folder import Folder
     from wsnsim.watch.campaign_view import CampaignView
     from wsnsim.watch.run_view import RunView

@@ -237,7 +237,7 @@ def _folder(source: str, out: Path | None) -> Path | None:
 
 def _is_finished_result(source: str) -> bool:
     """Whether the source is a result, and no campaign's folder."""
-    from wsnsim.scenario.files import is_result
+    from wsnsim.scenario.texts import is_result
 
     return not Path(source).is_dir() and is_result(source)
 

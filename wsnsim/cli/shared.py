@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean, printable, printable_json, shortened
+from wsnsim.base.files import LARGEST_NAME, LONGEST_ADDITION, is_too_long, why_not_regular
 from wsnsim.base.plugin_code import TRACEBACK_HINT, plugin_fault
 from wsnsim.base.process import gc_disabled
-from wsnsim.base.regular_files import LARGEST_NAME, LONGEST_ADDITION, is_too_long, why_not_regular
 from wsnsim.base.version import __version__
 from wsnsim.cli.interrupts import tell
 from wsnsim.cli.progress import MODES
@@ -226,7 +226,7 @@ def command_line() -> str:
 @gc_disabled()
 def loaded(source: str, overrides: Sequence[str], plugins: bool) -> Scenario:
     """The scenario of a file or name, or the scenario stored in a result, which may name installed plug-ins only."""
-    from wsnsim.scenario.files import is_result
+    from wsnsim.scenario.texts import is_result
 
     if not is_result(source):
         from wsnsim.scenario import load

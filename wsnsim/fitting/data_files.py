@@ -15,7 +15,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import MOST_PRINTED, RunError, UsageError, did_you_mean
-from wsnsim.base.regular_files import content_digest
+from wsnsim.base.files import content_digest
 from wsnsim.fitting.fitted_law import LawForm
 from wsnsim.fitting.located_readings import DataFile, LocatedReadings, NodeTable
 from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, first_of_equal, limited, open_text, read_rows

@@ -17,13 +17,12 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, near, rows
 from wsnsim.base.errors import Issue, ResultError, UsageError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import Compute, Flow
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.vector_readings import near, rows
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter, only_predicted
 from wsnsim.trackers.shared.moments import predicted, symmetric
 from wsnsim.trackers.shared.readings import Evidence, gather_readings

@@ -35,7 +35,7 @@ from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.compiler_lock import global_compiler_lock
 
-from wsnsim.base.caches import VARIABLE, CacheWarning, private_folder, reason, wished_folder
+from wsnsim.base.files import VARIABLE, CacheWarning, private_folder, reason, wished_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 BLAS: Final = "scipy.linalg.cython_blas"

@@ -11,13 +11,12 @@ from typing import Annotated
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Estimate, Floats, finite, near, rows
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, MotionModel, SensorModel
+from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
-from wsnsim.base.vector_readings import finite, near, rows
 from wsnsim.models.bounds import DEVIATION, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)

@@ -19,8 +19,8 @@ from typing import Annotated, Any, ClassVar, Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, planar
-from wsnsim.base.clustering import Appointment, NearNodes, Outlook, steps_in
 from wsnsim.base.errors import Issue
+from wsnsim.base.network_ports import Appointment, NearNodes, Outlook, steps_in
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.sensing import detected, informations
 from wsnsim.base.setups import NetworkSetup

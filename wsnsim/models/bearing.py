@@ -18,11 +18,10 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, planar
+from wsnsim.base.arrays import Bools, Floats, Ints, Reading, planar
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.vector_readings import Reading
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.ranging import REACH, reach_issues
 from wsnsim.models.sensing import coordinates, fisher

@@ -18,8 +18,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.cell_grid import CellGrid, ranges
 from wsnsim.base.errors import Issue
-from wsnsim.base.network_ports import Deployment
-from wsnsim.base.ports import Field
+from wsnsim.base.network_ports import Deployment, Field
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
 
 if TYPE_CHECKING:

@@ -23,10 +23,10 @@ from typing import Any, Final, NamedTuple, final
 
 import numpy as np
 
-from wsnsim.base import regular_files
+from wsnsim.base import files
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import MOST_PRINTED, RunError
-from wsnsim.base.regular_files import file_digest, why_not_regular
+from wsnsim.base.files import file_digest, why_not_regular
 
 MOST_ROWS: Final = 8_000_000
 """Rows of one file (our choice): readings of 100 nodes, once a second for 22 hours."""
@@ -200,10 +200,10 @@ def row_texts(path: str, bad: Sequence[BadRow]) -> list[str]:
 
 def _decompressed(path: str, file: Any) -> Any:
     """The file, or its content if it is compressed; its first two bytes say which."""
-    compressed = file.read(len(regular_files.MAGIC)) == regular_files.MAGIC
+    compressed = file.read(len(files.MAGIC)) == files.MAGIC
     file.seek(0)
     if compressed:
-        return regular_files.decompressed(file)
+        return files.decompressed(file)
     if path.endswith(".gz"):
         raise RunError(f"{path}: cannot be read: it is not gzip data, though its name ends in .gz")
     return file

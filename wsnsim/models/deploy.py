@@ -17,8 +17,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
+from wsnsim.base.network_ports import Field
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Field
 from wsnsim.base.setups import Setup
 from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import ASSUMED, TOLERANCE, covers, outside, too_few, too_few_for_a_cluster, uncovered

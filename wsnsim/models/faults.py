@@ -12,12 +12,12 @@ from collections.abc import Iterator
 from math import hypot, inf, isinf
 from typing import Annotated, ClassVar, Final
 
+from wsnsim.base.arrays import components_of
 from wsnsim.base.errors import Issue, did_you_mean
+from wsnsim.base.network_ports import Field
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Field
 from wsnsim.base.radio import Mode
 from wsnsim.base.setups import BeaconSetup, RadioSetup, Setup, TrackingSetup
-from wsnsim.base.vector_readings import components_of
 from wsnsim.models.bounds import MOST_NODES, PLACE
 
 TIME: Final = Quantity("s", ge=0.0, le=1e9)

@@ -11,8 +11,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
+from wsnsim.base.network_ports import Field
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Field
 from wsnsim.base.sensing import HEIGHT
 from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR

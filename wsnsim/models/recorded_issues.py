@@ -13,8 +13,9 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.errors import Issue
-from wsnsim.base.ports import ConstantGaussian, MotionModel
-from wsnsim.base.regular_files import content_digest
+from wsnsim.base.files import content_digest
+from wsnsim.base.optional_ports import ConstantGaussian
+from wsnsim.base.ports import MotionModel
 from wsnsim.base.sensing import is_perfect
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.recorded_track import RecordedTrack

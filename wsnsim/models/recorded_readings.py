@@ -13,14 +13,14 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats, Ints, means, near
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.initial_conditions import node_names
+from wsnsim.base.optional_ports import LimitsReadings, Recording, Replays
 from wsnsim.base.part import OfRole, Quantity, part
-from wsnsim.base.ports import LimitsReadings, Recording, Replays, SensorModel
+from wsnsim.base.ports import SensorModel
 from wsnsim.base.sensing import recorded_traits
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.vector_readings import means, near
 from wsnsim.models.csvfile import (
     SKIPPING,
     BadRow,

@@ -13,10 +13,10 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, failed_run
 from wsnsim.base.mac_mechanisms import FollowsRestarts
 from wsnsim.base.mechanisms import SensorDefect
-from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import RunNow, TrackNow, follower_of
 from wsnsim.base.setups import RadioSetup
+from wsnsim.base.tables import Recorder
 from wsnsim.network.event_log import EventLog, StepClock
 from wsnsim.network.fault_services import FaultSite, NodeControl
 from wsnsim.network.faults import FaultSchedule

@@ -23,8 +23,7 @@ import simpy
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.frames import SEND
-from wsnsim.base.ports import Recorder
-from wsnsim.base.tables import EVENT_CAUSE, KIND, TABLES
+from wsnsim.base.tables import EVENT_CAUSE, KIND, TABLES, Recorder
 from wsnsim.kernels.noise import sum_of_keys
 from wsnsim.network.energy.ledger import HopCost
 

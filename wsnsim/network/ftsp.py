@@ -17,8 +17,8 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.arrays import Ints
+from wsnsim.base.mechanisms import SyncServices
 from wsnsim.base.rng import derive, derive_all, normals, uniforms
-from wsnsim.base.synchronisation import SyncServices
 from wsnsim.models.synchronisation import Ftsp
 
 PATIENCE: Final = 3

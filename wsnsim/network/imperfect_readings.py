@@ -15,15 +15,15 @@ from typing import Final
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools, Floats, Ints, Keys, planar
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys, Reading, as_readings, components_of, planar
 from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names
 from wsnsim.base.mechanisms import SensorDefect
-from wsnsim.base.ports import Detection, Detects
+from wsnsim.base.optional_ports import Detects
+from wsnsim.base.ports import Detection
 from wsnsim.base.rng import HEAD_KEY, Streams, component_noise, derive, derive_all, derive_each, uniforms
 from wsnsim.base.sensing import PathShadowing, is_perfect, path_shadowing
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.base.tables import Memory
-from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.fault_services import FaultSite, NodeControl

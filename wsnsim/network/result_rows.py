@@ -15,12 +15,11 @@ import simpy
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.frames import Counters
-from wsnsim.base.ports import Recorder
 from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResult
 from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
-from wsnsim.base.tables import CAUSES, KIND
+from wsnsim.base.tables import CAUSES, KIND, Recorder
 from wsnsim.network.clusters.track import ClusterRecord, Track
 from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes

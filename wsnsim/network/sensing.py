@@ -12,14 +12,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, planar
+from wsnsim.base.arrays import SCALAR, Bools, Floats, Ints, Reading, as_readings, components_of, planar
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.mechanisms import SensorDefect
-from wsnsim.base.ports import Detects, Recording, SensorModel
+from wsnsim.base.optional_ports import Detects, Recording
+from wsnsim.base.ports import SensorModel
 from wsnsim.base.rng import derive, reading_noise
 from wsnsim.base.sensing import PathShadowing
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.base.vector_readings import SCALAR, Reading, as_readings, components_of
 from wsnsim.network.event_log import EACH, EventLog, StepClock, event
 from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.nodes import Nodes

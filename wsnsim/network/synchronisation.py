@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.ports import Recorder
-from wsnsim.base.synchronisation import StartsSync, SyncMechanism, SyncServices, TimeSync
+from wsnsim.base.mechanisms import StartsSync, SyncMechanism, SyncServices, TimeSync
+from wsnsim.base.tables import Recorder
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.nodes import Nodes

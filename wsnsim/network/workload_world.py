@@ -14,12 +14,11 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices
 from wsnsim.base.network_ports import Workload
-from wsnsim.base.ports import Recorder
-from wsnsim.base.progress import OnTime
 from wsnsim.base.requests import Parcel
 from wsnsim.base.rng import Streams, derive_all, uniforms
+from wsnsim.base.runs import OnTime
 from wsnsim.base.setups import BeaconSetup
-from wsnsim.base.tables import KIND
+from wsnsim.base.tables import KIND, Recorder
 from wsnsim.models.workloads import Periodic, PeriodicCollection
 from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
 from wsnsim.network.event_log import event

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from wsnsim.base.arrays import Floats, planar
-from wsnsim.base.ports import Estimate, Recorder
-from wsnsim.base.progress import OnTime
+from wsnsim.base.arrays import Estimate, Floats, planar
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import TrackNow, write_readings
+from wsnsim.base.runs import OnTime
 from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.tables import Recorder
 from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
 from wsnsim.network.clusters.coordination import ClusterCoordination, make_head_protocol
 from wsnsim.network.clusters.driver import DriverServices, Processors

@@ -1,4 +1,4 @@
-"""Many standalone runs at once: the batch engine, for trackers that offer `base.standalone.WholeRuns`.
+"""Many standalone runs at once: the batch engine, for trackers that offer `WholeRuns`.
 
     if offers_batch(setup): batches = Batches(setup, recorder, reports)
     summaries = batches.next(replicates)                  of the first few of them; empty if the next must be composed
@@ -17,18 +17,24 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats, Ints, components_of
 from wsnsim.base.errors import RunError, WsnsimError
-from wsnsim.base.initial_conditions import InitialConditions, measured_points, sample_initial_conditions
+from wsnsim.base.initial_conditions import (
+    InitialConditions,
+    StandaloneBlock,
+    StandaloneRun,
+    WholeRuns,
+    measured_points,
+    offers_whole_runs,
+    sample_initial_conditions,
+)
 from wsnsim.base.plugin_code import plugin_fault
-from wsnsim.base.ports import Recorder
 from wsnsim.base.results import Summary
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each
 from wsnsim.base.rows import wants_steps
 from wsnsim.base.sensing import path_shadowing
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
-from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns, offers_whole_runs
-from wsnsim.base.vector_readings import components_of
+from wsnsim.base.tables import Recorder
 from wsnsim.offline import block_rows
 from wsnsim.offline.block_rows import FollowedTarget
 from wsnsim.offline.measurements import HEAD, ReportsOf, recording, reported, sample_readings, with_shadowing

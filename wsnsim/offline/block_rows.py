@@ -15,10 +15,10 @@ import numpy as np
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import RunError
+from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.results import RunTotals, Summary, columns_of_totals, losses
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.offline.measurements import HEAD
 
 NAN: Final = float("nan")

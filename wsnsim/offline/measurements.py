@@ -7,14 +7,14 @@ from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.arrays import Floats, Reading, as_readings, components_of, finite, planar
 from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names
-from wsnsim.base.ports import Detects, Recording, Scene, SensorModel
+from wsnsim.base.optional_ports import Detects, Recording
+from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
 from wsnsim.base.sensing import PathShadowing, path_shadowing
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.vector_readings import Reading, as_readings, components_of, finite
 
 Rows: TypeAlias = Callable[[int, int], Floats]
 """(first, count) → (count, S) or (count, S, M) what sensors report from step `first` on; NaN where they do not."""

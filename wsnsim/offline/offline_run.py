@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools
+from wsnsim.base.arrays import Bools, Estimate
 from wsnsim.base.errors import ResultError, RunError, failed_run
 from wsnsim.base.initial_conditions import InitialConditions
-from wsnsim.base.ports import Estimate, Recorder, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import (
     Broadcast,
     Compute,
@@ -37,6 +37,7 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.rows import NAN, Issued, RunNow, TrackNow, follower_of, wants_belief, write_belief, write_readings
 from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import TrackingSetup
+from wsnsim.base.tables import Recorder
 from wsnsim.offline.loopback import Lose, answer_to, perfect, perform
 from wsnsim.offline.measurements import HEAD, OfflineCluster, ReportsOf
 

@@ -12,8 +12,8 @@ import functools
 from collections.abc import Mapping
 from typing import Any
 
-from wsnsim.scenario.documents import DocumentModel, read_document
-from wsnsim.scenario.files import shipped_studies
+from wsnsim.scenario.messages import DocumentModel, read_document
+from wsnsim.scenario.texts import shipped_studies
 
 
 class SetUp(DocumentModel):

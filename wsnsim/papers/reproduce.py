@@ -19,7 +19,7 @@ from typing import Any
 
 import wsnsim.campaign as campaign
 from wsnsim.base.errors import ScenarioError, UsageError, did_you_mean
-from wsnsim.base.progress import tracked
+from wsnsim.base.runs import tracked
 from wsnsim.campaign.local_engine import LocalEngine, available_cores
 from wsnsim.papers.answers import answered
 from wsnsim.papers.measures import VARIANT, Data
@@ -29,10 +29,10 @@ from wsnsim.papers.study import PAPERS, Study
 from wsnsim.papers.study import study as load_study
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept import KEPT, KeptAnswers
-from wsnsim.scenario.files import find_or_none
-from wsnsim.scenario.plugin_access import Plugins, access
+from wsnsim.scenario.registry import Plugins, access
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.scenario.sweep_schema import Plan
+from wsnsim.scenario.texts import find_or_none
 
 
 def experiments(source: str) -> tuple[Experiment, ...]:

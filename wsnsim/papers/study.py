@@ -15,10 +15,9 @@ from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean
 from wsnsim.papers.reproduction import BASES, Claim, Experiment, RegisteredHypothesis, Variant, problems
 from wsnsim.papers.study_code import StudyCode
 from wsnsim.papers.study_file import ClaimEntry, ExperimentEntry, StudyDocument
-from wsnsim.scenario.documents import Document, read_document, validated
-from wsnsim.scenario.files import shipped_studies
-from wsnsim.scenario.located_values import Keys
+from wsnsim.scenario.messages import Document, document_of, read_document
 from wsnsim.scenario.schema import unsafe_name
+from wsnsim.scenario.texts import Keys, shipped_studies
 
 if TYPE_CHECKING:
     from wsnsim.papers.measures import Data, OwnMeasure
@@ -202,7 +201,7 @@ class Study:
             return entry
         given = make(self, self._data)
         try:
-            return validated({**entry.model_dump(exclude_unset=True), **given}, ExperimentEntry)
+            return document_of({**entry.model_dump(exclude_unset=True), **given}, ExperimentEntry)
         except (TypeError, ValueError) as error:
             message = f"what EXPERIMENTS['{entry.name}'] gives is wrong: {error}"
             raise ScenarioError([self._document.issue(("experiments", index), message)]) from None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any, TypeAlias
 
-from wsnsim.scenario.documents import DocumentModel
+from wsnsim.scenario.messages import DocumentModel
 
 Published: TypeAlias = int | float | tuple[float, float]
 """A printed value, or two whose ratio is claimed."""

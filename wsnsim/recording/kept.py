@@ -25,8 +25,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.errors import StorageError
-from wsnsim.base.progress import tracked
-from wsnsim.base.regular_files import read_regular
+from wsnsim.base.files import read_regular
+from wsnsim.base.runs import tracked
 from wsnsim.recording.atomic_files import write_atomically, write_text_atomically
 from wsnsim.recording.provenance import code_digest
 from wsnsim.recording.reader import read_with_meanings

@@ -203,11 +203,17 @@ def provenance(
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in PACKAGES} | {"hdf5": h5py.version.hdf5_version},
         "git": _own_checkout(),
-        "platform": platform.platform(),
+        "platform": _platform(),
         "machine": platform.machine(),
         "cpu_features": list(cpu_features()),
         "start": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+
+
+def _platform() -> str:
+    """What `platform.platform()` says on Linux, without the process `uname -p` that it starts."""
+    libc = "".join(platform.libc_ver())
+    return "-".join([platform.system(), platform.release(), platform.machine(), *(["with", libc] if libc else [])])
 
 
 @functools.cache

@@ -20,7 +20,7 @@ import numpy as np
 from h5py import h5f, h5g, h5p
 
 from wsnsim.base.errors import ResultError, did_you_mean
-from wsnsim.base.regular_files import why_not_regular
+from wsnsim.base.files import why_not_regular
 from wsnsim.base.tables import TABLES
 from wsnsim.recording.contents import Content
 from wsnsim.recording.layout import KINDS, TEXTS, WRITING, demand_schema, reason

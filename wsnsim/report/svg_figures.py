@@ -23,7 +23,7 @@ from matplotlib.ticker import NullFormatter
 from wsnsim.analysis import plot_data, plots, recorded_bounds, sweep_plots
 from wsnsim.analysis.figure_style import STYLE
 from wsnsim.base.errors import ResultError, UsageError
-from wsnsim.base.progress import tracked
+from wsnsim.base.runs import tracked
 from wsnsim.recording import read_table
 from wsnsim.recording.folder import Folder
 

@@ -11,11 +11,10 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Final
 
 from wsnsim.base.errors import Issue, RunError
-from wsnsim.scenario.plugin_access import Plugins
-from wsnsim.scenario.registry import ROLES, kinds, load_class
+from wsnsim.scenario.registry import ROLES, Plugins, kinds, load_class
 
 if TYPE_CHECKING:
-    from wsnsim.base.ports import Deployment
+    from wsnsim.base.network_ports import Deployment
     from wsnsim.base.setups import RadioSetup, Setup, TrackingSetup
     from wsnsim.scenario.schema import Scenario
 
@@ -32,8 +31,7 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
         one for one in getattr(setup.tracker, "needs", ()) if not callable(getattr(setup.filter_sensor, one, None))
     ]
     for ability in lacking:
-        allowed = scenario.spot(("tracker", "kind")).origin.plugins
-        able = ", ".join(kinds_with("sensor", ability, allowed)) or "none that is known"
+        able = _able(scenario, "sensor", ability) or "none that is known"
         yield Issue(
             ("tracker", "kind"),
             f"{tracker.kind} needs a sensor that gives '{ability}', and {sensor.kind} does not; it can use: {able}",
@@ -55,20 +53,18 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
 
 def _readings_not_taken(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for readings with several components, or with angles, that the scenario cannot do with."""
+    from wsnsim.base.arrays import components_of, periods_of
     from wsnsim.base.setups import NetworkSetup
-    from wsnsim.base.vector_readings import components_of, periods_of
 
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
-    names, allowed = components_of(setup.filter_sensor), scenario.spot(("tracker", "kind")).origin.plugins
+    names = components_of(setup.filter_sensor)
     needed = [("vector_readings", "readings of several components")] if len(names) > 1 else []
     needed += [("angles", "angles, which are the same after a turn")] if any(periods_of(setup.filter_sensor)) else []
     for ability, what in needed:
         if not getattr(setup.tracker, ability, False):
-            able = ", ".join(kinds_with("tracker", ability, allowed))
-            yield Issue(
-                ("tracker", "kind"),
-                f"{tracker.kind} does not take {what} ({sensor.kind}: {', '.join(names)}); these do: {able}",
-            )
+            able = _able(scenario, "tracker", ability)
+            message = f"{tracker.kind} does not take {what} ({sensor.kind}: {', '.join(names)}); these do: {able}"
+            yield Issue(("tracker", "kind"), message)
             return
     if len(names) < 2:
         return
@@ -96,15 +92,19 @@ def _lacks_heights(deploy: Deployment) -> bool:
 def _cannot_estimate_gains(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue if the tracker does not estimate gains, or the sensor's gains cannot be taken off a reading."""
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
-    path, allowed = ("tracker", "assumes", "gains"), scenario.spot(("tracker", "kind")).origin.plugins
+    path = ("tracker", "assumes", "gains")
     if not getattr(setup.tracker, "estimates_gains", False):
-        able = ", ".join(kinds_with("tracker", "estimates_gains", allowed))
+        able = _able(scenario, "tracker", "estimates_gains")
         yield Issue(path, f"{tracker.kind} keeps no gains of sensors beside the state; these do: {able}")
     if not hasattr(setup.filter_sensor, "gain_prior"):
-        able = ", ".join(kinds_with("sensor", "gain_prior", allowed))
-        yield Issue(
-            path, f"gains of {sensor.kind} are factors of the signal, which no filter estimates; it can: {able}"
-        )
+        able = _able(scenario, "sensor", "gain_prior")
+        message = f"gains of {sensor.kind} are factors of the signal, which no filter estimates; it can: {able}"
+        yield Issue(path, message)
+
+
+def _able(scenario: Scenario, role: str, ability: str) -> str:
+    """Return the kinds with an ability that the scenario's text may name, for messages."""
+    return ", ".join(kinds_with(role, ability, scenario.spot(("tracker", "kind")).origin.plugins))
 
 
 def kinds_with(role: str, ability: str, allowed: Plugins = Plugins.NONE) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """The axes of a sweep: from a file or `--vary` to points, each a set of values assigned to a scenario.
 
-    values_of(node, path) -> the values of one axis: a list, {range: [a, b], count: n}, {log_range: [a, b], count: n}
+    values_of(node) -> the values of one axis: a list, {range: [a, b], count: n}, {log_range: [a, b], count: n}
     grid(axes), zipped(axes), random(sampling), latin_hypercube(sampling) -> points, as tuples of (keys, LocatedValue)
 
 Issues are raised as `InvalidAxis`, with the value that causes them. Points are counted before they are listed.
@@ -18,10 +18,9 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.errors import Issue
-from wsnsim.scenario.fields import described
-from wsnsim.scenario.located_values import Keys, LocatedValue, assigned, child, dotted, plain, sequence
-from wsnsim.scenario.units import NUMBER, shown
+from wsnsim.base.errors import Issue, dotted
+from wsnsim.scenario.texts import Keys, LocatedValue
+from wsnsim.scenario.units import NUMBER, described, shown
 
 Settings: TypeAlias = tuple[tuple[Keys, LocatedValue], ...]
 """The assignments of one point."""
@@ -88,7 +87,7 @@ class Sampling(NamedTuple):
     over: Axes
 
 
-def values_of(node: LocatedValue, path: Keys) -> list[LocatedValue]:
+def values_of(node: LocatedValue) -> list[LocatedValue]:
     """Return the values of one axis, in order, each once.
 
     Raises:
@@ -102,16 +101,16 @@ def values_of(node: LocatedValue, path: Keys) -> list[LocatedValue]:
     if isinstance(node.value, dict) and any(name in node.value for name in RANGES):
         return _spaced(node)
     example = "[100, 200], {range: [0, 1], count: 5} or {log_range: [1, 100], count: 5}"
-    raise InvalidAxis(node, f"expected values such as {example}, got {described(plain(node))}")
+    raise InvalidAxis(node, f"expected values such as {example}, got {described(node.plain())}")
 
 
 def of_reals(node: LocatedValue) -> LocatedValue:
     """Return the axis with real numbers as ends of its range, so that the values between are not rounded."""
     changed = node
     for name in RANGES:
-        ends = child(node, name)
+        ends = node.child(name)
         if ends is not None and isinstance(ends.value, list):
-            changed = assigned(changed, (name,), sequence([_real(end) for end in ends.value], ends.spot))
+            changed = changed.assigned((name,), LocatedValue([_real(end) for end in ends.value], ends.spot))
     return changed
 
 
@@ -125,10 +124,7 @@ def count_of(node: LocatedValue) -> int:
 def grid(axes: Axes) -> list[Settings]:
     """Return every combination of the axes' values; the last axis varies fastest."""
     demand_few(math.prod(count_of(node) for node in axes.values()), next(iter(axes.values())))
-    return [
-        tuple(zip(axes, chosen, strict=True))
-        for chosen in itertools.product(*(values_of(node, keys) for keys, node in axes.items()))
-    ]
+    return [tuple(zip(axes, chosen, strict=True)) for chosen in itertools.product(*map(values_of, axes.values()))]
 
 
 def zipped(axes: Axes) -> list[Settings]:
@@ -137,7 +133,7 @@ def zipped(axes: Axes) -> list[Settings]:
     Raises:
         InvalidAxis: the axes have unequal lengths.
     """
-    columns = {keys: values_of(node, keys) for keys, node in axes.items()}
+    columns = {keys: values_of(node) for keys, node in axes.items()}
     if len({len(column) for column in columns.values()}) > 1:
         counts = ", ".join(f"{dotted(keys)} has {len(column)}" for keys, column in columns.items())
         raise InvalidAxis(next(iter(axes.values())), f"axes of `zip` must have equal lengths: {counts}")
@@ -173,21 +169,21 @@ def _large(count: int) -> str:
 
 def _placed(draw: Sampling, uniforms: np.ndarray) -> list[Settings]:
     """Return the points at fractions in [0, 1) of each axis. Equal points (of whole numbers) are kept once."""
-    pickers = [_picker(node, keys) for keys, node in draw.over.items()]
+    pickers = list(map(_picker, draw.over.values()))
     points: dict[str, Settings] = {}
     for row in uniforms.tolist():
         nodes = [pick(share) for pick, share in zip(pickers, row, strict=True)]
-        points.setdefault(repr([plain(node) for node in nodes]), tuple(zip(draw.over, nodes, strict=True)))
+        points.setdefault(repr([node.plain() for node in nodes]), tuple(zip(draw.over, nodes, strict=True)))
     return list(points.values())
 
 
-def _picker(node: LocatedValue, keys: Keys) -> Callable[[float], LocatedValue]:
+def _picker(node: LocatedValue) -> Callable[[float], LocatedValue]:
     """Return the function from a uniform number to a value of the axis: an item of a list, or a point of a range."""
     if isinstance(node.value, list):
-        values = values_of(node, keys)
+        values = values_of(node)
         return lambda share: values[min(int(share * len(values)), len(values) - 1)]
     if not (isinstance(node.value, dict) and any(name in node.value for name in RANGES)):
-        values_of(node, keys)
+        values_of(node)
     for name in SPACING:
         if name in node.value:
             raise InvalidAxis(node.value[name].node, f"'{name}' is not allowed for random points")
@@ -199,7 +195,7 @@ def _spaced(node: LocatedValue) -> list[LocatedValue]:
     span = _span(node)
     count = _count(node, span)
     demand_few(count, node)
-    step = child(node, "step")
+    step = node.child("step")
     if step is None:
         values = [span.at(i / (count - 1) if count > 1 else 0.0) for i in range(count)]
     else:
@@ -211,13 +207,13 @@ def _spaced(node: LocatedValue) -> list[LocatedValue]:
 
 def _count(node: LocatedValue, span: Span) -> int:
     """Return the number of values of a range: `count`, or what `step` gives."""
-    count, step = child(node, "count"), child(node, "step")
+    count, step = node.child("count"), node.child("step")
     if (count is None) == (step is None):
         raise InvalidAxis(node, "a range needs either 'count' (number of values) or 'step' (distance between them)")
     if count is not None:
         number = count.value
         if isinstance(number, bool) or not isinstance(number, int) or number < 1:
-            raise InvalidAxis(count, f"expected a whole number of at least 1, got {described(plain(count))}")
+            raise InvalidAxis(count, f"expected a whole number of at least 1, got {described(count.plain())}")
         return number
     assert step is not None
     if span.logarithmic:
@@ -238,7 +234,7 @@ def _span(node: LocatedValue) -> Span:
         raise InvalidAxis(node.value[strange[0]].node, f"unknown key {shown(strange[0])} in a range (count or step)")
     ends = node.value[name].node
     if not isinstance(ends.value, list) or len(ends.value) != 2:
-        raise InvalidAxis(ends, f"expected [low, high], got {described(plain(ends))}")
+        raise InvalidAxis(ends, f"expected [low, high], got {described(ends.plain())}")
     (low, unit, whole), (high, other, also) = (_number(end, "an end of a range") for end in ends.value)
     if unit != other:
         raise InvalidAxis(ends, f"both ends need one unit, not '{unit or 'none'}' and '{other or 'none'}'")
@@ -257,7 +253,7 @@ def _number(node: LocatedValue, what: str) -> tuple[float, str, bool]:
     match = WRITTEN.fullmatch(value.strip()) if isinstance(value, str) else None
     number = float(match[1].replace(".inf", "inf")) if match else math.nan
     if match is None or not abs(number) <= LARGEST:
-        raise InvalidAxis(node, f"{what} is a finite number, with a unit or without, not {described(plain(node))}")
+        raise InvalidAxis(node, f"{what} is a finite number, with a unit or without, not {described(node.plain())}")
     return number, match[2], False
 
 
@@ -279,9 +275,9 @@ def _walk(node: LocatedValue, path: Keys) -> Iterator[tuple[Keys, LocatedValue]]
 def _refuse_twins(nodes: Sequence[LocatedValue]) -> None:
     seen: dict[str, Any] = {}
     for node in nodes:
-        text = repr(plain(node))
+        text = repr(node.plain())
         if text in seen:
-            raise InvalidAxis(node, f"{shown(plain(node))} is in the list twice")
+            raise InvalidAxis(node, f"{shown(node.plain())} is in the list twice")
         seen[text] = node
 
 

@@ -1,7 +1,7 @@
 """From a scenario to a setup: one frozen component per role, checked against each other.
 
     build(scenario) -> NetworkSetup, BeaconSetup or TrackingSetup
-    resolved(scenario) -> dict      plugins(scenario) -> (str, ...)
+    resolved(scenario) -> dict      plugins(scenario) -> (str, ...)      differing_leaves(resolved, resolved) -> dict
 
 Heavy modules are imported where they are used: `wsnsim list` imports this module.
 """
@@ -10,47 +10,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
 
-from wsnsim.base.errors import Issue, ScenarioError, UsageError, shown_value
+from wsnsim.base.errors import Issue, ScenarioError, UsageError
 from wsnsim.scenario.abilities import impossible_combinations, kinds_with, missing_abilities
 from wsnsim.scenario.registry import AT_TOP, ROLES, Role, find
+from wsnsim.scenario.texts import Keys, in_order
 
 if TYPE_CHECKING:
     from wsnsim.base.setups import BeaconSetup, TrackingSetup
     from wsnsim.scenario.schema import Scenario
-
-
-def demand_scenario(value: Any) -> None:
-    """Refuse what is no scenario."""
-    from wsnsim.scenario.schema import Scenario
-
-    if not isinstance(value, str | Path | Mapping | Scenario):
-        raise UsageError(
-            "scenario: expected the name of a scenario, a file, a dict, or what wsnsim.load returned, got "
-            + _shown(value)
-        )
-
-
-def demand_loaded(value: Any) -> None:
-    """Refuse what is not a loaded scenario."""
-    from wsnsim.scenario.schema import Scenario
-
-    if not isinstance(value, Scenario):
-        raise UsageError(f"scenario: expected what wsnsim.load returned, got {_shown(value)}")
-
-
-def _shown(value: Any) -> str:
-    """A value as a message shows it; of a result, also where its scenario is."""
-    from wsnsim.scenario.schema import Scenario
-
-    held = isinstance(getattr(value, "scenario", None), Scenario)
-    return shown_value(value) + (" (its attribute `scenario` is one)" if held else "")
-
-
-Keys = tuple[str | int, ...]
 
 
 def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
@@ -68,9 +38,10 @@ def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
         PluginAnswerError: a plug-in's component is not what its port says. Its answers are checked from now on.
     """
     from wsnsim.base.border import checked_setup
-    from wsnsim.scenario.located_values import in_order
+    from wsnsim.scenario.schema import Scenario, shown_scenario
 
-    demand_loaded(scenario)
+    if not isinstance(scenario, Scenario):
+        raise UsageError(f"scenario: expected what wsnsim.load returned, got {shown_scenario(scenario)}")
     components, issues = _built(scenario)
     issues += _too_short(scenario)
     if issues:
@@ -180,7 +151,7 @@ def _setup(scenario: Scenario, components: dict[Keys, Any]) -> TrackingSetup | B
 
 def _of_targets(scenario: Scenario, components: dict[Keys, Any]) -> dict[str, Any]:
     """Return the fields of a setup about targets: motions, sensor, the filter's models, the limit of a lost track."""
-    from wsnsim.base.ports import Replays
+    from wsnsim.base.optional_ports import Replays
 
     sensor = components["sensor",]
     law = sensor.law if isinstance(sensor, Replays) else sensor
@@ -252,3 +223,26 @@ def _other_columns(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
         if motion.columns != first:
             names = " ".join(motion.columns), " ".join(first)
             yield Issue(path, f"its state is ({names[0]}), the first target's ({names[1]}): all must have the same")
+
+
+ABSENT: Final = "(absent)"
+
+
+def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """(dotted key, value) of every value that is not a mapping."""
+    if isinstance(value, dict) and value:
+        for key, inner in value.items():
+            yield from leaves(inner, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
+        for number, inner in enumerate(value):
+            yield from leaves(inner, f"{path}.{number}")
+    else:
+        yield path, value
+
+
+def differing_leaves(a: Mapping[str, Any], b: Mapping[str, Any], but: Sequence[str] = ()) -> dict[str, tuple[Any, Any]]:
+    """{dotted key: (A, B)} of the values that differ; what only one of them has is `ABSENT` in the other."""
+    sides = [dict(leaves(dict(each))) for each in (a, b)]
+    keys = [*sides[0], *(key for key in sides[1] if key not in sides[0])]
+    pairs = {key: (sides[0].get(key, ABSENT), sides[1].get(key, ABSENT)) for key in keys if key not in but}
+    return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}

@@ -1,6 +1,6 @@
 """Validation of a scenario's tree.
 
-    validate(tree) -> (Scenario or None, issues)
+    validated(text, assignments) -> Scenario
 
 First the kinds of all roles are determined, and datasheets replace their names. The pydantic model of exactly these
 kinds then finds all other issues in one pass.
@@ -10,32 +10,20 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, Final, cast, get_args
 
 from pydantic import Field, ValidationError, create_model
 
-from wsnsim.base.errors import Issue
-from wsnsim.base.regular_files import file_digest
-from wsnsim.scenario.datasheets import with_fields, with_radio
-from wsnsim.scenario.fields import Inner, PartError, PartModel, described, names_of, roles_of
-from wsnsim.scenario.located_values import (
-    BROKEN,
-    Entry,
-    Keys,
-    LocatedValue,
-    Spot,
-    at,
-    child,
-    mapping,
-    plain,
-    sequence,
-    spot_of,
-)
+from wsnsim.base.errors import Issue, ScenarioError
+from wsnsim.base.files import file_digest
+from wsnsim.scenario.datasheets import with_fields
+from wsnsim.scenario.fields import Inner, PartError, PartModel, names_of, part_model, roles_of
 from wsnsim.scenario.messages import issues_of
-from wsnsim.scenario.plugin_access import is_missing, not_found, permit
-from wsnsim.scenario.registry import AT_TOP, ROLES, Role, Scope, kinds
-from wsnsim.scenario.schema import Chosen, Scenario, is_without_target, part_model, scenario_model
+from wsnsim.scenario.registry import AT_TOP, ROLES, Role, Scope, demand_class, kinds
+from wsnsim.scenario.schema import Chosen, Scenario, is_without_target, scenario_model, with_radio
+from wsnsim.scenario.texts import BROKEN, Assignment, Entry, Keys, LocatedValue, ScenarioText, Spot, in_order
+from wsnsim.scenario.units import described
 
 InnerKinds = type[PartModel] | None | tuple[type[PartModel] | None, ...]
 """The model of the component that a field holds, or those of a list; None for one whose kind has an issue."""
@@ -74,25 +62,66 @@ BEACON_STEP: Final = 1.0
 """Time (s) between result rows of a network without a target, unless the scenario gives `step`."""
 
 
+def validated(text: ScenarioText, assignments: Iterable[Assignment], issues: Iterable[Issue] = ()) -> Scenario:
+    """Return the checked scenario of a text with values assigned. One text may give many scenarios.
+
+    Args:
+        text: what `load.read_scenario` returned; its tree is not None.
+        assignments: the values to assign.
+        issues: what was wrong before, to be reported together.
+
+    Raises:
+        ScenarioError: with every issue found.
+    """
+    assert text.tree is not None
+    tree, of_assignments = _assigned(text.tree, assignments)
+    scenario, of_scenario = validate(tree)
+    found = [*text.issues, *issues, *of_assignments, *of_scenario]
+    if scenario is None or found:
+        raise ScenarioError(in_order(found))
+    scenario._source = text.origin
+    return scenario
+
+
+def _assigned(tree: LocatedValue, assignments: Iterable[Assignment]) -> tuple[LocatedValue, list[Issue]]:
+    """Return the tree with the values assigned: whole roles and kinds first, because they replace the role."""
+    issues: list[Issue] = []
+    for keys, node in sorted(assignments, key=lambda pair: len(pair[0]) > 1 and pair[0][-1] != "kind"):
+        if not isinstance(tree.value, dict):
+            continue
+        if len(keys) > 2:  # the path may lead into a datasheet
+            tree = _with_sheets(tree)
+        try:
+            tree = tree.assigned(keys, node)
+        except LookupError as error:
+            issues.append(node.spot.issue(keys, str(error.args[0])))
+    return tree, issues
+
+
+def _with_sheets(tree: LocatedValue) -> LocatedValue:
+    """Return the tree with the fields of datasheets in place of their names, or as it is if one has issues."""
+    chosen, _ = _choose(tree, Scope())
+    complete, issues = with_fields(tree, chosen)
+    return tree if issues else complete
+
+
 def validate(tree: LocatedValue) -> tuple[Scenario | None, list[Issue]]:
     """Return the scenario of a tree, or None and all its issues."""
     if not isinstance(tree.value, dict):
-        message = f"expected keys such as 'name', got {described(plain(tree))}"
+        message = f"expected keys such as 'name', got {described(tree.plain())}"
         return None, [] if tree.value is BROKEN else [tree.spot.issue((), message)]
-    sheet = child(tree, "sheet")
+    sheet = tree.child("sheet")
     if sheet is not None:
-        message = f"is the datasheet of a {plain(sheet)}, not a scenario: name it in energy, as in radio: cc2420"
+        message = f"is the datasheet of a {sheet.plain()}, not a scenario: name it in energy, as in radio: cc2420"
         return None, [tree.spot.issue((), message)]
     scope, issues = _scope(tree)
     tree = _with_defaults(tree, scope)
     chosen, of_kinds = _choose(tree, scope)
     tree, of_sheets = with_fields(tree, chosen)
     issues += of_kinds + of_sheets
+    known = dict(chosen)
+    data = {key: value for key, value in _located(tree, chosen).items() if key in known or key not in AT_TOP}
     model = scenario_model(chosen)
-    data = _located(tree, chosen)
-    for key in AT_TOP:
-        if key not in dict(chosen):
-            data.pop(key, None)
     try:
         scenario = with_radio(model.model_validate(data))
     except ValidationError as error:
@@ -101,16 +130,9 @@ def validate(tree: LocatedValue) -> tuple[Scenario | None, list[Issue]]:
     return (None if issues else scenario), issues
 
 
-def with_sheets(tree: LocatedValue) -> LocatedValue:
-    """Return the tree with the fields of datasheets in place of their names, or as it is if one has issues."""
-    chosen, _ = _choose(tree, Scope())
-    complete, issues = with_fields(tree, chosen)
-    return tree if issues else complete
-
-
 def _scope(tree: LocatedValue) -> tuple[Scope, list[Issue]]:
     """Return which roles the scenario uses."""
-    network, kind = at(tree, ("network",)), at(tree, ("workload", "kind"))
+    network, kind = tree.at(("network",)), tree.at(("workload", "kind"))
     has_network = network is None or network.value != "none"
     has_targets = kind is None or not _is_without_target(kind)
     if kind is None or has_network or has_targets:
@@ -119,22 +141,17 @@ def _scope(tree: LocatedValue) -> tuple[Scope, list[Issue]]:
     return Scope(network=True, targets=False), [kind.spot.issue(("workload", "kind"), message)]
 
 
+def _model_of(role: str, kind: str, spot: Spot) -> type[PartModel]:
+    """Return the model of a kind that the text at the spot may name."""
+    demand_class(role, kind, spot.origin.plugins, spot.origin.folder, of_file=bool(spot.origin.lines))
+    return part_model(role, kind)
+
+
 def _is_without_target(kind: LocatedValue) -> bool:
     try:
-        return isinstance(kind.value, str) and is_without_target(_permitted("workload", kind.value, kind.spot))
+        return isinstance(kind.value, str) and is_without_target(_model_of("workload", kind.value, kind.spot))
     except (LookupError, ImportError, PartError):
         return False
-
-
-def _permitted(role: str, kind: str, spot: Spot) -> type[PartModel]:
-    """Return the model of a kind that the text at the spot may name; otherwise as `part_model`."""
-    permit(role, kind, spot.origin.plugins, spot.origin.folder, of_file=bool(spot.origin.lines))
-    try:
-        return part_model(role, kind)
-    except ImportError as error:
-        if is_missing(kind, error.__cause__):
-            raise ImportError(not_found(kind, spot.origin.folder)) from error
-        raise
 
 
 def _with_defaults(tree: LocatedValue, scope: Scope) -> LocatedValue:
@@ -143,16 +160,16 @@ def _with_defaults(tree: LocatedValue, scope: Scope) -> LocatedValue:
     missing = {} if scope.targets else {"step": Entry(spot, LocatedValue(BEACON_STEP, spot))}
     for role in filter(scope.uses, ROLES.values()):
         if role.optional:
-            missing[role.listed] = Entry(spot, sequence([], spot))
+            missing[role.listed] = Entry(spot, LocatedValue([], spot))
         elif default := scope.default(role):
             kind = {"kind": Entry(spot, LocatedValue(default, spot))} if default != role.default else {}
             missing[role.name] = Entry(spot, LocatedValue(kind, spot))
-            given = child(tree, role.name)
+            given = tree.child(role.name)
             if kind and given is not None and isinstance(given.value, dict):
-                tree = mapping(
-                    tree.value | {role.name: Entry(given.spot, mapping(kind | given.value, given.spot))}, spot
+                tree = LocatedValue(
+                    tree.value | {role.name: Entry(given.spot, LocatedValue(kind | given.value, given.spot))}, spot
                 )
-    return mapping(missing | tree.value, spot)
+    return LocatedValue(missing | tree.value, spot)
 
 
 def _choose(tree: LocatedValue, scope: Scope) -> tuple[Chosen, list[Issue]]:
@@ -171,12 +188,12 @@ def _components(
 ) -> Iterator[tuple[str, list[tuple[Keys, LocatedValue]]]]:
     """Yield (key, its components with their paths): one under the name of a role, several under its list."""
     for role in ROLES.values():
-        alone = None if role.optional else child(tree, role.name)
-        several = child(tree, role.listed) if role.listed else None
+        alone = None if role.optional else tree.child(role.name)
+        several = tree.child(role.listed) if role.listed else None
         if several is not None:
             if alone is not None:
                 message = f"give either '{role.name}' or '{role.listed}', not both"
-                issues.append(spot_of(tree, (role.listed,), of_key=True).issue((role.listed,), message))
+                issues.append(tree.spot_of((role.listed,), of_key=True).issue((role.listed,), message))
             items = _items(several, role, issues)
             if items is not None:
                 yield role.listed, items
@@ -191,7 +208,7 @@ def _items(several: LocatedValue, role: Role, issues: list[Issue]) -> list[tuple
     """Return the items of a list with their paths, or None if it is no list or wrongly empty."""
     if not isinstance(several.value, list) or not (several.value or role.optional):
         if several.value is not BROKEN:
-            message = f"expected a list of {role.plural}, got {described(plain(several) or None)}"
+            message = f"expected a list of {role.plural}, got {described(several.plain() or None)}"
             issues.append(several.spot.issue((role.listed,), message))
         return None
     return [((role.listed, i), node) for i, node in enumerate(several.value)]
@@ -200,26 +217,26 @@ def _items(several: LocatedValue, role: Role, issues: list[Issue]) -> list[tuple
 def _model_at(node: LocatedValue, path: Keys, role: Role, issues: list[Issue]) -> type[PartModel] | None:
     """Return the model of the kind that a node names, with those of the components within it; None with an issue."""
     kind_path = (*path, "kind")
-    written = child(node, "kind")
+    written = node.child("kind")
     if node.value is BROKEN or (written is not None and written.value is BROKEN):
         return None
     if not isinstance(node.value, dict):
         written_kind = node.value if isinstance(node.value, str) and node.value in kinds(role.name) else None
         example = f"{{kind: {written_kind or role.default or role.kinds[0].kind}}}"
-        issues.append(node.spot.issue(path, f"expected a mapping such as {example}, got {described(plain(node))}"))
+        issues.append(node.spot.issue(path, f"expected a mapping such as {example}, got {described(node.plain())}"))
         return None
-    kind = plain(written) if written else role.default
+    kind = written.plain() if written else role.default
     if not isinstance(kind, str):
         known = "known: " + ", ".join(kinds(role.name))
         problem = f"expected the name of a kind, got {described(kind)}" if written else f"is missing; {known}"
         issues.append((written or node).spot.issue(kind_path, problem))
         return None
     try:
-        model = _permitted(role.name, kind, (written or node).spot)
+        model = _model_of(role.name, kind, (written or node).spot)
     except (LookupError, ImportError, PartError) as error:
         issues.append((written or node).spot.issue(kind_path, str(error.args[0])))
         return None
-    given = [(field, inner, child(node, field)) for field, inner in roles_of(model.part).items()]
+    given = [(field, inner, node.child(field)) for field, inner in roles_of(model.part).items()]
     found = [
         (field, _inner_at(held, (*path, field), inner, issues)) for field, inner, held in given if held is not None
     ]
@@ -234,7 +251,7 @@ def _inner_at(node: LocatedValue, path: Keys, inner: Inner, issues: list[Issue])
     if node.value is BROKEN:
         return None
     if not isinstance(node.value, list):
-        message = f"expected a list of {role.plural}, got {described(plain(node) or None)}"
+        message = f"expected a list of {role.plural}, got {described(node.plain() or None)}"
         issues.append(node.spot.issue(path, message))
         return None
     return tuple(_model_at(item, (*path, i), role, issues) for i, item in enumerate(node.value))
@@ -245,11 +262,11 @@ def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
 
     A component with a field `digest` gets the digest of its file, unless the text gives one.
     """
-    data: dict[str, Any] = plain(tree)
+    data: dict[str, Any] = tree.plain()
     for path, model in _chosen_models(chosen):
         names = names_of(model.part)
         for field in filter(is_path, names):
-            node = at(tree, (*path, field))
+            node = tree.at((*path, field))
             if node is not None and isinstance(node.value, str) and node.value:
                 component = functools.reduce(operator.getitem, path, cast(Any, data))
                 component[field] = str((node.spot.origin.folder / node.value).resolve())

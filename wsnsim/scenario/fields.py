@@ -1,6 +1,7 @@
-"""From the fields of a component to pydantic fields: types, units and bounds come from its annotations.
+"""From the fields of a component to its pydantic model: types, units and bounds come from its annotations.
 
-    fields_of(class) -> {name: (annotation, Field)}      nested_of(class) -> {name: class of the component within}
+part_model(role, kind) -> the model of one kind
+names_of, abouts_of, nested_of, roles_of(class) -> its fields, what they mean, the components that they hold
 
 A real number takes a quantity with unit ('60 m'), a whole number takes 400.0 but not 400.5, neither takes true or NaN;
 infinity is allowed only where there is no bound on that side. A field whose type is a component becomes a mapping of
@@ -15,11 +16,9 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 import types
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import (
     Annotated,
     Any,
@@ -27,6 +26,7 @@ from typing import (
     Final,
     Generic,
     Literal,
+    NamedTuple,
     Protocol,
     Union,
     get_args,
@@ -34,22 +34,13 @@ from typing import (
     get_type_hints,
 )
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
-    create_model,
-)
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_validator
 
-from wsnsim.base import ports, radio, sleeping, synchronisation
+from wsnsim.base import mechanisms, medium_access, network_ports, ports, radio, sleeping
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import OfRole, Quantity
-from wsnsim.scenario.registry import ROLES, load_class
-from wsnsim.scenario.units import UnitError, shown, si, wanted
+from wsnsim.scenario.registry import ROLES, find, load_class
+from wsnsim.scenario.units import Named, Number, Strict, demand_items, refusal
 
 FROZEN: Final = ConfigDict(
     extra="forbid", frozen=True, validate_default=True, protected_namespaces=(), defer_build=True
@@ -68,112 +59,71 @@ class PartModel(BaseModel):
     part: ClassVar[type[Any]]
 
 
-def refusal(message: str) -> PydanticCustomError:
-    """Return the error that a validator raises to refuse a value; the message is shown as it is."""
-    return PydanticCustomError("refused", "{message}", {"message": message})
+def is_part(kind: Any) -> bool:
+    """Return whether something is the class of a component."""
+    return isinstance(kind, type) and dataclasses.is_dataclass(kind)
 
 
-@dataclass(frozen=True)
-class Number:
-    """A pydantic annotation: a real or whole number with unit and bounds."""
-
-    quantity: Quantity
-    whole: bool = False
-    finite: bool = False
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        given = {name: getattr(self.quantity, name) for name in ("gt", "ge", "lt", "le")}
-        bounds = {name: bound for name, bound in given.items() if bound is not None and math.isfinite(bound)}
-        if not self.whole:
-            return core_schema.no_info_before_validator_function(self.read, core_schema.float_schema(**bounds))
-        whole = {name: math.floor(b) if name in ("gt", "le") else math.ceil(b) for name, b in bounds.items()}
-        return core_schema.no_info_before_validator_function(self.read, core_schema.int_schema(**whole))
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        number = handler(schema)
-        return {"anyOf": [number, {"type": "string", "description": wanted(self.quantity.unit)}]}
-
-    def read(self, value: Any) -> float | int:
-        """Return the SI value of what a scenario writes."""
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise refusal(f"expected {self._wanted()}, got {described(value)}")
-        number = self._si(value)
-        if isinstance(number, float) and math.isnan(number):
-            raise refusal(f"expected {self._wanted()}, got not-a-number")
-        if isinstance(number, float) and math.isinf(number) and (self.whole or not self._takes(number)):
-            raise refusal("must be finite")
-        if self.whole and number != math.floor(number):
-            raise refusal(f"expected a whole number, got {number:g}")
-        return int(number) if self.whole else self._real(number)
-
-    def _si(self, value: float | str) -> float | int:
-        if not isinstance(value, str):
-            return value
-        try:
-            return si(value, self.quantity.unit)
-        except UnitError as error:
-            raise refusal(str(error)) from None
-
-    def _takes(self, infinity: float) -> bool:
-        """Return whether there is no bound on the side of this infinity; `lt=inf` demands a finite number."""
-        bounds = (self.quantity.lt, self.quantity.le) if infinity > 0 else (self.quantity.gt, self.quantity.ge)
-        return not self.finite and bounds == (None, None)
-
-    def _real(self, number: float | int) -> float:
-        try:
-            return float(number)
-        except OverflowError:
-            raise refusal(f"{shown(number)} is too large for a number") from None
-
-    def _wanted(self) -> str:
-        return "a whole number" if self.whole else "a number" if not self.quantity.unit else wanted(self.quantity.unit)
+def names_of(part: type[Any]) -> list[str]:
+    """Return the names of a component's fields."""
+    return [field.name for field in dataclasses.fields(part) if field.init]
 
 
-@dataclass(frozen=True)
-class Strict:
-    """A pydantic annotation: a text or a truth value, without conversion from other types."""
+class About(NamedTuple):
+    """The description of a field and its unit ('' for a pure number or a text), from its annotation."""
 
-    schema: Literal["str", "bool"]
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.str_schema(strict=True) if self.schema == "str" else core_schema.bool_schema(strict=True)
+    words: str
+    unit: str
 
 
-@dataclass(frozen=True)
-class Items:
-    """A validator of lists; `count`: their number of items, None: any."""
-
-    count: int | None
-
-    def __call__(self, value: Any) -> Any:
-        """Return the list as it is, or refuse the value."""
-        several = "a list" if self.count is None else f"a list of {self.count} items"
-        if not isinstance(value, list | tuple):
-            raise refusal(f"expected {several}, got {described(value)}")
-        if self.count is not None and len(value) != self.count:
-            raise refusal(f"expected {several}, got {len(value)}")
-        return value
+def abouts_of(part: type[Any]) -> dict[str, About]:
+    """Return the descriptions of a component's fields, by name."""
+    hints = get_type_hints(part, include_extras=True)
+    return {name: about(hints[name])[1] for name in names_of(part)}
 
 
-@dataclass(frozen=True)
-class Named:
-    """A pydantic annotation: the JSON Schema allows the name of a datasheet in place of its fields."""
+def about(hint: Any) -> tuple[Quantity, About]:
+    """Return the unit and bounds, and the description, that the annotation of a field gives."""
+    notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
+    quantity = next((note for note in notes if isinstance(note, Quantity)), Quantity())
+    return quantity, About(next((note for note in notes if isinstance(note, str)), ""), quantity.unit)
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [handler(schema), {"type": "string", "description": "name of a datasheet"}]}
+
+@functools.cache
+def nested_of(part: Any) -> Mapping[str, Any]:
+    """Return the fields of a component that hold, or may hold, another component, with its class."""
+    found = {}
+    for name, hint in get_type_hints(part).items():
+        inner = next((kind for kind in (hint, *get_args(hint)) if is_part(kind)), None)
+        if inner is not None and name in names_of(part):
+            found[name] = inner
+    return types.MappingProxyType(found)
 
 
-def described(value: Any) -> str:
-    """Return a value as a message describes it: "the text 'x'", "the number 3", "nothing"."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return f"the text {shown(value)}"
-    if isinstance(value, dict):
-        return "a mapping"
-    return "a list" if isinstance(value, list | tuple) else f"the number {shown(value)}"
+class Inner(NamedTuple):
+    """The role of the components that a field holds; `several`: a list of them."""
+
+    role: str
+    several: bool
+
+
+def roles_of(part: Any) -> Mapping[str, Inner]:
+    """Return the fields of a component that hold a component, or a list of them, of any kind of a role."""
+    return _roles_of(part)
+
+
+@functools.cache
+def _roles_of(part: Any) -> Mapping[str, Inner]:
+    hints = get_type_hints(part, include_extras=True)
+    found = {name: inner_in(hints[name]) for name in names_of(part)}
+    return types.MappingProxyType({name: inner for name, inner in found.items() if inner})
+
+
+def inner_in(hint: Any) -> Inner | None:
+    """Return the role that the annotation of a field names; None if it names none."""
+    held, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    role = next((note.role for note in notes if isinstance(note, OfRole)), "")
+    return Inner(role, get_origin(held) is tuple) if role else None
 
 
 def annotation_of(kind: Any, quantity: Quantity) -> Any:
@@ -191,19 +141,15 @@ def annotation_of(kind: Any, quantity: Quantity) -> Any:
         return kind
     if origin is tuple:
         inner = tuple(argument if argument is ... else annotation_of(argument, quantity) for argument in arguments)
-        items = Items(None if ... in arguments else len(arguments))
+        items = functools.partial(demand_items, None if ... in arguments else len(arguments))
         return Annotated[tuple[inner], BeforeValidator(items)]  # type: ignore[valid-type]
     if origin in (Union, types.UnionType):
         return Union[tuple(annotation_of(argument, quantity) for argument in arguments)]  # noqa: UP007
-    if _is_part(kind):
+    if is_part(kind):
         return Annotated[nested_model(kind), Named()] if getattr(kind, "sheet", "any") else nested_model(kind)
     raise PartError(
         f"has a field of type {kind}, which no scenario can write: use float, int, bool, str, Literal, tuple or a @part"
     )
-
-
-def _is_part(kind: Any) -> bool:
-    return isinstance(kind, type) and dataclasses.is_dataclass(kind)
 
 
 @functools.cache
@@ -223,68 +169,6 @@ def made_model(part: type[Any], base: type[PartModel], fields: dict[str, Any]) -
     return model
 
 
-@dataclass(frozen=True)
-class About:
-    """The description of a field and its unit ('' for a pure number or a text), from its annotation."""
-
-    words: str
-    unit: str
-
-
-def abouts_of(part: type[Any]) -> dict[str, About]:
-    """Return the descriptions of a component's fields, by name."""
-    hints = get_type_hints(part, include_extras=True)
-    return {name: _about(hints[name])[1] for name in names_of(part)}
-
-
-def _about(hint: Any) -> tuple[Quantity, About]:
-    notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-    quantity = next((note for note in notes if isinstance(note, Quantity)), Quantity())
-    return quantity, About(next((note for note in notes if isinstance(note, str)), ""), quantity.unit)
-
-
-def names_of(part: type[Any]) -> list[str]:
-    """Return the names of a component's fields."""
-    return [field.name for field in dataclasses.fields(part) if field.init]
-
-
-@functools.cache
-def nested_of(part: Any) -> Mapping[str, Any]:
-    """Return the fields of a component that hold, or may hold, another component, with its class."""
-    found = {}
-    for name, hint in get_type_hints(part).items():
-        inner = next((kind for kind in (hint, *get_args(hint)) if _is_part(kind)), None)
-        if inner is not None and name in names_of(part):
-            found[name] = inner
-    return types.MappingProxyType(found)
-
-
-@dataclass(frozen=True)
-class Inner:
-    """The role of the components that a field holds; `several`: a list of them."""
-
-    role: str
-    several: bool
-
-
-def roles_of(part: Any) -> Mapping[str, Inner]:
-    """Return the fields of a component that hold a component, or a list of them, of any kind of a role."""
-    return _roles_of(part)
-
-
-@functools.cache
-def _roles_of(part: Any) -> Mapping[str, Inner]:
-    hints = get_type_hints(part, include_extras=True)
-    found = {name: _inner_in(hints[name]) for name in names_of(part)}
-    return types.MappingProxyType({name: inner for name, inner in found.items() if inner})
-
-
-def _inner_in(hint: Any) -> Inner | None:
-    held, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-    role = next((note.role for note in notes if isinstance(note, OfRole)), "")
-    return Inner(role, get_origin(held) is tuple) if role else None
-
-
 def fields_of(part: type[Any]) -> dict[str, tuple[Any, Any]]:
     """Return the fields of a component as arguments of pydantic's `create_model`.
 
@@ -301,23 +185,23 @@ def fields_of(part: type[Any]) -> dict[str, tuple[Any, Any]]:
 
 
 def _field(field: dataclasses.Field[Any], hint: Any) -> tuple[Any, Any]:
-    quantity, about = _about(hint)
-    unit = f"[{about.unit}]" if about.unit else ""
+    quantity, words = about(hint)
+    unit = f"[{words.unit}]" if words.unit else ""
     default: dict[str, Any] = {}
     if field.default is not dataclasses.MISSING:
         written = field.default
-        default = {"default": dataclasses.asdict(written) if _is_part(type(written)) else written}
+        default = {"default": dataclasses.asdict(written) if is_part(type(written)) else written}
     elif field.default_factory is not dataclasses.MISSING:
         default = {"default_factory": field.default_factory}
     kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    inner = _inner_in(hint)
+    inner = inner_in(hint)
     annotation: Any = annotation_of(kind, quantity) if inner is None else dict[str, Any]
     if inner is not None and inner.several:
         annotation = tuple[annotation, ...]
-    return annotation, Field(description=" ".join(piece for piece in (about.words, unit) if piece) or None, **default)
+    return annotation, Field(description=" ".join(piece for piece in (words.words, unit) if piece) or None, **default)
 
 
-PORT_MODULES: Final = (ports, radio, sleeping, synchronisation)
+PORT_MODULES: Final = (ports, network_ports, radio, medium_access, sleeping, mechanisms)
 
 
 def demand_port(part: type[Any], role: str) -> None:
@@ -348,3 +232,67 @@ def _demand_mechanism(mechanism: Any, role: str) -> None:
     if isinstance(mechanism, str) and mechanism not in known:
         hint = did_you_mean(mechanism, known)
         raise PartError(f"lacks 'start', which a {role} needs whose mechanism '{mechanism}' is not built in ({hint})")
+
+
+SHORT_FORMS: Final = {"gains": "gains", "inflate": "inflate", "filter_noise_scale": "noise_scale"}
+_Flag = Annotated[bool, Strict("bool")]
+_Scale = Annotated[float, Number(Quantity("", ge=1e-9, le=1e9))]
+
+
+class Assumes(BaseModel):
+    """What the filter assumes about the models of the ground truth."""
+
+    model_config = FROZEN
+    gains: Literal["known", "unknown", "estimated"] = Field(
+        "known", description="whether the filter knows each sensor's gain, ignores it or estimates it beside the state"
+    )
+    inflate: _Flag = Field(False, description="widen the reading's variance for unknown gains and shadowing")
+    noise_scale: _Scale = Field(1.0, description="factor on the filter's process covariance")
+
+
+class TrackerModel(PartModel):
+    """The model of a tracker, with the assumptions of its filter; short forms are merged into `assumes`."""
+
+    assumes: Assumes = Field(
+        Assumes.model_construct(), description="what the filter assumes about the models of the ground truth"
+    )
+    gains: Literal["known", "unknown", "estimated"] | None = Field(
+        None, exclude=True, description="short for assumes.gains"
+    )
+    inflate: _Flag | None = Field(None, exclude=True, description="short for assumes.inflate")
+    filter_noise_scale: _Scale | None = Field(None, exclude=True, description="short for assumes.noise_scale")
+
+    @model_validator(mode="after")
+    def _fold(self) -> TrackerModel:
+        own = names_of(self.part)
+        short = {name: value for name in SHORT_FORMS if name not in own and (value := getattr(self, name)) is not None}
+        if not short:
+            return self
+        twice = [name for name in short if SHORT_FORMS[name] in self.assumes.model_fields_set]
+        if twice:
+            raise refusal(f"'{twice[0]}' and 'assumes.{SHORT_FORMS[twice[0]]}' are the same: give one of them")
+        folded = self.assumes.model_copy(update={SHORT_FORMS[name]: value for name, value in short.items()})
+        return self.model_copy(update={"assumes": folded, **dict.fromkeys(short)})
+
+
+@functools.cache
+def part_model(role: str, kind: str) -> type[PartModel]:
+    """Return the model of one kind.
+
+    Raises:
+        LookupError: there is no such kind.
+        ImportError: its module cannot be imported.
+        PartError: its class is not a valid component of the role.
+    """
+    info = find(role, kind)
+    part = load_class(info)
+    try:
+        fields = fields_of(part)
+        demand_port(part, role)
+        if {"kind", "assumes", "part"} & set(fields):
+            raise PartError("has a field named 'kind', 'assumes' or 'part', which are reserved")
+        choice: Any = (Literal[kind], kind) if kind == ROLES[role].default else (Literal[kind], ...)
+        base = TrackerModel if role == "tracker" else PartModel
+        return made_model(part, base, {"kind": choice, **fields})
+    except PartError as error:
+        raise PartError(f"{info.path} {error}") from None

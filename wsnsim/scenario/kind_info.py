@@ -23,8 +23,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from wsnsim.base.data_tables import read_sections
 from wsnsim.base.errors import UsageError
+from wsnsim.base.files import read_sections
 from wsnsim.base.plugin_code import PluginImport, announce
 from wsnsim.scenario.examples import Example, example_of
 from wsnsim.scenario.fields import PartError, fields_of
@@ -244,7 +244,7 @@ def _roles(word: str) -> list[Role]:
 
 def _plugin(path: str) -> list[tuple[str, str]]:
     """Return the roles that the class at a dotted path can play."""
-    from wsnsim.scenario.schema import part_model
+    from wsnsim.scenario.fields import part_model
 
     search([""])
     announce(PluginImport("info", path, path.partition(":")[0], ""))

@@ -1,18 +1,23 @@
-"""From pydantic's errors to issues: in the words of a scenario, with their positions.
+"""From pydantic's errors to issues, in the words of a scenario and with their positions; and other YAML documents.
 
 issues_of(validation_error, model, tree) -> [Issue, ...]
+read_document(path, model) -> Document        a checked file that is no scenario, of a model based on DocumentModel
+document_of(values, model)                      the same of values that a program gives
 """
 
 from __future__ import annotations
 
-from typing import Any, Final, get_args
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Generic, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
-from wsnsim.base.errors import Issue, did_you_mean
-from wsnsim.scenario.fields import described
-from wsnsim.scenario.located_values import BROKEN, Key, Keys, LocatedValue, at, child, spot_of
-from wsnsim.scenario.units import shown
+from wsnsim.base.errors import Issue, ScenarioError, did_you_mean, dotted
+from wsnsim.scenario.reader import read
+from wsnsim.scenario.texts import BROKEN, Key, Keys, LocatedValue, Origin, content_of
+from wsnsim.scenario.units import described, shown
 
 BOUNDS: Final = {
     "greater_than": ("gt", "greater than"),
@@ -42,7 +47,7 @@ def issues_of(error: ValidationError, model: type[BaseModel], tree: LocatedValue
             messages[path].append(message)
         if problem["type"] == "extra_forbidden":
             at_key.add(path)
-    return [spot_of(tree, path, path in at_key).issue(path, "; or ".join(words)) for path, words in messages.items()]
+    return [tree.spot_of(path, path in at_key).issue(path, "; or ".join(words)) for path, words in messages.items()]
 
 
 def _written(location: tuple[Key, ...], tree: LocatedValue) -> Keys:
@@ -52,12 +57,12 @@ def _written(location: tuple[Key, ...], tree: LocatedValue) -> Keys:
     for key in location:
         if node is not None and isinstance(node.value, dict if isinstance(key, str) else list):
             path.append(key)
-            node = child(node, key)
+            node = node.child(key)
     return tuple(path)
 
 
 def _is_broken(tree: LocatedValue, path: Keys) -> bool:
-    node = at(tree, path)
+    node = tree.at(path)
     return node is not None and node.value is BROKEN
 
 
@@ -131,3 +136,51 @@ def _unwrapped(annotation: Any) -> Any:
     if hasattr(annotation, "__metadata__") or (len(arguments) == 1 and len(get_args(annotation)) == 2):
         return _unwrapped(arguments[0])
     return annotation
+
+
+class DocumentModel(BaseModel):
+    """Declared keys of a mapping; any other key is an issue."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+
+M = TypeVar("M", bound=DocumentModel)
+
+
+@dataclass(frozen=True)
+class Document(Generic[M]):
+    """A checked document and where its values stand."""
+
+    content: M
+    root: LocatedValue
+
+    def issue(self, path: Keys, message: str) -> Issue:
+        """An issue of the value at a path of keys."""
+        return self.root.spot_of(path).issue(path, message)
+
+
+def read_document(path: Path, model: type[M], name: str = "") -> Document[M]:
+    """The document in a YAML file, checked against a model; issues call the file by `name`, by default its own.
+
+    Raises:
+        ScenarioError: every issue found, each at its place.
+    """
+    content, issues = content_of(path)
+    if content is None:
+        raise ScenarioError(issues)
+    root, issues = read(content, Origin(name or path.name, path.parent, tuple(content.splitlines())))
+    if root is None or issues:
+        raise ScenarioError(issues)
+    try:
+        return Document(model.model_validate(root.plain()), root)
+    except ValidationError as error:
+        raise ScenarioError(issues_of(error, model, root)) from None
+
+
+def document_of(values: Mapping[str, Any], model: type[M]) -> M:
+    """The document with these values. Raises ValueError with its first issue."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ValueError(f"{dotted(first['loc'])}: {first['msg']}") from None

@@ -17,15 +17,16 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple, final
 
-from wsnsim.base.errors import Issue, ScenarioError
-from wsnsim.base.regular_files import read_regular
+from wsnsim.base.errors import Issue, ScenarioError, dotted
+from wsnsim.base.files import read_regular
 from wsnsim.scenario import axes as shapes
 from wsnsim.scenario.axes import Axes, InvalidAxis, Sampling, Settings
 from wsnsim.scenario.build import build, resolved
-from wsnsim.scenario.load import Assignment, ScenarioText, keys_of, validated
-from wsnsim.scenario.located_values import Entry, Keys, LocatedValue, assigned, at, child, dotted, in_order, plain
+from wsnsim.scenario.check import validated
+from wsnsim.scenario.load import keys_of
 from wsnsim.scenario.schema import Scenario
 from wsnsim.scenario.sweep_schema import Point, SweepText
+from wsnsim.scenario.texts import Assignment, Entry, Keys, LocatedValue, ScenarioText, in_order
 
 LEFT_OUT: Final = ("name", "replicates")
 """Keys of a scenario that change none of its runs."""
@@ -90,15 +91,6 @@ def points_of(
     return list(points.values())
 
 
-def reals_of(bases: Iterable[ScenarioText], common: Sequence[Assignment]) -> Callable[[Keys], bool]:
-    """Return a function: whether a key holds a real number in every scenario that is valid without the axes."""
-    content = []
-    for base in bases:
-        with contextlib.suppress(ScenarioError):  # a value may be missing that an axis gives
-            content.append(resolved(validated(base, common)))
-    return lambda keys: bool(content) and all(isinstance(_value_at(values, keys), float) for values in content)
-
-
 def demand_no_axis(assignments: Iterable[Assignment], settings: Iterable[Settings]) -> None:
     """Refuse a --set that every point would replace.
 
@@ -133,7 +125,7 @@ def _leaves(keys: Keys, node: LocatedValue, content: Mapping[str, Any]) -> list[
     """Return (column, value in SI units) of all values of one setting; of a whole role, each of its keys."""
     if isinstance(node.value, dict):
         return [leaf for key, entry in node.value.items() for leaf in _leaves((*keys, key), entry.node, content)]
-    value = _value_at(content, keys, plain(node))  # a short form is stored elsewhere in the scenario
+    value = _value_at(content, keys, node.plain())  # a short form is stored elsewhere in the scenario
     return [(dotted(keys), json.dumps(value) if isinstance(value, list | dict) else value)]
 
 
@@ -218,12 +210,15 @@ def assignments_in(node: LocatedValue | None, found: Findings) -> list[Assignmen
 
 def with_reals(tree: LocatedValue, bases: Iterable[ScenarioText], common: Sequence[Assignment]) -> LocatedValue:
     """Return the tree with ranges of real numbers wherever the scenarios have a real number at the key."""
-    is_real = reals_of(bases, common)
+    scenarios = []
+    for base in bases:
+        with contextlib.suppress(ScenarioError):  # a value may be missing that an axis gives
+            scenarios.append(resolved(validated(base, common)))
     for block in BLOCKS:
-        axes = at(tree, block)
+        axes = tree.at(block)
         for key, entry in axes.value.items() if axes is not None else ():
-            if is_real(keys_of(key)):
-                tree = assigned(tree, (*block, key), shapes.of_reals(entry.node))
+            if scenarios and all(isinstance(_value_at(one, keys_of(key)), float) for one in scenarios):
+                tree = tree.assigned((*block, key), shapes.of_reals(entry.node))
     return tree
 
 
@@ -245,10 +240,10 @@ def combined(tree: LocatedValue, written: SweepText | None, found: Findings) -> 
 def _listed(tree: LocatedValue, found: Findings) -> Iterator[list[Settings]]:
     """Yield the points of `grid`, `zip` and `points`."""
     for name, make in (("grid", shapes.grid), ("zip", shapes.zipped)):
-        node = child(tree, name)
+        node = tree.child(name)
         if node is not None and node.value:
             yield _made(make, _axes(node, found), found)
-    several = child(tree, "points")
+    several = tree.child("points")
     if several is not None:
         with found.collected():
             if not several.value:
@@ -259,7 +254,7 @@ def _listed(tree: LocatedValue, found: Findings) -> Iterator[list[Settings]]:
 def _sampled(tree: LocatedValue, written: SweepText, found: Findings) -> Iterator[list[Settings]]:
     """Yield the random points and those of a Latin hypercube."""
     for name, place in (("random", shapes.random), ("latin_hypercube", shapes.latin_hypercube)):
-        drawn, over = getattr(written, name), at(tree, (name, "over"))
+        drawn, over = getattr(written, name), tree.at((name, "over"))
         if drawn is not None and over is not None:
             with found.collected():
                 if not over.value:

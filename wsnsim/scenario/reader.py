@@ -1,21 +1,14 @@
-"""From YAML text, or a caller's dict, to a tree of located values, with all issues of the text at once.
+"""From a scenario's source to a tree of located values, with all issues of the text at once.
 
-    read(content, origin) -> (LocatedValue or None, issues)    of_dict(mapping, origin) -> the same for a caller's dict
-    values_of(PsoMhpf(particles=200), "tracker") -> {"kind": "pso_mhpf", "particles": 200, ...}
-    values_of(Radio(...))                        -> {"bitrate": 250e3, ...}: a datasheet has no kind
+    read_scenario("pso_mhpf") -> ScenarioText       of a file or a caller's dict, merged with what it extends
+    read(content, origin) -> (LocatedValue or None, issues)       of any YAML text
 
 PyYAML composes the nodes; scalars follow the core schema of YAML 1.2: 1e3 is a float, 010 is ten, and 12:30:00, no and
 on are text. Duplicate keys are issues; a merge key `<<` may repeat a key.
-
-A component that a caller made in Python becomes the mapping that YAML would hold, with every field, so that it replaces
-whatever it is merged with. The kind of a plug-in's class is the name under which an installed package offers it, or its
-path, 'mylab.trackers:Mine'.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import functools
 import math
 import re
 from collections.abc import Mapping
@@ -25,93 +18,86 @@ from typing import Any, Final
 
 import yaml
 
-from wsnsim.base.errors import Issue
-from wsnsim.scenario.fields import names_of, roles_of
-from wsnsim.scenario.located_values import BROKEN, Entry, Keys, LocatedValue, Origin, Spot, mapping, sequence
-from wsnsim.scenario.plugin_access import Plugins
-from wsnsim.scenario.registry import AT_TOP, ROLES, kinds
+from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
+from wsnsim.scenario.registry import Plugins
+from wsnsim.scenario.texts import (
+    BROKEN,
+    DEEPEST,
+    Entry,
+    Keys,
+    LocatedValue,
+    Origin,
+    ScenarioText,
+    Spot,
+    TextFile,
+    shipped,
+    text_file,
+)
 from wsnsim.scenario.units import shown
 
-_IN_A_FUNCTION: Final = "<locals>"
+MOST_EXTENDED: Final = 16
+"""Files that may extend each other in a row. Our choice."""
 
 
-class WrongComponent(ValueError):
-    """A value of a scenario is a Python object that cannot stand there. The message says what is wrong with it."""
+def read_scenario(source: str | Path | Mapping[str, Any], plugins: Plugins = Plugins.ANY) -> ScenarioText:
+    """Return the text of a scenario merged with what it extends, unchecked. `plugins`: which ones it may name."""
+    if isinstance(source, Mapping):
+        return _of_dict(source, plugins)
+    file = text_file(source)
+    if file.path is not None:
+        return _of_file(file, plugins)
+    message = f"file not found, and no shipped scenario has this name ({_nearest(source)})"
+    return ScenarioText(None, [Spot(Origin(str(source), Path())).issue((), message)])
 
 
-def is_component(value: Any) -> bool:
-    """Return whether a value is a component, or the class of one."""
-    return dataclasses.is_dataclass(value)
+def _of_file(file: TextFile, plugins: Plugins, extending: tuple[Path, ...] = ()) -> ScenarioText:
+    """Return the text of a file merged with the file it extends. `extending`: the files that led to this one."""
+    if file.path is None or file.content is None:
+        return ScenarioText(None, file.issues)
+    tree, issues = read(file.content, origin_of(file.path, file.content, plugins=plugins))
+    text = ScenarioText(tree, issues, (str(file.path), file.content))
+    return _extended(text, file.path.parent, (*extending, file.path.resolve()))
 
 
-def values_of(component: Any, role: str = "") -> dict[str, Any]:
-    """Return the mapping of a component: its kind, if it plays a role, and the value of each of its fields.
+def _of_dict(source: Mapping[str, Any], plugins: Plugins) -> ScenarioText:
+    from wsnsim.scenario.python_values import of_dict
 
-    Args:
-        component: an instance of a class with `@part`.
-        role: the role that it plays; '' if it stands where no role is known.
-
-    Raises:
-        WrongComponent: it is a class, plays another role, or cannot be named in a scenario.
-    """
-    if isinstance(component, type):
-        raise WrongComponent(f"is the class {component.__name__}, expected a component: {component.__name__}()")
-    own = _kind_of(type(component), role)
-    inner = roles_of(type(component))
-    fields = {
-        name: _within(getattr(component, name), inner[name].role if name in inner else "")
-        for name in names_of(type(component))
-    }
-    return ({"kind": own} if own else {}) | fields
+    tree, issues = of_dict(source, Origin("", Path.cwd(), plugins=plugins))
+    if tree.value is BROKEN or issues:
+        unresolved = isinstance(tree.value, dict) and "extends" in tree.value  # what it extends may give other keys
+        return ScenarioText(None if unresolved else tree, issues)
+    written = yaml.safe_dump(tree.plain(), sort_keys=False, allow_unicode=True)
+    return _extended(ScenarioText(tree, issues, ("", written)), Path.cwd(), ())
 
 
-def defaults_of(value: Any) -> dict[str, Any]:
-    """Return the default values of a component's fields that have one; {} for anything else."""
-    if not is_component(value):
-        return {}
-    known = [(field.name, field.default) for field in dataclasses.fields(value)]
-    return {name: default for name, default in known if default is not dataclasses.MISSING}
+def _extended(text: ScenarioText, folder: Path, extending: tuple[Path, ...]) -> ScenarioText:
+    """Return a text of a folder merged with the file that its key `extends` names, if it has one."""
+    tree = text.tree
+    if tree is None or not isinstance(tree.value, dict) or "extends" not in tree.value:
+        return text
+    own = LocatedValue({key: entry for key, entry in tree.value.items() if key != "extends"}, tree.spot)
+    node = tree.value["extends"].node
+    named = isinstance(node.value, str)
+    file = text_file(node.value, folder) if named and node.value else TextFile(None, None, [])
+    problem = ""
+    if file.path is None:
+        problem = f"there is no scenario {node.value!r}" if named else "expected the name of a scenario"
+        problem += f" ({_nearest(str(node.value))})"
+    elif file.path.resolve() in extending:
+        problem = f"{file.path} extends itself"
+    if problem:
+        return text._replace(tree=own, issues=[*text.issues, node.spot.issue(("extends",), problem)])
+    if len(extending) > MOST_EXTENDED:
+        raise ScenarioError([node.spot.issue(("extends",), f"more than {MOST_EXTENDED} files extend each other")])
+    base = _of_file(file, tree.spot.origin.plugins, extending)
+    merged = own if base.tree is None else base.tree.merged(own)
+    return text._replace(tree=merged, issues=[*text.issues, *base.issues])
 
 
-def role_at(path: tuple[str | int, ...]) -> str:
-    """Return the role of the components at a path: of 'tracker', of an item of 'targets', of an axis of a sweep."""
-    named = [key for key in path if isinstance(key, str)]
-    return AT_TOP[named[-1]].name if named and named[-1] in AT_TOP else ""
+def _nearest(source: str | Path) -> str:
+    return did_you_mean(Path(source).stem, shipped())
 
 
-def _within(value: Any, role: str) -> Any:
-    if isinstance(value, tuple | list):
-        return [_within(item, role) for item in value]
-    return values_of(value, role) if is_component(value) else value
-
-
-def _kind_of(cls: type[Any], role: str) -> str:
-    """Return the kind of a class; '' for a class that plays no role."""
-    path = f"{cls.__module__}:{cls.__qualname__}"
-    known = _known().get(path, {})
-    if role in known or (known and not role):
-        return known[role or next(iter(known))]
-    if known:
-        other = next(iter(known))
-        raise WrongComponent(f"expected a {role}, got the {other} {cls.__name__}")
-    if not role:
-        return ""
-    if _IN_A_FUNCTION in path:
-        raise WrongComponent(f"the class {cls.__name__} is defined in a function: define it at the top of a module")
-    return path
-
-
-@functools.cache
-def _known() -> Mapping[str, Mapping[str, str]]:
-    """Return {path of a class: {role: kind}} of all kinds, those of installed packages included."""
-    found: dict[str, dict[str, str]] = {}
-    for role in ROLES:
-        for info in kinds(role).values():
-            found.setdefault(info.path, {})[role] = info.kind
-    return found
-
-
-DEEPEST: Final = 40
 LARGEST: Final = 200_000
 TAG: Final = "tag:yaml.org,2002:"
 INT: Final = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
@@ -211,8 +197,8 @@ class _Reading:
         if source.tag not in (TAG + "map", TAG + "seq"):
             return self.complain(source, path, f"unknown tag {shown(source.tag.removeprefix(TAG))}")
         if isinstance(source, yaml.MappingNode):
-            return mapping(self.entries(source, path), self.spot(source))
-        return sequence([self.node(item, (*path, i)) for i, item in enumerate(source.value)], self.spot(source))
+            return LocatedValue(self.entries(source, path), self.spot(source))
+        return LocatedValue([self.node(item, (*path, i)) for i, item in enumerate(source.value)], self.spot(source))
 
     def entries(self, source: yaml.MappingNode, path: Keys) -> dict[str, Entry]:
         """Return the entries of a mapping: those of its merge keys, replaced by its own."""
@@ -285,44 +271,3 @@ def _real(text: str) -> float:
     if math.isinf(value):
         raise ValueError(f"{shown(text)} is too large for a number")
     return value
-
-
-def of_dict(
-    values: Any, origin: Origin, path: Keys = (), inside: frozenset[int] = frozenset()
-) -> tuple[LocatedValue, list[Issue]]:
-    """Return the tree of a caller's dict.
-
-    Tuples, ranges and arrays become lists, NumPy scalars their values, paths text, components mappings with their kind.
-    """
-    spot = Spot(origin)
-    if len(path) > DEEPEST or id(values) in inside:
-        return LocatedValue(BROKEN, spot), [
-            spot.issue(path, f"nested deeper than {DEEPEST} levels, or contains itself")
-        ]
-    if hasattr(values, "tolist"):
-        values = values.tolist()
-    if is_component(values):
-        try:
-            values = values_of(values, role_at(path))
-        except WrongComponent as error:
-            return LocatedValue(BROKEN, spot), [spot.issue(path, str(error))]
-    if isinstance(values, Mapping | list | tuple | range):
-        return _of_many(values, origin, path, inside | {id(values)})
-    if hasattr(values, "__fspath__"):
-        return LocatedValue(str(values), spot), []
-    if values is None or isinstance(values, bool | int | float | str):
-        return LocatedValue(values, spot), []
-    return LocatedValue(BROKEN, spot), [spot.issue(path, f"a {type(values).__name__} is not allowed in a scenario")]
-
-
-def _of_many(values: Any, origin: Origin, path: Keys, inside: frozenset[int]) -> tuple[LocatedValue, list[Issue]]:
-    spot = Spot(origin)
-    pairs = values.items() if isinstance(values, Mapping) else enumerate(values)
-    inner = {}
-    for name, value in pairs:
-        key = str(name) if isinstance(values, Mapping) else name
-        inner[key] = of_dict(value, origin, (*path, key), inside)
-    issues = [issue for _, found in inner.values() for issue in found]
-    if isinstance(values, Mapping):
-        return mapping({str(key): Entry(spot, node) for key, (node, _) in inner.items()}, spot), issues
-    return sequence([node for node, _ in inner.values()], spot), issues

@@ -1,4 +1,4 @@
-"""The registry: the roles of a scenario, every kind of each, installed plug-ins included, and its class.
+"""The registry: the roles of a scenario, every kind of each with plug-ins, its class, and which texts may name it.
 
 Nothing heavy is imported here. A kind comes from the rows of kinds.table, from an installed package (entry-point groups
 `wsnsim.trackers`, `wsnsim.motions`, ...: `Role.group`), or from a dotted path given as the kind itself
@@ -6,22 +6,28 @@ Nothing heavy is imported here. A kind comes from the rows of kinds.table, from 
 
     ROLES: {role name: Role}    AT_TOP: {key at the top of a scenario: Role}
     load_class(find("tracker", "pso_mhpf")) -> the class
+    demand_class("tracker", "mylab:Mine", Plugins.ANY, folder)      imports it, if a text may name it
+
+A permission belongs to a text (`texts.Origin`): what the caller writes may name any module, what a result or a
+campaign's folder holds may name kinds of installed packages, and a text that is only to be shown may name none. Only
+this module decides which plug-ins may be imported.
 """
 
 from __future__ import annotations
 
 import contextlib
+import enum
 import functools
 import importlib
+import importlib.machinery
 import sys
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from wsnsim.base.data_tables import read_sections
 from wsnsim.base.errors import UsageError, did_you_mean, nearest, shortened
-from wsnsim.base.plugin_code import note_plugin, plugin_fault
+from wsnsim.base.files import read_sections
+from wsnsim.base.plugin_code import PluginImport, announce, note_plugin, plugin_fault
 from wsnsim.base.process import streams_kept_open
 
 OFFLINE_ROLES: Final = ("prior", "deploy", "motion", "sensor", "detection", "fault", "tracker")
@@ -30,8 +36,7 @@ TARGET_ROLES: Final = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Kind:
+class Kind(NamedTuple):
     """The description of one kind.
 
     Attributes:
@@ -55,8 +60,7 @@ class Kind:
     plugin: str = ""
 
 
-@dataclass(frozen=True)
-class Role:
+class Role(NamedTuple):
     """A role of a scenario.
 
     Attributes:
@@ -100,9 +104,7 @@ class Role:
     @property
     def plural(self) -> str:
         """The plural of the role's name: trackers, energies, clusters."""
-        if self.name == "energy":
-            return "energies"
-        return self.name if self.name.endswith("s") else self.name + "s"
+        return "energies" if self.name == "energy" else self.name.removesuffix("s") + "s"
 
     @property
     def group(self) -> str:
@@ -125,8 +127,7 @@ AT_TOP: Final = {key: role for role in ROLES.values() for key in role.keys}
 """The role of each key at the top of a scenario."""
 
 
-@dataclass(frozen=True)
-class Scope:
+class Scope(NamedTuple):
     """Which roles a scenario uses: with or without a network, with or without targets."""
 
     network: bool = True
@@ -190,7 +191,7 @@ def load_class(info: Kind) -> type[Any]:
     named = info.path if info.kind == info.path else f"'{info.kind}' ({info.path})"
     note_plugin(module)
     try:
-        with streams_kept_open():
+        with contextlib.nullcontext() if module in sys.modules else streams_kept_open():
             found: Any = importlib.import_module(module)
         for step in name.split("."):
             found = getattr(found, step)
@@ -222,7 +223,7 @@ def _installed() -> dict[str, tuple[Kind, ...]]:
     for group in (role.group for role in ROLES.values()):
         points = sorted(filter(_is_installed, installed.select(group=group)), key=lambda point: point.name)
         if points:
-            groups[group] = tuple(_info(point) for point in points)
+            groups[group] = tuple(map(_info, points))
     return groups
 
 
@@ -233,3 +234,118 @@ def _is_installed(point: importlib.metadata.EntryPoint) -> bool:
 def _info(point: importlib.metadata.EntryPoint) -> Kind:
     package = f"{point.dist.name} {point.dist.version}" if point.dist else "an installed package"
     return Kind(point.name, point.value, f"plug-in of {package}", plugin=package)
+
+
+class Plugins(enum.IntEnum):
+    """Which plug-ins a text may name: none, kinds that installed packages offer, or also any 'module:Class'."""
+
+    NONE = 0
+    INSTALLED = 1
+    ANY = 2
+
+
+class PluginAccess(NamedTuple):
+    """The permission of a campaign's workers, and folders in which they also look for modules."""
+
+    plugins: Plugins = Plugins.INSTALLED
+    folders: tuple[str, ...] = ()
+
+
+ACCESS_OF_FILES: Final = PluginAccess()
+"""What a scenario may import that comes from a folder or a result."""
+
+
+class PluginRefused(LookupError):
+    """A text names a plug-in that it may not name."""
+
+
+def demand_class(role: str, kind: str, plugins: Plugins, folder: Path, of_file: bool = False) -> None:
+    """Import the class of a kind that a text in a folder names, if a text that may name `plugins` may name it.
+
+    The folder and the working directory are searched after Python's path, so that no file there can stand
+    in for a module of Python or of an installed package.
+
+    Raises:
+        PluginRefused: the text may not name it.
+        LookupError: there is no such kind.
+        ImportError: it cannot be imported, or another module of the same name would be than that beside the text,
+            which is `of_file`.
+    """
+    needed, module = _needed(role, kind)
+    if needed > plugins:
+        raise PluginRefused(_refusal(kind))
+    top = module.partition(".")[0]
+    if needed is Plugins.ANY:
+        search([str(folder), ""])
+        if of_file:
+            _demand_unambiguous(kind, top, folder)
+    if needed is not Plugins.NONE:
+        announce(PluginImport(role, kind, module, _file_of(top)))
+    try:
+        load_class(find(role, kind))
+    except ImportError as error:
+        if _is_missing(kind, error.__cause__):
+            raise ImportError(_not_found(kind, folder)) from error
+        raise
+
+
+def access(plugins: Plugins) -> PluginAccess:
+    """Return a permission for workers, with the folders that this process searches."""
+    if plugins is Plugins.ANY:
+        search([""])
+    return PluginAccess(plugins, tuple(SEARCHED) if plugins is Plugins.ANY else ())
+
+
+def refused(resolved: Mapping[str, Any], plugins: Plugins) -> str:
+    """Return why a scenario's values cannot be loaded with a permission; '' if they can. Nothing is imported."""
+    for key, role in AT_TOP.items():
+        held = resolved.get(key)
+        for component in held if isinstance(held, list | tuple) else [held]:
+            kind = component.get("kind") if isinstance(component, Mapping) else None
+            if isinstance(kind, str) and _needed(role.name, kind)[0] > plugins:
+                return f"{key}.kind: {_refusal(kind)}"
+    return ""
+
+
+def _refusal(kind: str) -> str:
+    return f"needs plug-in {kind}; --plugins allows it (in Python: plugins=True)"
+
+
+def _is_missing(kind: str, error: BaseException | None) -> bool:
+    """Return whether an import failed because the module of a 'module:Class' does not exist."""
+    missing = getattr(error, "name", None) if isinstance(error, ModuleNotFoundError) else None
+    return ":" in kind and missing is not None and f"{kind.partition(':')[0]}.".startswith(f"{missing}.")
+
+
+def _not_found(kind: str, folder: Path) -> str:
+    """Return where a module was looked for that does not exist."""
+    place, module = folder.resolve(), kind.partition(":")[0]
+    beside = "" if place == Path.cwd() else f"beside the scenario ({place}), "
+    return f"{kind}: there is no module '{module}' {beside}in the working directory or on Python's path"
+
+
+def _needed(role: str, kind: str) -> tuple[Plugins, str]:
+    """Return the permission that a kind needs, and its module; NONE for a built-in kind and for an unknown one."""
+    if ":" in kind:
+        return Plugins.ANY, kind.partition(":")[0]
+    if any(info.kind == kind for info in ROLES[role].kinds):
+        return Plugins.NONE, ""
+    info = kinds(role).get(kind)
+    return (Plugins.INSTALLED, info.path.partition(":")[0]) if info else (Plugins.NONE, "")
+
+
+def _demand_unambiguous(kind: str, top: str, folder: Path) -> None:
+    found, beside = _file_of(top), None
+    with contextlib.suppress(OSError, ValueError):  # a name that no file can have
+        named = (folder / f"{top}.py", folder / top / "__init__.py")
+        beside = next((path.resolve() for path in named if path.is_file()), None)
+    if beside and found and beside != Path(found).resolve():
+        raise ImportError(f"{kind}: Python imports {found}, not {beside} beside the scenario: rename the latter")
+
+
+def _file_of(top: str) -> str:
+    """Return the file of a module without dots, '' if it is unknown. Nothing is imported."""
+    spec: Any = None
+    with contextlib.suppress(Exception):  # finders of other packages, and names that no module can have
+        spec = sys.modules[top].__spec__ if top in sys.modules else importlib.machinery.PathFinder.find_spec(top)
+    return str(getattr(spec, "origin", None) or "")

@@ -1,7 +1,10 @@
-"""The pydantic models of scenarios, made from the fields of the components.
+"""The pydantic model of scenarios.
 
-part_model(role, kind) -> the model of one kind      scenario_model(chosen) -> the model of scenarios of these kinds
-built(model) -> the component
+scenario_model(chosen) -> the model of scenarios of these kinds
+with_radio(scenario) -> the scenario with what the radio's datasheet says of the link and the MAC
+
+The latter takes the place of defaults that nobody wrote. A value that a scenario writes stays, and the energy model
+refuses it if the radio contradicts it.
 """
 
 from __future__ import annotations
@@ -12,39 +15,19 @@ import re
 from collections.abc import Collection
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    Field,
-    PrivateAttr,
-    ValidationInfo,
-    create_model,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, BaseModel, Field, PrivateAttr, ValidationInfo, create_model, field_validator
 
 from wsnsim.base import metrics
+from wsnsim.base.errors import shown_value
+from wsnsim.base.files import LARGEST_NAME, LONGEST_ADDITION, is_too_long
 from wsnsim.base.part import Quantity
-from wsnsim.base.regular_files import LARGEST_NAME, LONGEST_ADDITION, is_too_long
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
-from wsnsim.scenario.fields import (
-    FROZEN,
-    Number,
-    PartError,
-    PartModel,
-    Strict,
-    demand_port,
-    fields_of,
-    made_model,
-    names_of,
-    refusal,
-)
-from wsnsim.scenario.located_values import Keys, LocatedValue, Spot, spot_of
-from wsnsim.scenario.registry import AT_TOP, ROLES, Role, Scope, find, load_class
-from wsnsim.scenario.units import shown
+from wsnsim.scenario.fields import FROZEN, PartModel, names_of
+from wsnsim.scenario.registry import AT_TOP, Role, Scope
+from wsnsim.scenario.texts import Keys, LocatedValue, Spot
+from wsnsim.scenario.units import Number, Strict, refusal, shown
 
 MOST_STEPS: Final = 10_000_000
-SHORT_FORMS: Final = {"gains": "gains", "inflate": "inflate", "filter_noise_scale": "noise_scale"}
 SAFE_CHARACTERS: Final = re.compile(r"\w[\w.\-]*")
 MOST_CHARACTERS: Final = 100
 """Characters of a name; the limit in bytes follows from temporary names."""
@@ -54,7 +37,6 @@ TRACKING: Final = "tracking"
 """The mechanism of the workload with targets; every other workload has none."""
 
 _Flag = Annotated[bool, Strict("bool")]
-_Scale = Annotated[float, Number(Quantity("", ge=1e-9, le=1e9))]
 
 
 def is_safe_name(name: str) -> bool:
@@ -72,10 +54,15 @@ def unsafe_name(name: str, what: str) -> str:
     return f"cannot name {what}: use letters and digits, then also '_', '-' and '.'"
 
 
-def _safe_name(name: str) -> str:
-    if reason := unsafe_name(name, "a file"):
-        raise refusal(f"{shown(name)} {reason}")
-    return name
+def names(what: str) -> AfterValidator:
+    """Return the annotation of a text that names `what` ('a file')."""
+
+    def demand_safe(name: str) -> str:
+        if reason := unsafe_name(name, what):
+            raise refusal(f"{shown(name)} {reason}")
+        return name
+
+    return AfterValidator(demand_safe)
 
 
 class InvalidComponent(Exception):
@@ -110,42 +97,6 @@ def _built_within(value: Any, path: Keys) -> Any:
     if isinstance(value, tuple):
         return tuple(_built_within(item, (*path, i)) for i, item in enumerate(value))
     return built(value, path) if isinstance(value, PartModel) else value
-
-
-class Assumes(BaseModel):
-    """What the filter assumes about the models of the ground truth."""
-
-    model_config = FROZEN
-    gains: Literal["known", "unknown", "estimated"] = Field(
-        "known", description="whether the filter knows each sensor's gain, ignores it or estimates it beside the state"
-    )
-    inflate: _Flag = Field(False, description="widen the reading's variance for unknown gains and shadowing")
-    noise_scale: _Scale = Field(1.0, description="factor on the filter's process covariance")
-
-
-class TrackerModel(PartModel):
-    """The model of a tracker, with the assumptions of its filter; short forms are merged into `assumes`."""
-
-    assumes: Assumes = Field(
-        Assumes.model_construct(), description="what the filter assumes about the models of the ground truth"
-    )
-    gains: Literal["known", "unknown", "estimated"] | None = Field(
-        None, exclude=True, description="short for assumes.gains"
-    )
-    inflate: _Flag | None = Field(None, exclude=True, description="short for assumes.inflate")
-    filter_noise_scale: _Scale | None = Field(None, exclude=True, description="short for assumes.noise_scale")
-
-    @model_validator(mode="after")
-    def _fold(self) -> TrackerModel:
-        own = names_of(self.part)
-        short = {name: value for name in SHORT_FORMS if name not in own and (value := getattr(self, name)) is not None}
-        if not short:
-            return self
-        twice = [name for name in short if SHORT_FORMS[name] in self.assumes.model_fields_set]
-        if twice:
-            raise refusal(f"'{twice[0]}' and 'assumes.{SHORT_FORMS[twice[0]]}' are the same: give one of them")
-        folded = self.assumes.model_copy(update={SHORT_FORMS[name]: value for name, value in short.items()})
-        return self.model_copy(update={"assumes": folded, **dict.fromkeys(short)})
 
 
 class Until(BaseModel):
@@ -197,7 +148,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     """
 
     model_config = FROZEN
-    name: Annotated[str, Strict("str"), AfterValidator(_safe_name)] = Field(description="name of scenario and result")
+    name: Annotated[str, Strict("str"), names("a file")] = Field(description="name of scenario and result")
     seed: Annotated[int, Number(Quantity("", ge=0), whole=True)] = Field(0, description="seed of every random stream")
     replicates: Annotated[int, Number(Quantity("", ge=1, le=100_000), whole=True)] = Field(
         1, description="number of Monte Carlo runs"
@@ -270,7 +221,13 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
 
     def spot(self, path: Keys) -> Spot:
         """Return the position of the value at a path, or of the nearest value around it."""
-        return spot_of(self._tree, path)
+        return self._tree.spot_of(path)
+
+
+def shown_scenario(value: Any) -> str:
+    """Return a value as a message shows it; of a result, also where its scenario is."""
+    held = isinstance(getattr(value, "scenario", None), Scenario)
+    return shown_value(value) + (" (its attribute `scenario` is one)" if held else "")
 
 
 def is_without_target(workload: PartModel | type[PartModel]) -> bool:
@@ -280,29 +237,6 @@ def is_without_target(workload: PartModel | type[PartModel]) -> bool:
 
 Chosen = tuple[tuple[str, tuple[type[PartModel] | None, ...]], ...]
 """(key at the top, its models); None for an item of a list whose kind has an issue."""
-
-
-@functools.cache
-def part_model(role: str, kind: str) -> type[PartModel]:
-    """Return the model of one kind.
-
-    Raises:
-        LookupError: there is no such kind.
-        ImportError: its module cannot be imported.
-        PartError: its class is not a valid component of the role.
-    """
-    info = find(role, kind)
-    part = load_class(info)
-    try:
-        fields = fields_of(part)
-        demand_port(part, role)
-        if {"kind", "assumes", "part"} & set(fields):
-            raise PartError("has a field named 'kind', 'assumes' or 'part', which are reserved")
-        choice: Any = (Literal[kind], kind) if kind == ROLES[role].default else (Literal[kind], ...)
-        base = TrackerModel if role == "tracker" else PartModel
-        return made_model(part, base, {"kind": choice, **fields})
-    except PartError as error:
-        raise PartError(f"{info.path} {error}") from None
 
 
 @functools.cache
@@ -317,3 +251,59 @@ def scenario_model(chosen: Chosen) -> type[Scenario]:
         else:
             fields[key] = (models[0], about)
     return create_model("Scenario", __base__=Scenario, **fields)
+
+
+LINK: Final = ("sensitivity", "modulation")
+MAC: Final = ("rate", "turnaround")
+"""Fields of links and MACs that have the name and the meaning of a value of the datasheet."""
+STANDARD_RATE: Final = 250e3
+"""The rate in bit/s at which the durations of MACs in symbols (`in_symbols`) have their defaults."""
+
+
+def with_radio(scenario: Scenario) -> Scenario:
+    """Return the scenario with what the radio of its energy model says, where link, MAC and energy model say nothing.
+
+    Durations of the MAC in symbols take as many symbols at the rate of the radio. The output powers of link and energy
+    model are one: each follows the other. Where a MAC turns radios off for a shorter time than the usual sleep state
+    allows, they are in the state with the least power that they can leave in time.
+    """
+    energy, link, mac = (getattr(scenario, role, None) for role in ("energy", "link", "mac"))
+    radio = getattr(energy, "radio", None)
+    rate = getattr(radio, "rate", None)
+    if energy is None or link is None or mac is None or not isinstance(rate, float) or rate <= 0.0:
+        return scenario
+    link = _filled(link, {name: getattr(radio, name, None) for name in LINK})
+    mac = _filled(mac, {name: getattr(radio, name, None) for name in MAC})
+    link = _filled(link, {"power": getattr(energy, "power", None)})
+    energy = _filled(energy, {"power": getattr(link, "power", None)})
+    mac = _filled(
+        mac, {name: STANDARD_RATE / rate * getattr(mac, name) for name in getattr(mac.part, "in_symbols", ())}
+    )
+    energy = _in_time(energy, radio, mac)
+    return scenario.model_copy(update={"energy": energy, "link": link, "mac": mac})
+
+
+def _filled(model: PartModel, values: dict[str, Any]) -> PartModel:
+    """Return a model with values for the fields that nobody wrote. A default of None means something, and stays."""
+    new = {
+        name: value
+        for name, value in values.items()
+        if None not in (value, getattr(model, name, None)) and name not in model.model_fields_set
+    }
+    return model.model_copy(update=new) if new else model
+
+
+def _in_time(energy: PartModel, radio: Any, mac: PartModel) -> PartModel:
+    """Return an energy model with the sleep state that a MAC needs, unless the usual one will do or one is written."""
+    try:
+        shortest = getattr(built(mac), "shortest_off", math.inf)
+    except InvalidComponent:
+        return energy
+    states = getattr(radio, "sleep_states", ())
+    wakes = dict(zip(states, getattr(radio, "sleep_wakes", ()), strict=False))
+    usual = wakes.get(getattr(energy, "sleep_state", None), getattr(radio, "wake", 0.0))
+    if not hasattr(energy, "off_state") or "off_state" in energy.model_fields_set or radio.doze + usual <= shortest:
+        return energy
+    offers = zip(radio.sleep_powers, states, strict=False)
+    quick = [offer for offer in offers if radio.doze + wakes.get(offer[1], math.inf) <= shortest]
+    return energy.model_copy(update={"off_state": min(quick)[1]}) if quick else energy

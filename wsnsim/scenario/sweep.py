@@ -26,32 +26,12 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from wsnsim.base.errors import ScenarioError
+from wsnsim.base.errors import ScenarioError, dotted
 from wsnsim.base.tables import TABLES
 from wsnsim.scenario import axes as shapes
 from wsnsim.scenario.axes import demand_few
 from wsnsim.scenario.build import resolved
-from wsnsim.scenario.files import content_of, find_or_none, find_sweep
-from wsnsim.scenario.load import (
-    Assignment,
-    Overrides,
-    ScenarioText,
-    assignments_of,
-    keys_of,
-    read_scenario,
-)
-from wsnsim.scenario.located_values import (
-    Entry,
-    LocatedValue,
-    Origin,
-    Spot,
-    child,
-    dotted,
-    in_order,
-    mapping,
-    plain,
-    sequence,
-)
+from wsnsim.scenario.load import Overrides, assignments_of, keys_of
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.points import (
     BLOCKS,
@@ -64,9 +44,22 @@ from wsnsim.scenario.points import (
     points_of,
     with_reals,
 )
-from wsnsim.scenario.reader import of_dict, origin_of, read
+from wsnsim.scenario.python_values import of_dict
+from wsnsim.scenario.reader import origin_of, read, read_scenario
 from wsnsim.scenario.schema import Scenario
 from wsnsim.scenario.sweep_schema import Plan, SweepText
+from wsnsim.scenario.texts import (
+    Assignment,
+    Entry,
+    LocatedValue,
+    Origin,
+    ScenarioText,
+    Spot,
+    content_of,
+    find_or_none,
+    find_sweep,
+    in_order,
+)
 from wsnsim.scenario.tracker_choices import TrackerChoice, choices_of, tracker_choices, with_trackers
 
 KEPT: Final = ("runs", "tracks")
@@ -121,7 +114,7 @@ def load_sweep(
     assignments, wrong = assignments_of(overrides)
     found.add(wrong)
     bases = _bases(tree, found) if own is None else [own]
-    common = [*_record(tree.spot), *assignments_in(child(tree, "set"), found), *assignments]
+    common = [*_record(tree.spot), *assignments_in(tree.child("set"), found), *assignments]
     found.tree = tree = with_reals(tree, bases, common)
     settings = combined(tree, written, found)
     names: list[PointName] | None = None
@@ -172,10 +165,10 @@ def _own_scenario(source: Any) -> ScenarioText | None:
 def _of_own(own: ScenarioText) -> tuple[LocatedValue, str, str]:
     """Return what `_read` returns, for a scenario of the caller, which is named instead of a file."""
     assert own.tree is not None
-    named = child(own.tree, "name")
+    named = own.tree.child("name")
     name = named.value if named is not None and isinstance(named.value, str) else "sweep"
     spot = Spot(Origin("", Path.cwd()))
-    return mapping({"scenario": Entry(spot, LocatedValue(name, spot))}, spot), name, own.origin[1]
+    return LocatedValue({"scenario": Entry(spot, LocatedValue(name, spot))}, spot), name, own.origin[1]
 
 
 def _checked(found: Findings) -> SweepText | None:
@@ -185,21 +178,21 @@ def _checked(found: Findings) -> SweepText | None:
     """
     tree = found.tree
     try:
-        return SweepText.model_validate(plain(tree))
+        return SweepText.model_validate(tree.plain())
     except ValidationError as error:
         issues = issues_of(error, SweepText, tree)
     found.add(issues)
     wrong = {issue.path[0] for issue in issues if issue.path}
-    found.tree = mapping({key: entry for key, entry in tree.value.items() if key not in wrong}, tree.spot)
+    found.tree = LocatedValue({key: entry for key, entry in tree.value.items() if key not in wrong}, tree.spot)
     try:
-        return SweepText.model_validate(plain(found.tree))
+        return SweepText.model_validate(found.tree.plain())
     except ValidationError:
         return None
 
 
 def _bases(tree: LocatedValue, found: Findings) -> list[ScenarioText]:
     """Return the scenarios that the sweep names and that can be read: files of its folder, or shipped ones."""
-    node = child(tree, "scenario")
+    node = tree.child("scenario")
     if node is None:
         return []
     if node.value == []:
@@ -223,7 +216,7 @@ def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Locat
         tree, issues = of_dict(source, Origin("", Path.cwd()))
         if issues:
             raise ScenarioError(in_order(issues))
-        return tree, "sweep", json.dumps(plain(tree), indent=1, default=str)
+        return tree, "sweep", json.dumps(tree.plain(), indent=1, default=str)
     if isinstance(source, str | Path) and is_sweep(source):
         path = find_sweep(source)
         assert path is not None
@@ -235,9 +228,13 @@ def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Locat
     names = [str(source)] if isinstance(source, str | Path) else [str(name) for name in source]
     spot = Spot(Origin("", Path.cwd()))
     nodes = [LocatedValue(name, spot) for name in names]
-    given = nodes[0] if len(nodes) == 1 else sequence(nodes, spot)
+    given = nodes[0] if len(nodes) == 1 else LocatedValue(nodes, spot)
     stems = "_".join(Path(name).stem for name in names[:4])
-    return mapping({"scenario": Entry(spot, given)}, spot), re.sub(r"^\W|[^\w.\-]", "_", stems)[:100] or "sweep", ""
+    return (
+        LocatedValue({"scenario": Entry(spot, given)}, spot),
+        re.sub(r"^\W|[^\w.\-]", "_", stems)[:100] or "sweep",
+        "",
+    )
 
 
 def _with_vary(tree: LocatedValue, vary: Iterable[str] | Mapping[str, Any]) -> LocatedValue:
@@ -270,9 +267,9 @@ def _with_vary(tree: LocatedValue, vary: Iterable[str] | Mapping[str, Any]) -> L
 
 def _with_axes(tree: LocatedValue, added: Mapping[str, Entry]) -> LocatedValue:
     """Return the tree with axes in its grid; they replace axes of the same key."""
-    old = child(tree, "grid")
-    grid = mapping({**(old.value if old and isinstance(old.value, dict) else {}), **added}, tree.spot)
-    return mapping({**tree.value, "grid": Entry(tree.spot, grid)}, tree.spot)
+    old = tree.child("grid")
+    grid = LocatedValue({**(old.value if old and isinstance(old.value, dict) else {}), **added}, tree.spot)
+    return LocatedValue({**tree.value, "grid": Entry(tree.spot, grid)}, tree.spot)
 
 
 def _with_given(tree: LocatedValue, given: Mapping[str, Any], name: str) -> LocatedValue:
@@ -283,7 +280,7 @@ def _with_given(tree: LocatedValue, given: Mapping[str, Any], name: str) -> Loca
         key: Entry(spots[key], LocatedValue(value, spots[key])) for key, value in given.items() if value is not None
     }
     kept = {key: entry for key, entry in tree.value.items() if not ("replicates" in replacements and key == "until")}
-    return mapping({**default, **kept, **replacements}, tree.spot)
+    return LocatedValue({**default, **kept, **replacements}, tree.spot)
 
 
 def _record(spot: Spot) -> list[Assignment]:

@@ -16,9 +16,9 @@ from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import Quantity
 from wsnsim.base.tables import METRICS
 from wsnsim.scenario.axes import MOST_POINTS
-from wsnsim.scenario.fields import FROZEN, Number, Strict, refusal
-from wsnsim.scenario.schema import unsafe_name
-from wsnsim.scenario.units import shown
+from wsnsim.scenario.fields import FROZEN
+from wsnsim.scenario.schema import names
+from wsnsim.scenario.units import Number, Strict, refusal, shown
 
 BLOCK: Final = 5
 MOST_REPLICATES: Final = 100_000
@@ -30,12 +30,6 @@ _Whole = Annotated[int, Number(Quantity("", ge=1, le=MOST_REPLICATES), whole=Tru
 def _known_metric(name: str) -> str:
     if name not in METRICS:
         raise refusal(f"table runs has no metric {shown(name)} ({did_you_mean(name, METRICS)})")
-    return name
-
-
-def _safe_name(name: str) -> str:
-    if reason := unsafe_name(name, "a folder"):
-        raise refusal(f"{shown(name)} {reason}")
     return name
 
 
@@ -83,7 +77,7 @@ class SweepText(BaseModel):
     """The keys of a sweep file."""
 
     model_config = FROZEN
-    name: Annotated[str, Strict("str"), AfterValidator(_safe_name)] | None = Field(
+    name: Annotated[str, Strict("str"), names("a folder")] | None = Field(
         None, description="name, also of the folder of results; default that of the file"
     )
     scenario: _Text | tuple[_Text, ...] = Field(description="the scenario to vary, or several")

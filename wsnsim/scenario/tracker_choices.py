@@ -13,17 +13,18 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from wsnsim.base.errors import Issue, ScenarioError, did_you_mean, shortened
+from wsnsim.base.errors import Issue, ScenarioError, did_you_mean, dotted, shortened
 from wsnsim.scenario.axes import Settings, joined
-from wsnsim.scenario.load import Assignment, keys_of
-from wsnsim.scenario.located_values import LocatedValue, Origin, Spot, dotted, plain
+from wsnsim.scenario.load import keys_of
 from wsnsim.scenario.points import PointName
-from wsnsim.scenario.reader import defaults_of, of_dict, read
+from wsnsim.scenario.python_values import defaults_of, of_dict
+from wsnsim.scenario.reader import read
 from wsnsim.scenario.registry import kinds
+from wsnsim.scenario.texts import Assignment, LocatedValue, Origin, Spot
 
 OPTION: Final = "--trackers"
 EXAMPLE: Final = "such as --trackers 'pf:particles=1000,ekf'"
@@ -32,16 +33,14 @@ WITH_PARAMETERS: Final = re.compile(rf"(?P<kind>[^=]*?):(?P<parameter>{PARAMETER
 CLOSED_BY: Final = {"[": "]", "{": "}", "(": ")"}
 
 
-@dataclass(frozen=True)
-class TrackerChoice:
+class TrackerChoice(NamedTuple):
     """A tracker with parameters: its name in tables, and the values to assign."""
 
     name: str
     assignments: tuple[Assignment, ...]
 
 
-@dataclass(frozen=True)
-class TrackerText:
+class TrackerText(NamedTuple):
     """A part of the option's text, and its position there."""
 
     text: str
@@ -95,9 +94,9 @@ def _of_value(place: str, name: str, tracker: Any) -> TrackerChoice:
     if issues:
         raise ScenarioError([replace(issue, place=place) for issue in issues])
     assignments = [(("tracker", key), entry.node) for key, entry in values.items()]
-    kind = str(plain(values["kind"].node))
+    kind = str(values["kind"].node.plain())
     usual = defaults_of(tracker)
-    given = {str(key): plain(node) for (_, key), node in assignments if key != "kind"}
+    given = {str(key): node.plain() for (_, key), node in assignments if key != "kind"}
     words = [f"{key}={value}" for key, value in given.items() if key not in usual or usual[key] != value]
     return TrackerChoice(name or kind + (":" + ",".join(words) if words else ""), tuple(assignments))
 

@@ -1,6 +1,7 @@
-"""Quantities with units: '60 m', '250 kbit/s', '50 nJ/bit', '-85 dBm' become SI floats, exactly.
+"""Numbers of scenarios, with units: '60 m', '250 kbit/s', '50 nJ/bit', '-85 dBm' become SI floats, exactly.
 
     si('50 nJ/bit', 'J/bit') -> 5e-8
+    Annotated[float, Number(Quantity("m", gt=0))]       the annotation of a pydantic field that takes such quantities
 
 The table is exact: number and factor are multiplied as decimals of 60 digits and rounded once, so '50 nJ' and 5e-8 are
 the same float. Quotients and powers compose freely ('100 pJ/bit/m2', 'm^2', 'm²'). A unit that is not in the table
@@ -12,11 +13,14 @@ from __future__ import annotations
 import functools
 import math
 import re
-from dataclasses import dataclass
 from decimal import Context, Decimal, localcontext
-from typing import Final
+from typing import Any, Final, Literal, NamedTuple
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from wsnsim.base.errors import did_you_mean
+from wsnsim.base.part import Quantity
 
 BASES: Final = ("m", "kg", "s", "A", "rad", "bit", "dB")
 Dimension = tuple[int, ...]
@@ -66,8 +70,7 @@ class UnitError(ValueError):
     """A quantity cannot be read or has the wrong dimension. `str(error)` says what is expected."""
 
 
-@dataclass(frozen=True)
-class Unit:
+class Unit(NamedTuple):
     """A unit: its factor to SI, the powers of `BASES`, the dimension in words, and whether it is dBm, a logarithm."""
 
     factor: Decimal
@@ -202,3 +205,102 @@ def _dimension_names() -> dict[Dimension, str]:
             dimension = tuple(a + b for a, b in zip(dimension, factor, strict=True))
         words[dimension] = word
     return words
+
+
+def refusal(message: str) -> PydanticCustomError:
+    """Return the error that a validator raises to refuse a value; the message is shown as it is."""
+    return PydanticCustomError("refused", "{message}", {"message": message})
+
+
+class Number(NamedTuple):
+    """A pydantic annotation: a real or whole number with unit and bounds."""
+
+    quantity: Quantity
+    whole: bool = False
+    finite: bool = False
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        given = {name: getattr(self.quantity, name) for name in ("gt", "ge", "lt", "le")}
+        bounds = {name: bound for name, bound in given.items() if bound is not None and math.isfinite(bound)}
+        if not self.whole:
+            return core_schema.no_info_before_validator_function(self.read, core_schema.float_schema(**bounds))
+        whole = {name: math.floor(b) if name in ("gt", "le") else math.ceil(b) for name, b in bounds.items()}
+        return core_schema.no_info_before_validator_function(self.read, core_schema.int_schema(**whole))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        number = handler(schema)
+        return {"anyOf": [number, {"type": "string", "description": wanted(self.quantity.unit)}]}
+
+    def read(self, value: Any) -> float | int:
+        """Return the SI value of what a scenario writes."""
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise refusal(f"expected {self._wanted()}, got {described(value)}")
+        number = self._si(value)
+        if isinstance(number, float) and math.isnan(number):
+            raise refusal(f"expected {self._wanted()}, got not-a-number")
+        if isinstance(number, float) and math.isinf(number) and (self.whole or not self._takes(number)):
+            raise refusal("must be finite")
+        if self.whole and number != math.floor(number):
+            raise refusal(f"expected a whole number, got {number:g}")
+        return int(number) if self.whole else self._real(number)
+
+    def _si(self, value: float | str) -> float | int:
+        if not isinstance(value, str):
+            return value
+        try:
+            return si(value, self.quantity.unit)
+        except UnitError as error:
+            raise refusal(str(error)) from None
+
+    def _takes(self, infinity: float) -> bool:
+        """Return whether there is no bound on the side of this infinity; `lt=inf` demands a finite number."""
+        bounds = (self.quantity.lt, self.quantity.le) if infinity > 0 else (self.quantity.gt, self.quantity.ge)
+        return not self.finite and bounds == (None, None)
+
+    def _real(self, number: float | int) -> float:
+        try:
+            return float(number)
+        except OverflowError:
+            raise refusal(f"{shown(number)} is too large for a number") from None
+
+    def _wanted(self) -> str:
+        return "a whole number" if self.whole else "a number" if not self.quantity.unit else wanted(self.quantity.unit)
+
+
+class Strict(NamedTuple):
+    """A pydantic annotation: a text or a truth value, without conversion from other types."""
+
+    schema: Literal["str", "bool"]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.str_schema(strict=True) if self.schema == "str" else core_schema.bool_schema(strict=True)
+
+
+def demand_items(length: int | None, value: Any) -> Any:
+    """Return a list as it is; refuse other values, and lists of another length (None: any length will do)."""
+    several = "a list" if length is None else f"a list of {length} items"
+    if not isinstance(value, list | tuple):
+        raise refusal(f"expected {several}, got {described(value)}")
+    if length is not None and len(value) != length:
+        raise refusal(f"expected {several}, got {len(value)}")
+    return value
+
+
+class Named(NamedTuple):
+    """A pydantic annotation: the JSON Schema allows the name of a datasheet in place of its fields."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [handler(schema), {"type": "string", "description": "name of a datasheet"}]}
+
+
+def described(value: Any) -> str:
+    """Return a value as a message describes it: "the text 'x'", "the number 3", "nothing"."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f"the text {shown(value)}"
+    if isinstance(value, dict):
+        return "a mapping"
+    return "a list" if isinstance(value, list | tuple) else f"the number {shown(value)}"

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wsnsim.base.answers import estimate_fault
-from wsnsim.base.arrays import Bools
-from wsnsim.base.ports import Estimate, MotionModel, SensorModel, Tracker
+from wsnsim.base.arrays import Bools, Estimate
+from wsnsim.base.ports import MotionModel, SensorModel, Tracker
 from wsnsim.base.requests import (
     Broadcast,
     Gather,

@@ -10,9 +10,9 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.radio import FaultEvent, Workload
+from wsnsim.base.mechanisms import SyncMechanism, SyncServices, TimeSync
+from wsnsim.base.network_ports import FaultEvent, Workload
 from wsnsim.base.setups import BeaconSetup
-from wsnsim.base.synchronisation import SyncMechanism, SyncServices, TimeSync
 from wsnsim.base.tables import KIND, RECORDED_BY_DEFAULT, Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.models.hardware import PerfectClock

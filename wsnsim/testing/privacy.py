@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import Estimate, MotionModel, SensorModel, Tracker
+from wsnsim.base.arrays import Estimate, Floats
+from wsnsim.base.ports import MotionModel, SensorModel, Tracker
 from wsnsim.base.requests import Local, Member, Request
 from wsnsim.base.rng import derive
 from wsnsim.testing.table import DT, FIRST, Play, Table, another

@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, components_of, near, periods_of, rows
 from wsnsim.base.optional_ports import Detects
 from wsnsim.base.ports import SensorModel
-from wsnsim.base.vector_readings import components_of, near, periods_of, rows
 from wsnsim.testing.table import demand, examined
 
 SAMPLES = 2000

@@ -13,14 +13,15 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.arrays import Estimate, Floats, Reading, as_readings, components_of, planar
 from wsnsim.base.border import checked
 from wsnsim.base.errors import PluginAnswerError
-from wsnsim.base.ports import Estimate, Field, ForecastsSuccession, MotionModel, Scene, SensorModel, Tracker
+from wsnsim.base.network_ports import Field
+from wsnsim.base.optional_ports import ForecastsSuccession
+from wsnsim.base.ports import MotionModel, Scene, SensorModel, Tracker
 from wsnsim.base.radio import PacketJoules
 from wsnsim.base.requests import Flow, Member, Request
 from wsnsim.base.rng import component_noise, derive, derive_all
-from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.models.energy import FirstOrder
 from wsnsim.offline.loopback import Answer, Lose, perfect, perform
 

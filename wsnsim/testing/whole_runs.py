@@ -12,12 +12,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.arrays import Floats, Reading, components_of, periods_of, planar
 from wsnsim.base.part import part
 from wsnsim.base.ports import MotionModel, SensorModel, Tracker
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import Memory
-from wsnsim.base.vector_readings import Reading, components_of, periods_of
 from wsnsim.experiment import replicate_of
 from wsnsim.models.acquire import AroundTruth
 from wsnsim.models.bearing import Bearing, RangeBearing

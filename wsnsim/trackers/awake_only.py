@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Estimate, Floats
 from wsnsim.base.part import part
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.trackers.shared.fixes import Fixes, Ranged, RangeFix
 
 HANDOVER_BITS = 88

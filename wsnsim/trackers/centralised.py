@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
+from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Flow
-from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.trackers.shared.dealing import Pool
 from wsnsim.trackers.shared.gains import gain_prior
 from wsnsim.trackers.shared.heads import CloudBelief, HeadCloud, bootstrap
@@ -38,7 +38,7 @@ class CentralPf(HeadCloud):
         return bootstrap_with_gains(belief, seen, scene, self.threshold)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
-        """All steps of many standalone runs: `base.standalone.WholeRuns`; not with gains that are estimated."""
+        """All steps of many standalone runs: `WholeRuns`; not with gains that are estimated."""
         if gain_prior(block.sensor):
             return None
         outcome = cloud_runs(block, self.particles, self.threshold)

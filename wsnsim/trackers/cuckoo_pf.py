@@ -16,12 +16,11 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, Keys
+from wsnsim.base.arrays import Floats, Ints, Keys, near, rows
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.vector_readings import near, rows
 from wsnsim.kernels.cuckoo import (
     accept_chains,
     accept_greedy,

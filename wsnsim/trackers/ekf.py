@@ -13,12 +13,11 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, planar
+from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation, Ints, near, planar, rows
+from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import NO_INNOVATION, Estimate, Innovation, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
-from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
-from wsnsim.base.vector_readings import near, rows
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.gains import Gains, gain_prior, gains_before, no_gains
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
@@ -75,7 +74,7 @@ class ExtendedKalman(HeadFilter):
         return kalman_estimate(belief)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
-        """All steps of many standalone runs: `base.standalone.WholeRuns`; not of every variant, nor with gains."""
+        """All steps of many standalone runs: `WholeRuns`; not of every variant, nor with gains."""
         if self.readings == "nearest" or self.iterations > 1 or gain_prior(block.sensor):
             return None
         outcome, motion = kalman_runs(block), block.motion

@@ -19,10 +19,10 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Member
-from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.gravity import attract
 from wsnsim.kernels.swarm import LARGEST_STATE, fly
@@ -111,7 +111,7 @@ class GaussianPf(HeadSampling):
         return cloud, score(cloud)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
-        """All steps of many standalone runs: `base.standalone.WholeRuns`; not with gains that are estimated."""
+        """All steps of many standalone runs: `WholeRuns`; not with gains that are estimated."""
         if gain_prior(block.sensor):
             return None
         outcome = gaussian_runs(block, self.particles)

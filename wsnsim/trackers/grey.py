@@ -12,9 +12,9 @@ from typing import Annotated, Final, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Estimate, Floats
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.kernels.grey import forecast_at, line_at
 from wsnsim.trackers.shared.fixes import Fixes, RangeFix
 

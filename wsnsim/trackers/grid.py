@@ -13,10 +13,10 @@ from typing import Annotated
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Estimate, Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, MotionModel, Scene
+from wsnsim.base.ports import MotionModel, Scene
 from wsnsim.base.requests import Compute, Flow, Member, Send
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.grid import WINDOW, spread, weigh

@@ -16,13 +16,12 @@ from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Estimate, Floats, near, rows
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import OfRole, Quantity, part
-from wsnsim.base.ports import Estimate, MotionModel, Scene
+from wsnsim.base.ports import MotionModel, Scene
 from wsnsim.base.requests import Compute, Flow, Send
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.vector_readings import near, rows
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import prediction_cycles, update_cycles

@@ -13,13 +13,12 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Estimate, Floats, near, rows
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Member, Send
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.base.vector_readings import near, rows
 from wsnsim.kernels import gaussian
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, weigh

@@ -12,12 +12,11 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Estimate, Floats, near
+from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Send
-from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
-from wsnsim.base.vector_readings import near
 from wsnsim.kernels.relay import filter_each, mix
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
@@ -81,7 +80,7 @@ class InteractingKalman(HeadFilter):
         return self._filtered(belief, readings, scene)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
-        """All steps of many standalone runs: `base.standalone.WholeRuns`. The filters of each run by themselves."""
+        """All steps of many standalone runs: `WholeRuns`. The filters of each run by themselves."""
         outcome, motion = Outcome(block), block.motion
         for run, given in enumerate(block.runs):
             scenes = scenes_of(block, outcome.heard[run])

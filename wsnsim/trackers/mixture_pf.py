@@ -14,10 +14,10 @@ from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Estimate, Floats, Ints
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Parcel, Send
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import TrackingSetup

@@ -14,9 +14,9 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.arrays import Bools, Estimate, Floats, Ints
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Flow, Gather, Local, Member, Parcel, Scatter
 from wsnsim.kernels.gaussian import fuse
 from wsnsim.kernels.particles import moments, weigh

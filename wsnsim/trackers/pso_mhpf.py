@@ -13,10 +13,10 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Estimate, Floats
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import PACKET_BITS, Flow, Gather, Local, Member, Parcel, all_arrived
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.kernels.gaussian import fuse

@@ -12,12 +12,11 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Estimate, Floats, Ints, near
+from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Send
-from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
-from wsnsim.base.vector_readings import near
 from wsnsim.kernels.relay import filter_each
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
@@ -85,7 +84,7 @@ class RelayKalman(HeadFilter):
         return RelayBelief(mean, cov, scene.head, ids=scene.ids, probabilities=chances)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
-        """All steps of many standalone runs: `base.standalone.WholeRuns`."""
+        """All steps of many standalone runs: `WholeRuns`."""
         outcome, motion, dt = Outcome(block), block.motion, block.dt
         place = np.array(motion.position)
         (means, covs), ids = priors(block), [heard.ids(0) for heard in outcome.heard]

@@ -22,13 +22,12 @@ from typing import Annotated, ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation, near, rows
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import NO_INNOVATION, Estimate, Innovation, MotionModel, Scene
+from wsnsim.base.ports import MotionModel, Scene
 from wsnsim.base.requests import Compute, Flow
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.vector_readings import near, rows
 from wsnsim.kernels.gaussian import cholesky
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import LINEARISE_CYCLES, KalmanBelief, is_definite, kalman_estimate

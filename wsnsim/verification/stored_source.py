@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from wsnsim.base.errors import ScenarioError
-from wsnsim.base.leaves import differing_leaves
+from wsnsim.scenario.build import differing_leaves
 from wsnsim.scenario.build import resolved as resolved_of
-from wsnsim.scenario.check import is_path
-from wsnsim.scenario.files import shipped
-from wsnsim.scenario.load import ScenarioText, assignments_of, load, tree_of, validated
-from wsnsim.scenario.located_values import Entry, Keys, LocatedValue, Origin, mapping, merged, sequence
-from wsnsim.scenario.plugin_access import Plugins
-from wsnsim.scenario.reader import of_dict, read
+from wsnsim.scenario.check import is_path, validated
+from wsnsim.scenario.load import assignments_of, load
+from wsnsim.scenario.python_values import of_dict
+from wsnsim.scenario.reader import read, read_scenario
+from wsnsim.scenario.registry import Plugins
+from wsnsim.scenario.texts import Entry, Keys, LocatedValue, Origin, ScenarioText, shipped
 
 OF_THE_RUN = ("replicates",)
 """Keys that the command line may set without an override."""
@@ -44,7 +44,7 @@ def compare(
     base, own, unknown = _base_of(_with_stored_files(tree, resolved), resolved)
     written, wrong = assignments_of(overrides, plugins)
     assignments = [(keys, _with_stored_files(node, _at(resolved, keys), str(keys[-1]))) for keys, node in written]
-    text = ScenarioText(own if base is None else merged(base, own), wrong, ("", ""))
+    text = ScenarioText(own if base is None else base.merged(own), wrong, ("", ""))
     try:
         known, found = load(resolved, plugins=plugins), validated(text, assignments)
     except ScenarioError as error:
@@ -65,13 +65,13 @@ def _base_of(tree: LocatedValue, resolved: Mapping[str, Any]) -> tuple[LocatedVa
     entry = tree.value.get("extends")
     if entry is None:
         return None, tree, []
-    own = mapping({key: value for key, value in tree.value.items() if key != "extends"}, tree.spot)
+    own = LocatedValue({key: value for key, value in tree.value.items() if key != "extends"}, tree.spot)
     root = next(iter(shipped().values())).parent
     name = str(entry.node.value)
     for folder in (root, root / "bases"):
         path = folder / name
         if path.suffix and path.is_file() and path.resolve().is_relative_to(root):
-            return tree_of(path)[0], own, []
+            return read_scenario(path).tree, own, []
     note = f"what its source text takes from {name!r}, a file that does not come with wsnsim"
     return of_dict(dict(resolved), tree.spot.origin)[0], own, [note]
 
@@ -81,13 +81,15 @@ def _with_stored_files(node: LocatedValue, stored: Any, key: str = "") -> Locate
     if isinstance(node.value, dict):
         held = stored if isinstance(stored, dict) else {}
         items = node.value.items()
-        return mapping(
+        return LocatedValue(
             {name: Entry(one.spot, _with_stored_files(one.node, held.get(name), name)) for name, one in items},
             node.spot,
         )
     if isinstance(node.value, list):
         kept = stored if isinstance(stored, list) and len(stored) == len(node.value) else [None] * len(node.value)
-        return sequence([_with_stored_files(one, held) for one, held in zip(node.value, kept, strict=True)], node.spot)
+        return LocatedValue(
+            [_with_stored_files(one, held) for one, held in zip(node.value, kept, strict=True)], node.spot
+        )
     if is_path(key) and isinstance(node.value, str) and isinstance(stored, str) and _ends(stored, node.value):
         return replace(node, value=stored)
     return node

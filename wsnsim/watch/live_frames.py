@@ -23,10 +23,9 @@ import numpy as np
 from wsnsim.analysis.plot_data import Columns
 from wsnsim.analysis.replicate_tables import EVENTS
 from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import Recorder
 from wsnsim.base.rows import Issued, RunNow, RunStart
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.tables import CAUSES
+from wsnsim.base.tables import CAUSES, Recorder
 from wsnsim.report.replay import PortionTables, ReplayPortions
 
 INTERVAL: Final = 0.25

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.scenario.datasheets import Datasheet, datasheet
-from wsnsim.scenario.files import shipped_parts
 from wsnsim.scenario.parameter_info import as_written, parameters_of
+from wsnsim.scenario.texts import shipped_parts
 from wsnsim_reference.markdown import code, escaped, generated, table
 
 SORTS = {"radio": RadioSheet, "processor": ProcessorSheet}

@@ -13,10 +13,11 @@ from typing import Any, cast
 
 import simpy
 
-from wsnsim.base.clustering import AppointingPolicy, Appointment, Outlook
-from wsnsim.base.ports import Announces, Scene
+from wsnsim.base.arrays import Reading
+from wsnsim.base.network_ports import AppointingPolicy, Appointment, Outlook
+from wsnsim.base.optional_ports import Announces
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Delivery, Flow, GatheredReadings, GatherReadings, Parcel
-from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import AppointedCluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading, Waiting

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
+from wsnsim.base.arrays import Reading
 from wsnsim.base.ports import KnownNodes, Scene
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import HEAD_KEY, derive, derive_all, derive_each
-from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.network_view import NetworkView
 
 KEYS_AHEAD: Final = 64

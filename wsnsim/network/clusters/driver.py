@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools
+from wsnsim.base.arrays import Bools, Reading
 from wsnsim.base.errors import PluginAnswerError, RunError
 from wsnsim.base.radio import Cpu, EnergyModel
 from wsnsim.base.requests import (
@@ -32,7 +32,6 @@ from wsnsim.base.requests import (
     Send,
 )
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.collection import Collection
 from wsnsim.network.clusters.network_view import WakeIntervals
 from wsnsim.network.event_log import EventLog, ProtocolLog, StepClock, event

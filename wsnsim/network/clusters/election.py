@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.clustering import ClusterPolicy
-from wsnsim.base.ports import Ranks, SensorModel
-from wsnsim.base.vector_readings import Reading
+from wsnsim.base.arrays import Bools, Floats, Reading
+from wsnsim.base.network_ports import ClusterPolicy
+from wsnsim.base.optional_ports import Ranks
+from wsnsim.base.ports import SensorModel
 
 CLASSES: Final = 16
 """Distances with which a reading is compared."""

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import simpy
 
+from wsnsim.base.arrays import Estimate, Reading
 from wsnsim.base.network_ports import Sink
-from wsnsim.base.ports import Estimate, Recorder, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Parcel
 from wsnsim.base.rows import Issued, wants_belief, write_belief
-from wsnsim.base.vector_readings import Reading
+from wsnsim.base.tables import Recorder
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.network_view import NetworkView

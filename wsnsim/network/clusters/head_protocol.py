@@ -8,10 +8,9 @@ from typing import Any, NamedTuple, Protocol
 
 import simpy
 
-from wsnsim.base.arrays import Bools
-from wsnsim.base.clustering import Appointment
+from wsnsim.base.arrays import Bools, Reading
+from wsnsim.base.network_ports import Appointment
 from wsnsim.base.requests import PACKET_BITS, Parcel
-from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.collection import Deadline
 from wsnsim.network.clusters.driver import DriverServices, HeadDied

@@ -17,11 +17,12 @@ from typing import Any, Final, Protocol, cast
 import numpy as np
 import simpy
 
-from wsnsim.base.clustering import MovingPolicy
+from wsnsim.base.arrays import Reading
 from wsnsim.base.medium_access import window_of
-from wsnsim.base.ports import Portable, Scene
+from wsnsim.base.network_ports import MovingPolicy
+from wsnsim.base.optional_ports import Portable
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Parcel
-from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.election import strength_of

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, planar
-from wsnsim.base.clustering import NearNodes, Outlook
+from wsnsim.base.arrays import Bools, Estimate, Floats, Reading, planar
 from wsnsim.base.mac_mechanisms import MacMechanism, UsesShortInterval
-from wsnsim.base.ports import Estimate, ForecastsSuccession, MotionModel, Scene
+from wsnsim.base.network_ports import NearNodes, Outlook
+from wsnsim.base.optional_ports import ForecastsSuccession
+from wsnsim.base.ports import MotionModel, Scene
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.base.vector_readings import Reading
 from wsnsim.network.event_log import ProtocolLog, StepClock
 from wsnsim.network.imperfect_readings import Imperfections, make_search_readings
 from wsnsim.network.nodes import Nodes

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import simpy
 
-from wsnsim.base.clustering import SeesGeometry
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.arrays import Estimate, Reading
+from wsnsim.base.network_ports import SeesGeometry
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Flow
-from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
 from wsnsim.network.clusters.driver import Driver, HeadDied
 from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading

@@ -11,10 +11,9 @@ from typing import Any
 
 import simpy
 
-from wsnsim.base.ports import Estimate
+from wsnsim.base.arrays import Estimate, Reading
 from wsnsim.base.rows import Issued
 from wsnsim.base.sleeping import WakeUpRound
-from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.election import Election
 

@@ -9,7 +9,8 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, planar
-from wsnsim.base.ports import Foresees, Portable, Scene
+from wsnsim.base.optional_ports import Foresees, Portable
+from wsnsim.base.ports import Scene
 from wsnsim.base.sleeping import Point, WakeUpPlan
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track

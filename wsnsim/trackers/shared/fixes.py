@@ -17,10 +17,10 @@ from typing import Annotated, ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Estimate, Floats
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Parcel, Send
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.heads import HeadFilter

@@ -14,10 +14,10 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, cast
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, Keys
+from wsnsim.base.arrays import Estimate, Floats, Ints, Keys
 from wsnsim.base.optional_ports import Drifts, MeasuresEnergy, defined_together
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, MotionModel, Scene, SensorModel
+from wsnsim.base.ports import MotionModel, Scene, SensorModel
 from wsnsim.base.requests import Compute, Flow, Member
 from wsnsim.base.rng import derive
 from wsnsim.kernels.noise import particle_keys

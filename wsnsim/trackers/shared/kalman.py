@@ -13,8 +13,8 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import NO_INNOVATION, Estimate, Innovation, Scene
+from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation
+from wsnsim.base.ports import Scene
 from wsnsim.trackers.shared.heads import GaussianBelief
 from wsnsim.trackers.shared.readings import Evidence
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Estimate, Floats
 from wsnsim.base.errors import Issue
-from wsnsim.base.ports import Estimate, MotionModel, Scene
+from wsnsim.base.ports import MotionModel, Scene
 from wsnsim.base.setups import TrackingSetup
 
 LEAST_VARIANCE = 1e-9

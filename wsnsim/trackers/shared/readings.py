@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol, TypeAlias, cast
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, is_finite
 from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import (
     PACKET_BITS,
@@ -29,7 +29,6 @@ from wsnsim.base.requests import (
     Scatter,
     all_arrived,
 )
-from wsnsim.base.vector_readings import is_finite
 
 PARTICLES: Final = "particles"
 MOMENTS: Final = "moments"

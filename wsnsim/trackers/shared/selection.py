@@ -14,11 +14,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, Reading, components_of, is_finite
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Member, Parcel
 from wsnsim.base.sensing import detected, informations
-from wsnsim.base.vector_readings import Reading, components_of, is_finite
 from wsnsim.trackers.shared.readings import parcel, weight_packets
 
 PLAN: Final = "plan"

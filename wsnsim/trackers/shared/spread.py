@@ -18,11 +18,10 @@ from typing import Final, NamedTuple, TypeAlias, TypeVar, cast
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.arrays import Bools, Estimate, Floats, Ints, missing
 from wsnsim.base.optional_ports import MeasuresEnergy, defined_together
-from wsnsim.base.ports import Estimate, Scene, SensorModel
+from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import Broadcast, Delivery, Flow, Gather, Local, Member, Parcel
-from wsnsim.base.vector_readings import missing
 from wsnsim.trackers.shared.dealing import (
     Deal,
     Pool,

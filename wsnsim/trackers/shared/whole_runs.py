@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, Keys
-from wsnsim.base.ports import Field, MotionModel, Scene, SensorModel
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys, near
+from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock, StandaloneRun
+from wsnsim.base.network_ports import Field
+from wsnsim.base.ports import MotionModel, Scene, SensorModel
 from wsnsim.base.rng import uniforms
-from wsnsim.base.standalone import BlockEstimates, StandaloneBlock, StandaloneRun
-from wsnsim.base.vector_readings import near
 from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, systematic, weigh

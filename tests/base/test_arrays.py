@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wsnsim.base.vector_readings import components_of, is_finite, means, near, periods_of, rows
+from wsnsim.base.arrays import components_of, is_finite, means, near, periods_of, rows
 from wsnsim.scenario.registry import ROLES, load_class
 
 TURN = 2.0 * math.pi

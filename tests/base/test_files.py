@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from wsnsim.base import regular_files
-from wsnsim.base.regular_files import content_digest, is_too_long, read_regular, why_not_regular
+from wsnsim.base import files
+from wsnsim.base.files import content_digest, is_too_long, read_regular, why_not_regular
 
 
 def test_a_pipe_a_socket_a_device_and_a_folder_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,7 +61,7 @@ def test_damaged_data_is_an_error(tmp_path: Path) -> None:
 
 
 def test_a_small_file_that_holds_too_much_has_no_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(regular_files, "MOST_BYTES", 2_000_000)
+    monkeypatch.setattr(files, "MOST_BYTES", 2_000_000)
     path = tmp_path / "much.csv.gz"
     path.write_bytes(gzip.compress(bytes(2_000_000)))
     assert content_digest(path).startswith("sha256:")
