@@ -15,7 +15,7 @@ from wsnsim.models.ranging import Range
 from wsnsim.models.rssi import Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.grey import GreyTracking, grey_cycles, line_cycles
+from wsnsim.trackers.range_fixes import GreyTracking, grey_cycles, line_cycles
 from wsnsim.trackers.shared.fixes import fix_cycles
 
 PLACES = [(0.0, 0.0), (40.0, 10.0), (10.0, 45.0), (50.0, 50.0), (-20.0, 30.0)]

@@ -1,6 +1,7 @@
-"""The textbook particle filter: predict, weigh, resample at every step.
+"""Bootstrap particle filters in one head that has every reading: the reference, and the textbook filter.
 
-Gordon, Salmond, Smith (1993), as Wei, Guo (2022) and Ruan et al. (2020) compare with. Requests of a step:
+Gordon, Salmond, Smith (1993). `central_pf` stands beside the filters of Jiang, Song, Lin (2013); with `pf`, Wei, Guo
+(2022) and Ruan et al. (2020) compare. Requests of a step:
 
     Gather: readings  Compute
 """
@@ -21,19 +22,14 @@ from wsnsim.trackers.shared.readings import Evidence
 from wsnsim.trackers.shared.whole_runs import cloud_runs
 
 
-@part
-class Sir(HeadCloud):
-    """Sampling importance resampling (SIR) in the head, on all readings that reach it."""
+class Bootstrap(HeadCloud):
+    """The base of filters that predict, weigh with all readings, and resample below a fraction: a field `threshold`."""
 
     estimates_gains: ClassVar[bool] = True
-
-    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 100
-    threshold: Annotated[
-        float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles; 1: at every step"
-    ] = 1.0
+    threshold: float
 
     def filtered(self, pool: Pool, seen: Evidence, scene: Scene) -> CloudBelief:
-        """Predict, weight and resample: mean, covariance and effective number are those before resampling."""
+        """Predict, weight and perhaps resample: mean, covariance and effective number are those before resampling."""
         return bootstrap(pool, seen, scene, self.threshold)
 
     def filtered_with_gains(self, belief: CloudBelief, seen: Evidence, scene: Scene) -> Flow[CloudBelief]:
@@ -46,3 +42,20 @@ class Sir(HeadCloud):
             return None
         outcome = cloud_runs(block, self.particles, self.threshold)
         return outcome.closed(self.block_cycles(outcome.counts))
+
+
+@part
+class CentralPf(Bootstrap):
+    """Bootstrap particle filter in the head, on all readings that reach it; systematic resampling below a threshold."""
+
+    threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
+
+
+@part
+class Sir(Bootstrap):
+    """Sampling importance resampling (SIR) in the head, on all readings that reach it."""
+
+    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 100
+    threshold: Annotated[
+        float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles; 1: at every step"
+    ] = 1.0
