@@ -100,13 +100,6 @@ def _teeth(count: int) -> Arguments:
     return _log_weights(count), _offsets(count), np.diff(_offsets(count)), _rng().random(SEGMENTS)
 
 
-def _bootstrap_step(count: int) -> Arguments:
-    sensing = _sensing(count)
-    cloud = np.stack([sensing["x"], np.zeros(count), sensing["y"], np.zeros(count)])
-    z, positions, gains = sensing["z"], sensing["p"], sensing["g"]
-    return cloud, np.uint64(7), 16, 1, DRIFT, ROOT, z, positions, gains, LAW
-
-
 def _densities(count: int) -> Arguments:
     return _states(count), _rng().normal(size=(SEGMENTS, 4)), np.linalg.cholesky(_spd(SEGMENTS)), _offsets(count)
 
@@ -236,7 +229,6 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("particles.weigh", "bench.twins:weigh", lambda n: (_log_weights(n), _offsets(n))),
     Entry("particles.moments", "bench.twins:moments", lambda n: (_states(n), _log_weights(n), _offsets(n))),
     Entry("particles.systematic", "bench.twins:systematic", _teeth),
-    Entry("particles.predict_and_score", "kernels.test_particle_kernels:predict_and_score_twin", _bootstrap_step),
     Entry("gaussian.fit", "bench.twins:fit", lambda n: (_states(n), _offsets(n), 1e-3)),
     Entry(
         "gaussian.fit_weighted", "bench.twins:fit_weighted", lambda n: (_states(n), _log_weights(n), _offsets(n), 1e-3)

@@ -42,7 +42,7 @@ def test_the_forecast_is_the_grey_model_of_each_axis_at_the_fractional_index() -
     scene = chase.scene(6)
     for ahead in (1, 2):
         expected = [
-            forecast(equal_intervals([0, 2, 4, 8, 12], axis)[1], ahead * 2.0 / 3.0, 400.0, "tail")
+            forecast(equal_intervals([0, 2, 4, 8, 12], axis), ahead * 2.0 / 3.0, 400.0, "tail")
             for axis in PATH[[0, 1, 2, 4, 6]][:, [0, 2]].T
         ]
         found = tracker.forecast(belief, scene, ahead)

@@ -30,7 +30,6 @@ from wsnsim.base.optional_ports import Announces as Announces
 from wsnsim.base.optional_ports import ConstantGaussian as ConstantGaussian
 from wsnsim.base.optional_ports import Continuous as Continuous
 from wsnsim.base.optional_ports import Detects as Detects
-from wsnsim.base.optional_ports import Drifts as Drifts
 from wsnsim.base.optional_ports import ForecastsSuccession as ForecastsSuccession
 from wsnsim.base.optional_ports import Foresees as Foresees
 from wsnsim.base.optional_ports import HasHeights as HasHeights

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats, Ints, Keys
+from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import LOG_TWO, exp, log, normal_pair
 from wsnsim.kernels.noise import uniform

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats
+from wsnsim.base.arrays import Floats
 from wsnsim.kernels.compilation import inlined, inner, ordered_inlined
 from wsnsim.kernels.noise import uniform
 
@@ -110,7 +110,7 @@ def exp2(y: float) -> float:
 def normal_pair(key: np.uint64, pair: int) -> tuple[float, float]:
     """The `pair`-th pair of standard normals of a key: radius and angle from its uniforms 2*pair and 2*pair + 1.
 
-    The first is `noise.normal(key, pair)` up to rounding.
+    The first is that of `base.rng.normals` up to rounding.
     """
     return box_muller(uniform(key, 2 * pair), uniform(key, 2 * pair + 1))
 

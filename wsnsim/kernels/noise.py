@@ -1,6 +1,6 @@
 """Counter-based random numbers: the j-th number of a 64-bit key, without state. `base.rng` is the same in NumPy.
 
-uniform(key, draw) -> float, normal(key, draw) -> float      inlined into the kernels that sample
+uniform(key, draw) -> float                                  inlined into the kernels that sample
 particle_keys(keys, offsets, tag) -> (N,) uint64             one key per particle, from one key per member
 sum_of_keys(keys, a, b, c, d) -> uint64                      the sum of derive(key, a, b, c, d)
 """
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Ints, Keys
+from wsnsim.base.arrays import Ints, Keys
 from wsnsim.kernels.compilation import inlined, kernel
 
 GOLDEN = np.uint64(0x9E37_79B9_7F4A_7C15)
@@ -34,14 +34,6 @@ def mix(x: np.uint64) -> np.uint64:
 def uniform(key: np.uint64, draw: int) -> float:
     """The `draw`-th uniform on [0, 1) of a key, with 53 bits."""
     return np.float64(mix(key + (np.uint64(draw) + ONE) * GOLDEN) >> S11) * 2.0**-53
-
-
-@inlined
-def normal(key: np.uint64, draw: int) -> float:
-    """The `draw`-th standard normal of a key: Box-Muller on its uniforms 2*draw and 2*draw + 1."""
-    radius = np.sqrt(-2.0 * np.log1p(-uniform(key, 2 * draw)))
-    value: float = radius * np.cos(2.0 * np.pi * uniform(key, 2 * draw + 1))
-    return value
 
 
 @kernel

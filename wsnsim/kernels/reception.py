@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.kernels.compilation import exact_kernel, inlined, kernel
 from wsnsim.kernels.noise import GOLDEN, ONE, mix, uniform
 

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.kernels.compilation import inner, kernel
 from wsnsim.kernels.elementary import exp2, log, log2
 

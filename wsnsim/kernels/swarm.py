@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.kernels.compilation import inner, kernel
 from wsnsim.kernels.elementary import log
 from wsnsim.kernels.gaussian import fit_weighted, log_density

@@ -124,10 +124,6 @@ class BoundedVelocity(InPlane):
         after, before = stateful(after, len(self.columns)), stateful(before, len(self.columns))
         return kernels.log_transition(after, before, self._law(dt), root)
 
-    def drift_law(self, dt: float) -> tuple[kernels.Drift, kernels.Root]:
-        """The constants of A and the root of the process covariance for the kernels, for a step of `dt` s."""
-        return self._law(dt), self._process(dt).root
-
     def assumed(self, noise_scale: float) -> BoundedVelocity:
         """The model that a filter assumes: process covariance times `noise_scale`, which scales both terms."""
         return dataclasses.replace(self, q=self.q * noise_scale, sigma0=self.sigma0 * math.sqrt(noise_scale))

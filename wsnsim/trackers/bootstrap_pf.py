@@ -16,8 +16,7 @@ from wsnsim.base.requests import Flow
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.trackers.shared.dealing import Pool
 from wsnsim.trackers.shared.gains import gain_prior
-from wsnsim.trackers.shared.heads import CloudBelief, HeadCloud, bootstrap
-from wsnsim.trackers.shared.marginalised import bootstrap_with_gains
+from wsnsim.trackers.shared.heads import CloudBelief, HeadCloud, bootstrap, bootstrap_with_gains
 from wsnsim.trackers.shared.readings import Evidence
 from wsnsim.trackers.shared.whole_runs import cloud_runs
 
@@ -33,7 +32,7 @@ class Bootstrap(HeadCloud):
         return bootstrap(pool, seen, scene, self.threshold)
 
     def filtered_with_gains(self, belief: CloudBelief, seen: Evidence, scene: Scene) -> Flow[CloudBelief]:
-        """As `filtered`, with the gains of sensors marginalised: see `shared.marginalised`."""
+        """As `filtered`, with the gains of sensors marginalised: see `shared.heads`."""
         return bootstrap_with_gains(belief, seen, scene, self.threshold)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
