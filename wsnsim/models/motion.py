@@ -20,7 +20,7 @@ from wsnsim.base.arrays import Floats, Keys, planar, stateful
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
-from wsnsim.kernels import motion as kernels
+from wsnsim.kernels import acoustic as kernels
 from wsnsim.models.bounds import STATE
 
 

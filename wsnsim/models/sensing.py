@@ -15,7 +15,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, planar
 from wsnsim.base.part import Quantity, part
-from wsnsim.kernels import sensing as kernels
+from wsnsim.kernels import acoustic as kernels
 from wsnsim.models.bounds import LENGTH, POWER_OF_SOUND
 
 LEAST_DISTANCE = 1.0

@@ -21,7 +21,7 @@ from wsnsim.base.requests import Compute, Flow, Member, Send
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.vector_readings import near, rows
 from wsnsim.kernels import gaussian
-from wsnsim.kernels.noise import particle_keys
+from wsnsim.kernels.elementary import particle_keys
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,

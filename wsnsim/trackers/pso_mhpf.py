@@ -20,8 +20,8 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.requests import PACKET_BITS, Flow, Gather, Member, Parcel, all_arrived
 from wsnsim.base.rng import uniforms
 from wsnsim.base.setups import NetworkSetup
+from wsnsim.kernels.elementary import particle_keys
 from wsnsim.kernels.gaussian import fit, fit_weighted, fuse, log_density
-from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, systematic, weigh
 from wsnsim.kernels.swarm import accept, fly, move_own
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES, SMALLEST_CLUSTER, Deal, Pool, most_readings, pooled

@@ -23,7 +23,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Member
 from wsnsim.base.rng import derive
-from wsnsim.kernels.noise import particle_keys
+from wsnsim.kernels.elementary import particle_keys
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,

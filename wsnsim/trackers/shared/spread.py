@@ -59,7 +59,7 @@ from wsnsim.trackers.shared.stacks import (
 class Energies(NamedTuple):
     """Readings (M,) of an energy, one a member, with the positions (M, 2) and gains (M,) of the sensors and their law.
 
-    The law is that of `kernels.sensing`.
+    The law is that of `kernels.acoustic`.
     """
 
     readings: Floats

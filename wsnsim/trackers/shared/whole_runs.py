@@ -16,8 +16,8 @@ from wsnsim.base.ports import Field, MotionModel, Scene, SensorModel
 from wsnsim.base.rng import uniforms
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock, StandaloneRun
 from wsnsim.base.vector_readings import near
+from wsnsim.kernels.elementary import particle_keys
 from wsnsim.kernels.gaussian import sample
-from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, systematic, weigh
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.readings import Linear, linearised
