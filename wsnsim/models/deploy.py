@@ -39,6 +39,10 @@ class Centred:
         """The rectangle of `width` by `height`, centred at (0, 0)."""
         return Field(self.width, self.height)
 
+    def check(self, setup: Setup) -> Iterator[Issue]:
+        """Yield an issue if the nodes are too few to cover the field or to form a cluster."""
+        yield from too_few(self, setup)
+
 
 @part
 class Uniform(Centred):
@@ -58,10 +62,6 @@ class Uniform(Centred):
         """(N, 2) positions. Raises RunError if no sample covers the field."""
         size = np.array([self.width, self.height])
         return _until_covered(self, lambda: (rng.random((self.nodes, 2)) - 0.5) * size, reach)
-
-    def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue if the nodes are too few to cover the field or to form a cluster."""
-        yield from too_few(self, setup)
 
 
 @part

@@ -1,7 +1,9 @@
 """Kalman filters that weigh sensors by the probabilities of a Markov chain: RKF, IMSF.
 
 After Liu, Wang (2012). RKF is one filter that is relayed from sensor to sensor (section 3), IMSF one filter per sensor,
-mixed at each step (section 4). Requests of a step:
+mixed at each step (section 4). The sensors are the nodes that sense (`scene.ids`); in the paper all of them sense at
+every step. How sensors that join or leave, and lost packets, are treated is our choice; the docstrings say how.
+Requests of a step:
 
     Gather: readings  Compute
 """
@@ -23,20 +25,20 @@ from wsnsim.kernels.relay import filter_each, mix
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.readings import (
-    LIKELIHOOD_CYCLES,
     Linear,
     arrived_groups,
     arrived_probabilities,
-    carried,
-    chain_readings,
+    gather_readings,
     linearised,
     moment_packets,
     parcel,
-    stay_after,
     weight_packets,
 )
 from wsnsim.trackers.shared.whole_runs import HEAD, Outcome, priors, scenes_of
 from wsnsim.trackers.shared.whole_runs import predicted as predicted_runs
+
+LIKELIHOOD_CYCLES = 30.0
+"""CPU cycles to linearise one reading and to compute its log-likelihood."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,3 +284,42 @@ def _mixture(means: Floats, covs: Floats, chances: Floats) -> tuple[Floats, Floa
     mean: Floats = means @ chances
     around = means - mean[:, None]
     return mean, covs @ chances + (around * chances) @ around.T
+
+
+def chain_readings(scene: Scene) -> Flow[Floats]:
+    """Readings (n,) of the sensors `scene.ids`: one packet per member, NaN for a lost one."""
+    seen = yield from gather_readings(scene)
+    if seen.ids == scene.ids:
+        return seen.readings
+    arrived = dict(zip(seen.ids, seen.readings.tolist(), strict=True))
+    return np.array([arrived.get(node, np.nan) for node in scene.ids], dtype=np.float64)
+
+
+def carried(ids: tuple[int, ...], probabilities: Floats, now: tuple[int, ...]) -> Floats:
+    """Carry the probabilities of the last step over to the sensors (n,) that sense `now`, before the Markov step.
+
+    A sensor that joins gets probability 0. One that no longer senses is removed, and the others are renormalised, or
+    made equal if they are all zero. If no sensor remains, as at the start, all probabilities are equal.
+    """
+    if ids == now or not now:
+        return probabilities if ids == now else np.empty(0)
+    before = dict(zip(ids, probabilities.tolist(), strict=True))
+    result = np.array([before.get(node, 0.0) for node in now])
+    total = float(result.sum())
+    if total > 0.0:
+        return result / total
+    stayed = np.array([node in before for node in now], dtype=np.float64)
+    return stayed / stayed.sum() if stayed.any() else np.full(len(now), 1.0 / len(now))
+
+
+def stay_after(stay: float, sensors: int, steps: int) -> float:
+    """The probability of staying after several steps: the diagonal of Mˢ, whose other entries are equal again.
+
+    M = c I + (1 - c) 1 1ᵀ / n with c = stay - (1 - stay) / (n - 1), so that Mˢ has cˢ instead of c.
+    """
+    if sensors < 2:
+        return 1.0
+    if steps == 1:
+        return stay
+    kept = (stay - (1.0 - stay) / (sensors - 1)) ** steps
+    return kept + (1.0 - kept) / sensors
