@@ -28,14 +28,13 @@ def circles(centres: list[tuple[float, float]], radii: list[float]) -> tuple[np.
 def located_twin(given: tuple[np.ndarray, np.ndarray], expected: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pair after pair, with angles in place of chords. Circles that meet only."""
     points, weights = [], []
-    for i, j in combinations(range(len(given.radii)), 2):
-        (a, b), (r, s) = given.centres[[i, j]], given.radii[[i, j]]
+    for i, j in combinations(range(len(given[1])), 2):
+        (a, b), (r, s) = given[0][[i, j]], given[1][[i, j]]
         apart, bearing = np.hypot(*(b - a)), np.arctan2(*(b - a)[::-1])
         half = np.arccos((r**2 + apart**2 - s**2) / (2.0 * r * apart))
         both = [a + r * np.array([np.cos(bearing + turn), np.sin(bearing + turn)]) for turn in (half, -half)]
         misfits = [
-            sum(abs(np.hypot(*(point - c)) - d) for c, d in zip(given.centres, given.radii, strict=True))
-            for point in both
+            sum(abs(np.hypot(*(point - c)) - d) for c, d in zip(given[0], given[1], strict=True)) for point in both
         ]
         if abs(misfits[0] - misfits[1]) < 1e-7:
             misfits = [np.hypot(*(point - expected)) for point in both]
@@ -61,7 +60,7 @@ def test_circles_that_cross_are_those_of_the_twin() -> None:
         target = rng.uniform(2.0, 8.0, 2)
         given = (ROOM, np.hypot(*(ROOM - target).T) + rng.normal(0.0, 0.3, 3))
         apart = [np.hypot(*(ROOM[i] - ROOM[j])) for i, j in combinations(range(3), 2)]
-        pairs = list(zip(combinations(given.radii, 2), apart, strict=True))
+        pairs = list(zip(combinations(given[1], 2), apart, strict=True))
         if all(abs(r - s) < far < r + s for (r, s), far in pairs):
             crossing += 1
             for found, expected in zip(weighted_centroid(*given, AWAY), located_twin(given, AWAY), strict=True):
