@@ -9,9 +9,9 @@ s; this model does not depend on it.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterator
-from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -136,15 +136,8 @@ class BoundedVelocity(InPlane):
         return dt, self.bound, self.c1, self.c2
 
     def _process(self, dt: float) -> StepNoise:
-        """The process noise of a step of `dt`, computed once."""
-        known: dict[float, StepNoise] = self._processes
-        if dt not in known:
-            known[dt] = _process_of(self, dt)
-        return known[dt]
-
-    @cached_property
-    def _processes(self) -> dict[float, StepNoise]:
-        return {}
+        q, sigma0 = self.noise != "g_only", self.noise != "q_only"
+        return bounded_process(self.q if q else 0.0, self.sigma0**2 if sigma0 else 0.0, dt)
 
 
 class StepNoise(NamedTuple):
@@ -154,10 +147,9 @@ class StepNoise(NamedTuple):
     root: kernels.Root
 
 
-def _process_of(motion: BoundedVelocity, dt: float) -> StepNoise:
+@functools.lru_cache(maxsize=64)
+def bounded_process(q: float, s: float, dt: float) -> StepNoise:
     """The noise of a step (eq. 4): covariance [a b; b c] on each axis, with a determinant free of cancellation."""
-    q = 0.0 if motion.noise == "g_only" else motion.q
-    s = 0.0 if motion.noise == "q_only" else motion.sigma0**2
     a = s * dt**4 / 4 + q * dt**3 / 2
     b = s * dt**3 / 2 + q * dt**2 / 2
     c = s * dt**2 + q * dt

@@ -79,13 +79,6 @@ class WeightReport(NamedTuple):
     cov: Floats | None
 
 
-class Tally(NamedTuple):
-    """All reports: log-weights (n,) of each holder's particles, and the local means (D,) that arrived."""
-
-    weights: dict[int, Floats]
-    means: dict[int, Floats]
-
-
 @part
 class ParallelPf(SpreadFilter[ParallelBelief]):
     """PPF: members predict and weigh their share and send weights; the head returns how often each particle survives.
@@ -127,7 +120,7 @@ class ParallelPf(SpreadFilter[ParallelBelief]):
     def after_work(self, belief: ParallelBelief, deal: Deal, scene: Scene) -> Flow[ParallelBelief]:
         """Gather weights and local means; where too few particles of the whole set are effective, resample it."""
         reply = yield Gather(lambda member: _report(member, scene.head))
-        after = self._fused(belief, deal, scene, _tallied(reply, deal), reply)
+        after = self._fused(belief, deal, scene, reply)
         if after.effective < self.threshold * sum(weights.size for weights in after.weights.values()):
             after = yield from self._resample(after, scene)
         return after
@@ -137,26 +130,24 @@ class ParallelPf(SpreadFilter[ParallelBelief]):
         belief: ParallelBelief,
         deal: Deal,
         scene: Scene,
-        tally: Tally,
         reply: dict[int, tuple[WeightReport, Bools]],
     ) -> ParallelBelief:
         """Local means by the sums of their weights; the covariance is their spread and that of one cloud.
 
         That is the head's own, or where it has none, the last it had, predicted.
         """
-        log_weights = np.concatenate([np.empty(0), *tally.weights.values()])
+        weights, arrived = _tallied(reply, deal)
+        log_weights = np.concatenate([np.empty(0), *weights.values()])
         effective = float(weigh(log_weights, np.array([0, log_weights.size]))[0])
-        if not tally.means:
-            return replace(only_predicted(belief, deal, scene), effective=effective, weights=tally.weights)
-        top = max(tally.weights[node].max() for node in tally.means)
+        top = max((weights[node].max() for node in arrived), default=-np.inf)
         if not np.isfinite(top):
-            return replace(only_predicted(belief, deal, scene), effective=effective, weights=tally.weights)
-        sums = np.array([np.exp(tally.weights[node] - top).sum() for node in tally.means])
+            return replace(only_predicted(belief, deal, scene), effective=effective, weights=weights)
+        sums = np.array([np.exp(weights[node] - top).sum() for node in arrived])
         within = reply[scene.head][0].cov if scene.head in reply else None
         if within is None:
             within = within_predicted(belief, scene)
-        mean, cov = fuse(np.array(list(tally.means.values())), sums, within)
-        return ParallelBelief(mean, cov, within, deal, scene.head, effective, belief.shares, tally.weights)
+        mean, cov = fuse(np.array(list(arrived.values())), sums, within)
+        return ParallelBelief(mean, cov, within, deal, scene.head, effective, belief.shares, weights)
 
     def _resample(self, belief: ParallelBelief, scene: Scene) -> Flow[ParallelBelief]:
         """Tell each holder how often its particles survive, ceil(n / 8) packets, and even out the numbers.
@@ -191,8 +182,11 @@ def _report(member: Member, head: int) -> Parcel | None:
     )
 
 
-def _tallied(reply: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> Tally:
-    """What arrived, with the mean of all others for each weight that did not; a holder unheard of counts as it was."""
+def _tallied(reply: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> tuple[dict[int, Floats], dict[int, Floats]]:
+    """(log-weights (n,) of each holder, local means (D,)) that arrived; a lost weight is the mean of all others.
+
+    A holder unheard of counts as it was.
+    """
     weights = {node: np.full(count, UNKNOWN) for node, count in deal.held.items() if count}
     means = {}
     for node, (report, mask) in reply.items():
@@ -206,7 +200,7 @@ def _tallied(reply: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> Tally:
             means[node] = report.mean
     everything = guessed(np.concatenate([np.empty(0), *weights.values()]))
     cuts = np.cumsum([piece.size for piece in weights.values()])[:-1]
-    return Tally(dict(zip(weights, np.split(everything, cuts), strict=True)) if weights else {}, means)
+    return dict(zip(weights, np.split(everything, cuts), strict=True)) if weights else {}, means
 
 
 def _copies(counts: Ints, mask: Bools) -> Ints:
