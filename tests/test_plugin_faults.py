@@ -21,7 +21,7 @@ import sys
 import faulty_helper
 from wsnsim import part
 from wsnsim.models.ungm import Ungm
-from wsnsim.trackers.sir import Sir
+from wsnsim.trackers.bootstrap_pf import Sir
 
 @part
 class Steps(Sir):

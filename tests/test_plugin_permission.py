@@ -27,7 +27,7 @@ SIDE = '''
 from pathlib import Path
 
 from wsnsim import part
-from wsnsim.trackers.sir import Sir
+from wsnsim.trackers.bootstrap_pf import Sir
 
 with (Path(__file__).parent / "imported").open("a") as marker:
     marker.write("once ")

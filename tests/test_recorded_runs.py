@@ -10,14 +10,13 @@ import pytest
 import yaml
 
 import wsnsim
-from wsnsim import scenario
+from wsnsim import bounds, scenario
 from wsnsim.analysis import notes
 from wsnsim.analysis.result_info import info_text
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.files import file_digest
 from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.tables import Memory
-from wsnsim.bounds import crlb
 from wsnsim.experiment import load, replicate_of
 from wsnsim.recording import read_json
 from wsnsim.scenario import build
@@ -292,13 +291,13 @@ def test_silence_of_all_nodes_is_noted(tmp_path: Path) -> None:
 
 def test_a_bound_uses_the_readings_that_were_recorded_under_the_law(tmp_path: Path) -> None:
     """Along a given trajectory of a motion model; a recorded one has no bound, and says why."""
-    reason = crlb.bound(world(tmp_path), range(1), "per_trajectory").reason
+    reason = bounds.bound(world(tmp_path), range(1), "per_trajectory").reason
     assert reason == "the trajectory was recorded: it is no sample of a motion model"
     found = []
     for silent in (set(), {(step, "east") for step in range(1, STEPS + 1)}):
         data = world(tmp_path, silent=silent)
         data["motion"] = {"kind": "constant_velocity", "start": [-2, 0.4, 1, 0], "truth_noise": False}
-        found.append(crlb.bound(data, range(1), "per_trajectory"))
+        found.append(bounds.bound(data, range(1), "per_trajectory"))
     assert "readings were recorded: the bound is that of the law (sensor.law), which they need not follow" in (
         found[0].cautions
     )

@@ -20,7 +20,7 @@ from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.scenario.registry import ROLES, Kind, load_class
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.centralised import CentralPf
+from wsnsim.trackers.bootstrap_pf import CentralPf
 from wsnsim.trackers.information_pf import InformationPf
 from wsnsim.trackers.parallel_pf import ParallelPf
 from wsnsim.trackers.pso_mhpf import PsoMhpf

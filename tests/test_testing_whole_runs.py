@@ -8,7 +8,7 @@ import pytest
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.testing.whole_runs import demand_whole_runs
-from wsnsim.trackers.relay_kalman import RelayKalman
+from wsnsim.trackers.sensor_chains import RelayKalman
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from wsnsim.base.optional_ports import ReportsState
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, Memory
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.pso_mhpf import PsoMhpf
-from wsnsim.trackers.relay_kalman import RelayKalman
+from wsnsim.trackers.sensor_chains import RelayKalman
 
 IN_A_NETWORK = ("duration=41 s", "link.reach=2000", "sensor.reach=3000", "clusters.kind=central")
 

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.optional_ports import (
         Announces as Announces, ConstantGaussian as ConstantGaussian, Continuous as Continuous, Detects as Detects,
-        Drifts as Drifts, ForecastsSuccession as ForecastsSuccession, Foresees as Foresees, HasHeights as HasHeights,
+        ForecastsSuccession as ForecastsSuccession, Foresees as Foresees, HasHeights as HasHeights,
         Informs as Informs, IsShadowed as IsShadowed, LimitsReadings as LimitsReadings,
         LinearGaussian as LinearGaussian, MeasuresEnergy as MeasuresEnergy, MovesInSpace as MovesInSpace,
         NamesNodes as NamesNodes, Portable as Portable, Ranks as Ranks, RecordedFile as RecordedFile,

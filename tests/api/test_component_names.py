@@ -9,12 +9,14 @@ import sys
 import pytest
 
 import wsnsim
+from tests.stubs import STUBS, stub
 from wsnsim.base.errors import ScenarioError
+from wsnsim.base.facades import homes
 from wsnsim.base.part import part
 from wsnsim.models import CoordinatedTurn, DiskLink, RangeSensor
 from wsnsim.scenario import build, resolved
 from wsnsim.scenario.fields import part_model
-from wsnsim.scenario.kind_info import homes, import_line
+from wsnsim.scenario.kind_info import import_line
 from wsnsim.scenario.python_values import values_of
 from wsnsim.scenario.registry import ROLES, find, load_class
 from wsnsim.scenario.schema import built
@@ -27,12 +29,18 @@ KINDS = [(role.name, info.kind) for role in ROLES.values() for info in role.kind
 def test_a_package_hands_on_every_kind_and_class_of_the_registry(package):
     module = importlib.import_module(package)
     wanted = homes(package)
-    assert sorted(module.__all__) == sorted(wanted)
-    for name, path in wanted.items():
-        home, _, own = path.partition(":")
+    classes = {tuple(info.path.split(":")) for role in ROLES.values() for info in role.kinds if package in info.path}
+    assert sorted(module.__all__) == sorted(wanted) and classes == set(wanted.values())
+    for name, (home, own) in wanted.items():
         assert getattr(module, name) is getattr(importlib.import_module(home), own), name
     with pytest.raises(AttributeError, match="did you mean"):
         getattr(module, sorted(wanted)[0] + "s")
+
+
+def test_the_stubs_for_type_checkers_have_the_same_names():
+    assert {package: path.read_text(encoding="utf-8") for package, path in STUBS.items()} == {
+        package: stub(package) for package in STUBS
+    }, "python -m tests.stubs writes them"
 
 
 @pytest.mark.parametrize(("role", "kind"), KINDS)

@@ -352,7 +352,7 @@ from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.models.access import Csma
 from wsnsim.models.faults import Aimed
 from wsnsim.models.energy import FirstOrder
-from wsnsim.trackers.sir import Sir
+from wsnsim.trackers.bootstrap_pf import Sir
 
 @part
 class Blind(Squared):

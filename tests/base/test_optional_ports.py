@@ -45,4 +45,3 @@ def test_a_class_that_overrides_one_of_two_methods_has_not_defined_them_together
     assert [defined_together(kind, *law) for kind in (AcousticEnergy, Renamed, Lawful)] == [True] * 3
     assert hasattr(Wrapped(AcousticEnergy()), "energy_law")
     assert [defined_together(kind, *law) for kind in (Loud, Wrapped, BoundedVelocity, object)] == [False] * 4
-    assert defined_together(BoundedVelocity, "drift_law", "propagate")

@@ -9,7 +9,7 @@ from numba import njit
 from scipy import stats
 
 from wsnsim.base import rng
-from wsnsim.kernels import noise
+from wsnsim.kernels import elementary
 
 KEYS = st.integers(0, 2**64 - 1)
 
@@ -19,7 +19,7 @@ def uniforms_in_a_kernel(keys, draw):
     """What a kernel that draws would get."""
     result = np.empty(keys.size)
     for j in range(keys.size):
-        result[j] = noise.uniform(keys[j], draw)
+        result[j] = elementary.uniform(keys[j], draw)
     return result
 
 
@@ -28,17 +28,10 @@ def uniforms_in_a_kernel(keys, draw):
 def test_the_hash_in_kernels_equals_its_numpy_twin_bit_for_bit(key, tag, draw):
     offsets = np.array([0, 3, 5], dtype=np.int64)
     members = np.array([key, key ^ 1], dtype=np.uint64)
-    keys = noise.particle_keys(members, offsets, tag)
+    keys = elementary.particle_keys(members, offsets, tag)
     expected = [rng.derive(int(members[m]), tag, j) for m, count in ((0, 3), (1, 2)) for j in range(count)]
     assert keys.tolist() == expected
     assert uniforms_in_a_kernel(keys, draw).tolist() == rng.uniforms(keys, draw).tolist()
-
-
-@given(KEYS, st.lists(st.integers(-1, 2**31), min_size=4, max_size=4))
-def test_the_sum_of_keys_is_that_of_keys_derived_one_by_one(key, numbers):
-    columns = [np.array([n, n + 1], dtype=np.int64) for n in numbers]
-    expected = rng.derive(key, *numbers) + rng.derive(key ^ 1, *[n + 1 for n in numbers])
-    assert int(noise.sum_of_keys(np.array([key, key ^ 1], dtype=np.uint64), *columns)) == expected % 2**64
 
 
 @given(KEYS, st.lists(st.integers(-1, 2**31), min_size=1, max_size=4))

@@ -1,6 +1,6 @@
 """Which kernels are measured: a line a kernel, with its twin and a maker of the arguments for N particles.
 
-    Entry("motion.propagate", "bench.twins:propagate", propagation)
+    Entry("acoustic.propagate", "bench.twins:propagate", propagation)
 
 A kernel and a twin are named, not imported: who only calls the kernels does not load what the tests load. What a new
 kernel needs is a line in ENTRIES, in the place of its file; its twin's home is its test.
@@ -98,13 +98,6 @@ def _log_weights(count: int) -> np.ndarray:
 
 def _teeth(count: int) -> Arguments:
     return _log_weights(count), _offsets(count), np.diff(_offsets(count)), _rng().random(SEGMENTS)
-
-
-def _bootstrap_step(count: int) -> Arguments:
-    sensing = _sensing(count)
-    cloud = np.stack([sensing["x"], np.zeros(count), sensing["y"], np.zeros(count)])
-    z, positions, gains = sensing["z"], sensing["p"], sensing["g"]
-    return cloud, np.uint64(7), 16, 1, DRIFT, ROOT, z, positions, gains, LAW
 
 
 def _densities(count: int) -> Arguments:
@@ -222,21 +215,19 @@ def _kalman(count: int) -> Arguments:
 
 
 ENTRIES: tuple[Entry, ...] = (
-    Entry("noise.particle_keys", "bench.twins:particle_keys", lambda n: (_keys(SEGMENTS), _offsets(n), 1)),
+    Entry("elementary.particle_keys", "bench.twins:particle_keys", lambda n: (_keys(SEGMENTS), _offsets(n), 1)),
+    Entry("acoustic.advance", "bench.twins:advance", lambda n: (_states(n), DRIFT)),
+    Entry("acoustic.transitions", "bench.twins:transitions", lambda n: (_states(n), DRIFT)),
+    Entry("acoustic.propagate", "bench.twins:propagate", lambda n: (_states(n), _keys(n), DRIFT, ROOT)),
     Entry(
-        "noise.sum_of_keys", "bench.twins:sum_of_keys", lambda n: (_keys(n), *np.arange(-1, 4 * n - 1).reshape(4, n))
+        "acoustic.log_transition", "bench.twins:log_transition", lambda n: (_states(n) + 0.1, _states(n), DRIFT, ROOT)
     ),
-    Entry("motion.advance", "bench.twins:advance", lambda n: (_states(n), DRIFT)),
-    Entry("motion.transitions", "bench.twins:transitions", lambda n: (_states(n), DRIFT)),
-    Entry("motion.propagate", "bench.twins:propagate", lambda n: (_states(n), _keys(n), DRIFT, ROOT)),
-    Entry("motion.log_transition", "bench.twins:log_transition", lambda n: (_states(n) + 0.1, _states(n), DRIFT, ROOT)),
-    Entry("sensing.joint_log_likelihood", "bench.twins:joint_log_likelihood", _sense("xyzpg", LAW)),
-    Entry("sensing.own_log_likelihood", "bench.twins:own_log_likelihood", _sense("xyzpgo", LAW)),
-    Entry("sensing.linearised", "bench.twins:linearised", _sense("xypg", LAW)),
+    Entry("acoustic.joint_log_likelihood", "bench.twins:joint_log_likelihood", _sense("xyzpg", LAW)),
+    Entry("acoustic.own_log_likelihood", "bench.twins:own_log_likelihood", _sense("xyzpgo", LAW)),
+    Entry("acoustic.linearised", "bench.twins:linearised", _sense("xypg", LAW)),
     Entry("particles.weigh", "bench.twins:weigh", lambda n: (_log_weights(n), _offsets(n))),
     Entry("particles.moments", "bench.twins:moments", lambda n: (_states(n), _log_weights(n), _offsets(n))),
     Entry("particles.systematic", "bench.twins:systematic", _teeth),
-    Entry("particles.predict_and_score", "kernels.test_particle_kernels:predict_and_score_twin", _bootstrap_step),
     Entry("gaussian.fit", "bench.twins:fit", lambda n: (_states(n), _offsets(n), 1e-3)),
     Entry(
         "gaussian.fit_weighted", "bench.twins:fit_weighted", lambda n: (_states(n), _log_weights(n), _offsets(n), 1e-3)

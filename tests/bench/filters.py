@@ -19,7 +19,7 @@ from wsnsim.base.rng import derive, derive_all
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import perform
-from wsnsim.trackers.centralised import CentralPf
+from wsnsim.trackers.bootstrap_pf import CentralPf
 
 STEPS, SENSORS, DT, THRESHOLD, SEED = 600, 10, 0.04, 0.5, 77
 SD = np.array([3.0, 1.0, 3.0, 1.0])

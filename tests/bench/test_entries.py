@@ -37,7 +37,7 @@ def test_a_line_names_a_twin_and_gives_it_the_same_arguments_each_time(entry) ->
         assert np.array_equal(first, again)
 
 
-@pytest.mark.thorough(fast=["noise.particle_keys"])
+@pytest.mark.thorough(fast=["elementary.particle_keys"])
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.kernel)
 def test_a_kernel_and_its_twin_agree_on_the_arguments_of_the_benchmark(entry) -> None:
     check_agreement(entry, entry.load(), entry.load_twin(), entry.arguments(entry.sizes[0]))

@@ -19,11 +19,6 @@ def particle_keys(keys, offsets, tag):
     return derive_each(np.repeat(tagged, sizes), numbers.astype(np.uint64))
 
 
-def sum_of_keys(keys, *numbers):
-    """The sum of the keys of each element, modulo 2**64."""
-    return np.sum(derive_each(keys, *(column.view(np.uint64) for column in numbers)), dtype=np.uint64)
-
-
 def normal_pair(keys, pair):
     radius = np.sqrt(-2.0 * np.log1p(-uniforms(keys, 2 * pair)))
     angle = 2.0 * np.pi * uniforms(keys, 2 * pair + 1)

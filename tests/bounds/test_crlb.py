@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tests.helpers.thorough import thorough
-from wsnsim import read
+from wsnsim import bounds, read
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.initial_conditions import sample_initial_conditions
-from wsnsim.bounds import GAINS, KINDS, PLACES, READINGS, bound, bound_of_run, crlb
+from wsnsim.bounds import GAINS, KINDS, PLACES, READINGS, bound, bound_of_run
 from wsnsim.bounds.information import RecordedReadings
 from wsnsim.experiment import run, simulate_run
 from wsnsim.scenario import build, load, resolved, shipped
@@ -223,7 +223,7 @@ def test_a_run_without_events_or_with_other_trajectories_is_refused(tmp_path, mo
     ).out
     assert "needs the tables" in bound_of_run(result).reason and not bound_of_run(result, "in_range").reason
     sample = sample_initial_conditions
-    monkeypatch.setattr(crlb, "sample_initial_conditions", lambda setup, replicate: sample(setup, replicate + 1))
+    monkeypatch.setattr(bounds, "sample_initial_conditions", lambda setup, replicate: sample(setup, replicate + 1))
     with pytest.raises(ResultError, match="another ground-truth"):
         bound_of_run(result, "in_range")
 

@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
-from wsnsim.bounds import covariances, recursion
+from wsnsim.bounds import covariances
 from wsnsim.bounds.covariances import UnknownConstants
-from wsnsim.bounds.information import UsedReadings, _members, in_range, information
+from wsnsim.bounds.information import (
+    UsedReadings,
+    _members,
+    along_trajectories,
+    in_range,
+    information,
+    over_trajectories,
+)
 from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
@@ -44,8 +51,8 @@ def test_in_a_linear_model_both_kinds_are_the_covariance_of_the_kalman_filter(ra
     expected = kalman([(slope, noise)] * 8, prior, told, PLANE)
     several = np.repeat(told[:, None], 3, axis=1)
     priors = np.repeat(prior[None], 3, axis=0)
-    along = recursion.along_trajectories(law, priors, several, PLANE)
-    over = recursion.over_trajectories(law, priors, several, PLANE)
+    along = along_trajectories(law, priors, several, PLANE)
+    over = over_trajectories(law, priors, several, PLANE)
     scale = np.abs(expected).max(axis=(1, 2))[:, None, None]
     assert np.abs((over - expected) / scale).max() < 1e-9
     assert np.abs((along - expected[:, None]) / scale[:, None]).max() < 1e-9
@@ -65,7 +72,7 @@ def test_for_a_target_at_rest_the_bound_is_the_inverse_fisher_information_of_its
     told = information(sensor, points, places, nothing, used)
     assert told == pytest.approx(np.repeat(expected[None], 61, axis=0), rel=1e-12)
     still = [(np.eye(2)[None], np.zeros((2, 2)))] * 61
-    found = recursion.along_trajectories(still, 1e9 * np.eye(2)[None], told[:, None], [0, 1])[:, 0]
+    found = along_trajectories(still, 1e9 * np.eye(2)[None], told[:, None], [0, 1])[:, 0]
     assert found == pytest.approx(np.linalg.inv(expected) / np.arange(1, 62)[:, None, None], rel=1e-6)
 
 
@@ -89,9 +96,9 @@ def test_the_posterior_bound_is_the_inverse_of_the_covariance_of_sampled_scores(
     told = np.stack([sensor.information(x[[k], :some], np.zeros((1, 2)), np.empty((1, 0)))[0].T for k in (1, 2)])
     law = [motion.matrices(x[[k], :some], 1.0, float(k)) for k in (0, 1)]
     prior = np.full((some, 1, 1), 0.25)
-    assert recursion.over_trajectories(law, prior, told, [0])[:, 0, 0] == pytest.approx(expected, rel=0.02)
+    assert over_trajectories(law, prior, told, [0])[:, 0, 0] == pytest.approx(expected, rel=0.02)
     alike = [(np.broadcast_to(slopes.mean(axis=0), slopes.shape), noise) for slopes, noise in law]
-    careless = recursion.over_trajectories(alike, prior, told, [0])[0, 0, 0]
+    careless = over_trajectories(alike, prior, told, [0])[0, 0, 0]
     assert careless > 1.1 * expected[0], "that slopes differ carries information, too"
 
 
@@ -189,7 +196,7 @@ def test_a_slot_is_reused_only_after_the_last_reading_of_its_node():
 def test_without_readings_the_covariance_grows_by_the_motion_model():
     rng = np.random.default_rng(1)
     slope, noise, prior = rng.normal(size=(4, 4)), spread(rng, 4, 1), spread(rng, 4)
-    for recurse in (recursion.along_trajectories, recursion.over_trajectories):
+    for recurse in (along_trajectories, over_trajectories):
         found = recurse([(slope[None], noise)] * 4, prior[None], np.zeros((4, 1, 2, 2)), PLANE).reshape(4, 4, 4)
         cov = prior
         for now in found:

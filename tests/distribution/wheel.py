@@ -25,6 +25,7 @@ from tests.distribution.pythons import HOME, interpreter
 RUN = ("run", "pso_mhpf", "--set", "duration=0.4 s", "--quiet", "--out", "x.h5")
 DATA = (
     "py.typed",
+    "trackers/__init__.pyi",
     "base/columns.table",
     "scenario/kinds.table",
     "_scenarios/pso_mhpf.yaml",

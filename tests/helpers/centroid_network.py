@@ -18,13 +18,13 @@ from wsnsim.models.acquire import AroundTruth, FromReadings
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.deploy import Uniform
 from wsnsim.models.energy import FirstOrder
-from wsnsim.models.hardware import NoPacking, NoSink, PerfectClock, PerfectDetection, Processor
+from wsnsim.models.hardware import NoPacking, NoSync, PerfectClock, PerfectDetection, Processor
 from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
-from wsnsim.models.synchronisation import NoSync
 from wsnsim.models.wakeup import NoWakeUp
+from wsnsim.models.workloads import NoSink
 from wsnsim.network.base_network import Sensors
 from wsnsim.network.result_rows import NetworkOutcome, network_columns, write_tables
 from wsnsim.network.world import Targets, World

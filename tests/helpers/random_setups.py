@@ -19,15 +19,13 @@ from wsnsim.models.hardware import (
     DriftingClock,
     Frames,
     ImperfectDetection,
-    NearestNode,
     NoPacking,
-    NoSink,
     PerfectClock,
     PerfectDetection,
     Processor,
 )
 from wsnsim.models.links import Disk, GreedyGeographic, LogNormal, MinimumEnergy, MinimumHop
-from wsnsim.models.workloads import SeveralSinks
+from wsnsim.models.workloads import NearestNode, NoSink, SeveralSinks
 
 DT = 0.04
 SIDE = 140.0

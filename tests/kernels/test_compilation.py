@@ -7,7 +7,7 @@ import pytest
 
 WITHOUT_SCIPY = """
 import sys
-import wsnsim.kernels.motion
+import wsnsim.kernels.acoustic
 from numba.np import arraymath, linalg
 assert not any(name.startswith("scipy.linalg") for name in sys.modules), "kernels need no SciPy"
 assert arraymath._HAVE_BLAS, "kernels of others have a BLAS"

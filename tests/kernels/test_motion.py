@@ -3,7 +3,7 @@
 import numpy as np
 
 from wsnsim.base import rng
-from wsnsim.kernels import motion
+from wsnsim.kernels import acoustic
 
 STEP, BOUND, C1, C2 = 0.04, 180.0, 0.75, 1.0
 LAW = (STEP, BOUND, C1, C2)
@@ -35,30 +35,30 @@ def some_states(count=300):
 
 def test_propagation_equals_its_twin():
     states, keys = some_states(), rng.derive_all(3, np.arange(300))
-    assert np.allclose(motion.propagate(states, keys, LAW, ROOT), twin(states, keys), atol=1e-9, rtol=0)
+    assert np.allclose(acoustic.propagate(states, keys, LAW, ROOT), twin(states, keys), atol=1e-9, rtol=0)
 
 
 def test_advancing_is_propagation_without_noise():
     states, keys = some_states(), rng.derive_all(3, np.arange(300))
-    silent = motion.propagate(states, keys, LAW, (0.0, 0.0, 0.0))
-    assert np.allclose(motion.advance(states, LAW), silent, atol=1e-9, rtol=0)
+    silent = acoustic.propagate(states, keys, LAW, (0.0, 0.0, 0.0))
+    assert np.allclose(acoustic.advance(states, LAW), silent, atol=1e-9, rtol=0)
 
 
 def test_a_particle_moves_alike_in_any_company():
     states, keys = some_states(), rng.derive_all(3, np.arange(300))
     order = np.random.default_rng(2).permutation(300)
-    together = motion.propagate(states, keys, LAW, ROOT)
-    shuffled = motion.propagate(np.ascontiguousarray(states[:, order]), keys[order], LAW, ROOT)
-    alone = motion.propagate(np.ascontiguousarray(states[:, 7:8]), keys[7:8], LAW, ROOT)
+    together = acoustic.propagate(states, keys, LAW, ROOT)
+    shuffled = acoustic.propagate(np.ascontiguousarray(states[:, order]), keys[order], LAW, ROOT)
+    alone = acoustic.propagate(np.ascontiguousarray(states[:, 7:8]), keys[7:8], LAW, ROOT)
     assert np.allclose(shuffled, together[:, order], rtol=1e-14)
     assert np.allclose(alone[:, 0], together[:, 7], rtol=1e-14)
 
 
 def test_states_that_are_not_finite_hurt_nobody_else():
     states, keys = some_states(), rng.derive_all(3, np.arange(300))
-    clean = motion.propagate(states, keys, LAW, ROOT)
+    clean = acoustic.propagate(states, keys, LAW, ROOT)
     states[0, 5], states[1, 6], states[3, 7] = np.nan, np.inf, -np.inf
-    broken = motion.propagate(states, keys, LAW, ROOT)
+    broken = acoustic.propagate(states, keys, LAW, ROOT)
     untouched = np.setdiff1d(np.arange(300), [5, 6, 7])
     assert np.array_equal(broken[:, untouched], clean[:, untouched])
-    assert np.all(np.isneginf(motion.log_transition(broken, states, LAW, ROOT)[[5, 6, 7]]))
+    assert np.all(np.isneginf(acoustic.log_transition(broken, states, LAW, ROOT)[[5, 6, 7]]))

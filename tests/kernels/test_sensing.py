@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from wsnsim.kernels import sensing
+from wsnsim.kernels import acoustic
 
 PARTICLES, SENSORS = 400, 18
 
@@ -39,7 +39,7 @@ def test_the_joint_likelihood_is_the_sum_of_normal_log_densities(inflation):
     points, positions, gains, law, readings = setup(inflation)
     mean, variance = twin(points, positions, gains, law)
     truth = norm.logpdf(readings[:, None], mean, np.sqrt(variance)).sum(axis=0)
-    found = sensing.joint_log_likelihood(*points, readings, positions, gains, law)
+    found = acoustic.joint_log_likelihood(*points, readings, positions, gains, law)
     assert relative(found, truth) < 1e-9
 
 
@@ -48,7 +48,7 @@ def test_any_number_of_readings_is_summed_whole(count):
     points, positions, gains, law, readings = setup(0.0)
     mean, variance = twin(points, positions[:count], gains[:count], law)
     truth = norm.logpdf(readings[:count, None], mean, np.sqrt(variance)).sum(axis=0)
-    found = sensing.joint_log_likelihood(*points, readings[:count], positions[:count], gains[:count], law)
+    found = acoustic.joint_log_likelihood(*points, readings[:count], positions[:count], gains[:count], law)
     assert relative(found, truth) < 1e-9
 
 
@@ -59,7 +59,7 @@ def test_a_particle_is_weighed_with_its_owners_reading_alone(inflation):
     mean, variance = twin(points, positions, gains, law)
     own = (owners, np.arange(PARTICLES))
     truth = norm.logpdf(readings[owners], mean[own], np.sqrt(variance[own]))
-    found = sensing.own_log_likelihood(*points, readings, positions, gains, owners, law)
+    found = acoustic.own_log_likelihood(*points, readings, positions, gains, owners, law)
     assert relative(found, truth) < 1e-9
 
 
@@ -68,19 +68,19 @@ def test_an_owner_without_a_reading_is_refused():
     for stranger in (-1, SENSORS):
         owners = np.full(PARTICLES, stranger)
         with pytest.raises(IndexError, match="not there"):
-            sensing.own_log_likelihood(*points, readings, positions, gains, owners, law)
+            acoustic.own_log_likelihood(*points, readings, positions, gains, owners, law)
 
 
 def test_what_is_not_finite_is_impossible_and_hurts_nobody_else():
     points, positions, gains, law, readings = setup(0.0)
     owners = np.arange(PARTICLES) % SENSORS
-    clean = sensing.joint_log_likelihood(*points, readings, positions, gains, law)
-    own = sensing.own_log_likelihood(*points, readings, positions, gains, owners, law)
+    clean = acoustic.joint_log_likelihood(*points, readings, positions, gains, law)
+    own = acoustic.own_log_likelihood(*points, readings, positions, gains, owners, law)
     points[0, 10], points[1, 11], points[0, 12] = np.nan, np.inf, -np.inf
     points[:, 13] = 1e300
     for found, before in (
-        (sensing.joint_log_likelihood(*points, readings, positions, gains, law), clean),
-        (sensing.own_log_likelihood(*points, readings, positions, gains, owners, law), own),
+        (acoustic.joint_log_likelihood(*points, readings, positions, gains, law), clean),
+        (acoustic.own_log_likelihood(*points, readings, positions, gains, owners, law), own),
     ):
         assert np.all(np.isneginf(found[10:13]))
         assert not np.any(np.isnan(found))
@@ -91,14 +91,14 @@ def test_what_is_not_finite_is_impossible_and_hurts_nobody_else():
 def test_a_reading_that_is_no_number_makes_every_point_impossible():
     points, positions, gains, law, readings = setup(0.0)
     readings[2] = np.nan
-    assert np.all(np.isneginf(sensing.joint_log_likelihood(*points, readings, positions, gains, law)))
+    assert np.all(np.isneginf(acoustic.joint_log_likelihood(*points, readings, positions, gains, law)))
 
 
 @pytest.mark.parametrize("inflation", [0.0, 0.03])
 def test_linearisation_gives_mean_variance_and_the_slope_of_finite_differences(inflation):
     points, positions, gains, law, _ = setup(inflation)
     mean, variance = twin(points, positions, gains, law)
-    means, gradients, variances = sensing.linearised(*points, positions, gains, law)
+    means, gradients, variances = acoustic.linearised(*points, positions, gains, law)
     assert relative(means, mean) < 1e-9
     assert relative(variances, variance) < 1e-9
     step = 1e-5
@@ -114,7 +114,7 @@ def test_linearisation_gives_mean_variance_and_the_slope_of_finite_differences(i
 def test_linearisation_within_a_metre_is_flat_and_at_infinity_silent():
     points, positions, gains, law, _ = setup(0.0)
     points[:, 20], points[0, 21] = np.nan, np.inf
-    means, gradients, variances = sensing.linearised(*points, positions, gains, law)
+    means, gradients, variances = acoustic.linearised(*points, positions, gains, law)
     assert np.all(gradients[3, :, :2] == 0.0)
     assert np.all(means[:, 20:22] == 1.0)
     assert np.all(gradients[:, :, 20:22] == 0.0)

@@ -8,8 +8,8 @@ from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 from wsnsim.models.access import Csma, IdealMac, Tdma
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import FirstOrder, States
-from wsnsim.models.hardware import Frames, NearestNode, NoPacking, NoSink, Processor
-from wsnsim.models.workloads import Periodic, Tracking
+from wsnsim.models.hardware import Frames, NoPacking, Processor
+from wsnsim.models.workloads import NearestNode, NoSink, Periodic, Tracking
 
 SYMBOL = 16e-6
 TEXT = {"name": "X", "source": "a sheet"}

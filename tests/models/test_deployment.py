@@ -15,8 +15,8 @@ from wsnsim.base.network_ports import Field
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.coverage import covers
-from wsnsim.models.deploy import Anchors, FromFile, Grid, JitteredGrid, Uniform, cells
-from wsnsim.models.node_file import PlaceColumns
+from wsnsim.models.deploy import Anchors, Grid, JitteredGrid, Uniform, cells
+from wsnsim.models.node_file import FromFile, PlaceColumns
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.scenario.fields import fields_of

@@ -5,9 +5,10 @@ import dataclasses
 import pytest
 
 from wsnsim.base.setups import BeaconSetup, NetworkSetup
-from wsnsim.models.deploy import Anchors, FromFile, Uniform
+from wsnsim.models.deploy import Anchors, Uniform
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.faults import Bias, Blackout, ClockStep, Crash, Drain, LinkLoss, Restart, Stuck
+from wsnsim.models.node_file import FromFile
 
 EACH = {
     "crash": Crash(at=1.0, head=0),

@@ -7,15 +7,8 @@ import pytest
 
 from wsnsim.base.rng import derive_all
 from wsnsim.models.bounds import truncated_normals
-from wsnsim.models.hardware import (
-    DriftingClock,
-    ImperfectDetection,
-    NearestNode,
-    NoSink,
-    PerfectClock,
-    PerfectDetection,
-    Processor,
-)
+from wsnsim.models.hardware import DriftingClock, ImperfectDetection, PerfectClock, PerfectDetection, Processor
+from wsnsim.models.workloads import NearestNode, NoSink
 
 KEYS = derive_all(7, np.arange(200_000))
 

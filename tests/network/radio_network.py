@@ -14,10 +14,9 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.models.access import Csma
 from wsnsim.models.energy import FirstOrder
-from wsnsim.models.hardware import NoPacking, PerfectClock
+from wsnsim.models.hardware import NoPacking, NoSync, PerfectClock
 from wsnsim.models.links import Disk
 from wsnsim.models.sleep import EventWake
-from wsnsim.models.synchronisation import NoSync
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.radio.datagrams import Datagram, Hops
 from wsnsim.network.radio.radio_stack import make_radio_stack

@@ -16,10 +16,9 @@ from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.deploy import Uniform
 from wsnsim.models.energy import FirstOrder, States
 from wsnsim.models.faults import Blackout, Crash
-from wsnsim.models.hardware import DriftingClock, NoPacking, PerfectClock, Processor
+from wsnsim.models.hardware import DriftingClock, NoPacking, NoSync, PerfectClock, Processor
 from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.models.sleep import EventWake
-from wsnsim.models.synchronisation import NoSync
 from wsnsim.models.workloads import Periodic
 from wsnsim.network.workload_world import WorkloadWorld
 

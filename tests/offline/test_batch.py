@@ -15,7 +15,7 @@ from wsnsim.cli import main
 from wsnsim.offline import batch
 from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.recording import read_table, read_text
-from wsnsim.trackers.sir import Sir
+from wsnsim.trackers.bootstrap_pf import Sir
 from wsnsim.verification import _differing as differing_origins
 
 TABLES = dict.fromkeys(("runs", "tracks", "nodes", "truth", "estimates", "covariances"), True)
@@ -198,7 +198,7 @@ def test_files_of_a_plug_ins_whole_runs_are_verified_with_a_tolerance():
     assert differing_origins({**made, "engine": "composed"}, {}) == differing_origins({**made, "plugins": []}, {}) == []
 
 
-@pytest.mark.parametrize("place", ["wsnsim.trackers.sir.cloud_runs", "wsnsim.offline.batch.sample_readings"])
+@pytest.mark.parametrize("place", ["wsnsim.trackers.bootstrap_pf.cloud_runs", "wsnsim.offline.batch.sample_readings"])
 def test_a_failure_of_a_block_says_how_to_find_its_run(tmp_path, monkeypatch, place):
     def fail(*arguments):
         raise ZeroDivisionError("no reading")

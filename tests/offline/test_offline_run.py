@@ -15,7 +15,7 @@ from wsnsim.base.tables import Memory
 from wsnsim.models.ranging import Range
 from wsnsim.offline import measurements
 from wsnsim.offline.measurements import sample_readings
-from wsnsim.trackers.sir import Sir
+from wsnsim.trackers.bootstrap_pf import Sir
 
 GROWTH = {
     "name": "growth",

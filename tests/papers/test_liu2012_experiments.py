@@ -13,7 +13,7 @@ from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim.base.errors import ResultError
 from wsnsim.papers import measures, reproduce
 from wsnsim.papers.study import study
-from wsnsim.trackers.relay_kalman import RelayKalman
+from wsnsim.trackers.sensor_chains import RelayKalman
 
 liu2012_measures = module("liu2012")
 _study = module("liu2012")

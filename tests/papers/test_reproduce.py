@@ -19,10 +19,10 @@ from tests.campaign.inline_engine import InlineEngine
 from tests.campaign.moody_tracker import write_moody_tracker
 from tests.campaign.processes import wait_for
 from tests.helpers.full_disk import FullDisk
+from wsnsim import bounds
 from wsnsim.analysis import statistics
 from wsnsim.base import metrics
 from wsnsim.base.errors import UsageError
-from wsnsim.bounds import crlb
 from wsnsim.cli import main
 from wsnsim.papers import measures, reproduce, reproduction, table
 from wsnsim.papers.reproduction import Claim, ClaimRow, Experiment, Losses, Variant
@@ -118,7 +118,7 @@ def test_rows_are_what_the_tables_of_the_campaign_hold(done):
 def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_strict(done):
     folder = reproduce.folder_of(done, "liu2012", SMALL)
     rows = {row.quantity: row for row in reproduce.rows("liu2012", SMALL, folder)}
-    along = crlb.bound({"extends": "scenarios/rkf.yaml", "duration": 16}, range(6), "per_trajectory")
+    along = bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 16}, range(6), "per_trajectory")
     assert rows["RMSE, m (figure 1)"].bound == along.time_mean
     assert rows["RMSE, m (figure 1)"].bound_kind == "per_trajectory, not strict"
     assert rows["operations"].bound_kind == "" and math.isnan(rows["operations"].bound)
@@ -126,7 +126,7 @@ def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_s
     assert rows["RMSE of a run, median, m"].bound == best.low
     assert "lower end of the measured 95 % interval of 'ekf'" in rows["RMSE of a run, median, m"].caution
     speed = rows["RMSE of vx"]
-    over = crlb.bound({"extends": "scenarios/rkf.yaml", "duration": 16}, range(measures.TRUTHS))
+    over = bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 16}, range(measures.TRUTHS))
     strict = not over.cautions
     assert speed.bound == np.sqrt(np.mean(over.columns[:, 1] ** 2))
     assert speed.verdict == ("cannot: beyond the bound" if strict else "too few runs")

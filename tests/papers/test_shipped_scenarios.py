@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.campaign.inline_engine import InlineEngine
-from wsnsim.bounds import crlb
+from wsnsim import bounds
 from wsnsim.papers import measures, reproduce
 from wsnsim.papers.reproduction import Experiment, Variant
 from wsnsim.scenario import load, resolved, shipped
@@ -31,7 +31,7 @@ def data(tmp_path_factory):
     bounded = {
         name: variant
         for name, variant in variants.items()
-        if not crlb.bound({"extends": f"scenarios/{name}.yaml", "duration": variant.sets[0][9:]}, range(1)).reason
+        if not bounds.bound({"extends": f"scenarios/{name}.yaml", "duration": variant.sets[0][9:]}, range(1)).reason
     }
     experiment = Experiment("shipped", "", bounded, RUNS, RUNS)
     where = tmp_path_factory.mktemp("shipped")

@@ -10,7 +10,7 @@ from wsnsim.models.ranging import Range
 from wsnsim.models.rssi import Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.awake_only import AwakeOnly
+from wsnsim.trackers.range_fixes import AwakeOnly
 from wsnsim.trackers.shared.fixes import least_squares
 
 PLACES = [(0.0, 0.0), (40.0, 10.0), (10.0, 45.0), (50.0, 50.0)]

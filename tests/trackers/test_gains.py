@@ -15,11 +15,10 @@ from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.rssi import Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.centralised import CentralPf
+from wsnsim.trackers.bootstrap_pf import CentralPf, Sir
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.gaussian_pf import GaussianPf
 from wsnsim.trackers.shared.gains import Gains, GainsOfParticles, gain_packets
-from wsnsim.trackers.sir import Sir
 
 MOTION = ConstantVelocity(start=(5.0, 1.0, 5.0, -1.0), variances=(0.5,), noise_input="diagonal")
 SENSOR = Rssi(sd=2.0, gain_spread=4.0)

@@ -15,7 +15,7 @@ from wsnsim.models.ranging import Range
 from wsnsim.models.rssi import Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.grey import GreyTracking, grey_cycles, line_cycles
+from wsnsim.trackers.range_fixes import GreyTracking, grey_cycles, line_cycles
 from wsnsim.trackers.shared.fixes import fix_cycles
 
 PLACES = [(0.0, 0.0), (40.0, 10.0), (10.0, 45.0), (50.0, 50.0), (-20.0, 30.0)]
@@ -42,7 +42,7 @@ def test_the_forecast_is_the_grey_model_of_each_axis_at_the_fractional_index() -
     scene = chase.scene(6)
     for ahead in (1, 2):
         expected = [
-            forecast(equal_intervals([0, 2, 4, 8, 12], axis)[1], ahead * 2.0 / 3.0, 400.0, "tail")
+            forecast(equal_intervals([0, 2, 4, 8, 12], axis), ahead * 2.0 / 3.0, 400.0, "tail")
             for axis in PATH[[0, 1, 2, 4, 6]][:, [0, 2]].T
         ]
         found = tracker.forecast(belief, scene, ahead)

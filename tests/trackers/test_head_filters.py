@@ -15,7 +15,7 @@ from wsnsim.base.requests import all_arrived
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import silent
-from wsnsim.trackers.centralised import CentralPf
+from wsnsim.trackers.bootstrap_pf import CentralPf
 from wsnsim.trackers.information_pf import InformationPf
 
 EVERY = [

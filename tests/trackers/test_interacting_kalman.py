@@ -18,8 +18,7 @@ from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.offline.loopback import perform, silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.ekf import ExtendedKalman
-from wsnsim.trackers.interacting_kalman import InteractingKalman
-from wsnsim.trackers.relay_kalman import RelayKalman
+from wsnsim.trackers.sensor_chains import InteractingKalman, RelayKalman
 
 EVERY = [InteractingKalman(), InteractingKalman(mixing="printed")]
 MIDWAY = (380.0, 3.0, 0.05)

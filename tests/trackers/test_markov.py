@@ -14,7 +14,7 @@ from wsnsim.models.ranging import Range
 from wsnsim.models.rssi import Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.markov import TwoPhase
+from wsnsim.trackers.range_fixes import TwoPhase
 from wsnsim.trackers.shared.fixes import fix_cycles, least_squares
 
 PLACES = [(0.0, 0.0), (40.0, 10.0), (10.0, 45.0), (50.0, 50.0)]

@@ -17,8 +17,8 @@ from wsnsim.models.linear import ConstantAcceleration
 from wsnsim.models.ranging import Range
 from wsnsim.offline.loopback import perfect, perform, silent
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.relay_kalman import RelayKalman
-from wsnsim.trackers.shared.readings import arrived_probabilities, carried, stay_after
+from wsnsim.trackers.sensor_chains import RelayKalman, carried, stay_after
+from wsnsim.trackers.shared.readings import arrived_probabilities
 
 ANCHORS = (-1.0, 150.0, 300.0, 450.0, 600.0, 750.0, 900.0, 1000.0)
 F = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])

@@ -10,8 +10,8 @@ from wsnsim.base.requests import Delivery, Member
 from wsnsim.kernels.swarm import move_own
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
+from wsnsim.trackers import pso_mhpf
 from wsnsim.trackers.pso_mhpf import PsoMhpf
-from wsnsim.trackers.shared import swarms
 from wsnsim.trackers.shared.dealing import give
 from wsnsim.trackers.shared.readings import particles_parcel
 from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, Shares, keep, settle
@@ -111,7 +111,7 @@ def test_what_a_member_gave_away_does_not_change_any_more() -> None:
 )
 def test_one_kernel_does_what_the_kernels_do_in_turn(tracker: PsoMhpf, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[int] = []
-    monkeypatch.setattr(swarms, "move_own", lambda *given: calls.append(1) or move_own(*given))
+    monkeypatch.setattr(pso_mhpf, "move_own", lambda *given: calls.append(1) or move_own(*given))
 
     def track(sensor: AcousticEnergy) -> list[np.ndarray]:
         cluster = Cluster(7, BoundedVelocity(start=(-45.0, -5.0, -50.0, -8.0)), sensor, seed=2)

@@ -25,7 +25,7 @@ from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
 from wsnsim.base.tables import MORE_IS_BETTER, ONE_IS_BEST
-from wsnsim.bounds.initial_conditions import FAULTLESS
+from wsnsim.bounds.least_errors import FAULTLESS
 
 MOST_SENTENCES: Final = 3
 """Groups up to which each has a sentence of its own (our choice)."""

@@ -99,17 +99,6 @@ class VectorReadings(Protocol):
 
 
 @runtime_checkable
-class Drifts(Protocol):
-    """Optional port of a motion model with two equal, independent axes: compiled code does a filter's whole step.
-
-    The law counts where the class that defines it defines `propagate` as well.
-    """
-
-    def drift_law(self, dt: float) -> tuple[tuple[float, float, float, float], tuple[float, float, float]]:
-        """(T, a, c1, c2) and the root (l11, l21, l22) of one axis' process covariance, for a step of `dt` s."""
-
-
-@runtime_checkable
 class Detects(Protocol):
     """Optional port of a sensor model: which nodes measure the target, if not all within `reach`."""
 

@@ -2,7 +2,7 @@
 
 `Streams(seed, replicate)("truth")` is one Generator per purpose. `derive(key, i, k)` hashes integers into a 64-bit key,
 and `uniforms(keys, j)`, `normals(keys, j)` are the j-th draw of each key, independent of the order of the calls. This
-is the NumPy version of `kernels.noise` (bit-equal in the hash and the uniforms).
+is the NumPy version of `kernels.elementary` (bit-equal in the hash and the uniforms).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The error covariances of a bound, from initial conditions and used readings, by the recursion of its kind.
 
-covariances(setup, conditions, readings_of, kind, unknown) -> (R, targets, steps, D, D)
+least_covariances(setup, conditions, readings_of, kind, unknown) -> (R, targets, steps, D, D)
 along_trajectory(...) -> (T, D, D)      for filters that do not know constants of the nodes: gains, and where they stand
 
 Both constants are sampled once per run. Each constant is a further unknown beside the state. The joint covariance of
@@ -26,9 +26,15 @@ from wsnsim.base.optional_ports import Informs
 from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.sensing import gain_column
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.bounds.information import STEPS_PER_BLOCK, UsedReadings, information
-from wsnsim.bounds.initial_conditions import process_noise
-from wsnsim.bounds.recursion import LinearisedMotion, along_trajectories, over_trajectories, predicted
+from wsnsim.bounds.information import (
+    STEPS_PER_BLOCK,
+    LinearisedMotion,
+    UsedReadings,
+    along_trajectories,
+    information,
+    over_trajectories,
+    predicted,
+)
 
 GAIN_STEP = 1e-3
 """Gain difference for the numerical derivative: readings are linear in their gain, so any step is exact."""
@@ -206,7 +212,7 @@ ReadingsOf = Callable[[int, int], UsedReadings]
 """(index of the run in the initial conditions, target) -> the readings that the bound uses."""
 
 
-def covariances(
+def least_covariances(
     setup: TrackingSetup,
     conditions: Sequence[InitialConditions],
     readings_of: ReadingsOf,
@@ -286,7 +292,7 @@ def _of_target(
 
 
 def _linearised(motion: MotionModel, truths: Floats, dt: float) -> Iterator[LinearisedMotion]:
-    """The motion model linearised at the trajectories, step by step."""
+    """The motion model linearised at the trajectories, step by step; without noise where only filters assume it."""
     for step in range(truths.shape[1] - 1):
         jacobian, noise = motion.matrices(np.ascontiguousarray(truths[:, step].T), dt, step * dt)
-        yield jacobian, process_noise(motion, noise)
+        yield jacobian, noise if getattr(motion, "truth_noise", True) else np.zeros_like(noise)

@@ -12,10 +12,9 @@ import math
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats, Ints, Keys
+from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.kernels.compilation import inlined, kernel
-from wsnsim.kernels.elementary import LOG_TWO, exp, log, normal_pair
-from wsnsim.kernels.noise import uniform
+from wsnsim.kernels.elementary import LOG_TWO, exp, log, normal_pair, uniform
 from wsnsim.kernels.swarm import LARGEST_STATE
 
 MIN_NU = 1e-12

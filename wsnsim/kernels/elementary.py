@@ -1,4 +1,7 @@
-"""Logarithm, exponential and normal pairs that the compiler can vectorise, where Numba's call the C library.
+"""Counter-based random numbers; logarithm, exponential and normal pairs that the compiler can vectorise.
+
+    uniform(key, draw)         the draw-th number of a 64-bit key, without state; `base.rng` is the same in NumPy
+    particle_keys(keys, offsets, tag) -> (N,) uint64       one key per particle, from one key per member
 
     log(x), exp(y)             one float64 each, within a few units of the last place
     log2(x), exp2(y)           the same to the base two: fewer operations, and closer; for powers, exp2(a * log2(x))
@@ -6,17 +9,54 @@
     box_muller(u, turn)        the same of two uniforms
     total(row), dot(row, row)  sums over arrays (n,); give slices, since an index that might be negative is slow
 
-They are inlined into the kernels that use them. Numba's cache does not notice a change in this file: touch the files of
-the kernels, too.
+All but `particle_keys` are inlined into the kernels that use them, where Numba's own call the C library. Numba's cache
+does not notice a change in this file: touch the files of the kernels, too.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats
-from wsnsim.kernels.compilation import inlined, inner, ordered_inlined
-from wsnsim.kernels.noise import uniform
+from wsnsim.base.arrays import Floats, Ints, Keys
+from wsnsim.kernels.compilation import inlined, inner, kernel, ordered_inlined
+
+GOLDEN = np.uint64(0x9E37_79B9_7F4A_7C15)
+FIRST = np.uint64(0xBF58_476D_1CE4_E5B9)
+SECOND = np.uint64(0x94D0_49BB_1331_11EB)
+ONE = np.uint64(1)
+S11 = np.uint64(11)
+S27 = np.uint64(27)
+S30 = np.uint64(30)
+S31 = np.uint64(31)
+
+
+@inlined
+def mix(x: np.uint64) -> np.uint64:
+    """The SplitMix64 finaliser (Steele, Lea, Flood 2014)."""
+    x = (x ^ (x >> S30)) * FIRST
+    x = (x ^ (x >> S27)) * SECOND
+    return x ^ (x >> S31)
+
+
+@inlined
+def uniform(key: np.uint64, draw: int) -> float:
+    """The `draw`-th uniform on [0, 1) of a key, with 53 bits."""
+    return np.float64(mix(key + (np.uint64(draw) + ONE) * GOLDEN) >> S11) * 2.0**-53
+
+
+@kernel
+def particle_keys(keys: Keys, offsets: Ints, tag: int) -> Keys:
+    """(N,) keys: particle j of member m gets derive(keys[m], tag, j - offsets[m]).
+
+    `offsets` is (members + 1,) and ends at N. `tag` separates the purposes that one member's key serves within a step.
+    """
+    result = np.empty(offsets[-1], np.uint64)
+    for m in range(keys.size):
+        base = mix(keys[m] + (np.uint64(tag) + ONE) * GOLDEN)
+        for j in range(offsets[m], offsets[m + 1]):
+            result[j] = mix(base + (np.uint64(j - offsets[m]) + ONE) * GOLDEN)
+    return result
+
 
 ONE_BITS = np.int64(0x3FF0_0000_0000_0000)
 SQRT_HALF_BITS = np.int64(0x3FE6_A09E_667F_3BCD)
@@ -110,7 +150,7 @@ def exp2(y: float) -> float:
 def normal_pair(key: np.uint64, pair: int) -> tuple[float, float]:
     """The `pair`-th pair of standard normals of a key: radius and angle from its uniforms 2*pair and 2*pair + 1.
 
-    The first is `noise.normal(key, pair)` up to rounding.
+    The first is that of `base.rng.normals` up to rounding.
     """
     return box_muller(uniform(key, 2 * pair), uniform(key, 2 * pair + 1))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats, Ints, Keys
+from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import dot, log, normal_pair, total
 from wsnsim.kernels.particles import moments, relative_weights

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats, Ints, Keys
+from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.kernels.compilation import inlined, kernel
-from wsnsim.kernels.elementary import exp
-from wsnsim.kernels.noise import uniform
+from wsnsim.kernels.elementary import exp, uniform
 from wsnsim.kernels.particles import NOTHING
 from wsnsim.kernels.swarm import LARGEST_STATE
 

@@ -1,6 +1,6 @@
 """Extrapolation of a short series: the grey model GM(1,1), an exponential fit of its cumulative sums, and a line.
 
-    gm11(x) -> (a, u)      predict(x, ahead=1.0, shift=0.0) -> float      equal_intervals(t, x) -> (k, x at k)
+    forecast_at(time, times, x, shift, correction) -> float      of values at unequal times
     line_at(time, times, x) -> float, the least-squares line
 
 x1_i = Σ_{j<=i} x_j satisfies dx1/dt + a x1 = u in the mean; the restored model is
@@ -16,13 +16,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, Literal, TypeAlias, cast
+from typing import Final, Literal, TypeAlias
 
-import numpy as np
-
-from wsnsim.kernels.arrays import Floats
-
-Series: TypeAlias = Floats | Sequence[float]
 Correction: TypeAlias = Literal["none", "tail", "literal"]
 
 FLAT: Final = 1e-9
@@ -36,17 +31,11 @@ LEAST_SHARE: Final = 0.95
 MARGIN: Final = 1e-6
 
 
-def gm11(x: Series) -> tuple[float, float]:
+def gm11(values: Sequence[float]) -> tuple[float, float]:
     """(a, u), the least squares of x_i = -a z_i + u over i = 2..n, with z_i = (x1_{i-1} + x1_i) / 2.
 
-    Without a fit (D = 0, as for two points, or zeros) it is (0, the last value). Raises ValueError for fewer than two
-    values, and for a value that is not finite.
+    In closed form, with m = n - 1. Without a fit (D = 0, as for two points, or zeros) it is (0, the last value).
     """
-    return _fitted(_series(x))
-
-
-def _fitted(values: list[float]) -> tuple[float, float]:
-    """(a, u) in closed form, with m = n - 1."""
     m, total = len(values) - 1, values[0]
     sz = szz = sx = szx = 0.0
     for value in values[1:]:
@@ -60,64 +49,34 @@ def _fitted(values: list[float]) -> tuple[float, float]:
     return (a, u) if math.isfinite(a) and math.isfinite(u) else (0.0, values[-1])
 
 
-def predict(x: Series, ahead: float = 1.0, shift: float = 0.0) -> float:
-    """The restored model at `ahead` intervals beyond the last of n values: at the index h = n - 1 + ahead.
+def forecast(given: Sequence[float], ahead: float, shift: float, correction: Correction) -> float:
+    """The restored model at `ahead` intervals beyond the last of n values, at the index h = n - 1 + ahead, corrected.
 
     `shift` is added before and subtracted after: the model is not invariant to it, and diverges on mixed signs. If the
-    result is not finite, it is the last value. Raises ValueError as `gm11` does, and for an index before the first.
+    result is not finite, it is the last value. Where the check fails, a model of the residuals corrects it. `literal`:
+    GM(1,1) of all residuals, of which the first is 0 and the signs are mixed: as good as none. `tail`, our repair: of
+    the residuals 2..n, shifted until they are positive.
     """
-    return forecast(x, ahead, shift, "none")
-
-
-def forecast(x: Series, ahead: float = 1.0, shift: float = 0.0, correction: Correction = "tail") -> float:
-    """The same, corrected by a model of the residuals where the check fails.
-
-    `literal`: GM(1,1) of all residuals, of which the first is 0 and the signs are mixed: as good as none. `tail`, our
-    repair: of the residuals 2..n, shifted until they are positive.
-    """
-    return _forecast(_series(x), ahead, shift, correction)
-
-
-def _forecast(given: list[float], ahead: float, shift: float, correction: Correction) -> float:
     index = len(given) - 1 + ahead
-    if not (index >= 0.0 and math.isfinite(index) and math.isfinite(shift)):
-        raise ValueError(f"a finite shift and an index from the first value on are needed, got {shift} and {index}")
     values = [value + shift for value in given]
-    a, u = _fitted(values)
+    a, u = gm11(values)
     result = restored(values[0], a, u, index)
     if correction != "none":
-        residuals = _residuals(values, a, u)
-        if not _accepts(*_check(values, residuals)):
+        residuals = residuals_of(values, a, u)
+        ratio, share = check(values, residuals)
+        if ratio > WORST_RATIO or share < LEAST_SHARE:
             result += _residual(residuals, index, correction)
     return result - shift if math.isfinite(result - shift) else given[-1]
 
 
-def equal_intervals(t: Series, x: Series) -> tuple[Floats, Floats]:
-    """Ψ: the series at n equally spaced times from the first to the last, by linear interpolation; (k, x at k), (n,).
-
-    Raises ValueError for fewer than two times, and for times that do not increase.
-    """
-    times, values = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
-    if times.ndim != 1 or times.shape != values.shape or times.size < 2:
-        raise ValueError(f"as many values as times are needed, two at least, got {values.shape} and {times.shape}")
-    if not (np.isfinite(times).all() and np.isfinite(values).all() and (np.diff(times) > 0).all()):
-        raise ValueError("times must increase, and all be finite, as the values must")
-    return np.linspace(times[0], times[-1], times.size), np.array(_interpolated(times.tolist(), values.tolist()))
-
-
-def forecast_at(
-    time: float, times: Sequence[float], x: Sequence[float], shift: float = 0.0, correction: Correction = "tail"
-) -> float:
+def forecast_at(time: float, times: Sequence[float], x: Sequence[float], shift: float, correction: Correction) -> float:
     """The forecast for a time, from values at unequal times that increase: Ψ, then the index h = (time - t_1) / Δ."""
     spacing = (times[-1] - times[0]) / (len(times) - 1)
-    values = _interpolated(times, x)
-    if not all(map(math.isfinite, values)):
-        values = _series(values)
-    return _forecast(values, (time - times[-1]) / spacing, shift, correction)
+    return forecast(equal_intervals(times, x), (time - times[-1]) / spacing, shift, correction)
 
 
-def _interpolated(times: Sequence[float], x: Sequence[float]) -> list[float]:
-    """x at n equally spaced times, linear in between; ends are kept."""
+def equal_intervals(times: Sequence[float], x: Sequence[float]) -> list[float]:
+    """Ψ: x at n equally spaced times from the first to the last, linear in between."""
     spacing = (times[-1] - times[0]) / (len(times) - 1)  # Δ
     found, j = [float(x[0])], 0
     for i in range(1, len(times) - 1):
@@ -137,21 +96,12 @@ def restored(first: float, a: float, u: float, index: float) -> float:
     return -math.expm1(min(a, LARGEST_EXPONENT)) * (first - u / a) * math.exp(_bounded(-a * index))
 
 
-def check(x: Series, a: float, u: float) -> tuple[float, float]:
+def check(values: Sequence[float], residuals: Sequence[float]) -> tuple[float, float]:
     """(C, p): deviation of the residuals over that of the series; share of them within 0.6745 S1 of their mean.
 
-    A constant series: C = 0 where the residuals are constant, too, else infinite.
+    A constant series: C = 0 where the residuals are constant, too, else infinite. A forecast is corrected unless
+    C <= 0.35 and p >= 0.95: no gate of quality, it passes biased extrapolations, and fails constants.
     """
-    values = _series(x)
-    return _check(values, _residuals(values, a, u))
-
-
-def passes(x: Series, a: float, u: float) -> bool:
-    """Whether C <= 0.35 and p >= 0.95. No gate of quality: it passes biased extrapolations, and fails constants."""
-    return _accepts(*check(x, a, u))
-
-
-def _check(values: list[float], residuals: list[float]) -> tuple[float, float]:
     _, spread = _moments(values)
     middle, off = _moments(residuals)
     limit = SMALL_ERROR * spread
@@ -159,11 +109,7 @@ def _check(values: list[float], residuals: list[float]) -> tuple[float, float]:
     return (off / spread if spread > 0 else 0.0 if off == 0 else math.inf), share
 
 
-def _accepts(ratio: float, share: float) -> bool:
-    return ratio <= WORST_RATIO and share >= LEAST_SHARE
-
-
-def _residuals(values: list[float], a: float, u: float) -> list[float]:
+def residuals_of(values: Sequence[float], a: float, u: float) -> list[float]:
     """q: what the restored model leaves of each value; 0 of the first."""
     if abs(a) < FLAT:
         return [0.0, *[value - u for value in values[1:]]]
@@ -176,26 +122,18 @@ def _residual(residuals: list[float], index: float, correction: Correction) -> f
     if not all(map(math.isfinite, residuals)):
         return 0.0
     if correction == "literal":
-        added = restored(0.0, *_fitted(residuals), index)
+        added = restored(0.0, *gm11(residuals), index)
     else:
         tail = residuals[1:]
         if len(tail) < 2:
             return 0.0
         c = max(0.0, -min(tail)) + max(tail) - min(tail) + MARGIN
         moved = [q + c for q in tail]
-        added = restored(moved[0], *_fitted(moved), index - 1.0) - c
+        added = restored(moved[0], *gm11(moved), index - 1.0) - c
     return added if math.isfinite(added) else 0.0
 
 
-def _series(x: Series) -> list[float]:
-    """The values as floats. Raises ValueError."""
-    values = np.asarray(x, dtype=np.float64)
-    if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
-        raise ValueError(f"a grey model needs a row of two or more finite values, got {x!r:.80}")
-    return cast(list[float], values.tolist())
-
-
-def _moments(values: list[float]) -> tuple[float, float]:
+def _moments(values: Sequence[float]) -> tuple[float, float]:
     """Mean and population standard deviation."""
     middle = sum(values) / len(values)
     return middle, math.sqrt(sum([(value - middle) * (value - middle) for value in values]) / len(values))

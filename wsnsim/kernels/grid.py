@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats
+from wsnsim.base.arrays import Floats
 from wsnsim.kernels.compilation import kernel
 from wsnsim.kernels.elementary import exp, log
 

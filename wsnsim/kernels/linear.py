@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats, Keys
+from wsnsim.base.arrays import Floats, Keys
 from wsnsim.kernels.compilation import inner, kernel
 from wsnsim.kernels.elementary import normal_pair
 

@@ -17,9 +17,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.kernels.compilation import exact_inlined, exact_kernel, kernel
-from wsnsim.kernels.noise import GOLDEN, ONE, mix, uniform
+from wsnsim.kernels.elementary import GOLDEN, ONE, mix, uniform
 
 Law: TypeAlias = tuple[float, float, float, bool]
 """(period, awake part, probability, staggered)"""

@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import log
 

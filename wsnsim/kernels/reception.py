@@ -19,9 +19,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.kernels.compilation import exact_kernel, inlined, kernel
-from wsnsim.kernels.noise import GOLDEN, ONE, mix, uniform
+from wsnsim.kernels.elementary import GOLDEN, ONE, mix, uniform
 
 RECEIVED, COLLIDED, FOREIGN, LOST = 1, 2, 3, 4
 """The outcomes of a frame at one node, in the order of the groups. FOREIGN: it was for another node."""

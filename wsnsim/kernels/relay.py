@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.kernels.compilation import kernel, merged, ordered_kernel
 from wsnsim.kernels.elementary import exp, log
 

@@ -14,12 +14,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
+from wsnsim.kernels.acoustic import Law, own_log_likelihood
 from wsnsim.kernels.compilation import inner, kernel
-from wsnsim.kernels.elementary import log
+from wsnsim.kernels.elementary import log, particle_keys, uniform
 from wsnsim.kernels.gaussian import fit_weighted, log_density
-from wsnsim.kernels.noise import particle_keys, uniform
-from wsnsim.kernels.sensing import Law, own_log_likelihood
 
 LARGEST_STATE = 1e9
 """A state with a larger component is invalid (our choice): a diverging swarm fails without overflowing."""
@@ -130,25 +129,6 @@ def _columns(offsets: Ints, moving: Bools) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 @inner
-def _take(row: Floats, places: Ints) -> Floats:
-    """Those values of a row."""
-    result = np.empty(places.size)
-    for j in range(places.size):
-        result[j] = row[places[j]]
-    return result
-
-
-@inner
-def _take_columns(cloud: Floats, places: Ints) -> Floats:
-    """Those columns of a cloud."""
-    result = np.empty((cloud.shape[0], places.size))
-    for d in range(cloud.shape[0]):
-        for j in range(places.size):
-            result[d, j] = cloud[d, places[j]]
-    return result
-
-
-@inner
 def _put(cloud: Floats, log_weights: Floats, places: Ints, some: Floats) -> None:
     """Write those columns of a cloud, and give them equal weights."""
     for j in range(places.size):
@@ -200,16 +180,14 @@ def move_own(
     """
     iterations, phi1, phi2, length, random_factors = pull
     chosen, owners, rows, cuts = _columns(offsets, moving)
-    some, best = _take_columns(cloud, chosen), _take_columns(cloud, chosen)
-    fits, before, velocity = _take(fitness, chosen), _take(carried, chosen), np.zeros(some.shape)
-    ranks = _take(log_weights if ranked else fitness, chosen)
+    some, best = cloud[:, chosen], cloud[:, chosen]
+    fits, before, velocity = fitness[chosen], carried[chosen], np.zeros(some.shape)
+    ranks = (log_weights if ranked else fitness)[chosen]
     if ranked:
         for j in range(chosen.size):
             ranks[j] -= log_counts[rows[owners[j]]]
-    own, places = np.empty(rows.size, np.uint64), np.empty((rows.size, 2))
-    for k in range(rows.size):
-        own[k], places[k, 0], places[k, 1] = keys[rows[k]], positions[rows[k], 0], positions[rows[k], 1]
-    heard, loud, particles = _take(readings, rows), _take(gains, rows), particle_keys(own, cuts, tag)
+    places = positions[rows]
+    heard, loud, particles = readings[rows], gains[rows], particle_keys(keys[rows], cuts, tag)
     means, factors = fit_weighted(some, before, cuts, ridge)
     prior = log_density(some, means, factors, cuts)
     for iteration in range(iterations):

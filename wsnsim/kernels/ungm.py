@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Floats, Ints, Keys
+from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import normal_pair
 

@@ -24,7 +24,7 @@ from wsnsim.base.network_ports import Appointment, NearNodes, Outlook, steps_in
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.sensing import detected, informations
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.models.clusters import TIMES, LeadsByPlace, Threshold, too_little_charge
+from wsnsim.models.clusters import TIMES, LeadsByPlace, Threshold
 
 PRIOR: Final = 4.0
 """Over the squared sensing range: the information of being somewhere in a disc of that radius, along each axis."""
@@ -160,7 +160,7 @@ class Appointed(LeadsByPlace):
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue if no battery is large enough for a head, or if the horizon has too many steps."""
-        yield from too_little_charge(setup)
+        yield from LeadsByPlace.check(self, setup)
         if (steps := steps_in(self.horizon, setup.dt)) > MOST_STEPS:
             allowed = f"at most {MOST_STEPS}, {MOST_STEPS * setup.dt:g} s, can be predicted"
             yield Issue(("clusters", "horizon"), f"{self.horizon:g} s are {steps} steps of {setup.dt:g} s: {allowed}")

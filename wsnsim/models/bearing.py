@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.ranging import REACH, reach_issues
-from wsnsim.models.sensing import coordinates, fisher
+from wsnsim.models.sensing import OfPosition, coordinates, fisher
 
 TURN: Final = 2.0 * math.pi
 LOG_TWO_PI: Final = math.log(TURN)
@@ -36,7 +36,7 @@ WHOSE_AXIS: Final = "axis from which bearings are measured: the x-axis for all, 
 LEAST: Final = "least distance: a node has no reading of a nearer target"
 
 
-class OfDirection:
+class OfDirection(OfPosition):
     """What sensors of a direction have in common. A sensor gives `components` with their `periods`, and `deviations`.
 
     The components are a bearing, or a range and a bearing.
@@ -121,10 +121,6 @@ class OfDirection:
         each = fisher(gradients, 1.0 / variances)
         total: Floats = each.reshape(len(positions), len(self.deviations), *each.shape[1:]).sum(axis=1)
         return total
-
-    def assumed(self, gains: str, inflate: bool) -> Any:
-        """The sensor itself: it has no gains that a filter might not know."""
-        return self
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue for a sensing range that is too long, or not longer than the least distance."""

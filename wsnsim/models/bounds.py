@@ -26,6 +26,8 @@ STATE: Final = Quantity("", ge=-1e7, le=1e7, label="SI")
 """A column of a state, in SI units."""
 DEVIATION: Final = Quantity("", ge=1e-6, le=1e7, label="SI")
 """The standard deviation of a column of a state."""
+LEVEL: Final = Quantity("dBm", ge=-200.0, le=60.0)
+"""A power of radio."""
 POWER_OF_SOUND: Final = Quantity("", ge=1e-12, le=1e18)
 """An energy of a signal or of noise, in any unit."""
 

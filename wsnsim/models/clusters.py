@@ -31,7 +31,7 @@ Threshold: TypeAlias = Annotated[
 
 
 class LeadsByPlace:
-    """What policies share whose heads never count who senses: the strongest is elected, the nearest succeeds."""
+    """What policies share: the strongest is elected, the nearest succeeds, and a battery must be large enough."""
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
@@ -45,9 +45,13 @@ class LeadsByPlace:
         """The able node nearest to the predicted position (2,); None if none is able."""
         return nearest_able(forecast, positions, able)
 
+    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
+        """Yield an issue if no battery is large enough for a head."""
+        yield from too_little_charge(setup)
+
 
 @part
-class StrongestSignal:
+class StrongestSignal(LeadsByPlace):
     """The node with the strongest reading leads, until too few members of its cluster sense the target.
 
     The head hands over when N_act < `minimum_active` or N_act / N_cluster < `handover_fraction`. The node nearest to
@@ -71,25 +75,13 @@ class StrongestSignal:
         """'electing' if the node nearest to the forecast calls an election instead of leading, else 'standing'."""
         return "electing" if self.successor_rule == "elect" else "standing"
 
-    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
-        return strongest_able(ids, strengths, able)
-
     def must_hand_over(self, active: int, members: int) -> bool:
         """Whether fewer members sense than the minimum or the fraction; both counts include the head."""
         return active < self.minimum_active or active / members < self.handover_fraction
 
-    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """The able node nearest to the predicted position (2,); None if none is able."""
-        return nearest_able(forecast, positions, able)
-
-    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
-        """Yield an issue if no battery is large enough for a head."""
-        yield from too_little_charge(setup)
-
 
 @part
-class Central:
+class Central(LeadsByPlace):
     """An open cluster: one fixed head near (x, y), to which every node belongs that senses the target.
 
     A reference for trackers that use every reading; our choice, from no paper. There are no elections: `successor`
@@ -107,17 +99,9 @@ class Central:
         """None: the head is not elected."""
         return None
 
-    def must_hand_over(self, active: int, members: int) -> bool:
-        """Never."""
-        return False
-
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
         """The able node nearest to (x, y), wherever the target is; None if none is able."""
         return nearest_able(np.array([self.x, self.y]), positions, able)
-
-    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
-        """Yield an issue if no battery is large enough for a head."""
-        yield from too_little_charge(setup)
 
 
 @part
@@ -150,7 +134,7 @@ class MovingHead(LeadsByPlace):
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue if no node could lead, if times do not fit, or if `wakeup` or `tracker` cannot be combined."""
-        yield from too_little_charge(setup)
+        yield from LeadsByPlace.check(self, setup)
         yield from self._bad_waits(setup)
         mechanism = setup.wakeup.mechanism
         if self.main == "prediction" and mechanism == "none":

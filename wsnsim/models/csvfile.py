@@ -247,13 +247,9 @@ def _good_rows(
             yield rows.line_num, *words, *read[1]
 
 
-def _header(rows: Any) -> list[str]:
-    return [name.strip() for name in next(rows, [])]
-
-
 def _present(path: str, rows: Any, wanted: Wanted) -> tuple[dict[str, int], dict[str, tuple[int, str]]]:
     """The index of each column of texts, and the index and name of each column of numbers, that the file has."""
-    header = _header(rows)
+    header = [name.strip() for name in next(rows, [])]
     named = {**wanted.texts, **wanted.numbers}
     needed = tuple(theirs for ours, theirs in named.items() if ours not in wanted.optional)
     if not set(needed) <= set(header):
@@ -284,14 +280,14 @@ def _cells(
     values = []
     for i, name in numbers.values():
         cell = row[i] if i < len(row) else ""
-        value = _number(cell)
+        value = number_in(cell)
         if not math.isfinite(value):
             return f"{name} must be a finite number, is {cell.strip()[:LONGEST_SHOWN]!r}"
         values.append(value)
     return words, values
 
 
-def _number(cell: str) -> float:
+def number_in(cell: str) -> float:
     """The number that a cell holds; NaN if it holds none."""
     try:
         return float(cell.replace("_", "no digit"))

@@ -14,6 +14,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.part import Quantity, part
+from wsnsim.models.bounds import LEVEL
 
 Modulation: TypeAlias = Literal["oqpsk", "ncfsk"]
 _K: Final = np.arange(2, 17)
@@ -61,7 +62,6 @@ def snr_at_sensitivity(modulation: Modulation) -> float:
 
 WATTS: Final = Quantity("W", ge=0.0, le=1e3)
 SECONDS: Final = Quantity("s", ge=0.0, le=10.0)
-LEVEL: Final = Quantity("dBm", ge=-200.0, le=60.0)
 
 
 class RadioSleep(NamedTuple):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
@@ -22,13 +22,30 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import Setup
 from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import ASSUMED, TOLERANCE, covers, outside, too_few, too_few_for_a_cluster, uncovered
-from wsnsim.models.node_file import FromFile, field_around
 
-__all__ = ["Anchors", "FromFile", "Grid", "JitteredGrid", "Uniform", "cells"]
+LEAST_SIDE: Final = 1.0
+"""Least side (m) of a field that is derived from the positions of the nodes, as with one node or nodes on a line."""
+
+
+class Centred:
+    """The field of deployments that are given its sides. `fixed`: whether all runs have the same positions."""
+
+    fixed: ClassVar[bool] = False
+    width: float
+    height: float
+
+    @property
+    def field(self) -> Field:
+        """The rectangle of `width` by `height`, centred at (0, 0)."""
+        return Field(self.width, self.height)
+
+    def check(self, setup: Setup) -> Iterator[Issue]:
+        """Yield an issue if the nodes are too few to cover the field or to form a cluster."""
+        yield from too_few(self, setup)
 
 
 @part
-class Uniform:
+class Uniform(Centred):
     """Nodes uniform over the field, sampled again until every point of it is within sensing range of a node.
 
     Source: Jiang, Song, Lin (2013), table 2; about 1.05 samples are needed there. The limit on samples is our choice.
@@ -41,35 +58,23 @@ class Uniform:
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
     position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
-    @property
-    def field(self) -> Field:
-        """The rectangle of `width` by `height`, centred at (0, 0)."""
-        return Field(self.width, self.height)
-
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions. Raises RunError if no sample covers the field."""
         size = np.array([self.width, self.height])
         return _until_covered(self, lambda: (rng.random((self.nodes, 2)) - 0.5) * size, reach)
 
-    def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue if the nodes are too few to cover the field or to form a cluster."""
-        yield from too_few(self, setup)
-
 
 @part
-class Grid:
+class Grid(Centred):
     """Nodes at the centres of nearly square cells, row by row; an incomplete last row is spread evenly."""
+
+    fixed: ClassVar[bool] = True
 
     nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
     width: Annotated[float, LENGTH, "width of the field, in x"] = 400.0
     height: Annotated[float, LENGTH, "height of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
-
-    @property
-    def field(self) -> Field:
-        """The rectangle of `width` by `height`, centred at (0, 0)."""
-        return Field(self.width, self.height)
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions, row by row from the lower left; `rng` is not used."""
@@ -82,7 +87,7 @@ class Grid:
 
 
 @part
-class JitteredGrid:
+class JitteredGrid(Centred):
     """Nodes on a grid as in `Grid`, each moved at random in its cell; sampled again until the field is covered."""
 
     nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
@@ -92,11 +97,6 @@ class JitteredGrid:
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
     position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
-
-    @property
-    def field(self) -> Field:
-        """The rectangle of `width` by `height`, centred at (0, 0)."""
-        return Field(self.width, self.height)
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions. Raises RunError if no sample covers the field."""
@@ -115,6 +115,8 @@ class Anchors:
     The field is `width` by `height`, centred at `centre`. The default of each is that of the smallest rectangle that
     contains the nodes, with sides of at least 1 m (our choice).
     """
+
+    fixed: ClassVar[bool] = True
 
     places: Annotated[tuple[tuple[float, float], ...], PLACE, "x and y of each node"] = ((0.0, 0.0),)
     width: Annotated[float | None, LENGTH, "width of the field, in x; default: the extent of the nodes"] = None
@@ -179,3 +181,13 @@ def _until_covered(part: Uniform | JitteredGrid, draw: Callable[[], Floats], rea
         f"deploy: none of {part.draws} sampled deployments of {part.nodes} nodes with a sensing range of {reach:g} m "
         f"covered the field of {part.width:g} m by {part.height:g} m; use more nodes, a longer range, or cover: false"
     )
+
+
+def field_around(places: Floats, margin: float = 0.0) -> Field:
+    """The smallest rectangle with sides of at least 1 m that contains places (N, 2) m, extended by a margin."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    middle = (low + high) / 2
+    # the centre is rounded: without the second term, an outermost node could be outside by a rounding error
+    extents = np.maximum(high - low, 2.0 * np.abs(places - middle).max(axis=0))
+    width, height = (np.maximum(extents, LEAST_SIDE) + 2.0 * margin).tolist()
+    return Field(width, height, (float(middle[0]), float(middle[1])))

@@ -18,6 +18,7 @@ from wsnsim.base.errors import Issue, did_you_mean
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import Mode, ModePower
 from wsnsim.base.setups import RadioSetup, Setup
+from wsnsim.models.bounds import LEVEL
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet, RadioSleep
 from wsnsim.models.links import LogNormal
 
@@ -151,7 +152,7 @@ class States:
 
     radio: Annotated[RadioSheet, "datasheet of the radio, or its name"]
     processor: Annotated[ProcessorSheet, "datasheet of the processor, or its name"]
-    power: Annotated[float, Quantity("dBm", ge=-200.0, le=60.0), "output power: one of the levels of the radio"] = 0.0
+    power: Annotated[float, LEVEL, "output power: one of the levels of the radio"] = 0.0
     battery: Annotated[float, Quantity("J", gt=0), "initial charge of a node; .inf for no limit"] = 18_720.0
     sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "energy of one reading"] = 0.0
     sleep_state: Annotated[

@@ -34,6 +34,7 @@ from wsnsim.models.csvfile import (
     BadRow,
     bad_rows_text,
     limited,
+    number_in,
     open_text,
 )
 from wsnsim.models.link_recording import Bursts, LinkRecording, LinkRow, RecordedRows, link_recording
@@ -207,10 +208,7 @@ def _row(line: int, cells: Sequence[str], packets: str, header: _Header) -> Link
 
 
 def _number(name: str, cell: str, least: float, most: float) -> float:
-    try:
-        value = float(cell) if "_" not in cell else math.nan
-    except ValueError:
-        value = math.nan
+    value = number_in(cell)
     if not least <= value <= most:
         raise ValueError(f"{name} must be a number from {least:g} to {most:g}, is {cell[:LONGEST_SHOWN]!r}")
     return value

@@ -8,8 +8,10 @@ propagate(states (D, N), dt, keys (N,), time) -> (D, N)
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import PLACE, STATE
-from wsnsim.models.motion import FARTHEST, LinearProcess, NoiseInput, accelerating, coasting, start_issues
+from wsnsim.models.motion import InPlane, kept_near, start_issues
 
 BATCH: Final = 256
 """Trajectories that rejection sampling computes together; fewer if they are longer than 1024 steps."""
@@ -27,8 +29,109 @@ INPUTS: Final = {"accelerations": 2, "diagonal": 4, "direct": 4}
 """Number of noise inputs: the columns of Γ."""
 
 
+NoiseInput = Literal["accelerations", "diagonal", "direct"]
+
+
+class LinearProcess(NamedTuple):
+    """One step of a linear motion: F (D, D), a root L (D, K) of the process covariance Q, and Q = L Lᵀ (D, D)."""
+
+    transition: Floats
+    root: Floats
+    covariance: Floats
+
+    def matrices(self, count: int) -> tuple[Floats, Floats]:
+        """F (count, D, D), one read-only matrix repeated, and a copy of Q (D, D)."""
+        if count != 1:
+            return np.broadcast_to(self.transition, (count, *self.transition.shape)), self.covariance.copy()
+        once = self.transition[None]  # a tenth of the time
+        once.flags.writeable = False
+        return once, self.covariance.copy()
+
+
+@functools.lru_cache(maxsize=64)
+def accelerating(q: float, dt: float) -> LinearProcess:
+    """F and G of Liu, Wang (2012), eqs. 16-17."""
+    transition = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
+    root = np.sqrt(q) * np.array([[dt**2 / 2], [dt], [1.0]])
+    return LinearProcess(transition, root, root @ root.T)
+
+
+@functools.lru_cache(maxsize=64)
+def coasting(noise_input: NoiseInput, variances: tuple[float, ...], dt: float) -> LinearProcess:
+    """F and Γ of Wei, Guo (2022), experiment 3, or of Ruan et al. (2020), eq. 3."""
+    transition = np.kron(np.eye(2), np.array([[1.0, dt], [0.0, 1.0]]))
+    lever = np.array([[dt**2 / 2], [dt]])
+    gammas = {
+        "accelerations": np.kron(np.eye(2), lever),
+        "diagonal": np.diag(np.tile(lever[:, 0], 2)),
+        "direct": np.eye(4),
+    }
+    root = gammas[noise_input] * np.sqrt(variances)
+    return LinearProcess(transition, root, root @ root.T)
+
+
+@functools.lru_cache(maxsize=64)
+def near_constant_velocity(q: float, dt: float) -> LinearProcess:
+    """White noise of intensity q in the acceleration (Bar-Shalom, Li, Kirubarajan 2001, eq. 6.2.2-7)."""
+    transition = np.kron(np.eye(2), np.array([[1.0, dt], [0.0, 1.0]]))
+    root: Floats = math.sqrt(q) * np.array(
+        [[math.sqrt(dt**3 / 3.0), 0.0], [math.sqrt(3.0 * dt) / 2.0, math.sqrt(dt) / 2.0]]
+    )
+    both_axes: Floats = np.kron(np.eye(2), root).astype(np.float64)
+    return LinearProcess(transition, both_axes, both_axes @ both_axes.T)
+
+
+@functools.lru_cache(maxsize=64)
+def mean_reverting(memory: float, sd: float, dt: float) -> LinearProcess:
+    """An Ornstein-Uhlenbeck velocity and its integral over dt (Uhlenbeck, Ornstein 1930), independent on each axis.
+
+    The terms of the position's variance cancel to third order in dt/τ: below 1e-3 its series is used.
+    """
+    r = dt / memory
+    alpha, gone = math.exp(-r), -math.expm1(-r)
+    position = r**3 * (2.0 / 3.0 - r / 2.0) if r < 1e-3 else 2.0 * r - 3.0 + 4.0 * alpha - alpha * alpha
+    a, b, c = sd**2 * memory**2 * position, sd**2 * memory * gone**2, -(sd**2) * math.expm1(-2.0 * r)
+    first = math.sqrt(a)
+    lower = b / first if first > 0.0 else 0.0
+    axis = np.array([[first, 0.0], [lower, math.sqrt(max(c - lower * lower, 0.0))]])
+    root = np.kron(np.eye(2), axis)
+    transition = np.kron(np.eye(2), np.array([[1.0, memory * gone], [0.0, alpha]]))
+    return LinearProcess(transition, root, root @ root.T)
+
+
+class LinearMotion:
+    """The base of motions x⁺ = F x + L w with standard normal w. A subclass gives `_process` and `columns`."""
+
+    no_density: ClassVar[str]
+    """Why a transition has no density, and what to do: where L has no inverse."""
+    columns: ClassVar[tuple[str, ...]]
+
+    def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
+        """(D, N) the states one step later, with process noise."""
+        process = self._process(dt)
+        return kernels.propagate(stateful(states, len(self.columns)), keys, process.transition, process.root)
+
+    def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
+        """(D, N) the states one step later, without noise."""
+        return kernels.advance(stateful(states, len(self.columns)), self._process(dt).transition)
+
+    def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
+        """F (N, D, D), one read-only matrix repeated, and the process covariance (D, D)."""
+        return self._process(dt).matrices(states.shape[1])
+
+    def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
+        """(N,) log p(after | before); -inf where either is not finite. Raises RunError if there is no density."""
+        size, process = len(self.columns), self._process(dt)
+        if process.root.shape[1] < size or not np.all(np.diag(process.root) > 0.0):
+            raise RunError(f"motion: {self.no_density}")
+        return kernels.log_transition(stateful(after, size), stateful(before, size), process.transition, process.root)
+
+    def _process(self, dt: float) -> LinearProcess:
+        raise NotImplementedError
+
+
 @part
-class ConstantAcceleration:
+class ConstantAcceleration(LinearMotion):
     """Near-constant acceleration of a target on the x-axis.
 
     x⁺ = F x + G w with F = [1 T T²/2; 0 1 T; 0 0 1], G = [T²/2; T; 1] and w ~ N(0, q): the process covariance G q Gᵀ
@@ -41,6 +144,10 @@ class ConstantAcceleration:
     units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m/s2")
     position: ClassVar[tuple[int, ...]] = (0,)
     linear_gaussian: ClassVar[bool] = True
+    no_density: ClassVar[str] = (
+        "the process noise is singular (constant_acceleration has one noise input for three columns), so the "
+        "transition has no density; use a tracker, or a variant of it, that does not need the density"
+    )
 
     q: Annotated[float, Quantity("m2/s4", ge=0, le=1e9), "variance of the noise in the acceleration"] = 1e-6
     start: Annotated[tuple[float, float, float], STATE, "px, vx, ax at time 0, in SI units"] = (1.0, 0.1, 0.01)
@@ -49,27 +156,7 @@ class ConstantAcceleration:
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, 3) one trajectory from the start state. Raises RunError if it diverges."""
         walk = _walk(np.array(self.start)[:, None], _root(self, dt), self._process(dt).transition, steps, rng)
-        return _kept_near(np.array([states[:, 0] for states in walk]), self.position, dt)
-
-    def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
-        """(3, N) the states one step later, with process noise (eq. 15)."""
-        process = self._process(dt)
-        return kernels.propagate(stateful(states, len(self.columns)), keys, process.transition, process.root)
-
-    def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(3, N) the states one step later, without noise."""
-        return kernels.advance(stateful(states, len(self.columns)), self._process(dt).transition)
-
-    def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
-        """F (N, 3, 3), one read-only matrix repeated, and the process covariance G q Gᵀ (3, 3)."""
-        return self._process(dt).matrices(states.shape[1])
-
-    def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
-        """Always raises RunError: the noise has one input for three columns, so the transition has no density."""
-        raise RunError(
-            "motion: the process noise is singular (constant_acceleration has one noise input for three columns), so "
-            "the transition has no density; use a tracker, or a variant of it, that does not need the density"
-        )
+        return kept_near(np.array([states[:, 0] for states in walk]), self.position, dt)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the target starts outside the field of a network."""
@@ -84,7 +171,7 @@ class ConstantAcceleration:
 
 
 @part
-class ConstantVelocity:
+class ConstantVelocity(InPlane, LinearMotion):
     """Near-constant velocity of a target in the plane.
 
     x⁺ = F x + Γ w with F = blkdiag([1 T; 0 1], [1 T; 0 1]). `noise_input` selects Γ: `accelerations` is
@@ -99,10 +186,11 @@ class ConstantVelocity:
     courses are our interpretation of Ruan's figures; the limit on samples and `start_sd` are our choice.
     """
 
-    columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
-    units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
-    position: ClassVar[tuple[int, ...]] = (0, 2)
     linear_gaussian: ClassVar[bool] = True
+    no_density: ClassVar[str] = (
+        "the process noise is singular (noise_input: accelerations, or a variance of 0), so the transition has no "
+        "density; use noise_input: diagonal or direct with variances > 0"
+    )
 
     noise_input: Annotated[NoiseInput, "Γ: what the process noise acts on"] = "accelerations"
     variances: Annotated[
@@ -161,35 +249,7 @@ class ConstantVelocity:
         if self.course == "in_room":
             return self._truth_in_room(steps, dt, rng)
         turn = (steps + 1) // 2 if self.course == "turn" else None
-        return _kept_near(np.array([states[:, 0] for states in self._walk(1, steps, dt, rng, turn)]), self.position, dt)
-
-    def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
-        """(4, N) the states one step later, with process noise (Ruan, eq. 3)."""
-        process = self._process(dt)
-        return kernels.propagate(stateful(states, len(self.columns)), keys, process.transition, process.root)
-
-    def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(4, N) the states one step later, without noise."""
-        return kernels.advance(stateful(states, len(self.columns)), self._process(dt).transition)
-
-    def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
-        """F (N, 4, 4), one read-only matrix repeated, and the process covariance (4, 4)."""
-        return self._process(dt).matrices(states.shape[1])
-
-    def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(N,) log p(after | before); -inf where either is not finite.
-
-        Raises:
-            RunError: the process covariance is singular: `noise_input: accelerations`, or a variance of 0.
-        """
-        process = self._process(dt)
-        if process.root.shape[1] < 4 or not np.all(np.diag(process.root) > 0.0):
-            raise RunError(
-                "motion: the process noise is singular (noise_input: accelerations, or a variance of 0), so the "
-                "transition has no density; use noise_input: diagonal or direct with variances > 0"
-            )
-        after, before = stateful(after, len(self.columns)), stateful(before, len(self.columns))
-        return kernels.log_transition(after, before, process.transition, process.root)
+        return kept_near(np.array([states[:, 0] for states in self._walk(1, steps, dt, rng, turn)]), self.position, dt)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the target starts outside the field of a network."""
@@ -261,11 +321,3 @@ def _walk(
         if step == turn:
             states = states * np.array([[1.0], [1.0], [1.0], [-1.0]])
         yield states
-
-
-def _kept_near(states: Floats, position: tuple[int, ...], dt: float) -> Floats:
-    """The trajectory itself. Raises RunError with the time at which it diverges."""
-    near = np.all(np.abs(states[:, position]) < FARTHEST, axis=1)
-    if not near.all():
-        raise RunError(f"motion: the trajectory diverges: it is beyond {FARTHEST:g} m at {near.argmin() * dt:g} s")
-    return states

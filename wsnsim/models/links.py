@@ -20,7 +20,7 @@ from wsnsim.base.arrays import Bools, Floats, Keys
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import Setup
-from wsnsim.models.bounds import LENGTH, MOST_DEVIATIONS, truncated_normals
+from wsnsim.models.bounds import LENGTH, LEVEL, MOST_DEVIATIONS, truncated_normals
 from wsnsim.models.datasheets import Modulation, bit_error, snr_at_sensitivity, snr_for, success
 
 SHORTEST_BITS: Final = 88
@@ -30,7 +30,6 @@ LEAST_SUCCESS: Final = 1e-3
 LEAST_DISTURBANCE: Final = 0.1
 """An interferer that raises the noise by a smaller share is neglected (our choice)."""
 PER_DECIBEL: Final = math.log(10.0) / 10.0
-LEVEL: Final = Quantity("dBm", ge=-200.0, le=60.0)
 SPREAD: Final = Quantity("dB", ge=0.0, le=30.0)
 
 

@@ -18,7 +18,8 @@ from wsnsim.base.errors import RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.rng import normals
 from wsnsim.models.bounds import PLACE, STATE
-from wsnsim.models.motion import FARTHEST, LinearProcess, mean_reverting, near_constant_velocity
+from wsnsim.models.linear import LinearProcess, mean_reverting, near_constant_velocity
+from wsnsim.models.motion import FARTHEST, InPlane
 
 SMALL = 1e-4
 """rad: below this angle a series is used, since the quotient loses digits."""
@@ -26,7 +27,7 @@ LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
 @part
-class GaussMarkov:
+class GaussMarkov(InPlane):
     """A velocity that reverts to its mean and is driven by noise, on each axis: dv = -(v - v̄)/τ dt + σ √(2/τ) dw.
 
     v⁺ = v̄ + α (v - v̄) + σ √(1 - α²) w with α = exp(-dt/τ). The position is the exact integral of the velocity; filters
@@ -36,10 +37,6 @@ class GaussMarkov:
 
     Source: Liang, Haas (2003), eq. 2.
     """
-
-    columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
-    units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
-    position: ClassVar[tuple[int, ...]] = (0, 2)
 
     memory: Annotated[
         float, Quantity("s", gt=0.0, le=1e9), "τ: after which the autocorrelation of the velocity is 1/e"

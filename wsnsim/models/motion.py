@@ -1,9 +1,9 @@
-"""The motion model of PSO-MHPF's paper, and what motion models share: linear transitions, and the check of their start.
+"""The motion model of PSO-MHPF's paper, and what motion models in the plane share.
 
 propagate(states (D, N), dt, keys (N,), time) -> (D, N)
 
 Truth, predictions and transition densities share one process covariance. `time` is the instant of the given states, in
-s; this model does not depend on it. Transitions of one step are x⁺ = F x + L w with standard normal w.
+s; this model does not depend on it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import dataclasses
 import functools
 import math
 from collections.abc import Iterator
-from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -21,77 +20,8 @@ from wsnsim.base.arrays import Floats, Keys, planar, stateful
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
-from wsnsim.kernels import motion as kernels
+from wsnsim.kernels import acoustic as kernels
 from wsnsim.models.bounds import STATE
-
-NoiseInput = Literal["accelerations", "diagonal", "direct"]
-
-
-class LinearProcess(NamedTuple):
-    """One step of a linear motion: F (D, D), a root L (D, K) of the process covariance Q, and Q = L Lᵀ (D, D)."""
-
-    transition: Floats
-    root: Floats
-    covariance: Floats
-
-    def matrices(self, count: int) -> tuple[Floats, Floats]:
-        """F (count, D, D), one read-only matrix repeated, and a copy of Q (D, D)."""
-        if count != 1:
-            return np.broadcast_to(self.transition, (count, *self.transition.shape)), self.covariance.copy()
-        once = self.transition[None]  # a tenth of the time
-        once.flags.writeable = False
-        return once, self.covariance.copy()
-
-
-@functools.lru_cache(maxsize=64)
-def accelerating(q: float, dt: float) -> LinearProcess:
-    """F and G of Liu, Wang (2012), eqs. 16-17."""
-    transition = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
-    root = np.sqrt(q) * np.array([[dt**2 / 2], [dt], [1.0]])
-    return LinearProcess(transition, root, root @ root.T)
-
-
-@functools.lru_cache(maxsize=64)
-def coasting(noise_input: NoiseInput, variances: tuple[float, ...], dt: float) -> LinearProcess:
-    """F and Γ of Wei, Guo (2022), experiment 3, or of Ruan et al. (2020), eq. 3."""
-    transition = np.kron(np.eye(2), np.array([[1.0, dt], [0.0, 1.0]]))
-    lever = np.array([[dt**2 / 2], [dt]])
-    gammas = {
-        "accelerations": np.kron(np.eye(2), lever),
-        "diagonal": np.diag(np.tile(lever[:, 0], 2)),
-        "direct": np.eye(4),
-    }
-    root = gammas[noise_input] * np.sqrt(variances)
-    return LinearProcess(transition, root, root @ root.T)
-
-
-@functools.lru_cache(maxsize=64)
-def near_constant_velocity(q: float, dt: float) -> LinearProcess:
-    """White noise of intensity q in the acceleration (Bar-Shalom, Li, Kirubarajan 2001, eq. 6.2.2-7)."""
-    transition = np.kron(np.eye(2), np.array([[1.0, dt], [0.0, 1.0]]))
-    root: Floats = math.sqrt(q) * np.array(
-        [[math.sqrt(dt**3 / 3.0), 0.0], [math.sqrt(3.0 * dt) / 2.0, math.sqrt(dt) / 2.0]]
-    )
-    both_axes: Floats = np.kron(np.eye(2), root).astype(np.float64)
-    return LinearProcess(transition, both_axes, both_axes @ both_axes.T)
-
-
-@functools.lru_cache(maxsize=64)
-def mean_reverting(memory: float, sd: float, dt: float) -> LinearProcess:
-    """An Ornstein-Uhlenbeck velocity and its integral over dt (Uhlenbeck, Ornstein 1930), independent on each axis.
-
-    The terms of the position's variance cancel to third order in dt/τ: below 1e-3 its series is used.
-    """
-    r = dt / memory
-    alpha, gone = math.exp(-r), -math.expm1(-r)
-    position = r**3 * (2.0 / 3.0 - r / 2.0) if r < 1e-3 else 2.0 * r - 3.0 + 4.0 * alpha - alpha * alpha
-    a, b, c = sd**2 * memory**2 * position, sd**2 * memory * gone**2, -(sd**2) * math.expm1(-2.0 * r)
-    first = math.sqrt(a)
-    lower = b / first if first > 0.0 else 0.0
-    axis = np.array([[first, 0.0], [lower, math.sqrt(max(c - lower * lower, 0.0))]])
-    root = np.kron(np.eye(2), axis)
-    transition = np.kron(np.eye(2), np.array([[1.0, memory * gone], [0.0, alpha]]))
-    return LinearProcess(transition, root, root @ root.T)
 
 
 def start_issues(motion: Any, setup: TrackingSetup) -> Iterator[Issue]:
@@ -106,13 +36,29 @@ def start_issues(motion: Any, setup: TrackingSetup) -> Iterator[Issue]:
         yield Issue(("motion", "start"), f"({x:g}, {y:g}) m is outside the field of {size}")
 
 
+class InPlane:
+    """The columns of a state in the plane: position and velocity."""
+
+    columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
+    units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
+    position: ClassVar[tuple[int, ...]] = (0, 2)
+
+
+def kept_near(states: Floats, position: tuple[int, ...], dt: float) -> Floats:
+    """The trajectory itself. Raises RunError with the time at which it diverges."""
+    near = np.all(np.abs(states[:, position]) < FARTHEST, axis=1)
+    if not near.all():
+        raise RunError(f"motion: the trajectory diverges: it is beyond {FARTHEST:g} m at {near.argmin() * dt:g} s")
+    return states
+
+
 START = (-45.0, -20.0, -50.0, -35.0)
 FARTHEST = 1e12
 """m: a trajectory beyond this coordinate has diverged (our choice)."""
 
 
 @part
-class BoundedVelocity:
+class BoundedVelocity(InPlane):
     """Near-constant velocity within a bound; beyond it the target is pulled back and slowed, on each axis separately.
 
     x⁺ = A(x) x + w with A = blkdiag(F_x, F_y): F1 = [1 T; 0 1] while |p| <= a, else F2 = [1 T; -T c1, 1 - T c2].
@@ -121,10 +67,6 @@ class BoundedVelocity:
 
     Source: Jiang, Song, Lin (2013), eqs. 1-4 and table 2.
     """
-
-    columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
-    units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
-    position: ClassVar[tuple[int, int]] = (0, 2)
 
     bound: Annotated[
         float, Quantity("m", gt=0), "a: distance from the origin beyond which the target is turned back"
@@ -152,9 +94,7 @@ class BoundedVelocity:
         law = self._law(dt)
         for step in range(steps):
             states[step + 1] = kernels.advance(states[step, :, None], law)[:, 0] + noise[step]
-            if not -FARTHEST < states[step + 1, 0] < FARTHEST or not -FARTHEST < states[step + 1, 2] < FARTHEST:
-                raise RunError(f"motion: the trajectory diverges: it is beyond {FARTHEST:g} m at {(step + 1) * dt:g} s")
-        return states
+        return kept_near(states, self.position, dt)
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
         """The states (4, N) one step later, with process noise (eq. 1)."""
@@ -184,10 +124,6 @@ class BoundedVelocity:
         after, before = stateful(after, len(self.columns)), stateful(before, len(self.columns))
         return kernels.log_transition(after, before, self._law(dt), root)
 
-    def drift_law(self, dt: float) -> tuple[kernels.Drift, kernels.Root]:
-        """The constants of A and the root of the process covariance for the kernels, for a step of `dt` s."""
-        return self._law(dt), self._process(dt).root
-
     def assumed(self, noise_scale: float) -> BoundedVelocity:
         """The model that a filter assumes: process covariance times `noise_scale`, which scales both terms."""
         return dataclasses.replace(self, q=self.q * noise_scale, sigma0=self.sigma0 * math.sqrt(noise_scale))
@@ -200,15 +136,8 @@ class BoundedVelocity:
         return dt, self.bound, self.c1, self.c2
 
     def _process(self, dt: float) -> StepNoise:
-        """The process noise of a step of `dt`, computed once."""
-        known: dict[float, StepNoise] = self._processes
-        if dt not in known:
-            known[dt] = _process_of(self, dt)
-        return known[dt]
-
-    @cached_property
-    def _processes(self) -> dict[float, StepNoise]:
-        return {}
+        q, sigma0 = self.noise != "g_only", self.noise != "q_only"
+        return bounded_process(self.q if q else 0.0, self.sigma0**2 if sigma0 else 0.0, dt)
 
 
 class StepNoise(NamedTuple):
@@ -218,10 +147,9 @@ class StepNoise(NamedTuple):
     root: kernels.Root
 
 
-def _process_of(motion: BoundedVelocity, dt: float) -> StepNoise:
+@functools.lru_cache(maxsize=64)
+def bounded_process(q: float, s: float, dt: float) -> StepNoise:
     """The noise of a step (eq. 4): covariance [a b; b c] on each axis, with a determinant free of cancellation."""
-    q = 0.0 if motion.noise == "g_only" else motion.q
-    s = 0.0 if motion.noise == "q_only" else motion.sigma0**2
     a = s * dt**4 / 4 + q * dt**3 / 2
     b = s * dt**3 / 2 + q * dt**2 / 2
     c = s * dt**2 + q * dt

@@ -18,10 +18,9 @@ from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import ASSUMED, outside, too_few_for_a_cluster, uncovered
 from wsnsim.models.csvfile import Wanted, first_of_equal, only_rows
+from wsnsim.models.deploy import field_around
 
 MARGIN: Final = Quantity("m", ge=0, le=1e6)
-LEAST_SIDE: Final = 1.0
-"""Least side (m) of a field that is derived from the positions of the nodes, as with one node or nodes on a line."""
 EVERYWHERE: Final = Field(2e7, 2e7)
 """The places that a coordinate may have: see `bounds.PLACE`."""
 
@@ -47,6 +46,8 @@ class FromFile:
 
     Recorded readings refer to nodes by these names. Heights count in the law of a sensor that has them.
     """
+
+    fixed: ClassVar[bool] = True
 
     path: Annotated[str, "CSV file, also .gz, with a header that names x and y; further columns are ignored"]
     columns: Annotated[PlaceColumns, "the names of the file's columns, where they differ"] = PlaceColumns()
@@ -129,16 +130,6 @@ class FromFile:
             return
         yield from too_few_for_a_cluster(len(positions), "path", setup)
         yield from uncovered(self, positions, setup)
-
-
-def field_around(places: Floats, margin: float = 0.0) -> Field:
-    """The smallest rectangle with sides of at least 1 m that contains places (N, 2) m, extended by a margin."""
-    low, high = places.min(axis=0), places.max(axis=0)
-    middle = (low + high) / 2
-    # the centre is rounded: without the second term, an outermost node could be outside by a rounding error
-    extents = np.maximum(high - low, 2.0 * np.abs(places - middle).max(axis=0))
-    width, height = (np.maximum(extents, LEAST_SIDE) + 2.0 * margin).tolist()
-    return Field(width, height, (float(middle[0]), float(middle[1])))
 
 
 def read_positions(path: str, field: Field, columns: tuple[str, str] = ("x", "y")) -> Floats:

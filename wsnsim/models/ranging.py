@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -20,14 +20,14 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.kernels import ranging as kernels
 from wsnsim.models.bounds import LENGTH
-from wsnsim.models.sensing import coordinates, fisher
+from wsnsim.models.sensing import OfPosition, coordinates, fisher
 
 REACH: Final = Quantity("m", ge=1e-3)
 """A sensing range that may be infinite: up to 1e7 m, or .inf (see `reach_issues`)."""
 FITTED_ON: Final = "digests of the files of readings that the law was fitted to, as `wsnsim fit` writes them"
 
 
-class OfDistance:
+class OfDistance(OfPosition):
     """Methods of sensors whose reading depends on a distance, with a gain and a height of the node or without.
 
     A sensor gives `_law`. One whose nodes differ also gives `trait_names`, `draw_traits`, `_places` and `_gains`, and
@@ -35,18 +35,9 @@ class OfDistance:
     """
 
     @property
-    def trait_names(self) -> tuple[str, ...]:
-        """The names of a node's traits: none, all nodes have the same sensor."""
-        return ()
-
-    @property
     def constant_gaussian(self) -> bool:
         """Whether the noise is Gaussian: its variance is constant, so a mean of n readings has the variance R / n."""
         return self._dof == math.inf
-
-    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
-        """(nodes, 0) nothing: all nodes have the same sensor."""
-        return np.empty((nodes, 0))
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
@@ -84,10 +75,6 @@ class OfDistance:
         """
         _, gradients, variances = self.linearise(points, positions, traits)
         return fisher(gradients, information_factor(self._dof) / variances)
-
-    def assumed(self, gains: str, inflate: bool) -> Any:
-        """The sensor itself: it has no gains that a filter might not know."""
-        return self
 
     def _places(self, positions: Floats, traits: Floats) -> Floats:
         """(S, 2) the points from which distances are measured, or (S, 3) with the squared difference in height."""

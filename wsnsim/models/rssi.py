@@ -147,14 +147,11 @@ class Rssi(OfDistance):
         offset = self.z0 - slope * math.log(self.d0)
         return offset, slope, float(self.floor), float(self.sd) ** 2 + inflation, math.inf, True
 
-    def places(self, positions: Floats, traits: Floats) -> Floats:
+    def _places(self, positions: Floats, traits: Floats) -> Floats:
         """(S, 2) the positions, or (S, 3) with the squared difference in height."""
         if self.target_height is None:
             return np.ascontiguousarray(positions)
         return np.column_stack([positions, (traits[:, 1] - self.target_height) ** 2])
-
-    def _places(self, positions: Floats, traits: Floats) -> Floats:
-        return self.places(positions, traits)
 
     def _gains(self, traits: Floats) -> Floats | None:
         return np.ascontiguousarray(traits[:, 0]) if self.trait_names else None
@@ -164,13 +161,9 @@ class Rssi(OfDistance):
         return self.law()
 
     @property
-    def degrees(self) -> float:
+    def _dof(self) -> float:
         """Degrees of freedom ν of the noise; infinite: it is normal."""
         return self.dof if self.noise == "student_t" else math.inf
-
-    @property
-    def _dof(self) -> float:
-        return self.degrees
 
 
 @part
@@ -223,7 +216,7 @@ class AssumedRssi(OfDistance):
         return self.sensor.assumed(gains, inflate)
 
     def _places(self, positions: Floats, traits: Floats) -> Floats:
-        return self.sensor.places(positions, traits)
+        return self.sensor._places(positions, traits)
 
     def _gains(self, traits: Floats) -> Floats | None:
         return np.ascontiguousarray(traits[:, 0]) if self.gains == "known" and self.trait_names else None
@@ -239,7 +232,7 @@ class AssumedRssi(OfDistance):
 
     @property
     def _dof(self) -> float:
-        return self.sensor.degrees
+        return self.sensor._dof
 
 
 def _wrong_count(gains: int, nodes: int) -> str:

@@ -9,21 +9,70 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, planar
 from wsnsim.base.part import Quantity, part
-from wsnsim.kernels import sensing as kernels
+from wsnsim.kernels import acoustic as kernels
 from wsnsim.models.bounds import LENGTH, POWER_OF_SOUND
 
 LEAST_DISTANCE = 1.0
 """m: shorter distances are taken as this, since d^-α is unbounded (our choice)."""
 
 
+class OfEnergy:
+    """What the two models of acoustic energy have in common. A model gives `_law` and `_gains`."""
+
+    trait_names: ClassVar[tuple[str, ...]] = ("gain",)
+
+    def log_likelihood(
+        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
+    ) -> Floats:
+        """(N,) log p(readings | target at points (P, N)): of all S readings, or of reading owners[j] for particle j.
+
+        Zeros without readings; -inf for points that are not finite and for readings that are NaN.
+        """
+        x, y = coordinates(points)
+        positions, gains = np.ascontiguousarray(positions), self._gains(traits)
+        if owners is None or not readings.size:
+            return kernels.joint_log_likelihood(x, y, readings, positions, gains, self._law)
+        return kernels.own_log_likelihood(x, y, readings, positions, gains, owners, self._law)
+
+    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
+        """Expected readings (S, N) at points (P, N), their gradients (S, P, N) and their variances (S, N)."""
+        x, y = coordinates(points)
+        places, gains = np.ascontiguousarray(positions), self._gains(traits)
+        means, gradients, variances = kernels.linearised(x, y, places, gains, self._law)
+        return means, np.ascontiguousarray(gradients[:, : len(points)]), variances
+
+    def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
+        """(S, P, P, N) Fisher information about the position in the mean and the variance of one reading per sensor.
+
+        R = (2c/N_sam) μ² + i s² with s = μ - σ² and the inflation i has the slope ∂R = 2 ((2c/N_sam) μ + i s) ∂μ.
+        """
+        noise, _, _, spread, inflation = self._law
+        means, gradients, variances = self.linearise(points, positions, traits)
+        slopes = 2.0 * (spread * means + inflation * (means - noise))
+        return fisher(gradients, 1.0 / variances + 0.5 * (slopes / variances) ** 2)
+
+    def energy_law(self, traits: Floats) -> tuple[kernels.Law, Floats]:
+        """The law for the kernels, and the gains (S,) of sensors with traits (S, 1)."""
+        return self._law, self._gains(traits)
+
+    def _gains(self, traits: Floats) -> Floats:
+        """(S,) the gain of each sensor."""
+        raise NotImplementedError
+
+    @cached_property
+    def _law(self) -> kernels.Law:
+        """The constants for the kernels."""
+        raise NotImplementedError
+
+
 @part
-class AcousticEnergy:
+class AcousticEnergy(OfEnergy):
     """The energy of a sound, averaged over samples, which falls with a power of the distance.
 
     μ = σ² + g I d^-α, R = (2c/N_sam) μ², z = μ + N(0, R). R depends on the state, so log R stays in the likelihood.
@@ -32,8 +81,6 @@ class AcousticEnergy:
     Source: Jiang, Song, Lin (2013), eqs. 5-8 and table 2. The paper gives neither I nor σ²: with ours, signal and
     noise are about equal at the sensing range.
     """
-
-    trait_names: ClassVar[tuple[str, ...]] = ("gain",)
 
     reach: Annotated[float, LENGTH, "R_s: sensing range"] = 60.0
     decay: Annotated[float, Quantity("", gt=0, le=100), "α: exponent of the loss with distance"] = 2.2
@@ -59,34 +106,12 @@ class AcousticEnergy:
         result: Floats = mean * (1.0 + np.sqrt(2.0 * self.nonlinearity / self.samples) * noise)
         return result
 
-    def log_likelihood(
-        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
-    ) -> Floats:
-        """(N,) log p(readings | target at points (P, N)): of all S readings, or of reading owners[j] for particle j.
-
-        Zeros without readings; -inf for points that are not finite and for readings that are NaN.
-        """
-        return _log_likelihood(self._law, points, readings, positions, traits[:, 0], owners)
-
-    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
-        """Expected readings (S, N) at points (P, N), their gradients (S, P, N) and their variances (S, N)."""
-        return _linearised(self._law, points, positions, traits[:, 0])
-
-    def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
-        """(S, P, P, N) Fisher information about the position in the mean and the variance of one reading per sensor.
-
-        R = (2c/N_sam) μ² has the slope ∂R = 2 (2c/N_sam) μ ∂μ.
-        """
-        means, gradients, variances = self.linearise(points, positions, traits)
-        return fisher(gradients, _weights(variances, 2.0 * self._law[3] * means))
-
     def assumed(self, gains: str, inflate: bool) -> AcousticEnergy | UncalibratedAcousticEnergy:
         """The model that a filter assumes: gains are 'known' (calibrated nodes) or 'unknown' (taken as 1)."""
         return self if gains == "known" else UncalibratedAcousticEnergy(sensor=self, inflate=inflate)
 
-    def energy_law(self, traits: Floats) -> tuple[kernels.Law, Floats]:
-        """The law for the kernels, and the gains (S,) of sensors with traits (S, 1)."""
-        return self._law, np.ascontiguousarray(traits[:, 0])
+    def _gains(self, traits: Floats) -> Floats:
+        return np.ascontiguousarray(traits[:, 0])
 
     @cached_property
     def _law(self) -> kernels.Law:
@@ -98,7 +123,7 @@ class AcousticEnergy:
 
 
 @part
-class UncalibratedAcousticEnergy:
+class UncalibratedAcousticEnergy(OfEnergy):
     """The model that a filter assumes of an `AcousticEnergy` whose gains it does not know: every gain is 1.
 
     With `inflate`, the variance of the gain times the squared signal is added: R' = R + (γ²/3) (I d^-α)², with γ²/3 =
@@ -107,8 +132,6 @@ class UncalibratedAcousticEnergy:
 
     sensor: AcousticEnergy
     inflate: bool
-
-    trait_names: ClassVar[tuple[str, ...]] = AcousticEnergy.trait_names
 
     @property
     def reach(self) -> float:
@@ -124,35 +147,15 @@ class UncalibratedAcousticEnergy:
         means, _, variances = self.linearise(points.T, positions, traits)
         return np.diagonal(means) + np.sqrt(np.diagonal(variances)) * noise
 
-    def log_likelihood(
-        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
-    ) -> Floats:
-        """(N,) log-likelihoods as from `AcousticEnergy.log_likelihood`, with gains of 1 and the variance R'."""
-        return _log_likelihood(self.law(), points, readings, positions, np.ones(len(positions)), owners)
-
-    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
-        """Expected readings, gradients and variances as from `AcousticEnergy`, with gains of 1 and the variance R'."""
-        return _linearised(self.law(), points, positions, np.ones(len(positions)))
-
-    def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
-        """(S, P, P, N) Fisher information about the position in one reading, if the assumed model is true.
-
-        R' = (2c/N_sam) μ² + (γ²/3) s² with s = μ - σ² has the slope ∂R' = 2 ((2c/N_sam) μ + (γ²/3) s) ∂μ.
-        """
-        noise, _, _, spread, inflation = self.law()
-        means, gradients, variances = self.linearise(points, positions, traits)
-        return fisher(gradients, _weights(variances, 2.0 * (spread * means + inflation * (means - noise))))
-
-    def energy_law(self, traits: Floats) -> tuple[kernels.Law, Floats]:
-        """The law for the kernels, and a gain of 1 for each sensor."""
-        return self.law(), np.ones(len(traits))
-
     def assumed(self, gains: str, inflate: bool) -> AcousticEnergy | UncalibratedAcousticEnergy:
         """The model that another filter assumes of the same sensor."""
         return self.sensor.assumed(gains, inflate)
 
-    def law(self) -> kernels.Law:
-        """The constants for the kernels, with the variance of the gain if it inflates R."""
+    def _gains(self, traits: Floats) -> Floats:
+        return np.ones(len(traits))
+
+    @cached_property
+    def _law(self) -> kernels.Law:
         return self.sensor.law(self.sensor.gain_variance if self.inflate else 0.0)
 
 
@@ -168,33 +171,28 @@ def fisher(gradients: Floats, weights: Floats) -> Floats:
     return gradients[:, :, None, :] * scaled[:, None, :, :]
 
 
-def _weights(variances: Floats, slopes: Floats) -> Floats:
-    """1/R + (R'/R)²/2 (S, N): Fisher information about the mean μ of a Gaussian whose variance R(μ) has slope R'."""
-    return 1.0 / variances + 0.5 * (slopes / variances) ** 2
+class OfPosition:
+    """What sensors have in common that measure the position, all in the same way and without gains."""
 
+    @property
+    def trait_names(self) -> tuple[str, ...]:
+        """The names of a node's traits: none, all nodes have the same sensor."""
+        return ()
 
-def _log_likelihood(
-    law: kernels.Law, points: Floats, readings: Floats, positions: Floats, gains: Floats, owners: Ints | None
-) -> Floats:
-    x, y = coordinates(points)
-    positions, gains = np.ascontiguousarray(positions), np.ascontiguousarray(gains)
-    if owners is None or not readings.size:
-        return kernels.joint_log_likelihood(x, y, readings, positions, gains, law)
-    return kernels.own_log_likelihood(x, y, readings, positions, gains, owners, law)
+    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
+        """(nodes, 0) nothing: all nodes have the same sensor."""
+        return np.empty((nodes, 0))
 
-
-def _linearised(law: kernels.Law, points: Floats, positions: Floats, gains: Floats) -> tuple[Floats, Floats, Floats]:
-    x, y = coordinates(points)
-    positions, gains = np.ascontiguousarray(positions), np.ascontiguousarray(gains)
-    means, gradients, variances = kernels.linearised(x, y, positions, gains, law)
-    return means, np.ascontiguousarray(gradients[:, : len(points)]), variances
+    def assumed(self, gains: str, inflate: bool) -> Any:
+        """The sensor itself: it has no gains that a filter might not know."""
+        return self
 
 
 LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
 @part
-class Coordinate:
+class Coordinate(OfPosition):
     """The target's coordinate along the node's own axis: z = x cos θ + y sin θ + v, v ~ N(0, R).
 
     Each node has a constant θ, uniform over half a turn; a target on a line has y = 0. Every node measures the target,
@@ -203,11 +201,15 @@ class Coordinate:
     Source: the linear measurement model of Bar-Shalom, Li, Kirubarajan (2001), section 5.2; the axes are our choice.
     """
 
-    trait_names: ClassVar[tuple[str, ...]] = ("theta",)
     reach: ClassVar[float] = math.inf
     linear_gaussian: ClassVar[bool] = True
 
     sd: Annotated[float, Quantity("m", ge=1e-6, le=1e7), "standard deviation of a reading"] = 1.0
+
+    @property
+    def trait_names(self) -> tuple[str, ...]:
+        """The direction of the node's axis."""
+        return ("theta",)
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
         """(nodes, 1) the direction θ of each node's axis, in rad."""
@@ -243,10 +245,6 @@ class Coordinate:
         """(S, P, P, N) Fisher information about the position in one reading of each sensor: g gᵀ / R."""
         _, gradients, variances = self.linearise(points, positions, traits)
         return fisher(gradients, 1.0 / variances)
-
-    def assumed(self, gains: str, inflate: bool) -> Self:
-        """The sensor itself: it has no gains that a filter might not know."""
-        return self
 
 
 def _axes(traits: Floats) -> Floats:

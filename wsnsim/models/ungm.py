@@ -18,6 +18,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import ungm as kernels
 from wsnsim.models.bounds import STATE
+from wsnsim.models.sensing import OfPosition
 
 
 @part
@@ -80,7 +81,7 @@ class Ungm:
 
 
 @part
-class Squared:
+class Squared(OfPosition):
     """The square of a scalar state, z = x²/20 + N(0, R): the sign of the state is not observable.
 
     Every node measures the state, wherever it stands.
@@ -88,14 +89,9 @@ class Squared:
     Source: Wei, Guo (2022), experiment 1.
     """
 
-    trait_names: ClassVar[tuple[str, ...]] = ()
     reach: ClassVar[float] = float("inf")
 
     variance: Annotated[float, Quantity("", ge=1e-12, le=1e12), "R: variance of a reading"] = 1.0
-
-    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
-        """(nodes, 0) nothing: all nodes have the same sensor."""
-        return np.empty((nodes, 0))
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
         """(n,) readings of the states `points` (n, 1), with standard normal noise."""
@@ -126,10 +122,6 @@ class Squared:
         with np.errstate(over="ignore"):
             each = (points / 10.0) ** 2 / self.variance
         return np.repeat(each[None, None], len(positions), axis=0)
-
-    def assumed(self, gains: str, inflate: bool) -> Squared:
-        """The model itself: it has no gains."""
-        return self
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue for targets that move in the plane: the sensor squares a position of one column."""

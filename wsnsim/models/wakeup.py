@@ -15,7 +15,7 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.sleeping import Decision, Point, WakeUpMessage, WakeUpPlan, WakeUpRadio
-from wsnsim.models.bounds import LENGTH
+from wsnsim.models.bounds import LENGTH, LEVEL
 
 SEQUENCES: Final = 256
 """Sequence numbers have one byte."""
@@ -29,7 +29,6 @@ EXPERIENCE: Final = {"low": (0.6, 0.3, 0.4, 0.1), "mid": (0.9, 0.5, 0.7, 0.2), "
 """Probabilities to track: inside r and ahead, inside r and not ahead, beyond r and ahead, beyond r and not ahead."""
 MOST_STEPS: Final = 128
 """Steps for which a message may be valid (our choice): half of the sequence numbers."""
-LEVEL: Final = Quantity("dBm", ge=-200.0, le=60.0)
 SECONDS: Final = Quantity("s", ge=0.0, le=1e6)
 
 

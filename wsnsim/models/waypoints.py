@@ -16,14 +16,14 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Keys, stateful
+from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import LENGTH, PLACE
 from wsnsim.models.csvfile import Wanted, only_rows
-from wsnsim.models.motion import near_constant_velocity
+from wsnsim.models.linear import LinearMotion, LinearProcess, near_constant_velocity
+from wsnsim.models.motion import InPlane
 
 INTENSITY = Quantity("m2/s3", ge=0.0, le=1e9)
 MOST_LEGS = 1e6
@@ -34,34 +34,15 @@ FARTHEST_POINT = 1e9
 """Greatest time (s) and coordinate (m) of a given waypoint (our choice)."""
 
 
-class Straight:
-    """The four columns and the near-constant velocity that filters assume, of motion with straight legs."""
+class Straight(InPlane, LinearMotion):
+    """The state and the near-constant velocity that filters assume, of motion with straight legs."""
 
-    columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
-    units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
-    position: ClassVar[tuple[int, ...]] = (0, 2)
     continuous: ClassVar[bool] = True
+    no_density: ClassVar[str] = "with q = 0 the process noise is singular and has no density; use q > 0"
     q: float
 
-    def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
-        """(4, N) the states one step later, with process noise."""
-        process = near_constant_velocity(self.q, dt)
-        return kernels.propagate(stateful(states, 4), keys, process.transition, process.root)
-
-    def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(4, N) the states one step later, without noise."""
-        return kernels.advance(stateful(states, 4), near_constant_velocity(self.q, dt).transition)
-
-    def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
-        """F (N, 4, 4), one read-only matrix repeated, and the process covariance (4, 4)."""
-        return near_constant_velocity(self.q, dt).matrices(states.shape[1])
-
-    def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(N,) log p(after | before). Raises RunError if q = 0, since there is no density."""
-        if self.q <= 0.0:
-            raise RunError("motion: with q = 0 the process noise is singular and has no density; use q > 0")
-        process = near_constant_velocity(self.q, dt)
-        return kernels.log_transition(stateful(after, 4), stateful(before, 4), process.transition, process.root)
+    def _process(self, dt: float) -> LinearProcess:
+        return near_constant_velocity(self.q, dt)
 
     def assumed(self, noise_scale: float) -> Self:
         """The model that a filter assumes: process covariance times `noise_scale`."""

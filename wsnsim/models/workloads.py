@@ -14,8 +14,6 @@ from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.access import Framed, IdealMac
 from wsnsim.models.bounds import PLACE
-from wsnsim.models.deploy import Anchors, Grid
-from wsnsim.models.node_file import FromFile
 
 MOST_NODES: Final = 20_000
 """Nodes above which no sink is looked at."""
@@ -63,7 +61,7 @@ def _longest(setup: RadioSetup) -> str:
 
 def _fixed_positions(setup: RadioSetup) -> Floats | None:
     """(N, 2) positions that are the same in every run, in m; None if they are random, or cannot be read."""
-    if not isinstance(setup.deploy, Anchors | Grid | FromFile):
+    if not getattr(setup.deploy, "fixed", False):
         return None
     try:
         return setup.deploy.draw(setup.link.reach, np.random.default_rng(0))
@@ -109,8 +107,47 @@ class Periodic:
             )
 
 
+class ReportsEvery:
+    """What sinks share that estimates are reported to."""
+
+    every: float | None
+
+    def check(self, setup: Setup) -> Iterator[Issue]:
+        """Yield an issue for reports at times that are not steps, and for sinks that no route reaches."""
+        yield from sink_issues(setup, self.every)
+
+
 @part
-class SeveralSinks:
+class NoSink:
+    """No sink: the estimates stay at the cluster heads."""
+
+    point: ClassVar[tuple[float, float] | None] = None
+    bits: ClassVar[int] = 0
+    every: ClassVar[float | None] = None
+
+
+@part
+class NearestNode(ReportsEvery):
+    """The sink is the node nearest to a point. It receives the estimates over several hops (our choice), never sleeps.
+
+    By default a report is one packet of Jiang et al. (2013), 12 bytes.
+    """
+
+    x: Annotated[float, PLACE, "the sink is the node nearest to (x, y)"] = 0.0
+    y: Annotated[float, PLACE, "the sink is the node nearest to (x, y)"] = 0.0
+    bits: Annotated[int, Quantity("", ge=1, le=1_000_000, label="bit"), "bits of a report"] = PACKET_BITS
+    every: Annotated[
+        float | None, Quantity("s", gt=0.0, le=1e9), "time between reports; left out: every estimate is reported"
+    ] = None
+
+    @property
+    def point(self) -> tuple[float, float]:
+        """(x, y) in m."""
+        return self.x, self.y
+
+
+@part
+class SeveralSinks(ReportsEvery):
     """Several sinks: the nodes nearest to some points. A report goes to one of them; sinks never sleep.
 
     With the shortest paths of the network (`minimum_energy`, `minimum_hop`) it is the sink with the cheapest path, with
@@ -134,10 +171,6 @@ class SeveralSinks:
     def point(self) -> tuple[float, float]:
         """(x, y) of the first sink in m."""
         return self.points[0]
-
-    def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue for reports at times that are not steps, and for sinks that no route reaches."""
-        yield from sink_issues(setup, self.every)
 
 
 @part

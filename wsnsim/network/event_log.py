@@ -23,8 +23,8 @@ import simpy
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.frames import SEND
+from wsnsim.base.rng import derive_each
 from wsnsim.base.tables import EVENT_CAUSE, KIND, TABLES, Recorder
-from wsnsim.kernels.noise import sum_of_keys
 from wsnsim.network.energy.ledger import HopCost
 
 TYPES: Final = {column.name: np.dtype(column.dtype) for column in TABLES["events"] if column.name != "replicate"}
@@ -200,7 +200,8 @@ def _typed(values: Floats, dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
 
 def _digest(columns: Mapping[str, np.ndarray[Any, Any]]) -> int:
     times, *others = (columns[name] for name in HASHED)
-    return int(sum_of_keys(times.view(np.uint64), *(values.astype(np.int64) for values in others)))
+    keys = derive_each(times.view(np.uint64), *(values.astype(np.int64).view(np.uint64) for values in others))
+    return int(keys.sum(dtype=np.uint64))
 
 
 @dataclass(slots=True)

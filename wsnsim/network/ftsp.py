@@ -19,7 +19,7 @@ import numpy as np
 from wsnsim.base.arrays import Ints
 from wsnsim.base.mechanisms import SyncServices
 from wsnsim.base.rng import derive, derive_all, normals, uniforms
-from wsnsim.models.synchronisation import Ftsp
+from wsnsim.models.hardware import Ftsp
 
 PATIENCE: Final = 3
 """Outliers in a row that are left out; the next one makes a node forget its reference points."""

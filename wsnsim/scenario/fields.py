@@ -215,7 +215,8 @@ def demand_port(part: type[Any], role: str) -> None:
     ]
     if missing:
         raise PartError(f"lacks {', '.join(repr(name) for name in missing)}, which every {role} needs")
-    if "mechanism" in port and not callable(getattr(part, "start", None)):
+    is_built_in = any(kind.path == f"{part.__module__}:{part.__qualname__}" for kind in ROLES[role].kinds)
+    if "mechanism" in port and not is_built_in and not callable(getattr(part, "start", None)):
         _demand_mechanism(getattr(part, "mechanism", None), role)
 
 

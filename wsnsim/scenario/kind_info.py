@@ -5,11 +5,7 @@
 
 `wsnsim info`, the reference of the documentation and `--json` show the same object.
 
-    import_name("sensor", "range", "Range") -> "RangeSensor"        from wsnsim.models import RangeSensor
     cited_in("Jiang, Song, Lin (2013), eq. 1-4") -> [Citation(...)]
-
-A tracker is imported by the name of its kind in CamelCase. So is another component, followed by its role if the kind is
-one word. The class's own name can be imported as well.
 """
 
 from __future__ import annotations
@@ -17,13 +13,13 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from wsnsim.base.errors import UsageError
+from wsnsim.base.facades import import_name, package_of
 from wsnsim.base.files import read_sections
 from wsnsim.base.plugin_code import PluginImport, announce
 from wsnsim.scenario.examples import Example, example_of
@@ -88,17 +84,6 @@ def cited_in(text: str) -> list[Citation]:
     return sorted((one for one, place in places.items() if place >= 0), key=lambda one: places[one])
 
 
-NOUNS: Final = {
-    "prior": "Prior", "deploy": "Deployment", "motion": "Motion", "sensor": "Sensor", "energy": "Energy",
-    "link": "Link", "mac": "Mac", "packing": "Packing", "routing": "Routing", "sleep": "Sleep", "cpu": "Cpu",
-    "clock": "Clock", "sync": "Sync", "detection": "Detection", "sink": "Sink", "workload": "Workload",
-    "fault": "Fault", "wakeup": "WakeUp", "clusters": "Clusters", "acquire": "Acquire",
-}  # fmt: skip
-"""What follows the kind, by role."""
-TRACKERS: Final = "wsnsim.trackers"
-MODELS: Final = "wsnsim.models"
-
-
 def import_line(role: str, kind: str) -> str:
     """Return the line that imports a built-in kind: 'from wsnsim.trackers import Ekf'.
 
@@ -107,42 +92,6 @@ def import_line(role: str, kind: str) -> str:
     """
     paths = {info.kind: info.path for info in ROLES[role].kinds}
     return f"from {package_of(role)} import {import_name(role, kind, paths[kind].partition(':')[2])}"
-
-
-def package_of(role: str) -> str:
-    """Return the package whose names the kinds of a role are."""
-    return TRACKERS if role == "tracker" else MODELS
-
-
-def import_name(role: str, kind: str, class_name: str) -> str:
-    """Return the name under which a kind is imported."""
-    if role == "tracker" or "_" in kind:
-        return in_camel_case(kind)
-    noun = NOUNS[role]
-    if kind == "none" or kind.endswith(role) or class_name.lower().endswith(noun.lower()):
-        return class_name
-    return in_camel_case(kind) + noun
-
-
-def homes(package: str) -> dict[str, str]:
-    """Return {name: 'module:Class'} of everything that a package hands on.
-
-    These are the name of each kind, the name of its class, and the kind in CamelCase where it is that of one kind only.
-    """
-    infos = [(role, info) for role in ROLES.values() if package_of(role.name) == package for info in role.kinds]
-    found = {info.path.partition(":")[2]: info.path for _, info in infos}
-    shared = Counter(in_camel_case(info.kind) for _, info in infos)
-    for role, info in infos:
-        found[import_name(role.name, info.kind, info.path.partition(":")[2])] = info.path
-        short = in_camel_case(info.kind)
-        if shared[short] == 1:
-            found.setdefault(short, info.path)
-    return found
-
-
-def in_camel_case(kind: str) -> str:
-    """Return a kind as the name of a class: 'pso_mhpf' → 'PsoMhpf'."""
-    return "".join(word[:1].upper() + word[1:] for word in kind.split("_"))
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from wsnsim.base.network_ports import FaultEvent, Workload
 from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND, RECORDED_BY_DEFAULT, Memory
 from wsnsim.experiment import replicate_of
-from wsnsim.models.hardware import PerfectClock
-from wsnsim.models.synchronisation import NoSync
+from wsnsim.models.hardware import NoSync, PerfectClock
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.fault_services import FaultSite, NodeControl

@@ -38,8 +38,8 @@ from wsnsim.trackers.shared.heads import (
     only_predicted,
     score_of,
     summary,
+    weighed_with_gains,
 )
-from wsnsim.trackers.shared.marginalised import weighed_with_gains
 from wsnsim.trackers.shared.readings import gather_readings
 from wsnsim.trackers.shared.stacks import DRAW, MOVE, Score, place_of, propagated_by, snapshot
 from wsnsim.trackers.shared.whole_runs import gaussian_runs

@@ -8,8 +8,8 @@ The baseline IPF of Jiang, Song, Lin (2013), after van der Merwe, Doucet, de Fre
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Member, Send
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.kernels import gaussian
-from wsnsim.kernels.noise import particle_keys
+from wsnsim.kernels.elementary import particle_keys
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
@@ -32,24 +32,20 @@ from wsnsim.trackers.shared.dealing import (
     restored,
     send_moments,
 )
-from wsnsim.trackers.shared.moments import forecast, noise_issues, predicted, symmetric
+from wsnsim.trackers.shared.heads import CloudBelief, HeadFilter
+from wsnsim.trackers.shared.moments import noise_issues, predicted, symmetric
 from wsnsim.trackers.shared.readings import Evidence, arrived_groups, covariance_packets, gather_readings, state_packets
 from wsnsim.trackers.shared.stacks import MOVE, Score, propagated_by, snapshot
 
 
 @dataclass(frozen=True, slots=True)
-class InformationBelief:
+class InformationBelief(CloudBelief):
     """The belief, held by the head: weighted particles, their moments, and each particle's covariance (N, D, D).
 
     Only with `proposal: per_particle` do particles have covariances; otherwise the array is (0, D, D).
     """
 
-    mean: Floats
-    cov: Floats
-    pool: Pool
-    covariances: Floats
-    head: int
-    effective: float = float("nan")
+    covariances: Floats = field(default_factory=lambda: np.empty((0, 0, 0)))
 
 
 class Proposal(NamedTuple):
@@ -68,7 +64,7 @@ class Proposal(NamedTuple):
 
 
 @part
-class InformationPf:
+class InformationPf(HeadFilter):
     """IPF: particles are drawn from a Gaussian updated with all readings, and weighed by prediction over proposal.
 
     `proposal`: `per_particle` carries a covariance with each particle, `local` starts each update from the process
@@ -78,9 +74,6 @@ class InformationPf:
     (our choice; the paper gives no formula). The state-dependent variance of a reading is taken where the update is
     linearised.
     """
-
-    angles: ClassVar[bool] = True
-    vector_readings: ClassVar[bool] = True
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 400
     proposal: Annotated[
@@ -93,15 +86,11 @@ class InformationPf:
         """Yield an issue if the process noise is singular: the weights need a transition density."""
         yield from noise_issues(setup, "the weight of ipf")
 
-    @property
-    def member_cycles(self) -> float:
-        """Zero: members only send their readings, the head does the rest."""
-        return 0.0
-
     def start(self, prior: Estimate, scene: Scene) -> Flow[InformationBelief]:
         """Draw the particles from the prior, each with the prior's covariance."""
         size = prior.mean.size
-        empty = InformationBelief(prior.mean, prior.cov, no_particles(size), np.empty((0, size, size)), scene.head)
+        nothing, pool = np.empty((0, size, size)), no_particles(size)
+        empty = InformationBelief(prior.mean, prior.cov, scene.head, pool=pool, covariances=nothing)
         return (yield from self._complete(empty, scene))
 
     def step(self, belief: InformationBelief, scene: Scene) -> Flow[InformationBelief]:
@@ -131,15 +120,7 @@ class InformationPf:
             covariances = _arrived_covariances(belief, mask, first)
         if arrival is None:
             return None
-        return InformationBelief(arrival.mean, arrival.cov, arrival.pool, covariances, successor)
-
-    def estimate(self, belief: InformationBelief) -> Estimate:
-        """The weighted particles' moments; the effective number is that before resampling."""
-        return Estimate(belief.mean, belief.cov, belief.effective)
-
-    def forecast(self, belief: InformationBelief, scene: Scene, ahead: int) -> Estimate:
-        """The estimate predicted `ahead` steps."""
-        return forecast(self.estimate(belief), scene, ahead)
+        return InformationBelief(arrival.mean, arrival.cov, successor, pool=arrival.pool, covariances=covariances)
 
     def snapshot(self, belief: InformationBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """All particles, as (head, particles (D, n), weights (n,))."""
@@ -179,7 +160,8 @@ class InformationPf:
             before = scene.motion.advance(before, scene.dt, now)
         cloud = propagated_by(scene.key, belief.pool.cloud, scene)[1]
         mean, cov = predicted(belief.mean, belief.cov, scene)
-        return InformationBelief(mean, cov, replace(belief.pool, cloud=cloud), covariances, scene.head)
+        pool = replace(belief.pool, cloud=cloud)
+        return InformationBelief(mean, cov, scene.head, pool=pool, covariances=covariances)
 
     def _update(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> InformationBelief:
         """Propose, weigh, and resample if too few particles are effective."""
@@ -198,7 +180,7 @@ class InformationPf:
             chosen = resampled(log_weights, self.particles, scene.key)
             pool = Pool(np.take(cloud, chosen, axis=1), np.zeros(self.particles))
             covariances = covariances[chosen] if len(covariances) else covariances
-        return InformationBelief(mean, symmetric(cov), pool, covariances, scene.head, effective)
+        return InformationBelief(mean, symmetric(cov), scene.head, effective, pool, covariances)
 
     def _propose(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> Proposal:
         """The proposal of a step: predicted Gaussians, updated with the readings."""

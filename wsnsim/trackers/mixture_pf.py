@@ -42,7 +42,7 @@ TURN, RESAMPLE = 1, 2
 PREDICT_CYCLES: Final = 45.0
 """Operations per particle: to sample its mode 3, and to keep its course: the mean 4, F P Fᵀ row by row 32, its noise 6.
 
-A turn costs less. Equal particles are counted each, though stored once. Weighted as in `shared.localising`."""
+A turn costs less. Equal particles are counted each, though stored once. Weighted as in `shared.fixes`."""
 FIX_CYCLES: Final = 126.0
 """Operations per particle for an update with a fix: innovation and its covariance 5, the inverse 9, gain 24, mean 16,
 covariance 40, log-weight 32."""

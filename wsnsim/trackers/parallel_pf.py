@@ -8,13 +8,13 @@ The baseline PPF of Jiang, Song, Lin (2013). Requests of a step:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Estimate, Floats, Ints
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Flow, Gather, Local, Member, Parcel, Scatter
@@ -28,12 +28,9 @@ from wsnsim.trackers.shared.dealing import (
     give,
     most_readings,
     pooled,
-    predict_only,
     redeal,
     resampled,
-    update_deal,
 )
-from wsnsim.trackers.shared.moments import forecast
 from wsnsim.trackers.shared.readings import (
     UNKNOWN,
     arrived_groups,
@@ -43,7 +40,6 @@ from wsnsim.trackers.shared.readings import (
     is_whole,
     log_mean,
     parcel,
-    share_readings,
     state_packets,
     weight_packets,
 )
@@ -51,11 +47,8 @@ from wsnsim.trackers.shared.spread import (
     LOCAL,
     LocalEstimate,
     Spread,
-    begin,
-    cycles_of,
-    hand_on,
+    SpreadFilter,
     likelihood_of,
-    look,
     only_predicted,
     within_predicted,
 )
@@ -86,23 +79,15 @@ class WeightReport(NamedTuple):
     cov: Floats | None
 
 
-class Tally(NamedTuple):
-    """All reports: log-weights (n,) of each holder's particles, and the local means (D,) that arrived."""
-
-    weights: dict[int, Floats]
-    means: dict[int, Floats]
-
-
 @part
-class ParallelPf:
+class ParallelPf(SpreadFilter[ParallelBelief]):
     """PPF: members predict and weigh their share and send weights; the head returns how often each particle survives.
 
     Weights are kept on one scale over the whole set, so that a member that misses the counts keeps particles that are
     weighed rightly. Resampling restores the full number of particles after a loss.
     """
 
-    angles: ClassVar[bool] = True
-    vector_readings: ClassVar[bool] = True
+    belief: ClassVar[type[Spread]] = ParallelBelief
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: total number of particles"] = 400
     measurements: Annotated[Literal["all", "own"], "readings that a member uses for its weights"] = "all"
@@ -114,54 +99,12 @@ class ParallelPf:
         """Operations of one member of the smallest cluster in a step, its share being N_p / 3: 40 + 30 S a particle."""
         return self.particles / SMALLEST_CLUSTER * (PREDICT_CYCLES + 30.0 * most_readings(self.measurements))
 
-    def start(self, prior: Estimate, scene: Scene) -> Flow[ParallelBelief]:
-        """Sample the particles from the prior at the head and deal them out."""
-        spread = yield from begin(prior, self.particles, self.handover == "gaussian", scene)
-        return _without_weights(spread)
+    def collect(self, belief: ParallelBelief) -> Flow[Pool | None]:
+        """All particles that the members hold. The weights need no packets: they came up with the last step."""
+        reply = yield Gather(lambda member: give(member, self.particles, common=0.0), tuple(belief.deal.held))
+        return _weighed(reply, belief.weights)
 
-    def step(self, belief: ParallelBelief, scene: Scene) -> Flow[ParallelBelief]:
-        """One step; without an active member everything is only predicted."""
-        by_moments = self.handover == "gaussian"
-        deal = yield from update_deal(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
-        if not scene.ids:
-            deal = yield from predict_only(deal, belief.shares, scene)
-            return only_predicted(belief, deal, scene)
-        if self.measurements == "all":
-            yield from share_readings(scene)
-
-        def work_all(members: list[Member]) -> None:
-            self._weigh(members, belief.shares, scene)
-
-        yield Local(lambda member: work_all([member]), cycles_of, work_all)
-        reply = yield Gather(lambda member: _report(member, scene.head))
-        tally = _tallied(reply, deal)
-        after = self._fused(belief, deal, scene, tally, reply)
-        if after.effective < self.threshold * sum(weights.size for weights in after.weights.values()):
-            after = yield from self._resample(after, scene)
-        return after
-
-    def hand_over(self, belief: ParallelBelief, scene: Scene, successor: int) -> Flow[ParallelBelief | None]:
-        """Members to head n packets each; head to successor N_p + ceil(N_p / 4) + 4, or the 4 of the moments alone.
-
-        The weights need no packets on their way to the head: they came up with the last step.
-        """
-        collect = None if self.handover == "gaussian" else _collected(belief, self.particles)
-        spread = yield from hand_on(belief, collect, successor)
-        return None if spread is None else _without_weights(spread)
-
-    def estimate(self, belief: ParallelBelief) -> Estimate:
-        """The fused estimate; the effective number is that of the whole set before resampling."""
-        return Estimate(belief.mean, belief.cov, belief.effective)
-
-    def forecast(self, belief: ParallelBelief, scene: Scene, ahead: int) -> Estimate:
-        """The fused estimate `ahead` steps on."""
-        return forecast(self.estimate(belief), scene, ahead)
-
-    def snapshot(self, belief: ParallelBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
-        """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
-        return look(belief, members)
-
-    def _weigh(self, members: list[Member], shares: Shares, scene: Scene) -> None:
+    def work(self, members: list[Member], shares: Shares, scene: Scene) -> None:
         """Predict and weigh each member's particles, 40 + 30 S operations each, S the readings that it has."""
         stack, heard = shares.stacked(members, len(scene.motion.columns))
         likelihood = likelihood_of(self.measurements, members, heard, scene)
@@ -174,31 +117,37 @@ class ParallelPf:
         for member, mean, cov, taken in zip(members, means, covs, cycles.tolist(), strict=True):
             member.memory[LOCAL] = LocalEstimate(mean, cov, taken)
 
+    def after_work(self, belief: ParallelBelief, deal: Deal, scene: Scene) -> Flow[ParallelBelief]:
+        """Gather weights and local means; where too few particles of the whole set are effective, resample it."""
+        reply = yield Gather(lambda member: _report(member, scene.head))
+        after = self._fused(belief, deal, scene, reply)
+        if after.effective < self.threshold * sum(weights.size for weights in after.weights.values()):
+            after = yield from self._resample(after, scene)
+        return after
+
     def _fused(
         self,
         belief: ParallelBelief,
         deal: Deal,
         scene: Scene,
-        tally: Tally,
         reply: dict[int, tuple[WeightReport, Bools]],
     ) -> ParallelBelief:
         """Local means by the sums of their weights; the covariance is their spread and that of one cloud.
 
         That is the head's own, or where it has none, the last it had, predicted.
         """
-        log_weights = np.concatenate([np.empty(0), *tally.weights.values()])
+        weights, arrived = _tallied(reply, deal)
+        log_weights = np.concatenate([np.empty(0), *weights.values()])
         effective = float(weigh(log_weights, np.array([0, log_weights.size]))[0])
-        if not tally.means:
-            return replace(only_predicted(belief, deal, scene), effective=effective, weights=tally.weights)
-        top = max(tally.weights[node].max() for node in tally.means)
+        top = max((weights[node].max() for node in arrived), default=-np.inf)
         if not np.isfinite(top):
-            return replace(only_predicted(belief, deal, scene), effective=effective, weights=tally.weights)
-        sums = np.array([np.exp(tally.weights[node] - top).sum() for node in tally.means])
+            return replace(only_predicted(belief, deal, scene), effective=effective, weights=weights)
+        sums = np.array([np.exp(weights[node] - top).sum() for node in arrived])
         within = reply[scene.head][0].cov if scene.head in reply else None
         if within is None:
             within = within_predicted(belief, scene)
-        mean, cov = fuse(np.array(list(tally.means.values())), sums, within)
-        return ParallelBelief(mean, cov, within, deal, scene.head, effective, belief.shares, tally.weights)
+        mean, cov = fuse(np.array(list(arrived.values())), sums, within)
+        return ParallelBelief(mean, cov, within, deal, scene.head, effective, belief.shares, weights)
 
     def _resample(self, belief: ParallelBelief, scene: Scene) -> Flow[ParallelBelief]:
         """Tell each holder how often its particles survive, ceil(n / 8) packets, and even out the numbers.
@@ -221,13 +170,6 @@ class ParallelPf:
         return replace(belief, deal=deal, weights={})
 
 
-def _without_weights(spread: Spread) -> ParallelBelief:
-    """A belief before the first weights have come up."""
-    return ParallelBelief(
-        spread.mean, spread.cov, spread.within, spread.deal, spread.head, spread.effective, spread.shares
-    )
-
-
 def _report(member: Member, head: int) -> Parcel | None:
     """Weights, four to a packet, and the local mean."""
     log_weights = member.memory.get(LOG_WEIGHTS)
@@ -240,8 +182,11 @@ def _report(member: Member, head: int) -> Parcel | None:
     )
 
 
-def _tallied(reply: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> Tally:
-    """What arrived, with the mean of all others for each weight that did not; a holder unheard of counts as it was."""
+def _tallied(reply: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> tuple[dict[int, Floats], dict[int, Floats]]:
+    """(log-weights (n,) of each holder, local means (D,)) that arrived; a lost weight is the mean of all others.
+
+    A holder unheard of counts as it was.
+    """
     weights = {node: np.full(count, UNKNOWN) for node, count in deal.held.items() if count}
     means = {}
     for node, (report, mask) in reply.items():
@@ -255,7 +200,7 @@ def _tallied(reply: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> Tally:
             means[node] = report.mean
     everything = guessed(np.concatenate([np.empty(0), *weights.values()]))
     cuts = np.cumsum([piece.size for piece in weights.values()])[:-1]
-    return Tally(dict(zip(weights, np.split(everything, cuts), strict=True)) if weights else {}, means)
+    return dict(zip(weights, np.split(everything, cuts), strict=True)) if weights else {}, means
 
 
 def _copies(counts: Ints, mask: Bools) -> Ints:
@@ -276,12 +221,6 @@ def replicate(member: Member) -> None:
             counts, level = news.payload
             copies = _copies(counts, news.mask)
             keep(member, np.repeat(member.memory[CLOUD], copies, axis=1), np.full(int(copies.sum()), level))
-
-
-def _collected(belief: ParallelBelief, most: int) -> Flow[Pool | None]:
-    """All particles that the members hold, in n packets each; the head knows their weights."""
-    reply = yield Gather(lambda member: give(member, most, common=0.0), tuple(belief.deal.held))
-    return _weighed(reply, belief.weights)
 
 
 def _weighed(reply: dict[int, tuple[tuple[Floats, float], Bools]], weights: Mapping[int, Floats]) -> Pool | None:

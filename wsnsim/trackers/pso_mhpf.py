@@ -8,53 +8,79 @@ Jiang, Song, Lin (2013), sections 3 and 4. Requests of a step:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Callable, Iterator
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Estimate, Floats
+from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
-from wsnsim.base.requests import PACKET_BITS, Flow, Gather, Local, Member, Parcel, all_arrived
+from wsnsim.base.requests import PACKET_BITS, Flow, Gather, Member, Parcel, all_arrived
+from wsnsim.base.rng import uniforms
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.kernels.gaussian import fuse
-from wsnsim.trackers.shared.dealing import (
-    PREDICT_CYCLES,
-    SMALLEST_CLUSTER,
-    Deal,
-    most_readings,
-    predict_only,
-    update_deal,
-)
-from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
-from wsnsim.trackers.shared.readings import share_readings, state_packets
+from wsnsim.kernels.elementary import particle_keys
+from wsnsim.kernels.gaussian import fit, fit_weighted, fuse, log_density
+from wsnsim.kernels.particles import moments, systematic, weigh
+from wsnsim.kernels.swarm import accept, fly, move_own
+from wsnsim.trackers.shared.dealing import PREDICT_CYCLES, SMALLEST_CLUSTER, Deal, Pool, most_readings, pooled
+from wsnsim.trackers.shared.moments import fused_by_variance, noise_issues, symmetric
+from wsnsim.trackers.shared.readings import arrived_particles, state_packets
 from wsnsim.trackers.shared.spread import (
     LOCAL,
+    Likelihood,
     LocalEstimate,
     Spread,
-    begin,
-    collected,
-    cycles_of,
+    SpreadFilter,
     feed_back,
-    hand_on,
+    give_all,
     likelihood_of,
     local_estimate,
-    look,
     only_predicted,
     reported_variances,
     within_predicted,
 )
-from wsnsim.trackers.shared.stacks import LOG_WEIGHTS, Shares, propagated
-from wsnsim.trackers.shared.swarms import Pull, Rules, filter_swarms
+from wsnsim.trackers.shared.stacks import LOG_WEIGHTS, MOVE, START, Score, Shares, Stack, propagated
 
+RIDGE = 1e-3
+"""m², (m/s)²: added to the diagonal of a fitted covariance, which fewer than five particles leave singular."""
 ALWAYS = 2.0
 """A threshold of effective particles that no share of them reaches."""
 
 
+class Predicted(NamedTuple):
+    """What a step has made of the particles before they move.
+
+    Attributes:
+        before: (D, N) the particles one step ago.
+        carried: (N,) their log-weights of the step before, w_{k-1}.
+        fitness: (N,) log-likelihoods of the predicted particles.
+    """
+
+    before: Floats
+    carried: Floats
+    fitness: Floats
+
+
+class Filtered(NamedTuple):
+    """What a step has made of each member's particles.
+
+    Attributes:
+        means: (M, D) the members' own estimates.
+        covs: (M, D, D) their covariances.
+        effective: (M,) the effective number of particles before the move.
+        moving: (M,) whose swarms moved.
+    """
+
+    means: Floats
+    covs: Floats
+    effective: Floats
+    moving: Bools
+
+
 @part
-class PsoMhpf:
+class PsoMhpf(SpreadFilter[Spread]):
     """PSO-MHPF: members predict, weigh and move their own particles, and send only their local estimates.
 
     The move is a heuristic and no valid Markov chain: the proposal depends on the whole swarm's past, the ratio of the
@@ -72,9 +98,6 @@ class PsoMhpf:
     Without random factors and with a step length of one, eq. (18) has a double root at -1 and swings up: literal. The
     particles' share of the head is our choice.
     """
-
-    angles: ClassVar[bool] = True
-    vector_readings: ClassVar[bool] = True
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: total number of particles"] = 400
     iterations: Annotated[int, Quantity("", ge=0), "moves of the swarm per step"] = 2
@@ -120,58 +143,21 @@ class PsoMhpf:
         seen = most_readings(self.measurements)
         return self.particles / SMALLEST_CLUSTER * self._per_particle(seen, True, 1)
 
-    def start(self, prior: Estimate, scene: Scene) -> Flow[Spread]:
-        """Draw the particles from the prior at the head and deal them out; paid like a handover's deal-out."""
-        return begin(prior, self.particles, self.handover == "gaussian", scene)
-
-    def step(self, belief: Spread, scene: Scene) -> Flow[Spread]:
-        """One step: N_act - 1 local estimates reach the head; without an active member everything is only predicted."""
-        by_moments = self.handover == "gaussian"
-        deal = yield from update_deal(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
-        if not scene.ids:
-            deal = yield from predict_only(deal, belief.shares, scene)
-            return only_predicted(belief, deal, scene)
-        if self.measurements == "all":
-            yield from share_readings(scene)
-
-        def work_all(members: list[Member]) -> None:
-            self._filter(members, belief.shares, scene)
-
-        yield Local(lambda member: work_all([member]), cycles_of, work_all)
-        own: list[LocalEstimate] = []
-        reply = yield Gather(self._reporter(scene.head, belief.mean.size, own))
-        after = self._fused(belief, deal, scene, reply, own[0] if own else None)
-        if self.feedback:
-            yield from feed_back(after, scene)
-        return after
-
-    def hand_over(self, belief: Spread, scene: Scene, successor: int) -> Flow[Spread | None]:
-        """Members to head n packets each; head to successor N_p + ceil(N_p / 4) + 4, or the 4 of the moments alone.
+    def collect(self, belief: Spread) -> Flow[Pool | None]:
+        """All particles that the members hold, in n packets each.
 
         The paper counts no packet for the members' weights: a member whose weights differ resamples its share first
         (our choice), with its own key.
         """
-        collect = None if self.handover == "gaussian" else collected(belief)
-        return hand_on(belief, collect, successor)
+        reply = yield Gather(give_all, tuple(belief.deal.held))
+        return pooled([arrived_particles(payload, mask) for payload, mask in reply.values()])
 
-    def estimate(self, belief: Spread) -> Estimate:
-        """The fused estimate; the effective number is that of the head's own share before its move."""
-        return Estimate(belief.mean, belief.cov, belief.effective)
-
-    def forecast(self, belief: Spread, scene: Scene, ahead: int) -> Estimate:
-        """The fused estimate `ahead` steps on."""
-        return forecast(self.estimate(belief), scene, ahead)
-
-    def snapshot(self, belief: Spread, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
-        """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
-        return look(belief, members)
-
-    def _filter(self, members: list[Member], shares: Shares, scene: Scene) -> None:
+    def work(self, members: list[Member], shares: Shares, scene: Scene) -> None:
         """Predict, weigh and move each member's particles (section 4, steps 5-8); the result stays in its memory."""
         stack, heard = shares.stacked(members, len(scene.motion.columns))
         likelihood = likelihood_of(self.measurements, members, heard, scene)
         before, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)  # eq. 12
-        filtered = filter_swarms(stack, before, likelihood, self._rules(scene.dt), scene)
+        filtered = self._filtered(stack, before, likelihood, scene)
         shares.store(stack)
         cycles = self._cycles(stack.counts.tolist(), likelihood.sensors, filtered.moving.tolist(), scene.steps)
         results = map(
@@ -180,13 +166,101 @@ class PsoMhpf:
         for member, result in zip(members, results, strict=True):
             member.memory[LOCAL] = result
 
-    def _rules(self, dt: float) -> Rules:
-        """When and how the swarms move."""
-        threshold = ALWAYS if self.resample_always else self.threshold
-        length = dt if self.step_length == "dt" else 1.0
-        pull = Pull(self.iterations, self.phi1, self.phi2, length, self.random_factors)
-        options = self.acceptance, self.prior_fit, self.ranking, self.resample_first, self.estimate_when
-        return Rules(threshold, pull, *options)
+    def after_work(self, belief: Spread, deal: Deal, scene: Scene) -> Flow[Spread]:
+        """N_act - 1 local estimates reach the head, which fuses them."""
+        own: list[LocalEstimate] = []
+        reply = yield Gather(self._reporter(scene.head, belief.mean.size, own))
+        after = self._fused(belief, deal, scene, reply, own[0] if own else None)
+        if self.feedback:
+            yield from feed_back(after, scene)
+        return after
+
+    def _filtered(self, stack: Stack, before: Floats, likelihood: Likelihood, scene: Scene) -> Filtered:
+        """Weigh a stack of predicted particles in place, and move the swarms of those who have few effective ones.
+
+        Eqs. (13)-(24). `before` (D, N) are the particles one step ago.
+        """
+        carried, fitness = stack.log_weights, likelihood.score(stack)(stack.cloud)
+        stack.log_weights = carried + fitness  # eq. 13
+        effective = weigh(stack.log_weights, stack.offsets)  # eq. 14
+        moving = effective < (ALWAYS if self.resample_always else self.threshold) * stack.counts
+        if self.estimate_when == "before":
+            means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
+        if any(moving.tolist()):
+            self._move(stack, Predicted(before, carried, fitness), moving, likelihood, scene)
+        if self.estimate_when == "after":
+            means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
+        return Filtered(means, covs, effective, moving)
+
+    def _move(self, stack: Stack, predicted: Predicted, moving: Bools, likelihood: Likelihood, scene: Scene) -> None:
+        """Move the swarms of those who are `moving` (M,) in place of a resampling, and give them equal weights.
+
+        Section 3, step 4. All who move are moved in one go, and in one call where there is a kernel for it.
+        """
+        length = scene.dt if self.step_length == "dt" else 1.0
+        pull = self.iterations, self.phi1, self.phi2, length, self.random_factors
+        has_kernel = self.acceptance == "gaussian" and self.prior_fit == "weighted" and not self.resample_first
+        energies = likelihood.energies() if has_kernel and len(scene.motion.position) == 2 else None
+        if energies is None:
+            self._move_in_turn(stack, predicted, moving, likelihood, pull[1:], scene)
+            return
+        x, y = scene.motion.position
+        move_own(
+            stack.cloud, stack.log_weights, predicted.carried, predicted.fitness, stack.offsets, moving,
+            stack.layout.log_counts, stack.keys, *energies, (x, y), MOVE, pull, self.ranking == "weight", RIDGE,
+        )  # fmt: skip
+
+    def _move_in_turn(
+        self, stack: Stack, predicted: Predicted, moving: Bools, likelihood: Likelihood,
+        pull: tuple[float, float, float, bool], scene: Scene,
+    ) -> None:  # fmt: skip
+        """Any likelihood and any option, kernel by kernel."""
+        chosen = stack.chosen(moving)
+        part = stack.part(chosen)
+        before, carried = predicted.before.take(chosen.columns, axis=1), predicted.carried.take(chosen.columns)
+        fitness = predicted.fitness.take(chosen.columns)
+        fitted = self._fitted(part, carried) if self.acceptance == "gaussian" else None
+        ranks = fitness.copy()
+        if self.ranking == "weight":  # log w of eq. (17): the mean of the stack's weights is one on each node
+            ranks = part.log_weights - part.layout.log_counts[part.layout.owners]
+        if self.resample_first:
+            drawn = systematic(part.log_weights, part.offsets, part.counts, uniforms(part.keys, START))
+            before, part.cloud = before.take(drawn, axis=1), part.cloud.take(drawn, axis=1)
+            fitness, ranks = fitness.take(drawn), ranks.take(drawn)
+
+        def log_prior(points: Floats) -> Floats:
+            """(N,) log π of eq. (20), up to a constant of each particle."""
+            if fitted is not None:
+                return log_density(points, *fitted, part.offsets)
+            if self.acceptance == "transition":
+                return scene.motion.log_transition(points, before, scene.dt, scene.previous)
+            return np.zeros(points.shape[1])
+
+        self._fly(part, fitness, ranks, likelihood.among(chosen.rows).score(part), log_prior, pull)
+        part.log_weights = np.zeros(fitness.size)
+        stack.put(part, chosen)
+
+    def _fitted(self, stack: Stack, carried: Floats) -> tuple[Floats, Floats]:
+        """Means (M, D) and Cholesky factors (M, D, D) of the Gaussians that stand for each node's prediction, (20)."""
+        if self.prior_fit == "weighted":
+            return fit_weighted(stack.cloud, carried, stack.offsets, RIDGE)
+        return fit(stack.cloud, stack.offsets, RIDGE)
+
+    def _fly(
+        self, stack: Stack, fitness: Floats, ranks: Floats, likelihood: Score, log_prior: Score,
+        pull: tuple[float, float, float, bool],
+    ) -> None:  # fmt: skip
+        """Replace the stack's cloud by the last of `iterations` states of the chains that start at it. Eqs. (17)-(24).
+
+        `ranks` (N,) are the logs by which the first iteration finds the best particle: χ_0 of eq. (17).
+        """
+        cloud = stack.cloud
+        velocity, best, prior = np.zeros(cloud.shape), cloud.copy(), log_prior(cloud)
+        keys = particle_keys(stack.keys, stack.offsets, MOVE)
+        for iteration in range(self.iterations):
+            draw = iteration * (2 * cloud.shape[0] + 1)
+            proposal = fly(cloud, velocity, best, ranks, stack.offsets, keys, draw, 1.0, *pull)
+            accept(cloud, fitness, prior, proposal, likelihood(proposal), log_prior(proposal), best, ranks, keys, draw)
 
     def _cycles(self, counts: list[int], sensors: list[int], moving: list[bool], steps: int) -> list[float]:
         """What each member spends on its particles, section 5."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Annotated, ClassVar, Final, NamedTuple
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
@@ -23,26 +23,18 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
+from wsnsim.trackers.shared.fixes import usable
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter, only_predicted
-from wsnsim.trackers.shared.readings import Evidence, gather_readings, ranges_of
+from wsnsim.trackers.shared.readings import gather_readings
 
 PAIR_CYCLES = 40.0
 """CPU cycles to intersect two circles (our count)."""
 MISFIT_CYCLES = 10.0
 """CPU cycles to compare one intersection with one circle (our count)."""
-FARTHEST: Final = 1e9
-"""Longer distances (m) are ignored (our choice)."""
 SHORTEST: Final = 1e-6
 """Least sum of two radii (m), so that weights are finite; nodes closer than this form no pair (our choice)."""
 EQUAL_FIT: Final = 1e-9
 """Two points fit equally well if their misfits differ by less than this share of the sum of all radii (our choice)."""
-
-
-class Circles(NamedTuple):
-    """Circles with centres (S, 2) and radii (S,)."""
-
-    centres: Floats
-    radii: Floats
 
 
 @part
@@ -86,7 +78,8 @@ class Trilateration(HeadFilter):
         yield Compute(PREDICT_CYCLES * scene.steps + pairs * (PAIR_CYCLES + 2.0 * MISFIT_CYCLES * count))
         expected = only_predicted(belief, scene)
         columns = np.array(scene.motion.position)
-        found = weighted_centroid(_circles(seen, scene), expected.mean[columns])
+        ranged = usable(seen, scene)
+        found = weighted_centroid(ranged.seen.positions, ranged.ranges, expected.mean[columns])
         if found is None:
             return expected
         mean, cov = expected.mean.copy(), expected.cov.copy()
@@ -95,12 +88,12 @@ class Trilateration(HeadFilter):
         return replace(expected, mean=mean, cov=cov)
 
 
-def weighted_centroid(circles: Circles, expected: Floats) -> tuple[Floats, Floats] | None:
+def weighted_centroid(centres: Floats, radii: Floats, expected: Floats) -> tuple[Floats, Floats] | None:
     """The weighted centroid (2,) of the pairs' points, and their weighted spread (2, 2); None if there is no pair.
 
     `expected` (2,) decides between intersections that fit all circles equally well.
     """
-    points, weights = _pair_points(circles, expected)
+    points, weights = _pair_points(centres, radii, expected)
     if not weights.size:
         return None
     shares = weights / weights.sum()
@@ -109,16 +102,8 @@ def weighted_centroid(circles: Circles, expected: Floats) -> tuple[Floats, Float
     return mean, deviations.T @ deviations
 
 
-def _circles(seen: Evidence, scene: Scene) -> Circles:
-    """One circle per reading, without distances that are NaN, negative or at least `FARTHEST`."""
-    radii = ranges_of(seen, scene.sensor)
-    known = (radii >= 0.0) & (radii < FARTHEST)
-    return Circles(seen.positions[known], radii[known])
-
-
-def _pair_points(circles: Circles, expected: Floats) -> tuple[Floats, Floats]:
+def _pair_points(centres: Floats, radii: Floats, expected: Floats) -> tuple[Floats, Floats]:
     """A point (pairs, 2) for each pair of circles, and its weight (pairs,)."""
-    centres, radii = circles
     first, second = np.triu_indices(radii.size, 1)
     distances = np.linalg.norm(centres[second] - centres[first], axis=1)
     pairs = distances > SHORTEST
@@ -127,7 +112,7 @@ def _pair_points(circles: Circles, expected: Floats) -> tuple[Floats, Floats]:
     from_first, offset = _intersections(radii[first], radii[second], distances)
     middle = centres[first] + from_first[:, None] * along
     sideways = offset[:, None] * np.stack([-along[:, 1], along[:, 0]], axis=1)
-    points = _better_fit(np.stack([middle - sideways, middle + sideways]), circles, expected)
+    points = _better_fit(np.stack([middle - sideways, middle + sideways]), centres, radii, expected)
     return points, 1.0 / np.maximum(radii[first] + radii[second], SHORTEST)
 
 
@@ -147,9 +132,8 @@ def _intersections(first: Floats, second: Floats, distances: Floats) -> tuple[Fl
     return along, np.where(outside | within, 0.0, offset)
 
 
-def _better_fit(intersections: Floats, circles: Circles, expected: Floats) -> Floats:
+def _better_fit(intersections: Floats, centres: Floats, radii: Floats, expected: Floats) -> Floats:
     """Return which of the two intersections (2, pairs, 2) fits all circles better, (pairs, 2)."""
-    centres, radii = circles
     misfits = np.abs(np.linalg.norm(intersections[:, :, None, :] - centres, axis=-1) - radii).sum(axis=-1)
     errors = np.linalg.norm(intersections - expected, axis=-1)
     equal = np.abs(misfits[1] - misfits[0]) <= EQUAL_FIT * radii.sum()

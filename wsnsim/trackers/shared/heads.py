@@ -4,24 +4,27 @@
 
 `HeadFilter` is what all have in common, and enough for one whose belief between steps is a Gaussian. `HeadCloud` is a
 particle filter in the head: a tracker of this kind says how its prediction is weighed.
+
+    bootstrap(pool, seen, scene, threshold)                           predict, weigh, resample
+    bootstrap_with_gains(belief, seen, scene, threshold)              the same with gains that are estimated
+    weighed_with_gains(belief, before, cloud, seen, scene)            of the Gaussian particle filter
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, cast
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Estimate, Floats, Ints, Keys
-from wsnsim.base.optional_ports import Drifts, MeasuresEnergy, defined_together
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import MotionModel, Scene, SensorModel
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Member
 from wsnsim.base.rng import derive
-from wsnsim.kernels.noise import particle_keys
-from wsnsim.kernels.particles import moments, predict_and_score, weigh
+from wsnsim.kernels.elementary import particle_keys
+from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     Pool,
@@ -31,10 +34,18 @@ from wsnsim.trackers.shared.dealing import (
     send_all,
     send_moments,
 )
-from wsnsim.trackers.shared.gains import Gains, gain_prior, gains_before, reported, send_gains
+from wsnsim.trackers.shared.gains import (
+    Gains,
+    GainsOfParticles,
+    gain_prior,
+    gains_before,
+    no_gains,
+    reported,
+    send_gains,
+)
 from wsnsim.trackers.shared.moments import forecast, predicted
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
-from wsnsim.trackers.shared.stacks import PREDICT, Score, place_of, propagated_by, snapshot
+from wsnsim.trackers.shared.stacks import Score, place_of, propagated_by, snapshot
 
 WEIGH_CYCLES = 30.0
 """CPU cycles to weight one particle by one reading."""
@@ -270,8 +281,8 @@ def bootstrap(pool: Pool, seen: Evidence, scene: Scene, threshold: float) -> Clo
 
     Mean, covariance and effective number are those before the resampling. Gordon, Salmond, Smith (1993).
     """
-    cloud, scores = _predicted_and_scored(pool.cloud, seen, scene)
-    count, log_weights = pool.log_weights.size, pool.log_weights + scores
+    _, cloud = propagated_by(scene.key, pool.cloud, scene)
+    count, log_weights = pool.log_weights.size, pool.log_weights + score_of(seen, scene)(cloud)
     mean, cov, effective = summary(cloud, log_weights)
     after = Pool(cloud, log_weights)
     if threshold >= 1.0 or effective < threshold * count:
@@ -279,21 +290,51 @@ def bootstrap(pool: Pool, seen: Evidence, scene: Scene, threshold: float) -> Clo
     return CloudBelief(mean, cov, scene.head, effective, after)
 
 
-def _predicted_and_scored(cloud: Floats, seen: Evidence, scene: Scene) -> tuple[Floats, Floats]:
-    """Particles (D, N) now, and their log-likelihoods (N,): by one kernel for the models that it knows."""
-    if not _computed_by_kernels(scene.motion, scene.sensor):
-        _, cloud = propagated_by(scene.key, cloud, scene)
-        return cloud, score_of(seen, scene)(cloud)
-    drift, root = cast(Drifts, scene.motion).drift_law(scene.dt)
-    law, gains = cast(MeasuresEnergy, scene.sensor).energy_law(seen.traits)
-    key, positions = np.uint64(scene.key), np.ascontiguousarray(seen.positions)
-    return predict_and_score(cloud, key, PREDICT, scene.steps, drift, root, seen.readings, positions, gains, law)
+def bootstrap_with_gains(belief: CloudBelief, seen: Evidence, scene: Scene, threshold: float) -> Flow[CloudBelief]:
+    """As `bootstrap`: predict, weigh with all readings, sum up, resample below a fraction; with the gains."""
+    before = belief.pool.cloud
+    _, cloud = propagated_by(scene.key, before, scene)
+    after = yield from weighed_with_gains(belief, before, cloud, seen, scene, belief.pool.log_weights)
+    count = before.shape[1]
+    if threshold < 1.0 and not after.effective < threshold * count:
+        return after
+    chosen = resampled(after.pool.log_weights, count, scene.key)
+    return replace(after, pool=Pool(np.take(cloud, chosen, axis=1), np.zeros(count)))
 
 
-def _computed_by_kernels(motion: MotionModel, sensor: SensorModel) -> bool:
-    """Whether `bootstrap_step` computes what both models compute, for the rows of a cloud that it takes as position."""
-    return (
-        tuple(motion.position) == (0, 2)
-        and defined_together(type(motion), "drift_law", "propagate")
-        and defined_together(type(sensor), "energy_law", "log_likelihood")
-    )
+def weighed_with_gains(
+    belief: GaussianBelief,
+    before: Floats,
+    cloud: Floats,
+    seen: Evidence,
+    scene: Scene,
+    log_weights: Floats | float = 0.0,
+) -> Flow[CloudBelief]:
+    """The belief after readings whose sensors have unknown gains, which are estimated beside the state.
+
+    Noise counts as normal, whatever the sensor model says: only then are gains Gaussian given a particle (our choice).
+
+    Args:
+        belief: the moments of state and gains before the step.
+        before: (D, N) particles at the time of the belief.
+        cloud: (D, N) the same particles now.
+        seen: at least one reading.
+        scene: the scene.
+        log_weights: (N,) of the particles before the readings.
+    """
+    gains = belief.gains or no_gains(belief.mean.size)
+    gains = gains.with_nodes(seen.ids, gain_prior(scene.sensor))
+    yield Compute(_gain_cycles(cloud, len(gains.nodes), len(seen.ids)))
+    given = GainsOfParticles.given(gains, belief.mean, belief.cov, before)
+    expected, _, variances = scene.sensor.linearise(cloud[place_of(scene)], seen.positions, seen.traits)
+    given, scores = given.weighed(expected, variances, seen)
+    scores += log_weights
+    mean, cov, effective = summary(cloud, scores)
+    gains = given.joint(cloud, mean, scores)
+    return CloudBelief(mean, cov, scene.head, effective, Pool(cloud, scores), gains=gains)
+
+
+def _gain_cycles(cloud: Floats, gains: int, readings: int) -> float:
+    """Operations beyond those without gains: a particle's means of gains, its share of the update, and the moments."""
+    each: float = 2.0 * gains * (2 * len(cloud) + readings + gains)
+    return each * (cloud.size // len(cloud))

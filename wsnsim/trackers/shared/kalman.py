@@ -16,6 +16,7 @@ import numpy as np
 from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation
 from wsnsim.base.ports import Scene
 from wsnsim.trackers.shared.heads import GaussianBelief
+from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence
 
 LINEARISE_CYCLES = 20.0
@@ -84,7 +85,7 @@ def updated_by_fix(means: Floats, covs: Floats, point: Floats, noise: Floats) ->
     later = means + np.einsum("kij,kj->ki", gain, innovation)
     cov = covs - gain @ covs[:, PLACE, :]
     square = np.einsum("ki,kij,kj->k", innovation, inverse, innovation)
-    return later, 0.5 * (cov + cov.transpose(0, 2, 1)), -0.5 * (square + np.log(np.linalg.det(spread)))
+    return later, symmetric(cov), -0.5 * (square + np.log(np.linalg.det(spread)))
 
 
 def updated_by_readings(means: Floats, covs: Floats, seen: Evidence, scene: Scene) -> Updates:
@@ -107,7 +108,7 @@ def updated_by_readings(means: Floats, covs: Floats, seen: Evidence, scene: Scen
         means = means + cross * (innovation / spread)[:, None]
         covs = covs - cross[:, :, None] * cross[:, None, :] / spread[:, None, None]
         scores = scores - 0.5 * (innovation**2 / spread + np.log(spread))
-    return means, 0.5 * (covs + covs.transpose(0, 2, 1)), scores
+    return means, symmetric(covs), scores
 
 
 def _updated_by_axes(means: Floats, covs: Floats, point: Floats, variances: Floats, axes: Floats) -> Updates:

@@ -52,12 +52,12 @@ def _stepped(
 
 
 def symmetric(cov: Floats) -> Floats:
-    """The symmetric part (D, D) of a square matrix, without what rounding left.
+    """The symmetric part (..., D, D) of square matrices, without what rounding left.
 
     Args:
-        cov: (D, D).
+        cov: (..., D, D).
     """
-    return 0.5 * (cov + cov.T)
+    return 0.5 * (cov + cov.swapaxes(-1, -2))
 
 
 def fused_by_variance(means: Floats, variances: Floats) -> tuple[Floats, Floats, Floats]:

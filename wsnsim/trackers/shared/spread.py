@@ -1,7 +1,5 @@
 """Particles that are distributed over members: the head's belief, likelihoods at members, and local estimates.
 
-begin(prior, ...) -> Flow[Spread]     only_predicted(belief, deal, scene) -> belief     look(belief, members)
-
 likelihood = likelihood_of("own", members, heard, scene)
 log_likelihoods = likelihood.score(stack)(cloud)
 likelihood.among(moving.rows).score(stack.part(moving))      the same for some of the members
@@ -14,28 +12,35 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import Final, NamedTuple, TypeAlias, TypeVar, cast
+from typing import ClassVar, Final, Generic, NamedTuple, TypeAlias, TypeVar, cast
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Estimate, Floats, Ints, missing
 from wsnsim.base.optional_ports import MeasuresEnergy, defined_together
 from wsnsim.base.ports import Scene, SensorModel
-from wsnsim.base.requests import Broadcast, Delivery, Flow, Gather, Local, Member, Parcel
+from wsnsim.base.requests import Broadcast, Delivery, Flow, Local, Member, Parcel
 from wsnsim.trackers.shared.dealing import (
     Deal,
     Pool,
     at_head,
     give,
     no_particles,
-    pooled,
+    predict_only,
     resampled,
     send_all,
     send_moments,
     update_deal,
 )
-from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.readings import Evidence, arrived_particles, evidence_at, is_whole, parcel, state_packets
+from wsnsim.trackers.shared.moments import forecast, predicted
+from wsnsim.trackers.shared.readings import (
+    Evidence,
+    evidence_at,
+    is_whole,
+    parcel,
+    share_readings,
+    state_packets,
+)
 from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
@@ -53,7 +58,7 @@ from wsnsim.trackers.shared.stacks import (
 class Energies(NamedTuple):
     """Readings (M,) of an energy, one a member, with the positions (M, 2) and gains (M,) of the sensors and their law.
 
-    The law is that of `kernels.sensing`.
+    The law is that of `kernels.acoustic`.
     """
 
     readings: Floats
@@ -165,9 +170,6 @@ def likelihood_of(
     return SharedReadings.of(members, heard, scene)
 
 
-NAN = float("nan")
-
-
 @dataclass(frozen=True, slots=True)
 class Spread:
     """Fused mean (D,) and covariance (D, D), of which `within` is one cloud's part; who holds how many particles.
@@ -180,43 +182,94 @@ class Spread:
     within: Floats
     deal: Deal
     head: int
-    effective: float = NAN
+    effective: float = math.nan
     shares: Shares = field(default_factory=Shares)
 
 
 S = TypeVar("S", bound=Spread)
 
 
-def begin(prior: Estimate, particles: int, by_moments: bool, scene: Scene) -> Flow[Spread]:
-    """Draw the particles from the prior at the head and deal them out; paid like a handover's deal-out."""
-    nothing = at_head(no_particles(prior.mean.size))
-    deal = yield from update_deal(nothing, prior.mean, prior.cov, particles, by_moments, scene)
-    return Spread(prior.mean, prior.cov, prior.cov, deal, scene.head)
+class SpreadFilter(Generic[S]):
+    """The base of a particle filter whose particles are spread over the members of a cluster.
 
-
-def hand_on(belief: Spread, collect: Flow[Pool | None] | None, successor: int) -> Flow[Spread | None]:
-    """Collect the particles and send them on, N_p + ceil(N_p / 4) + 4 packets; or the moments' 4 alone.
-
-    `collect` brings in what the members hold, and is not asked where nothing was dealt out; None: the moments alone go.
-    What is returned is all with the successor, and not yet dealt out; None if nothing reached it.
+    A subclass has the fields below, and gives `belief`, `collect`, `work` and `after_work`.
     """
-    if collect is None:
-        arrival = yield from send_moments(belief.mean, belief.cov, successor)
-    else:
-        pool = belief.deal.whole if belief.deal.whole is not None else (yield from collect)
-        arrival = yield from send_all(pool or no_particles(belief.mean.size), belief.mean, belief.cov, successor)
-    if arrival is None:
-        return None
-    return Spread(arrival.mean, arrival.cov, arrival.cov, at_head(arrival.pool), successor)
+
+    angles: ClassVar[bool] = True
+    vector_readings: ClassVar[bool] = True
+    belief: ClassVar[type[Spread]] = Spread
+    """The class of its beliefs."""
+
+    particles: int
+    measurements: str
+    handover: str
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[S]:
+        """Draw the particles from the prior at the head and deal them out; paid like a handover's deal-out."""
+        nothing, by_moments = at_head(no_particles(prior.mean.size)), self.handover == "gaussian"
+        deal = yield from update_deal(nothing, prior.mean, prior.cov, self.particles, by_moments, scene)
+        return self._begun(prior.mean, prior.cov, deal, scene.head)
+
+    def step(self, belief: S, scene: Scene) -> Flow[S]:
+        """One step: members work on their particles, and report; without an active one all is only predicted."""
+        by_moments = self.handover == "gaussian"
+        deal = yield from update_deal(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
+        if not scene.ids:
+            deal = yield from predict_only(deal, belief.shares, scene)
+            return only_predicted(belief, deal, scene)
+        if self.measurements == "all":
+            yield from share_readings(scene)
+
+        def work_all(members: list[Member]) -> None:
+            self.work(members, belief.shares, scene)
+
+        yield Local(lambda member: work_all([member]), _cycles_of, work_all)
+        return (yield from self.after_work(belief, deal, scene))
+
+    def hand_over(self, belief: S, scene: Scene, successor: int) -> Flow[S | None]:
+        """Members to head n packets each; head to successor N_p + ceil(N_p / 4) + 4, or the 4 of the moments alone.
+
+        The next head has everything then, and has not dealt it out.
+        """
+        if self.handover == "gaussian":
+            arrival = yield from send_moments(belief.mean, belief.cov, successor)
+        else:
+            pool = belief.deal.whole if belief.deal.whole is not None else (yield from self.collect(belief))
+            arrival = yield from send_all(pool or no_particles(belief.mean.size), belief.mean, belief.cov, successor)
+        return None if arrival is None else self._begun(arrival.mean, arrival.cov, at_head(arrival.pool), successor)
+
+    def forecast(self, belief: S, scene: Scene, ahead: int) -> Estimate:
+        """The fused estimate `ahead` steps on."""
+        return forecast(self.estimate(belief), scene, ahead)
+
+    def estimate(self, belief: S) -> Estimate:
+        """The fused estimate; the effective number is that of the particles before the step's resampling or move."""
+        return Estimate(belief.mean, belief.cov, belief.effective)
+
+    def snapshot(self, belief: S, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
+        """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
+        whole = belief.deal.whole
+        if whole is not None:
+            return snapshot([(belief.head, whole.cloud, whole.log_weights)])
+        return snapshot([(member.id, *present(member, belief.mean.size)) for member in members])
+
+    def collect(self, belief: S) -> Flow[Pool | None]:
+        """All particles that the members hold, in n packets each."""
+        raise NotImplementedError
+
+    def work(self, members: list[Member], shares: Shares, scene: Scene) -> None:
+        """Predict and weigh the members' particles; a `LocalEstimate` stays in the memory of each."""
+        raise NotImplementedError
+
+    def after_work(self, belief: S, deal: Deal, scene: Scene) -> Flow[S]:
+        """The belief after the members have reported."""
+        raise NotImplementedError
+
+    def _begun(self, mean: Floats, cov: Floats, deal: Deal, head: int) -> S:
+        return cast(S, self.belief(mean, cov, cov, deal, head))
 
 
-def collected(belief: Spread) -> Flow[Pool | None]:
-    """Collect all particles that the members hold, in n packets each."""
-    reply = yield Gather(_give_all, tuple(belief.deal.held))
-    return pooled([arrived_particles(payload, mask) for payload, mask in reply.values()])
-
-
-def _give_all(member: Member) -> Parcel | None:
+def give_all(member: Member) -> Parcel | None:
     """All of a member's particles, equally weighted, without weights."""
     member.inbox = settle(member)
     log_weights = member.memory.get(LOG_WEIGHTS, np.empty(0))
@@ -224,26 +277,6 @@ def _give_all(member: Member) -> Parcel | None:
         columns = resampled(log_weights, log_weights.size, member.key)
         keep(member, np.take(member.memory[CLOUD], columns, axis=1), np.zeros(log_weights.size))
     return give(member, log_weights.size, common=0.0)
-
-
-def only_predicted(belief: S, deal: Deal, scene: Scene) -> S:
-    """The belief when nothing arrived: the motion's prediction, its covariance grown."""
-    mean, cov = predicted(belief.mean, belief.cov, scene)
-    within = within_predicted(belief, scene)
-    return replace(belief, mean=mean, cov=cov, within=within, deal=deal, head=scene.head, effective=NAN)
-
-
-def within_predicted(belief: Spread, scene: Scene) -> Floats:
-    """(D, D) the last covariance of one cloud that the head knew, grown."""
-    return predicted(belief.mean, belief.within, scene)[1]
-
-
-def look(belief: Spread, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
-    """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
-    whole = belief.deal.whole
-    if whole is not None:
-        return snapshot([(belief.head, whole.cloud, whole.log_weights)])
-    return snapshot([(member.id, *present(member, belief.mean.size)) for member in members])
 
 
 LOCAL: Final = "local"
@@ -263,7 +296,7 @@ local_estimate = partial(tuple.__new__, LocalEstimate)
 """Makes a `LocalEstimate` of its four values; faster than the class, which matters for one a member and step."""
 
 
-def cycles_of(member: Member) -> float:
+def _cycles_of(member: Member) -> float:
     """The operations that the member's local estimate took."""
     estimate: LocalEstimate = member.memory[LOCAL]
     return estimate.cycles
@@ -294,3 +327,15 @@ def feed_back(belief: Spread, scene: Scene) -> Flow[None]:
             keep(member, member.memory[CLOUD] + offset[:, None], member.memory[LOG_WEIGHTS])
 
     yield Local(shift, lambda member: float(member.memory[CLOUD].size if CLOUD in member.memory else 0))
+
+
+def only_predicted(belief: S, deal: Deal, scene: Scene) -> S:
+    """The belief when nothing arrived: the motion's prediction, its covariance grown."""
+    mean, cov = predicted(belief.mean, belief.cov, scene)
+    within = within_predicted(belief, scene)
+    return replace(belief, mean=mean, cov=cov, within=within, deal=deal, head=scene.head, effective=math.nan)
+
+
+def within_predicted(belief: Spread, scene: Scene) -> Floats:
+    """(D, D) the last covariance of one cloud that the head knew, grown."""
+    return predicted(belief.mean, belief.within, scene)[1]

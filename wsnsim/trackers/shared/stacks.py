@@ -22,8 +22,8 @@ from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Delivery, Member
 from wsnsim.base.rng import uniforms
+from wsnsim.kernels.elementary import particle_keys
 from wsnsim.kernels.gaussian import cholesky
-from wsnsim.kernels.noise import particle_keys
 from wsnsim.trackers.shared.readings import MOMENTS, PARTICLES, arrived_particles, guessed, is_whole
 
 CLOUD, LOG_WEIGHTS = "cloud", "log_weights"

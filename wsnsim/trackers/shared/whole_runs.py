@@ -16,10 +16,11 @@ from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock, Stan
 from wsnsim.base.network_ports import Field
 from wsnsim.base.ports import MotionModel, Scene, SensorModel
 from wsnsim.base.rng import uniforms
+from wsnsim.kernels.elementary import particle_keys
 from wsnsim.kernels.gaussian import sample
-from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, systematic, weigh
 from wsnsim.kernels.relay import kalman
+from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Linear, linearised
 from wsnsim.trackers.shared.stacks import DRAW, PREDICT, START, drawn_from, slice_of
 
@@ -258,11 +259,7 @@ def predicted(means: Floats, covs: Floats, motion: MotionModel, dt: float, time:
     points = np.ascontiguousarray(means.T)
     transitions, noise = motion.matrices(points, dt, time)
     moved = np.ascontiguousarray(motion.advance(points, dt, time).T)
-    return moved, _symmetric(transitions @ covs @ transitions.transpose(0, 2, 1) + noise)
-
-
-def _symmetric(covs: Floats) -> Floats:
-    return 0.5 * (covs + covs.transpose(0, 2, 1))
+    return moved, symmetric(transitions @ covs @ transitions.transpose(0, 2, 1) + noise)
 
 
 def _start(run: StandaloneRun, particles: int) -> Floats:

@@ -1,4 +1,7 @@
-"""GMTT: a least-squares fix at each step, and a grey model (or a line) of the last fixes that predicts the next.
+"""Trackers with a least-squares fix at each step, and what they make of the last ones to find the next: Li (2012).
+
+GMTT predicts with a grey model (or a line) of the last fixes. TSSTP samples the nodes that track next, so that no
+prediction is needed. RIS has only the nodes that happen to be awake.
 
 Requests of a step:
 
@@ -16,7 +19,7 @@ from wsnsim.base.arrays import Estimate, Floats
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.kernels.grey import forecast_at, line_at
-from wsnsim.trackers.shared.fixes import Fixes, RangeFix
+from wsnsim.trackers.shared.fixes import Fixes, Ranged, RangeFix
 
 LEAST_FIXES: Final = 4
 """Least number of fixes for a prediction."""
@@ -24,6 +27,12 @@ POSITION_BITS: Final = 32
 """4 bytes."""
 HEADER_BITS: Final = 104
 """13 bytes: sequence 1, sender 2, target 2, predicted position 4, expiry 4."""
+HEADING_CYCLES: Final = 2.0
+"""CPU cycles to compute the displacement of the last two fixes."""
+TWO_FIXES_BITS: Final = 136
+"""Size of the last two fixes, as in the invitation: 17 bytes."""
+ONE_FIX_BITS: Final = 88
+"""Size of the last fix, as in a report: 11 bytes."""
 _forecast_at = lru_cache(maxsize=64)(forecast_at)
 """A prediction is asked for twice: to wake nodes for a step, and in the step."""
 
@@ -101,8 +110,67 @@ class GreyTracking(RangeFix):
         return _forecast_at(time, times, axis, self.shift, self.correction)
 
 
+@part
+class TwoPhase(RangeFix):
+    """A least-squares fix at each step; the last fix is the prediction, and the last displacement is the heading.
+
+    A reconstruction: the zones of `wakeup: experience_zones` stand for the published Markov model of the nodes' states.
+
+    Source: Ren, Li, Gao, Cheng (2009), known here from one sentence in Li, Jiang, Zhang, Zhang (2012).
+    """
+
+    def belief_bits(self, belief: Fixes) -> int:
+        """Two positions of 4 bytes."""
+        return 2 * POSITION_BITS
+
+    @property
+    def _handover_bits(self) -> int:
+        return TWO_FIXES_BITS
+
+    @property
+    def _kept(self) -> int:
+        return 2
+
+    def _other_cycles(self, fixes: int) -> float:
+        return HEADING_CYCLES if fixes > 1 else 0.0
+
+
+@part
+class AwakeOnly(RangeFix):
+    """A least-squares fix from the ranges of the nodes that are awake, without prediction or memory.
+
+    The search for the fix starts at the mean position of the nodes whose readings arrived. So the fix from one range is
+    the position of its node, and that from two ranges is the midpoint of their intersections, since nothing selects
+    one. The velocity is unknown. This is the reference for trackers with a wake-up protocol.
+
+    Source: the random independent sleeping of Li, Jiang, Zhang, Zhang (2012), without its wake-up; our choice.
+    """
+
+    def foresees(self, belief: Fixes) -> bool:
+        """Never."""
+        return False
+
+    def belief_bits(self, belief: Fixes) -> int:
+        """One position of 4 bytes."""
+        return POSITION_BITS
+
+    @property
+    def _handover_bits(self) -> int:
+        return ONE_FIX_BITS
+
+    @property
+    def _kept(self) -> int:
+        return 1
+
+    def _start_of(self, expected: Estimate, ranged: Ranged, scene: Scene) -> tuple[Floats, float]:
+        return np.asarray(ranged.seen.positions.mean(axis=0)), float(ranged.ranges.max())
+
+    def _other_cycles(self, fixes: int) -> float:
+        return 0.0
+
+
 def line_cycles(fixes: int) -> float:
-    """Operations of one axis with a line, weighted as in `shared.localising`; n fixes.
+    """Operations of one axis with a line, weighted as in `shared.fixes`; n fixes.
 
     Means 2 n + 4, deviations 2 n, their products and sums 4 n - 2, the slope 3, the value 3.
     """
@@ -110,7 +178,7 @@ def line_cycles(fixes: int) -> float:
 
 
 def grey_cycles(fixes: int, correction: str) -> float:
-    """Operations of one axis, weighted as in `shared.localising`; n fixes.
+    """Operations of one axis, weighted as in `shared.fixes`; n fixes.
 
     Ψ 10 n + 4, the shift n + 1, sums 9 n, their solution 15, the restored model 49. With a correction the check:
     residuals 23 n + 25, and their moments 10 n + 27; and, whether or not it fails, 10 n + 60 for sums and model again

@@ -7,7 +7,7 @@ import pytest
 
 from tests.helpers.linear_cluster import Cluster, LinearSensor, against_kalman, sent
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.sir import Sir
+from wsnsim.trackers.bootstrap_pf import Sir
 
 
 class Deaf(LinearSensor):

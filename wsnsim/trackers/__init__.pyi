@@ -1,0 +1,46 @@
+# ruff: noqa
+# fmt: off
+# written by `python -m tests.stubs` from wsnsim/scenario/kinds.table
+from wsnsim.trackers.bootstrap_pf import CentralPf as CentralPf
+from wsnsim.trackers.bootstrap_pf import Sir as Sir
+from wsnsim.trackers.cuckoo_pf import CuckooPf as CuckooPf
+from wsnsim.trackers.cuckoo_pf import ImprovedCuckooPf as ImprovedCuckooPf
+from wsnsim.trackers.ekf import ExtendedKalman as ExtendedKalman
+from wsnsim.trackers.gaussian_pf import GaussianPf as GaussianPf
+from wsnsim.trackers.gaussian_pf import GravitationalGaussianPf as GravitationalGaussianPf
+from wsnsim.trackers.gaussian_pf import SwarmGaussianPf as SwarmGaussianPf
+from wsnsim.trackers.grid import GridFilter as GridFilter
+from wsnsim.trackers.imm import InteractingModels as InteractingModels
+from wsnsim.trackers.information_driven import InformationDriven as InformationDriven
+from wsnsim.trackers.information_pf import InformationPf as InformationPf
+from wsnsim.trackers.mixture_pf import MixturePf as MixturePf
+from wsnsim.trackers.parallel_pf import ParallelPf as ParallelPf
+from wsnsim.trackers.pso_mhpf import PsoMhpf as PsoMhpf
+from wsnsim.trackers.range_fixes import AwakeOnly as AwakeOnly
+from wsnsim.trackers.range_fixes import GreyTracking as GreyTracking
+from wsnsim.trackers.range_fixes import TwoPhase as TwoPhase
+from wsnsim.trackers.sensor_chains import InteractingKalman as InteractingKalman
+from wsnsim.trackers.sensor_chains import RelayKalman as RelayKalman
+from wsnsim.trackers.sigma_points import CubatureKalman as CubatureKalman
+from wsnsim.trackers.sigma_points import UnscentedKalman as UnscentedKalman
+from wsnsim.trackers.trilateration import Trilateration as Trilateration
+
+Pf = Sir
+CsPf = CuckooPf
+IcsPf = ImprovedCuckooPf
+Ekf = ExtendedKalman
+Gpf = GaussianPf
+GsaGpf = GravitationalGaussianPf
+PsoGpf = SwarmGaussianPf
+Grid = GridFilter
+Imm = InteractingModels
+Ipf = InformationPf
+Cluster = MixturePf
+Ppf = ParallelPf
+Ris = AwakeOnly
+Gmtt = GreyTracking
+Tsstp = TwoPhase
+Imsf = InteractingKalman
+Rkf = RelayKalman
+Ckf = CubatureKalman
+Ukf = UnscentedKalman
