@@ -16,8 +16,8 @@ from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim.base.errors import ScenarioError, UsageError
 from wsnsim.cli import main
 from wsnsim.papers import reproduce
-from wsnsim.papers.answers import answered
 from wsnsim.papers.reproduction import RegisteredHypothesis
+from wsnsim.papers.rows import answered
 from wsnsim.papers.study import study
 from wsnsim.papers.toolkit import ALLOWED
 from wsnsim.scenario.files import shipped_studies

@@ -10,8 +10,7 @@ from tests.helpers.thorough import thorough
 from tests.papers.studies import module
 from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim import scenario
-from wsnsim.papers import reproduce
-from wsnsim.papers.published import published
+from wsnsim.papers import published, reproduce
 from wsnsim.papers.reproduction import Claim, Experiment
 
 _study = module("wei2022")

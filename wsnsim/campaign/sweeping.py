@@ -124,6 +124,6 @@ def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
         from wsnsim.campaign.engines import SerialEngine
 
         return SerialEngine()
-    from wsnsim.campaign.local_engine import LocalEngine, available_cores
+    from wsnsim.campaign.engines import LocalEngine, available_cores
 
     return LocalEngine(workers or available_cores())

@@ -242,9 +242,9 @@ def _engine(folder: Folder, options: SessionOptions) -> Engine:
         from wsnsim.campaign.dask_engine import DaskEngine
 
         return DaskEngine(folder.path, options.scheduler, options.scheduler_file)
-    from wsnsim.campaign import local_engine
+    from wsnsim.campaign import engines
 
-    return local_engine.LocalEngine(_workers(options))
+    return engines.LocalEngine(_workers(options))
 
 
 def _check_engine_options(options: SessionOptions) -> None:
@@ -258,7 +258,7 @@ def _check_engine_options(options: SessionOptions) -> None:
 
 
 def _workers(options: SessionOptions) -> int:
-    from wsnsim.campaign.local_engine import available_cores
+    from wsnsim.campaign.engines import available_cores
 
     return options.jobs or available_cores()
 

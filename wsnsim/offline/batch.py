@@ -26,12 +26,11 @@ from wsnsim.base.results import Summary
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each
 from wsnsim.base.rows import wants_steps
 from wsnsim.base.sensing import path_shadowing
-from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
-from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns, offers_whole_runs
-from wsnsim.base.vector_readings import components_of
+from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns
 from wsnsim.offline import block_rows
 from wsnsim.offline.block_rows import FollowedTarget
-from wsnsim.offline.measurements import HEAD, ReportsOf, recording, reported, sample_readings, with_shadowing
+from wsnsim.offline.loopback import HEAD, ReportsOf, recording, reported, sample_readings, with_shadowing
 from wsnsim.offline.offline_run import node_rows
 
 BLOCK_SECONDS: Final = 1.0
@@ -40,18 +39,6 @@ MOST_RUNS: Final = 256
 """Runs in a block."""
 MOST_NUMBERS: Final = 4_000_000
 """Readings, and entries of state covariances, of the runs in a block: about 32 MB of each."""
-
-
-def offers_batch(setup: Setup) -> bool:
-    """Whether the batch engine might run a scenario.
-
-    It does without a network, with a tracker that offers whole runs, constant traits, and readings of one component.
-    """
-    if not isinstance(setup, TrackingSetup) or isinstance(setup, NetworkSetup):
-        return False
-    if len(components_of(setup.sensor)) > 1:
-        return False
-    return offers_whole_runs(setup.tracker) and not (setup.recorded and setup.recorded.counted)
 
 
 class Batches:

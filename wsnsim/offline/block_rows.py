@@ -19,7 +19,7 @@ from wsnsim.base.ports import MotionModel
 from wsnsim.base.results import RunTotals, Summary, columns_of_totals, losses
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
-from wsnsim.offline.measurements import HEAD
+from wsnsim.offline.loopback import HEAD
 
 NAN: Final = float("nan")
 

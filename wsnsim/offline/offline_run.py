@@ -37,8 +37,7 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.rows import NAN, Issued, RunNow, TrackNow, follower_of, wants_belief, write_belief, write_readings
 from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.offline.loopback import Lose, answer_to, perfect, perform
-from wsnsim.offline.measurements import HEAD, OfflineCluster, ReportsOf
+from wsnsim.offline.loopback import HEAD, Lose, OfflineCluster, ReportsOf, answer_to, perfect, perform
 
 
 @dataclass

@@ -20,11 +20,10 @@ from typing import Any
 import wsnsim.campaign as campaign
 from wsnsim.base.errors import ScenarioError, UsageError, did_you_mean
 from wsnsim.base.progress import tracked
-from wsnsim.campaign.local_engine import LocalEngine, available_cores
-from wsnsim.papers.answers import answered
+from wsnsim.campaign.engines import LocalEngine, available_cores
 from wsnsim.papers.measures import VARIANT, Data
 from wsnsim.papers.reproduction import ClaimRow, Experiment, Variant, rendered, row_of
-from wsnsim.papers.rows import rows_of
+from wsnsim.papers.rows import answered, rows_of
 from wsnsim.papers.study import PAPERS, Study
 from wsnsim.papers.study import study as load_study
 from wsnsim.recording.folder import Folder

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean
 from wsnsim.papers.reproduction import BASES, Claim, Experiment, RegisteredHypothesis, Variant, problems
-from wsnsim.papers.study_code import StudyCode
-from wsnsim.papers.study_file import ClaimEntry, ExperimentEntry, StudyDocument
+from wsnsim.papers.study_file import ClaimEntry, ExperimentEntry, StudyCode, StudyDocument
 from wsnsim.scenario.documents import Document, read_document, validated
 from wsnsim.scenario.files import shipped_studies
 from wsnsim.scenario.located_values import Keys

@@ -13,8 +13,8 @@ from itertools import groupby
 from typing import Final, NamedTuple
 
 from wsnsim.analysis.phrases import aligned
-from wsnsim.papers.answers import ends
 from wsnsim.papers.reproduction import BASES, ClaimRow
+from wsnsim.papers.rows import ends
 from wsnsim.papers.study import PAPERS, Study, study
 from wsnsim.papers.verdicts import ASTRAY, RULE, AstrayShare
 

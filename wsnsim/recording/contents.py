@@ -24,8 +24,8 @@ from typing import Any, Final, final
 import numpy as np
 from h5py import h5a, h5d, h5f, h5g, h5i, h5l, h5o, h5s, h5t, h5z
 
-from wsnsim.recording.layout import CHUNK
-from wsnsim.recording.object_headers import DamagedContent, StoredColumn, check_attributes, check_heap, check_layout
+from wsnsim.recording.object_headers import StoredColumn, check_attributes, check_heap, check_layout
+from wsnsim.recording.rows import CHUNK, DamagedContent
 
 DEFLATE_LIMIT: Final = 1_032
 """Bytes that deflate makes of one at most (zlib, Technical Details: maximum compression factor)."""

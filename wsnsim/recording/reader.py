@@ -22,10 +22,10 @@ from h5py import h5f, h5g, h5p
 from wsnsim.base.errors import ResultError, did_you_mean
 from wsnsim.base.regular_files import why_not_regular
 from wsnsim.base.tables import TABLES
+from wsnsim.recording.atomic_files import reason
 from wsnsim.recording.contents import Content
-from wsnsim.recording.layout import KINDS, TEXTS, WRITING, demand_schema, reason
-from wsnsim.recording.object_headers import DamagedContent, StoredColumn
-from wsnsim.recording.rows import PackedRows, packed_rows
+from wsnsim.recording.object_headers import StoredColumn
+from wsnsim.recording.rows import KINDS, TEXTS, WRITING, DamagedContent, PackedRows, demand_schema, packed_rows
 
 NUMBER: Final = (int, float)
 TYPES: Final[dict[str, tuple[type, ...]]] = {

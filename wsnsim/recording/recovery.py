@@ -12,9 +12,9 @@ from h5py import h5g
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import TABLES, Words
 from wsnsim.recording.contents import Content
-from wsnsim.recording.layout import CHUNK, PARTIAL, WRITING
-from wsnsim.recording.object_headers import DamagedContent, StoredColumn
+from wsnsim.recording.object_headers import StoredColumn
 from wsnsim.recording.reader import column_names, opened, position_of, states_of, text_names, words_of
+from wsnsim.recording.rows import CHUNK, PARTIAL, WRITING, DamagedContent
 from wsnsim.recording.writer import ResultFile
 
 

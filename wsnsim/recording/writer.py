@@ -27,9 +27,19 @@ import numpy as np
 from wsnsim.base.errors import ResultError, StorageError, did_you_mean
 from wsnsim.base.tables import TABLES, Column, Words, columns_of, equally_long
 from wsnsim.base.version import __version__
-from wsnsim.recording.atomic_files import temporary_beside
-from wsnsim.recording.layout import COMPLETE, FLUSH_EVERY, SCHEMA_VERSION, TEXTS, WRITING, cannot_write, flag_words
-from wsnsim.recording.rows import SHORT_TABLES, TableBuffer, fitted_rows, write_meanings
+from wsnsim.recording.atomic_files import cannot_write, temporary_beside
+from wsnsim.recording.rows import (
+    COMPLETE,
+    FLUSH_EVERY,
+    SCHEMA_VERSION,
+    SHORT_TABLES,
+    TEXTS,
+    WRITING,
+    TableBuffer,
+    fitted_rows,
+    flag_words,
+    write_meanings,
+)
 
 
 @final

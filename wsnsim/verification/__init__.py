@@ -13,12 +13,12 @@ from typing import Any, Final
 
 import wsnsim.experiment as experiment
 from wsnsim.base.errors import ResultError
-from wsnsim.recording import attributes, provenance, read_json, read_table, read_text, tables
-from wsnsim.recording.layout import PARTIAL
+from wsnsim.recording import attributes, read_json, read_table, read_text, tables
+from wsnsim.recording.provenance import provenance
+from wsnsim.recording.rows import PARTIAL
 from wsnsim.scenario import Plugins
 from wsnsim.stored_scenario import rerun_source, scenario_of_result
-from wsnsim.verification import stored_source
-from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, compare
+from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, compare_source, compare_tables
 
 LAST_REPLICATE: Final = 2**31
 MOST_SHOWN: Final = 6
@@ -77,10 +77,10 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
     with tempfile.TemporaryDirectory(prefix="wsnsim-verify-") as folder:
         again = Path(folder) / "again.h5"
         experiment.run(scenario, replicates=replicates, out=again, batch=False)
-        found = compare(path, again, partial)
+        found = compare_tables(path, again, partial)
         rows = [_row(path, again, replicate, own) for replicate, own in found.runs.items()]
     source, resolved = read_text(path, "scenario/source_yaml"), rerun_source(path)
-    differing_source, unknown = stored_source.compare(source, stored.get("overrides", ()), resolved, allowed)
+    differing_source, unknown = compare_source(source, stored.get("overrides", ()), resolved, allowed)
     faults += [*found.faults, *differing_source]
     excuses = _differing(stored, here)
     ok = not faults and all(row["equal"] or (bool(excuses) and row["close"]) for row in rows)

@@ -1,18 +1,28 @@
-"""Whether the tables of a result are those of its repetition, run by run: bit by bit, and up to rounding.
+"""What a result holds, compared with its repetition: its tables, run by run, and its source text.
 
-compare(result, again) -> Repetition
+compare_tables(result, again) -> Repetition        bit by bit, and up to rounding
+compare_source(content, overrides, resolved) -> (what differs, what could not be compared)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 import wsnsim.recording as recording
+from wsnsim.base.errors import ScenarioError
+from wsnsim.base.leaves import differing_leaves
+from wsnsim.scenario.build import resolved as resolved_of
+from wsnsim.scenario.check import is_path
+from wsnsim.scenario.files import shipped
+from wsnsim.scenario.load import ScenarioText, assignments_of, load, tree_of, validated
+from wsnsim.scenario.located_values import Entry, Keys, LocatedValue, Origin, mapping, merged, sequence
+from wsnsim.scenario.plugin_access import Plugins
+from wsnsim.scenario.reader import of_dict, read
 
 ROUNDING: Final = 1e-6
 """Differences up to this share of a value, or up to a thousandth of it of the column's largest one, are rounding."""
@@ -63,7 +73,7 @@ class Repetition:
     faults: tuple[str, ...]
 
 
-def compare(result: Path, again: Path, partial: bool = False) -> Repetition:
+def compare_tables(result: Path, again: Path, partial: bool = False) -> Repetition:
     """Compare all tables of a result with those of its repetition; `partial`: later rows of a table may be missing.
 
     Raises:
@@ -150,3 +160,92 @@ def _close(one: np.ndarray, other: np.ndarray) -> bool:
     finite = other[np.isfinite(other)]
     scale = float(np.abs(finite).max()) if finite.size else 0.0
     return bool(np.allclose(one, other, rtol=ROUNDING, atol=1e-3 * ROUNDING * scale, equal_nan=True))
+
+
+OF_THE_RUN = ("replicates",)
+"""Keys that the command line may set without an override."""
+
+
+def compare_source(
+    content: str, overrides: Iterable[str], resolved: Mapping[str, Any], plugins: Plugins = Plugins.INSTALLED
+) -> tuple[list[str], list[str]]:
+    """What differs, as sentences, and what could not be compared.
+
+    What a text takes from a file that does not come with wsnsim is not compared: such a file is never opened.
+
+    Args:
+        content: the text from which the scenario was read.
+        overrides: the assignments with which it was read.
+        resolved: all values of the scenario.
+        plugins: which plug-ins all of these may name.
+    """
+    origin = Origin("", Path(), plugins=plugins)
+    tree, issues = read(content, origin)
+    if tree is None or issues or not isinstance(tree.value, dict):
+        return ["its source text is not a scenario"], []
+    base, own, unknown = _base_of(_with_stored_files(tree, resolved), resolved)
+    written, wrong = assignments_of(overrides, plugins)
+    assignments = [(keys, _with_stored_files(node, _at(resolved, keys), str(keys[-1]))) for keys, node in written]
+    text = ScenarioText(own if base is None else merged(base, own), wrong, ("", ""))
+    try:
+        known, found = load(resolved, plugins=plugins), validated(text, assignments)
+    except ScenarioError as error:
+        return [f"its source text is not a valid scenario: {error.issues[0].message}"], unknown
+    differing = differing_leaves(resolved_of(known), resolved_of(found), OF_THE_RUN)
+    said = [
+        f"{key}: its source text says {after}, the stored scenario {before}"
+        for key, (before, after) in differing.items()
+    ]
+    return said, unknown
+
+
+def _base_of(tree: LocatedValue, resolved: Mapping[str, Any]) -> tuple[LocatedValue | None, LocatedValue, list[str]]:
+    """What the text extends, its own values, and what is not known of the base.
+
+    In place of a base that does not come with wsnsim stands the stored scenario: only the text's own values count.
+    """
+    entry = tree.value.get("extends")
+    if entry is None:
+        return None, tree, []
+    own = mapping({key: value for key, value in tree.value.items() if key != "extends"}, tree.spot)
+    root = next(iter(shipped().values())).parent
+    name = str(entry.node.value)
+    for folder in (root, root / "bases"):
+        path = folder / name
+        if path.suffix and path.is_file() and path.resolve().is_relative_to(root):
+            return tree_of(path)[0], own, []
+    note = f"what its source text takes from {name!r}, a file that does not come with wsnsim"
+    return of_dict(dict(resolved), tree.spot.origin)[0], own, [note]
+
+
+def _with_stored_files(node: LocatedValue, stored: Any, key: str = "") -> LocatedValue:
+    """The values with the stored file where a relative name ends it: the folder of the text is not known."""
+    if isinstance(node.value, dict):
+        held = stored if isinstance(stored, dict) else {}
+        items = node.value.items()
+        return mapping(
+            {name: Entry(one.spot, _with_stored_files(one.node, held.get(name), name)) for name, one in items},
+            node.spot,
+        )
+    if isinstance(node.value, list):
+        kept = stored if isinstance(stored, list) and len(stored) == len(node.value) else [None] * len(node.value)
+        return sequence([_with_stored_files(one, held) for one, held in zip(node.value, kept, strict=True)], node.spot)
+    if is_path(key) and isinstance(node.value, str) and isinstance(stored, str) and _ends(stored, node.value):
+        return replace(node, value=stored)
+    return node
+
+
+def _ends(stored: str, written: str) -> bool:
+    """Whether a stored path ends with a relative one, apart from steps to parent folders."""
+    parts = [part for part in Path(written).parts if part not in (".", "..")]
+    return bool(parts) and not Path(written).is_absolute() and list(Path(stored).parts[-len(parts) :]) == parts
+
+
+def _at(stored: Any, keys: Keys) -> Any:
+    """The stored value at a path of keys; None if there is none."""
+    for key in keys:
+        try:
+            stored = stored[key]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return stored
