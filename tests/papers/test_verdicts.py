@@ -15,9 +15,9 @@ from wsnsim.papers.resampling import (
     PER_RUN_RMSE,
     POOLED_RMSE,
     TIME_MEAN_RMSE,
-    Compared,
     Sample,
     Statistic,
+    compared,
     known,
     median_of_runs,
     value,
@@ -49,11 +49,11 @@ def sample(values, statistic=MEAN, runs=None):
 
 
 def less(one, other):
-    return Compared.on_common_runs(one, other, lambda a, b: a - b, "difference")
+    return compared(one, other, lambda a, b: a - b, "difference")
 
 
 def over(one, other):
-    return Compared.on_common_runs(one, other, lambda a, b: a / b, "ratio")
+    return compared(one, other, lambda a, b: a / b, "ratio")
 
 
 def lognormal(seed, runs, sigma=0.1, centre=1.0):

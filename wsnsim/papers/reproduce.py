@@ -12,6 +12,7 @@ draw(study, experiment, folder, into) -> [file, ...]          the figures from o
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -24,10 +25,11 @@ from wsnsim.campaign.engines import LocalEngine, available_cores
 from wsnsim.papers.measures import VARIANT, Data
 from wsnsim.papers.reproduction import ClaimRow, Experiment, Variant, rendered, row_of
 from wsnsim.papers.rows import answered, rows_of
-from wsnsim.papers.study import PAPERS, Study
+from wsnsim.papers.study import PAGES, PAPERS, Study
 from wsnsim.papers.study import study as load_study
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept import KEPT, KeptAnswers
+from wsnsim.recording.provenance import committed
 from wsnsim.scenario.files import find_or_none
 from wsnsim.scenario.plugin_access import Plugins, access
 from wsnsim.scenario.sweep import load_sweep
@@ -133,6 +135,23 @@ def run_counts(chosen: Sequence[tuple[str, Experiment]], where: Path) -> tuple[i
     return wanted, missing
 
 
+def registrations(chosen: Sequence[tuple[str, Experiment]], where: Path) -> list[str]:
+    """For each study of a user, whether its files were committed before its runs were made, and in which commit."""
+    said = []
+    for source in dict.fromkeys(source for source, _ in chosen):
+        study, found = load_study(source), committed(load_study(source).folder, "*.yaml", "*.py")
+        folders = [folder_of(where, source, experiment) for each, experiment in chosen if each == source]
+        made = [file.stat().st_mtime for folder in folders for file in folder.glob("*/*.h5")]
+        if study.name in PAGES:
+            continue
+        if found and found[1] <= min(made, default=math.inf):
+            said.append(f"{study.name} is registered: commit {found[0][:12]}, before its runs")
+        else:
+            why = f"commit {found[0][:12]} is later than runs" if found else "its files are not committed as they are"
+            said.append(f"{study.name} is not registered: {why}")
+    return said
+
+
 def run(  # noqa: PLR0913
     source: str,
     experiment: Experiment,
@@ -192,7 +211,7 @@ def evaluated(source: str, experiment: Experiment, folder: Path) -> tuple[list[C
     campaign_folder = Folder(folder)
     points = [asdict(point) for point in campaign_folder.manifest().points]
     study = load_study(source)
-    given = [dict(study.published), dict(study.registered), study.code_digest()]
+    given = [dict(study.published), dict(study.registered), study.code.digest()]
     question = [study.name, repr(experiment), given, points, campaign_folder.state()]
 
     def compute() -> list[Any]:
@@ -213,7 +232,7 @@ def summary(source: str, experiment: Experiment, folder: Path) -> list[str]:
     study = load_study(source)
     data = Data(Folder(folder), study)
     answers = [f"registered {answered(each, data)}" for each in experiment.hypotheses]
-    return [*answers, *(study.summary(experiment.summary)(data) if experiment.summary else [])]
+    return [*answers, *(study.code.functions("SUMMARIES")[experiment.summary](data) if experiment.summary else [])]
 
 
 def draw(source: str, experiment: Experiment, folder: Path, into: Path) -> list[Path]:
@@ -224,7 +243,7 @@ def draw(source: str, experiment: Experiment, folder: Path, into: Path) -> list[
     study = load_study(source)
     data, files = Data(Folder(folder), study), []
     for figure in experiment.figures:
-        function = study.figure(figure.draw or figure.name)
+        function = study.code.functions("FIGURES")[figure.draw or figure.name]
         caption = f"{study.source}, {figure.caption}"
         out = into / f"{study.name}_{figure.name}.png"
         files.append(write_figure(functools.partial(function, data=data), out, figure.size, caption))

@@ -29,8 +29,9 @@ from wsnsim.analysis.frames import read
 from wsnsim.base.arrays import Floats
 from wsnsim.papers import measures, verdicts
 from wsnsim.papers.measures import Data, measured
-from wsnsim.papers.reproduction import NAN, BoundBeside, Claim, ClaimRow, RegisteredHypothesis
-from wsnsim.papers.resampling import DRAWS, Resampled, known, median_of_runs, value, weights
+from wsnsim.papers.reproduction import NAN, BoundBeside, Claim, ClaimRow
+from wsnsim.papers.resampling import DRAWS, Sample, known, median_of_runs, value, weights
+from wsnsim.papers.study_file import RegisteredHypothesis
 from wsnsim.papers.verdicts import TAIL, Judgement, astray, judged_order, judged_value
 
 FROM_EVENTS: Final = ("active", "arrived")
@@ -155,7 +156,7 @@ def _judgement(claim: Claim, data: Data, strict: float) -> Judgement:
     return judged_value(*measures.judged_terms(data, claim))
 
 
-def _order_row(claim: Claim, data: Data, difference: Resampled) -> ClaimRow:
+def _order_row(claim: Claim, data: Data, difference: Sample) -> ClaimRow:
     """The row of an order, from the difference of its variants."""
     low, high = verdicts.interval(difference)
     row = ClaimRow(
@@ -232,7 +233,7 @@ def answered(hypothesis: RegisteredHypothesis, data: Data) -> Answer:
     return Answer(hypothesis.says, (found,), word(holds))
 
 
-def resamples(found: Resampled) -> Floats:
+def resamples(found: Sample) -> Floats:
     """(1 + draws,) a statistic of the runs as they are, and of every resample."""
     count = len(found.runs)
     return np.concatenate([found.at(np.ones((1, count))), found.at(weights(count, count))])

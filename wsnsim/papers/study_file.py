@@ -59,8 +59,8 @@ class ClaimEntry(DocumentModel):
     published_runs: int | None = None
 
 
-class HypothesisEntry(DocumentModel):
-    """A hypothesis: that a measure of a variant is above, or below, a threshold."""
+class RegisteredHypothesis(DocumentModel):
+    """A hypothesis that is registered before the runs: that a measure of a variant is above, or below, a threshold."""
 
     says: str
     of: str
@@ -100,7 +100,7 @@ class ExperimentEntry(DocumentModel):
     variants: dict[str, str | tuple[str, ...]] = {}  # noqa: RUF012 (pydantic copies it)
     runs: Runs
     claims: tuple[ClaimEntry, ...] = ()
-    hypotheses: tuple[HypothesisEntry, ...] = ()
+    hypotheses: tuple[RegisteredHypothesis, ...] = ()
     figures: tuple[StudyFigure, ...] = ()
     record: tuple[str, ...] = ()
     sets: tuple[str, ...] = ()
