@@ -27,10 +27,10 @@ from scipy import optimize, special
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import RunError, UsageError
 from wsnsim.base.version import __version__
-from wsnsim.fitting.fitted_law import FittedValue
+from wsnsim.fitting.fitted_law import FittedValue, percentiles, resampled
 from wsnsim.fitting.link_sample import LinkRows, delivery, margin, mean_power, read_link_rows
 from wsnsim.fitting.located_readings import DataFile, shared_with
-from wsnsim.fitting.result import bad_row_notes, block_lines, file_json, file_text, interval_text, one_line, table_lines
+from wsnsim.fitting.result import bad_row_notes, block_lines, file_json, file_text, one_line, value_lines
 
 LEVELS: Final = (0.1, 0.5, 0.9)
 """Delivery ratios at which powers are stated."""
@@ -109,14 +109,10 @@ class LinkFit:
 
     def text(self) -> str:
         """The estimates and figures as tables."""
-        rows = [
-            [name, f"{value.value:.4g}", interval_text(value.low, value.high), value.unit, value.about]
-            for name, value in self.values.items()
-        ]
         return "\n".join([
             f"link log_normal, fitted to {len(self.rows.ratios)} bursts between {len(self.rows.nodes)} nodes:",
             *(f"  {file_text(file, 'bursts')}" for file in self.rows.files), "",
-            *table_lines(["", "estimate", "95 % interval", "unit", "description"], rows), "", *self._notes(),
+            *value_lines(self.values), "", *self._notes(),
         ])  # fmt: skip
 
     def as_json(self) -> dict[str, Any]:
@@ -224,21 +220,18 @@ def fit_link_rows(rows: LinkRows, options: LinkOptions) -> LinkFit:
     heard = np.isfinite(rows.means)
     if heard.sum() < FEWEST_PAIRS:
         raise RunError(f"only {heard.sum()} pairs of nodes have clear bursts: at least {FEWEST_PAIRS} are needed")
-    rng = np.random.default_rng(options.seed)
-    count = len(rows.nodes)
-    drawn = rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES)
-    weights = np.concatenate([np.ones((1, count)), drawn]).astype(np.float64)
+    weights = resampled(len(rows.nodes), RESAMPLES, options.seed)
     sensitivities = _sensitivities(rows, weights, options.frame)
     values = {
-        "sensitivity": _value(sensitivities, "dBm", "power at which 1 % of frames of 20 bytes are lost"),
-        "asymmetry": _value(_asymmetries(rows, weights), "dB", "standard deviation between both directions"),
+        "sensitivity": percentiles(sensitivities, "dBm", "power at which 1 % of frames of 20 bytes are lost"),
+        "asymmetry": percentiles(_asymmetries(rows, weights), "dB", "standard deviation between both directions"),
     }
     if rows.places is not None:
         clear = values["sensitivity"].value + margin(options.frame)
         losses = _losses(rows, weights[: LOSS_RESAMPLES + 1], clear)
-        values["loss_at_1m"] = _value(options.power - losses[:, 0], "dB", "path loss at 1 m")
-        values["exponent"] = _value(losses[:, 1], "", "path-loss exponent")
-        values["shadowing"] = _value(np.exp(losses[:, 2]), "dB", "standard deviation from link to link")
+        values["loss_at_1m"] = percentiles(options.power - losses[:, 0], "dB", "path loss at 1 m")
+        values["exponent"] = percentiles(losses[:, 1], "", "path-loss exponent")
+        values["shadowing"] = percentiles(np.exp(losses[:, 2]), "dB", "standard deviation from link to link")
     return LinkFit(rows, values, options.power, options.frame)
 
 
@@ -309,12 +302,6 @@ class _Censored(NamedTuple):
         by_spread = -float(slopes @ apart) - float(weights @ self.seen)
         gradient = np.array([-slopes.sum() / spread, slopes @ self.logs / spread, by_spread])
         return -float(weights @ terms), -gradient
-
-
-def _value(values: Floats, unit: str, about: str) -> FittedValue:
-    """The first value, with the interval of the others."""
-    low, high = np.nanquantile(values[1:], [0.025, 0.975]).tolist()
-    return FittedValue(float(values[0]), low, high, unit, about)
 
 
 def _evaluated(fit: LinkFit, rows: LinkRows, in_sample: bool) -> LinkEvaluation:

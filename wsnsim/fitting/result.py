@@ -28,7 +28,7 @@ def fit_text(fit: FittedLaw) -> str:
     place = "in space" if fit.model.heights else "in the plane"
     lines = [f"law {form.kind} of distances {place}, fitted to {readings} readings of {len(fit.sample.files)} tracks:"]
     lines += [f"  {file_text(file)}" for file in fit.sample.files]
-    lines += ["", *table_lines(["", "estimate", "95 % interval", "unit", "description"], _value_rows(fit))]
+    lines += ["", *value_lines(fit.values)]
     if fit.gains:
         rows = [[g.node, f"{g.value:.2f}", interval_text(g.low, g.high), str(g.readings)] for g in fit.gains]
         lines += ["", *table_lines(["node", f"gain [{form.unit}]", "95 % interval", "readings"], rows)]
@@ -80,11 +80,13 @@ def fit_json(fit: FittedLaw) -> dict[str, Any]:
     }
 
 
-def _value_rows(fit: FittedLaw) -> list[list[str]]:
-    return [
+def value_lines(values: Mapping[str, FittedValue]) -> list[str]:
+    """The estimates with their intervals as a table."""
+    rows = [
         [name, f"{value.value:.4g}", interval_text(value.low, value.high), value.unit, value.about]
-        for name, value in fit.values.items()
+        for name, value in values.items()
     ]
+    return table_lines(["", "estimate", "95 % interval", "unit", "description"], rows)
 
 
 def _figure_rows(fit: FittedLaw) -> Iterator[list[str]]:

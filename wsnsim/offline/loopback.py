@@ -60,7 +60,6 @@ def perform(
     head: int,
     lose: Lose = perfect,
     before: Callable[[Request], None] | None = None,
-    after: Callable[[Request, Any], None] | None = None,
     answer_of: Answer | None = None,
 ) -> Any:
     """Perform all requests of a flow; returns its belief.
@@ -71,7 +70,6 @@ def perform(
         head: Id of the cluster head.
         lose: Which packets arrive.
         before: Called with each request before it is performed.
-        after: Called with each request and its answer.
         answer_of: Answers the requests; by default `answer_to`.
     """
     answer_of = answer_of or answer_to
@@ -84,8 +82,6 @@ def perform(
         if before:
             before(request)
         answer = answer_of(request, members, head, lose)
-        if after:
-            after(request, answer)
 
 
 def answer_to(request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:

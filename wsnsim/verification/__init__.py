@@ -77,16 +77,19 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
     with tempfile.TemporaryDirectory(prefix="wsnsim-verify-") as folder:
         again = Path(folder) / "again.h5"
         experiment.run(scenario, replicates=replicates, out=again, batch=False)
-        found = compare_tables(path, again, partial)
-        rows = [_row(path, again, replicate, own) for replicate, own in found.runs.items()]
+        runs, differing = compare_tables(path, again, partial)
+        rows = [_row(path, again, replicate, own) for replicate, own in runs.items()]
     source, resolved = read_text(path, "scenario/source_yaml"), rerun_source(path)
     differing_source, unknown = compare_source(source, stored.get("overrides", ()), resolved, allowed)
-    faults += [*found.faults, *differing_source]
+    faults += [*differing, *differing_source]
     excuses = _differing(stored, here)
     ok = not faults and all(row["equal"] or (bool(excuses) and row["close"]) for row in rows)
     compared = {name: size.rows for name, size in tables(path).items()}
     left = (*_left(partial), *unknown)
-    text = _text(path, ok, rows, faults, [*_commits(stored, here), *_excused(excuses)], compared, left)
+    origins = _commits(stored, here)
+    if excuses:
+        origins.append(f"origin with other {' and '.join(excuses)}: values may differ by rounding")
+    text = _text(path, ok, rows, faults, origins, compared, left)
     return Verification(ok, text, tuple(rows), tuple(faults), compared, left)
 
 
@@ -153,11 +156,6 @@ def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
     if stored.get("engine") == "batch" and any(kind.startswith("tracker ") for kind in stored.get("plugins", ())):
         found.append("engine")  # the whole runs of a plug-in are close to composed runs, not equal
     return found
-
-
-def _excused(excuses: Sequence[str]) -> list[str]:
-    """A line on what excuses rounding."""
-    return [f"origin with other {' and '.join(excuses)}: values may differ by rounding"] if excuses else []
 
 
 def _commits(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:

@@ -1,15 +1,15 @@
 """What a result holds, compared with its repetition: its tables, run by run, and its source text.
 
-compare_tables(result, again) -> Repetition        bit by bit, and up to rounding
+compare_tables(result, again) -> ({replicate: its tables}, faults)        bit by bit, and up to rounding
 compare_source(content, overrides, resolved) -> (what differs, what could not be compared)
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -33,8 +33,7 @@ NOT_REPEATED: Final = {"runs": ("cpu_seconds",)}
 Columns = Mapping[str, np.ndarray]
 
 
-@dataclass(frozen=True)
-class RepeatedTable:
+class RepeatedTable(NamedTuple):
     """One table of one run, compared with its repetition.
 
     Attributes:
@@ -50,31 +49,23 @@ class RepeatedTable:
     wrong: tuple[str, ...]
 
     @property
-    def equal(self) -> bool:
-        """Whether both have the same rows, bit by bit."""
-        return not self.differing and self.rows[0] == self.rows[1]
-
-    @property
     def close(self) -> bool:
         """Whether both have the same rows up to rounding."""
         return not self.wrong and self.rows[0] == self.rows[1]
 
 
-@dataclass(frozen=True)
-class Repetition:
-    """A result, compared with its repetition.
+def compare_tables(
+    result: Path, again: Path, partial: bool = False
+) -> tuple[dict[int, list[RepeatedTable]], list[str]]:
+    """Compare all tables of a result with those of its repetition.
 
-    Attributes:
-        runs: {replicate: its tables}.
-        faults: what only one of the two has, as sentences.
-    """
+    Args:
+        result: the result.
+        again: its repetition.
+        partial: whether later rows of a table may be missing.
 
-    runs: Mapping[int, tuple[RepeatedTable, ...]]
-    faults: tuple[str, ...]
-
-
-def compare_tables(result: Path, again: Path, partial: bool = False) -> Repetition:
-    """Compare all tables of a result with those of its repetition; `partial`: later rows of a table may be missing.
+    Returns:
+        {replicate: its tables}, and what only one of the two has, as sentences.
 
     Raises:
         ResultError: one of them cannot be read.
@@ -93,7 +84,7 @@ def compare_tables(result: Path, again: Path, partial: bool = False) -> Repetiti
         stray = _compare_table(result, again, name, runs, partial)
         faults += [f"table {name} has {stray} rows of runs that are not in the table runs"] if stray else []
         faults += _two_answers(result, name)
-    return Repetition({number: tuple(found) for number, found in runs.items()}, tuple(faults))
+    return runs, faults
 
 
 def _other_states(result: Path, again: Path) -> Iterator[str]:
