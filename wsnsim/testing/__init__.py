@@ -23,9 +23,8 @@ from wsnsim.offline.loopback import Lose, perfect, silent
 from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac, check_wakeup
 from wsnsim.testing.mechanisms import check_fault, check_sync, check_workload
-from wsnsim.testing.motions import check_motion
+from wsnsim.testing.models import check_motion, check_sensor
 from wsnsim.testing.privacy import demand_missed_steps, examine, same
-from wsnsim.testing.sensors import check_sensor
 from wsnsim.testing.table import FIRST, SECOND, Table, another, demand, examined, passed_on, track
 from wsnsim.testing.whole_runs import demand_angles, demand_whole_runs
 

@@ -41,6 +41,13 @@ def demand(name: str) -> Iterator[None]:
         raise AssertionError(f"demand '{name}': {type(reason).__name__} was raised: {reason}") from reason
 
 
+def demand_each(checks: Mapping[str, Callable[..., object]], *given: Any) -> None:
+    """Make checks of what is given, in order, each under the name of its demand."""
+    for name, check in checks.items():
+        with demand(name):
+            check(*given)
+
+
 def examined(component: Component, port: type, columns: int | None = None) -> Component:
     """The component, whose answers are checked from now on as those of plug-ins are in every run."""
     with demand("answers"):
