@@ -19,7 +19,7 @@ import pandas as pd
 import pytest
 
 import wsnsim
-from wsnsim.campaign import cost_estimate, engines
+from wsnsim.campaign import engines, sweeping
 from wsnsim.campaign.engines import FinishedTask
 from wsnsim.cli import main
 
@@ -104,7 +104,7 @@ def test_a_dry_run_says_what_it_would_take_and_writes_nothing(
     assert main(["sweep", sweep, "--dry-run", "--json", "--shard", "1/2"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["replicates"], answer["left"], answer["tasks"]) == (4, 4, 2) and answer["cpu_seconds"] > 0
-    monkeypatch.setattr(cost_estimate, "TRIAL_TIMEOUT", -1.0)  # a trial is cut short at once
+    monkeypatch.setattr(sweeping, "TRIAL_TIMEOUT", -1.0)  # a trial is cut short at once
     assert main(["sweep", sweep, "--dry-run", "--json"]) == 0
     cut = json.loads(capsys.readouterr().out)
     assert cut["size"] is None and cut["cpu_seconds"] > 0

@@ -107,7 +107,7 @@ def test_a_study_is_registered_if_its_files_were_committed_before_its_runs(mine)
 def test_a_changed_measure_is_measured_again(mine, monkeypatch):
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     (experiment,) = study("mine").experiments
-    assert reproduce.run("mine", experiment, Path("out"), 1).complete
+    assert reproduce.resume(reproduce.begin("mine", experiment, Path("out")), 1).complete
     folder = reproduce.folder_of(Path("out"), "mine", experiment)
     assert {row.measured for row in reproduce.evaluated("mine", experiment, folder)[0]} == {3.0}
     (mine / "study.py").write_text(CODE.replace("'steps')", "'steps') + 1.0"))

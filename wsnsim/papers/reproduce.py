@@ -3,7 +3,7 @@
 A study is named as `wsnsim.papers.study.study` takes it: by its name or its folder.
 
 begin(study, experiment, where) -> Folder                     the experiment's campaign
-run(study, experiment, where, full=False, ...) -> CampaignOutcome       run its missing runs
+resume(folder, jobs) -> CampaignOutcome                       run its missing runs
 rows(study, experiment, folder) -> [ClaimRow, ...]            published, measured, bound, verdict
 evaluated(study, experiment, folder) -> (rows, lines)         rows and summary, kept beside the campaign
 draw(study, experiment, folder, into) -> [file, ...]          the figures from our results
@@ -150,21 +150,6 @@ def registrations(chosen: Sequence[tuple[str, Experiment]], where: Path) -> list
             why = f"commit {found[0][:12]} is later than runs" if found else "its files are not committed as they are"
             said.append(f"{study.name} is not registered: {why}")
     return said
-
-
-def run(  # noqa: PLR0913
-    source: str,
-    experiment: Experiment,
-    where: Path,
-    jobs: int | None = None,
-    *,
-    full: bool = False,
-    batch: bool = True,
-    watch: Callable[[campaign.CampaignProgress], None] | None = None,
-    stop: Callable[[], bool] = lambda: False,
-) -> campaign.CampaignOutcome:
-    """Begin an experiment and run its missing runs."""
-    return resume(begin(source, experiment, where, full), jobs, batch=batch, watch=watch, stop=stop)
 
 
 def resume(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -83,11 +83,6 @@ def _final_name(tmp: Path) -> Path:
     return tmp.with_name(f"{parsed[1]}.h5")
 
 
-def _whole_rows(columns: Iterable[StoredColumn]) -> int:
-    """Number of rows whose chunks are in the file for every column."""
-    return CHUNK * min(_whole_chunks_of(column) for column in columns)
-
-
 def _whole_chunks_of(column: StoredColumn) -> int:
     """Number of chunks from the first on that are in the file and within the column."""
     if column.chunk != CHUNK:
@@ -103,7 +98,7 @@ def _whole_chunks(content: Content, group: h5g.GroupID) -> Iterator[dict[str, np
     if not set(names) <= set(names_in(group)):
         return
     columns = dict(zip(names, content.columns(group, names, complete=False), strict=True))
-    for start in range(0, _whole_rows(columns.values()), CHUNK):
+    for start in range(0, CHUNK * min(map(_whole_chunks_of, columns.values())), CHUNK):
         try:
             chunk = {name: column.values(slice(start, start + CHUNK)) for name, column in columns.items()}
         except (OSError, DamagedContent):
