@@ -139,11 +139,11 @@ def registrations(chosen: Sequence[tuple[str, Experiment]], where: Path) -> list
     """For each study of a user, whether its files were committed before its runs were made, and in which commit."""
     said = []
     for source in dict.fromkeys(source for source, _ in chosen):
-        study, found = load_study(source), committed(load_study(source).folder, "*.yaml", "*.py")
+        if (study := load_study(source)).name in PAGES:
+            continue
+        found = committed(study.folder, "*.yaml", "*.py")
         folders = [folder_of(where, source, experiment) for each, experiment in chosen if each == source]
         made = [file.stat().st_mtime for folder in folders for file in folder.glob("*/*.h5")]
-        if study.name in PAGES:
-            continue
         if found and found[1] <= min(made, default=math.inf):
             said.append(f"{study.name} is registered: commit {found[0][:12]}, before its runs")
         else:
