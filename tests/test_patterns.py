@@ -40,7 +40,7 @@ FOREIGN = {
     ("scenario.units", "'[/*]'"): ("search", "m/s"),
     ("scenario.sweep", "'^\\\\W|[^\\\\w.\\\\-]'"): ("search", ".a b"),
     ("papers.reproduction", "FIELD"): ("fullmatch", "rmse[gpf: 5 %].measured"),
-    ("recording.layout", "\"error message = '([^']*+)'\""): ("search", "a error message = 'b' c"),
+    ("recording.atomic_files", "\"error message = '([^']*+)'\""): ("search", "a error message = 'b' c"),
     ("base.errors", "'(?<=[a-z])(?=[A-Z])'"): ("search", "aWord"),
     ("base.errors", "'[\\\\s.\\\\-/]+'"): ("search", "a . b"),
     ("analysis.frames", "'\\\\W'"): ("search", "a b"),

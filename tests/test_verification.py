@@ -14,7 +14,8 @@ import wsnsim
 from tests.helpers.thorough import first
 from wsnsim import cli, scenario
 from wsnsim.base.tables import TABLES
-from wsnsim.verification import stored_source, verify
+from wsnsim.verification import verify
+from wsnsim.verification.repetition import compare_source
 
 Change = Callable[[h5py.File], Any]
 EVERYTHING = [f"record.{name}=true" for name in TABLES if name != "runs"]
@@ -183,12 +184,12 @@ def test_a_source_that_extends_a_file_of_its_own_is_compared_as_far_as_it_goes(t
     (tmp_path / "base.yaml").write_text("extends: ipf\nseed: 3\n")
     (tmp_path / "mine.yaml").write_text("extends: base.yaml\nname: mine\nduration: 2 s\n")
     loaded = scenario.load(tmp_path / "mine.yaml", ["duration=4 s"])
-    said = stored_source.compare(loaded.source_yaml, loaded.overrides, scenario.resolved(loaded))
+    said = compare_source(loaded.source_yaml, loaded.overrides, scenario.resolved(loaded))
     assert said[0] == [] and "'base.yaml', a file that does not come with wsnsim" in said[1][0]
-    said = stored_source.compare(loaded.source_yaml, (), scenario.resolved(loaded))
+    said = compare_source(loaded.source_yaml, (), scenario.resolved(loaded))
     assert said[0] == ["duration: its source text says 2.0, the stored scenario 4.0"]
     for text, word in (("[1]", "not a scenario"), ("extends: ipf\ntracker: {kind: none_such}", "not a valid scenario")):
-        assert word in stored_source.compare(text, (), scenario.resolved(loaded))[0][0]
+        assert word in compare_source(text, (), scenario.resolved(loaded))[0][0]
 
 
 @pytest.mark.parametrize("command", ["verify", "check", "run"])

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import wsnsim.scenario as scenarios
 from wsnsim.base.errors import plugin_faults_of_run
@@ -43,12 +43,15 @@ from wsnsim.network.imperfect_readings import standalone_reports
 from wsnsim.network.result_rows import network_result, write_tables
 from wsnsim.network.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World
-from wsnsim.offline.batch import Batches, offers_batch
-from wsnsim.offline.offline_run import OfflineRun
-from wsnsim.recording import MemoryResult, ResultFile, provenance
+from wsnsim.offline import offers_batch
+from wsnsim.recording.provenance import provenance
+from wsnsim.recording.writer import MemoryResult, ResultFile
 from wsnsim.scenario import Overrides, Plugins
 from wsnsim.scenario.texts import is_result
 from wsnsim.stored_scenario import scenario_of_result
+
+if TYPE_CHECKING:
+    from wsnsim.offline.batch import Batches
 
 __all__ = [
     "Progress", "Report", "Summary", "load", "replicate_of", "run", "run_in_memory", "simulate_run",
@@ -130,6 +133,8 @@ def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime 
         with gc_frozen():
             result = _in_network(setup, replicate, conditions, recorder, progress)
     else:
+        from wsnsim.offline.offline_run import OfflineRun
+
         result = OfflineRun(setup, replicate, conditions, recorder, standalone_reports).run(progress)
     return summarise(setup, replicate, result, conditions.truths, recorder, started + compilation_seconds())
 
@@ -275,7 +280,11 @@ def _performed(
         made_by = provenance(origin["command_line"], setup.seed, scenarios.plugins(loaded), loaded.overrides)
         made_by |= provenance_of(setup) | ({"code": origin["code"]} if origin.get("code") else {})
         file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
-        batches = Batches(setup, file, standalone_reports, time_without_compilation) if task.batch else None
+        batches: Batches | None = None
+        if task.batch:
+            from wsnsim.offline.batch import Batches
+
+            batches = Batches(setup, file, standalone_reports, time_without_compilation)
         recorder = task.watched(file) if task.watched else file
         prepared = time.monotonic() - task.began - compilation_wall()
 

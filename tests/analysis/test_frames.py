@@ -12,7 +12,8 @@ from wsnsim.analysis.frames import read
 from wsnsim.analysis.result_info import info, info_text
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import DUTY_CYCLED, KINDS, TABLES
-from wsnsim.recording import ResultFile, provenance
+from wsnsim.recording import ResultFile
+from wsnsim.recording.provenance import provenance
 
 
 @pytest.fixture

@@ -88,7 +88,7 @@ def _asked(kind: str, count: int) -> dict[str, Any]:
 
 def local(tasks: int) -> dict[str, Any]:
     """{"milliseconds": a task's of each stretch, "cpu": the driver's, "megabytes": {who: [early, late]}}."""
-    from wsnsim.campaign.local_engine import LocalEngine
+    from wsnsim.campaign.engines import LocalEngine
 
     with _task_that_is_done() as task:
         pool = LocalEngine(WORKERS)
@@ -115,7 +115,7 @@ def cluster(tasks: int) -> dict[str, Any]:
 def simulated(tasks: int) -> dict[str, Any]:
     """The memory of driver and worker over a campaign whose tasks are real, and as short as can be."""
     from wsnsim import campaign
-    from wsnsim.campaign.local_engine import LocalEngine
+    from wsnsim.campaign.engines import LocalEngine
 
     found: dict[str, list[float]] = {}
     with tempfile.TemporaryDirectory() as place:
@@ -136,7 +136,7 @@ def simulated(tasks: int) -> dict[str, Any]:
 
 def efficiency(turns: int) -> dict[str, Any]:
     """{"pool": ratios of a turn each, "bare": the same of processes that nobody feeds}."""
-    from wsnsim.campaign.local_engine import LocalEngine
+    from wsnsim.campaign.engines import LocalEngine
 
     count = _spins_of_a_second()
     one, two = (LocalEngine(workers, functools.partial(spin, count)) for workers in (1, WORKERS))

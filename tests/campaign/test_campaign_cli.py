@@ -19,7 +19,7 @@ import pandas as pd
 import pytest
 
 import wsnsim
-from wsnsim.campaign import cost_estimate, local_engine
+from wsnsim.campaign import engines, sweeping
 from wsnsim.campaign.engines import FinishedTask
 from wsnsim.cli import main
 
@@ -33,7 +33,7 @@ CALM = [{"pause": 0.0}, {"pause": 0.001}]
 
 @pytest.fixture(autouse=True)
 def _inline(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local_engine, "LocalEngine", InlineEngine)
+    monkeypatch.setattr(engines, "LocalEngine", InlineEngine)
 
 
 @pytest.fixture
@@ -104,7 +104,7 @@ def test_a_dry_run_says_what_it_would_take_and_writes_nothing(
     assert main(["sweep", sweep, "--dry-run", "--json", "--shard", "1/2"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["replicates"], answer["left"], answer["tasks"]) == (4, 4, 2) and answer["cpu_seconds"] > 0
-    monkeypatch.setattr(cost_estimate, "TRIAL_TIMEOUT", -1.0)  # a trial is cut short at once
+    monkeypatch.setattr(sweeping, "TRIAL_TIMEOUT", -1.0)  # a trial is cut short at once
     assert main(["sweep", sweep, "--dry-run", "--json"]) == 0
     cut = json.loads(capsys.readouterr().out)
     assert cut["size"] is None and cut["cpu_seconds"] > 0
@@ -279,11 +279,11 @@ def test_a_signal_ends_what_runs_and_prints_the_command_that_goes_on(
                 os.kill(os.getpid(), number)
             return endings
 
-    monkeypatch.setattr(local_engine, "LocalEngine", Signalled)
+    monkeypatch.setattr(engines, "LocalEngine", Signalled)
     assert main(["sweep", sweep, "-o", "a campaign", "-j", "3", "--metric", "median_error", "--json"]) == code
     said = capsys.readouterr()
     assert said.out == "" and said.err.splitlines()[-1] == words
-    monkeypatch.setattr(local_engine, "LocalEngine", InlineEngine)
+    monkeypatch.setattr(engines, "LocalEngine", InlineEngine)
     command = resume_of(said.err)
     assert command == ["sweep", "a campaign", "--jobs", "3", "--metric", "median_error", "--plugins", "--json"]
     before = files_of(Path("a campaign"))
@@ -327,8 +327,8 @@ def test_a_reader_of_progress_that_goes_away_does_not_end_the_campaign(sweep: st
     reader, writer = os.pipe()
     os.close(reader)
     script = (
-        "import sys; from wsnsim.campaign import local_engine; from tests.campaign.inline_engine import InlineEngine;"
-        "local_engine.LocalEngine = InlineEngine; from wsnsim.cli import main; sys.exit(main(sys.argv[1:]))"
+        "import sys; from wsnsim.campaign import engines; from tests.campaign.inline_engine import InlineEngine;"
+        "engines.LocalEngine = InlineEngine; from wsnsim.cli import main; sys.exit(main(sys.argv[1:]))"
     )
     command = [sys.executable, "-c", script, "sweep", sweep, "--progress", "json"]
     done = subprocess.run(command, env=environment(), text=True, check=False, stdout=subprocess.PIPE, stderr=writer)
@@ -340,7 +340,7 @@ def test_a_reader_of_progress_that_goes_away_does_not_end_the_campaign(sweep: st
 def test_a_sweep_does_nothing_that_starts_a_thread_before_its_workers(sweep: str) -> None:
     """pandas may do so, by way of pyarrow: workers would then be spawned, and each would import everything."""
     script = (
-        "import sys; from wsnsim.campaign import local_engine as local; copied = local._can_be_copied;"
+        "import sys; from wsnsim.campaign import engines as local; copied = local._can_be_copied;"
         "local._can_be_copied = lambda: print('pandas' in sys.modules, copied()) or copied();"
         "from wsnsim.cli import main; sys.exit(main(sys.argv[1:]))"
     )

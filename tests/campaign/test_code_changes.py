@@ -14,7 +14,7 @@ import pytest
 
 import wsnsim
 from wsnsim.base.errors import UsageError
-from wsnsim.campaign import code_changes, collect, local_engine, prepare, run_campaign
+from wsnsim.campaign import code_changes, collect, engines, prepare, run_campaign
 from wsnsim.campaign import task as tasks
 from wsnsim.campaign.code_changes import changed_files
 from wsnsim.cli import main
@@ -33,7 +33,7 @@ FLAG = "--accept-code-change"
 
 @pytest.fixture(autouse=True)
 def _inline(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local_engine, "LocalEngine", InlineEngine)
+    monkeypatch.setattr(engines, "LocalEngine", InlineEngine)
     tasks._demand_code.cache_clear()
 
 

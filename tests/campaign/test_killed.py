@@ -18,8 +18,8 @@ from typing import Any
 
 import pytest
 
-from wsnsim.campaign import CampaignOutcome, CampaignProgress, local_engine, prepare, run_campaign
-from wsnsim.campaign.local_engine import LocalEngine
+from wsnsim.campaign import CampaignOutcome, CampaignProgress, engines, prepare, run_campaign
+from wsnsim.campaign.engines import LocalEngine
 from wsnsim.scenario.sweep import load_sweep
 
 from .campaign_files import assert_same, files_of, tables_of
@@ -87,7 +87,7 @@ def test_a_campaign_whose_worker_is_killed_is_completed_all_the_same(
     lab: Path, sweep: str, truth: Any, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     copies = bool(seed % 2) and sys.platform == "linux"
-    monkeypatch.setattr(local_engine, "_can_be_copied", lambda: copies)
+    monkeypatch.setattr(engines, "_can_be_copied", lambda: copies)
     chance = random.Random(seed)
     wanted, killed = chance.randrange(10), []
     later = time.monotonic() + (chance.uniform(0.0, 3.0) if not wanted else 0.0)

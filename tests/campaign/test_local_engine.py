@@ -20,9 +20,8 @@ import pytest
 from tests.helpers.thorough import thorough
 from wsnsim.base.runs import watching
 from wsnsim.base.version import __version__
-from wsnsim.campaign import Shard, collect, local_engine, prepare, run_campaign
-from wsnsim.campaign.engines import FinishedTask
-from wsnsim.campaign.local_engine import LocalEngine
+from wsnsim.campaign import Shard, collect, engines, prepare, run_campaign
+from wsnsim.campaign.engines import FinishedTask, LocalEngine
 from wsnsim.campaign.task import Task, TaskOutcome, describe_error, perform
 from wsnsim.recording import read_text
 from wsnsim.recording.folder import Folder
@@ -80,7 +79,7 @@ def test_the_tables_do_not_depend_on_workers_or_shards(lab: Path) -> None:
 def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done(
     lab: Path, moods: dict[str, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local_engine, "_can_be_copied", lambda: sys.platform == "linux")  # as in most campaigns
+    monkeypatch.setattr(engines, "_can_be_copied", lambda: sys.platform == "linux")  # as in most campaigns
     sweep = sweep_of([{"mood": "calm"}, *({"mood": m, "at": at} for m, at in moods.items())], 3, block=1, timeout=8)
     folder = prepare(load_sweep(sweep), lab / "c")
     ended = run_campaign(folder, LocalEngine(1), access=TRUSTED)
@@ -104,8 +103,8 @@ def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done
 
 @pytest.mark.thorough
 def test_a_worker_that_cannot_begin_is_not_the_tasks_fault(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local_engine, "_start", importlib.import_module("moody").die_at_once)
-    monkeypatch.setattr(local_engine, "MAX_BROKEN_POOLS", 2)
+    monkeypatch.setattr(engines, "_start", importlib.import_module("moody").die_at_once)
+    monkeypatch.setattr(engines, "MAX_BROKEN_POOLS", 2)
     folder = prepare(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
     ended = run_campaign(folder, LocalEngine(1), access=TRUSTED)
     assert ended.stopped.startswith("workers died 2 times in a row before they started: is there enough memory?")
@@ -153,7 +152,7 @@ def test_a_pool_that_broke_while_nobody_looked_gives_its_tasks_back_and_is_made_
 def test_workers_are_copies_where_that_is_safe_and_report_to_nobody_who_watches_the_campaign(
     lab: Path, copied: bool, process: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local_engine, "_can_be_copied", lambda: copied)
+    monkeypatch.setattr(engines, "_can_be_copied", lambda: copied)
     moody = importlib.import_module("moody")
     pool = LocalEngine(1, moody.describe_process)
     with watching(moody.REPORTED.append):
@@ -168,10 +167,10 @@ def test_a_process_with_another_thread_is_not_copied() -> None:
     end = threading.Event()
     thread = threading.Thread(target=end.wait)
     thread.start()
-    assert not local_engine._can_be_copied()
+    assert not engines._can_be_copied()
     end.set()
     thread.join()
-    alone = "from wsnsim.campaign.local_engine import _can_be_copied; print(_can_be_copied())"
+    alone = "from wsnsim.campaign.engines import _can_be_copied; print(_can_be_copied())"
     said = subprocess.run([sys.executable, "-c", alone], env=environment(), capture_output=True, text=True, check=True)
     assert said.stdout.strip() == str(sys.platform == "linux")
 

@@ -18,7 +18,7 @@ import pytest
 from tests.campaign.inline_engine import InlineEngine
 from tests.helpers.full_disk import FullDisk
 from wsnsim.base.files import CacheWarning
-from wsnsim.campaign import local_engine
+from wsnsim.campaign import engines
 from wsnsim.cli import main
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import CAMPAIGN, MODES, RUN, WORK, display
@@ -38,7 +38,7 @@ def closed() -> io.StringIO:
 @pytest.fixture(autouse=True)
 def _alone(fresh_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "environ", os.environ.copy())
-    monkeypatch.setattr(local_engine, "LocalEngine", InlineEngine)
+    monkeypatch.setattr(engines, "LocalEngine", InlineEngine)
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.papers import verdict_power
-from wsnsim.papers.resampling import MEAN, Compared, Sample
+from wsnsim.papers.resampling import MEAN, Sample, compared
 from wsnsim.papers.verdicts import judged_order
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "verdicts.md"
@@ -58,7 +58,7 @@ def test_a_wrong_order_holds_in_at_most_5_percent(count, factor, most):
     runs = np.arange(count)
     found = [
         judged_order(
-            Compared(Sample(runs, one[:, None], MEAN), Sample(runs, two[:, None], MEAN), np.subtract, "difference")
+            compared(Sample(runs, one[:, None], MEAN), Sample(runs, two[:, None], MEAN), np.subtract, "difference")
         ).verdict
         for one, two in zip(better.T, other.T, strict=True)
     ]

@@ -19,8 +19,7 @@ from tests.fuzz.hdf5_session import answers
 from wsnsim.base.errors import ResultError
 from wsnsim.cli import main
 from wsnsim.recording import ResultFile, attributes, read_table, read_text, read_with_meanings, tables
-from wsnsim.recording.layout import TEXTS
-from wsnsim.recording.rows import read_packed_rows
+from wsnsim.recording.rows import TEXTS, read_packed_rows
 
 TOO_MUCH = 50_000_000
 """Bytes that no column of the small file or of its mutants takes."""

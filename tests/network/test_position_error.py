@@ -12,7 +12,7 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.tables import Memory
 from wsnsim.bounds import bound
 from wsnsim.network.node_states import Places
-from wsnsim.offline.measurements import OfflineCluster
+from wsnsim.offline.loopback import OfflineCluster
 from wsnsim.scenario.registry import kinds
 from wsnsim.scenario.sweep import load_sweep
 

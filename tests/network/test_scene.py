@@ -13,7 +13,7 @@ from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import Streams
 from wsnsim.models.clusters import Central, StrongestSignal
 from wsnsim.models.energy import FirstOrder, FirstOrder2002, States
-from wsnsim.offline.measurements import OfflineCluster
+from wsnsim.offline.loopback import OfflineCluster
 from wsnsim.scenario import build
 
 DISTANCES = np.array([0.0, 10.0, 75.0, 87.0, 88.0, 300.0])

@@ -12,8 +12,8 @@ from wsnsim import experiment
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import Memory
 from wsnsim.cli import main
-from wsnsim.offline import batch
-from wsnsim.offline.batch import Batches, offers_batch
+from wsnsim.offline import batch, offers_batch
+from wsnsim.offline.batch import Batches
 from wsnsim.recording import read_table, read_text
 from wsnsim.trackers.bootstrap_pf import Sir
 from wsnsim.verification import _differing as differing_origins

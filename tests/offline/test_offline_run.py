@@ -13,8 +13,8 @@ from wsnsim import experiment, recording, scenario, verification
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.tables import Memory
 from wsnsim.models.ranging import Range
-from wsnsim.offline import measurements
-from wsnsim.offline.measurements import sample_readings
+from wsnsim.offline import loopback
+from wsnsim.offline.loopback import sample_readings
 from wsnsim.trackers.bootstrap_pf import Sir
 
 GROWTH = {
@@ -100,7 +100,7 @@ def test_a_sensor_out_of_reach_has_no_reading_unless_it_reads_noise():
 
 def test_readings_do_not_depend_on_how_many_steps_are_drawn_at_a_time(monkeypatch):
     whole = ran("rkf", "duration=30 s")[1].run["fingerprint"]
-    monkeypatch.setattr(measurements, "MOST_AHEAD", 56)
+    monkeypatch.setattr(loopback, "MOST_AHEAD", 56)
     assert ran("rkf", "duration=30 s")[1].run["fingerprint"] == whole
 
 

@@ -28,8 +28,8 @@ from tests.papers.frontier_table import frontier_table
 from tests.papers.studies import module
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.figure_style import write_figure
-from wsnsim.papers.answers import Interval, interval
 from wsnsim.papers.measures import Data
+from wsnsim.papers.rows import Interval, interval
 from wsnsim.papers.study import study
 from wsnsim.recording.folder import Folder
 

@@ -75,7 +75,7 @@ def main() -> None:
             print(f"{now.done} of {now.total} runs, {now.failed} failed, {now.wall:.0f} s", flush=True)
         done.add(now.done)
 
-    outcome = reproduce.run("frontier", small, ADDED, given.jobs, full=True, watch=watch)
+    outcome = reproduce.resume(reproduce.begin("frontier", small, ADDED, full=True), given.jobs, watch=watch)
     print("complete" if outcome.complete else outcome)
 
 

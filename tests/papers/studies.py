@@ -9,4 +9,4 @@ from wsnsim.papers.study import study
 
 def module(name: str, file: str = "study") -> ModuleType:
     """A Python file of a paper or study: module('frontier', 'settings')."""
-    return study(name).module(file)
+    return study(name).code.module(file)

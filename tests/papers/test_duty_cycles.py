@@ -364,7 +364,7 @@ def test_a_few_short_runs_give_rows_answers_and_figures(whole, tmp_path, monkeyp
     small = replace(whole, quick=2, variants={name: whole.variants[name] for name in kept}, claims=claims,
                     quick_sets=("duration=10 s",))  # fmt: skip
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
-    assert reproduce.run("duty_cycles", small, tmp_path, 1).complete
+    assert reproduce.resume(reproduce.begin("duty_cycles", small, tmp_path), 1).complete
     folder = reproduce.folder_of(tmp_path, "duty_cycles", small)
     rows = reproduce.rows("duty_cycles", small, folder)
     assert len(rows) == len(claims) and {row.verdict for row in rows} == {"not published"}

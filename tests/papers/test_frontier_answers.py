@@ -8,8 +8,8 @@ import pytest
 
 from tests.papers.studies import module
 from tests.papers.tables_of_runs import TablesOfRuns
-from wsnsim.papers.answers import Interval, both, interval
 from wsnsim.papers.resampling import DRAWS
+from wsnsim.papers.rows import Interval, both, interval
 from wsnsim.papers.study import study
 
 against_bound = module("frontier", "bound")

@@ -248,7 +248,7 @@ def tracked(tmp_path_factory):
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduce, "LocalEngine", InlineEngine)
-        assert reproduce.run("frontier", small, where, 1).complete
+        assert reproduce.resume(reproduce.begin("frontier", small, where), 1).complete
     folder = reproduce.folder_of(where, "frontier", small)
     return measures.Data(reproduce.Folder(folder)), small, folder
 
@@ -297,7 +297,7 @@ def test_a_few_short_runs_of_every_other_experiment_give_rows_answers_and_figure
     small = replace(whole, quick=2, variants={key: whole.variants[key] for key in kept}, claims=claims,
                     quick_sets=("duration=1.2 s",))  # fmt: skip
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
-    assert reproduce.run("frontier", small, tmp_path, 1).complete
+    assert reproduce.resume(reproduce.begin("frontier", small, tmp_path), 1).complete
     folder = reproduce.folder_of(tmp_path, "frontier", small)
     rows = reproduce.rows("frontier", small, folder)
     assert len(rows) == len(claims) and {row.verdict for row in rows} == {"not published"}

@@ -7,7 +7,7 @@ import pandas as pd
 from tests.papers.frontier_merge import merged, merged_strategies, of_row
 from tests.papers.frontier_table import frontier_table
 from tests.papers.studies import module
-from wsnsim.papers.answers import Interval
+from wsnsim.papers.rows import Interval
 from wsnsim.papers.study import study
 
 hypotheses = module("frontier", "hypotheses")

@@ -1,7 +1,7 @@
 import pytest
 
 from wsnsim import scenario
-from wsnsim.papers.published import published, set_ups
+from wsnsim.papers import published, set_ups
 
 SET_UP = {key: value for key, value in set_ups()[0].equal.items() if value is not None and key != "until"}
 

@@ -151,7 +151,7 @@ def tracked(tmp_path_factory):
     small = replace(whole, quick=2, sets=("duration=2.4 s",), variants=variants, claims=claims)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduce, "LocalEngine", InlineEngine)
-        assert reproduce.run("jiang2013", small, where, 1).complete
+        assert reproduce.resume(reproduce.begin("jiang2013", small, where), 1).complete
     folder = reproduce.folder_of(where, "jiang2013", small)
     return measures.Data(reproduce.Folder(folder)), (small, folder)
 

@@ -213,7 +213,7 @@ def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path, monke
     kept = [claim for claim in shown if {claim.variant, claim.other or names[0]} <= set(names)]
     tiny = dataclasses.replace(whole, variants={name: whole.variants[name] for name in names}, claims=tuple(kept),
                                quick=2, quick_sets=("duration=22 s",))  # fmt: skip
-    assert reproduce.run("li2012", tiny, tmp_path, 1).complete
+    assert reproduce.resume(reproduce.begin("li2012", tiny, tmp_path), 1).complete
     folder = reproduce.folder_of(tmp_path, "li2012", tiny)
     found = [row for row in reproduce.rows("li2012", tiny, folder) if not row.paired]
     assert len(found) == len(kept)
@@ -221,7 +221,7 @@ def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path, monke
     at_ten = next(row for row in found if row.quantity.startswith("RMS error") and row.variant == "gmtt, literal, 300")
     assert 0.1 < at_ten.measured < 100.0
     files = {file: file.stat().st_mtime_ns for file in folder.rglob("*.h5")}
-    assert files and reproduce.run("li2012", tiny, tmp_path, 1).complete
+    assert files and reproduce.resume(reproduce.begin("li2012", tiny, tmp_path), 1).complete
     assert {file: file.stat().st_mtime_ns for file in folder.rglob("*.h5")} == files
     drawn = reproduce.draw("li2012", tiny, folder, tmp_path / "figures")
     assert [picture.name for picture in drawn] == [f"li2012_figure_{number}.png" for number in (3, 4, 5, 6)]

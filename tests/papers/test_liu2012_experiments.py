@@ -132,7 +132,7 @@ def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     where = tmp_path_factory.mktemp("liu2012")
     few = replace(TRACKING, quick=2, sets=("duration=20 s",))
-    assert reproduce.run("liu2012", few, where, 1).complete
+    assert reproduce.resume(reproduce.begin("liu2012", few, where), 1).complete
     folder = reproduce.folder_of(where, "liu2012", few)
     rows = [row for row in reproduce.rows("liu2012", few, folder) if not row.paired]
     assert len(rows) == len(few.claims)
@@ -149,7 +149,7 @@ def test_with_its_own_cell_each_sensor_is_alone_and_both_filters_are_one(monkeyp
     where = tmp_path_factory.mktemp("liu2012")
     variants = {name: one for name, one in READ_OTHERWISE.variants.items() if "own cell" in name}
     few = replace(READ_OTHERWISE, quick=2, sets=("duration=20 s",), variants=variants, claims=())
-    assert reproduce.run("liu2012", few, where, 1).complete
+    assert reproduce.resume(reproduce.begin("liu2012", few, where), 1).complete
     data = measures.Data(reproduce.Folder(reproduce.folder_of(where, "liu2012", few)))
     one, two = (data.errors(f"{kind}, own cell") for kind in ("rkf", "imsf"))
     np.testing.assert_allclose(one, two, rtol=0, atol=1e-9)

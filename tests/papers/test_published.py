@@ -1,7 +1,7 @@
 import pytest
 
 from wsnsim import scenario
-from wsnsim.papers.published import published
+from wsnsim.papers import published
 
 
 def figures(name: str, *overrides: str) -> tuple[dict[str, float], str]:

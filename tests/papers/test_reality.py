@@ -137,7 +137,7 @@ def test_a_campaign_on_a_folder_gives_answers_lines_and_figures(folder, tmp_path
     }
     few = {key: value for key, value in experiment.variants.items() if key in wanted}
     small = replace(experiment, variants=few, quick=5, sets=(*experiment.sets, "tracker.assumes.noise_scale=1"))
-    assert reproduce.run(name, small, tmp_path, 1).complete
+    assert reproduce.resume(reproduce.begin(name, small, tmp_path), 1).complete
     where = reproduce.folder_of(tmp_path, name, small)
     monkeypatch.setattr(measures, "MEMORYLESS", "ekf")
     lines = reproduce.summary(name, small, where)

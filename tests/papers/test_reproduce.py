@@ -76,7 +76,9 @@ def papers(monkeypatch, tmp_path):
 def done(tmp_path_factory):
     """The folder of the small experiment's finished campaign."""
     where = tmp_path_factory.mktemp("done")
-    ended = reproduce.run("liu2012", SMALL, where, 1)  # in a process of its own: the others are in this one
+    ended = reproduce.resume(
+        reproduce.begin("liu2012", SMALL, where), 1
+    )  # in a process of its own: the others are in this one
     assert ended.complete and ended.done == 18
     return where
 

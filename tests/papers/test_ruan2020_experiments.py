@@ -32,7 +32,7 @@ def small(experiment, tmp_path_factory, monkeypatch, **sets):
     where = tmp_path_factory.mktemp("ruan2020")
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     few = replace(experiment, quick=2, **sets)
-    assert reproduce.run("ruan2020", few, where, 1).complete
+    assert reproduce.resume(reproduce.begin("ruan2020", few, where), 1).complete
     return few, reproduce.folder_of(where, "ruan2020", few)
 
 

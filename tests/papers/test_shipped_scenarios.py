@@ -37,7 +37,7 @@ def data(tmp_path_factory):
     where = tmp_path_factory.mktemp("shipped")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduce, "LocalEngine", InlineEngine)
-        assert reproduce.run("liu2012", experiment, where).complete
+        assert reproduce.resume(reproduce.begin("liu2012", experiment, where)).complete
     return measures.Data(reproduce.Folder(reproduce.folder_of(where, "liu2012", experiment)))
 
 

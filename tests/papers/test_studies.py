@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import ast
+import os
+import re
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,9 +20,9 @@ from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim.base.errors import ScenarioError, UsageError
 from wsnsim.cli import main
 from wsnsim.papers import reproduce
-from wsnsim.papers.answers import answered
-from wsnsim.papers.reproduction import RegisteredHypothesis
+from wsnsim.papers.rows import answered
 from wsnsim.papers.study import study
+from wsnsim.papers.study_file import RegisteredHypothesis
 from wsnsim.papers.toolkit import ALLOWED
 from wsnsim.scenario.texts import shipped_studies
 
@@ -77,10 +81,33 @@ def test_a_folder_is_run_resumed_and_answered_and_the_main_rows_are_its_own(mine
     assert {path: path.stat().st_mtime_ns for path in Path("results").rglob("*.h5")} == files
 
 
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
+def test_a_study_is_registered_if_its_files_were_committed_before_its_runs(mine):
+    def said():
+        return reproduce.registrations([("mine", SimpleNamespace(name="few"))], Path("results"))
+
+    def commit():
+        who = ["-c", "user.name=a", "-c", "user.email=a@example.org", "-c", "commit.gpgsign=false"]
+        for words in (["init", "-q"], ["add", "mine"], [*who, "commit", "-q", "-m", "registered"]):
+            subprocess.run(["git", *words], check=True)
+
+    assert said() == ["mine is not registered: its files are not committed as they are"]
+    commit()
+    result = Path("results/mine/few/point/r00000-00004.h5")
+    result.parent.mkdir(parents=True)
+    for _ in range(2):
+        assert re.fullmatch("mine is registered: commit [0-9a-f]{12}, before its runs", *said())
+        result.touch()
+    os.utime(result, (1e9, 1e9))
+    assert re.fullmatch("mine is not registered: commit [0-9a-f]{12} is later than runs", *said())
+    (mine / "study.py").write_text("")
+    assert said() == ["mine is not registered: its files are not committed as they are"]
+
+
 def test_a_changed_measure_is_measured_again(mine, monkeypatch):
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     (experiment,) = study("mine").experiments
-    assert reproduce.run("mine", experiment, Path("out"), 1).complete
+    assert reproduce.resume(reproduce.begin("mine", experiment, Path("out")), 1).complete
     folder = reproduce.folder_of(Path("out"), "mine", experiment)
     assert {row.measured for row in reproduce.evaluated("mine", experiment, folder)[0]} == {3.0}
     (mine / "study.py").write_text(CODE.replace("'steps')", "'steps') + 1.0"))
@@ -145,7 +172,7 @@ def test_variants_and_claims_may_come_from_its_python_and_are_checked_like_the_o
     (experiment,) = study("mine").experiments
     assert list(experiment.variants) == ["pf", "more"] and experiment.claims[0].measure == "rmse"
     study.cache_clear()
-    study("mine").module("study").made = lambda name: {"variants": {"pf": 3}}
+    study("mine").code.module("study").made = lambda name: {"variants": {"pf": 3}}
     with pytest.raises(ScenarioError, match=r"study.yaml:4:\d+: .*EXPERIMENTS\['few'\] gives is wrong: variants.pf"):
         study("mine").experiments  # noqa: B018
 
@@ -175,10 +202,10 @@ def test_a_hypothesis_is_answered_by_the_interval_of_its_measure(threshold, answ
     errors = 2.0 + 0.1 * np.linspace(-1.0, 1.0, 20)
     data = TablesOfRuns({"pf": pd.DataFrame({"replicate": range(21), "rmse": [*errors, np.nan]})})
     data.own = {}
-    found = answered(RegisteredHypothesis("so it is", "pf", "mean:rmse", **threshold), data)
+    found = answered(RegisteredHypothesis(says="so it is", of="pf", measure="mean:rmse", **threshold), data)
     assert str(found).startswith(f"so it is: {answer}, 2.00 [1.9")
     nothing = SimpleNamespace(of=lambda *_: pd.DataFrame({"replicate": [], "rmse": []}), own={})
-    found = answered(RegisteredHypothesis("so it is", "pf", "mean:rmse", **threshold), nothing)
+    found = answered(RegisteredHypothesis(says="so it is", of="pf", measure="mean:rmse", **threshold), nothing)
     assert str(found) == "so it is: undecided, unknown"
 
 

@@ -8,21 +8,23 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from wsnsim.papers import answers, resampling
+from wsnsim.papers import resampling
 from wsnsim.papers.resampling import (
     MEAN,
     MEDIAN,
     PER_RUN_RMSE,
     POOLED_RMSE,
     TIME_MEAN_RMSE,
-    Compared,
     Sample,
     Statistic,
+    compared,
     known,
     median_of_runs,
     value,
     weights,
 )
+from wsnsim.papers.rows import interval as answer_interval
+from wsnsim.papers.rows import resamples
 from wsnsim.papers.study import study
 from wsnsim.papers.verdicts import (
     RULE,
@@ -47,11 +49,11 @@ def sample(values, statistic=MEAN, runs=None):
 
 
 def less(one, other):
-    return Compared.on_common_runs(one, other, lambda a, b: a - b, "difference")
+    return compared(one, other, lambda a, b: a - b, "difference")
 
 
 def over(one, other):
-    return Compared.on_common_runs(one, other, lambda a, b: a / b, "ratio")
+    return compared(one, other, lambda a, b: a / b, "ratio")
 
 
 def lognormal(seed, runs, sigma=0.1, centre=1.0):
@@ -232,7 +234,7 @@ NOTHING = {
 def test_a_statistic_of_nothing_is_unknown_and_too_few_runs_for_any_verdict(shapes, statistic):
     found = sample(np.full(shapes[statistic in OF_ERRORS], NAN), statistic)
     for unknown in (found, known(found), median_of_runs(found), less(found, found), over(found, known(found))):
-        assert np.isnan([value(unknown), *interval(unknown), *answers.interval(answers.resamples(unknown))]).all()
+        assert np.isnan([value(unknown), *interval(unknown), *answer_interval(resamples(unknown))]).all()
         assert np.isnan(unknown.per_run).all() and np.isnan(astray(unknown.per_run)).all()
         for exact in (False, True):
             published = PublishedValue(1.0, 50, exact=exact)

@@ -10,8 +10,7 @@ from tests.helpers.thorough import thorough
 from tests.papers.studies import module
 from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim import scenario
-from wsnsim.papers import reproduce
-from wsnsim.papers.published import published
+from wsnsim.papers import published, reproduce
 from wsnsim.papers.reproduction import Claim, Experiment
 
 _study = module("wei2022")
@@ -164,7 +163,7 @@ def few(experiment: Experiment) -> Experiment:
 def test_a_small_run_gives_a_row_a_claim_and_its_pictures(tmp_path, monkeypatch, name):
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     small = few(EXPERIMENTS[name])
-    assert reproduce.run("wei2022", small, tmp_path).complete
+    assert reproduce.resume(reproduce.begin("wei2022", small, tmp_path)).complete
     folder = reproduce.folder_of(tmp_path, "wei2022", small)
     rows = [row for row in reproduce.rows("wei2022", small, folder) if not row.paired]
     assert [row.variant for row in rows] == [claim.variant for claim in small.claims]

@@ -14,8 +14,7 @@ import pytest
 
 import wsnsim
 from tests.helpers.git import git
-from wsnsim.recording import provenance
-from wsnsim.recording.provenance import SETTINGS, _checkout, cpu_features
+from wsnsim.recording.provenance import SETTINGS, _checkout, cpu_features, provenance
 
 
 def test_it_names_versions_seed_command_and_start():

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import KINDS, TABLES, columns_of
 from wsnsim.recording import ResultFile, attributes, meanings, read_table, read_text, tables
-from wsnsim.recording.layout import SCHEMA_VERSION
+from wsnsim.recording.rows import SCHEMA_VERSION
 
 EVERYTHING = dict.fromkeys(TABLES, True)
 

@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import sample_positions
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup, TrackingSetup
-from wsnsim.offline.batch import offers_batch
+from wsnsim.offline import offers_batch
 
 HOUR: Final = 3600.0
 GIGABYTE: Final = 1e9

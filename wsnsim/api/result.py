@@ -169,7 +169,7 @@ class Result:
             ResultError: the page cannot be written.
         """
         import wsnsim.report as pages
-        from wsnsim.papers.published import published
+        from wsnsim.papers import published
 
         page = file_given("path", path, ".html", ".htm")
         with self._file() as file:

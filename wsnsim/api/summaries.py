@@ -11,7 +11,7 @@ from wsnsim.analysis import beaconing, summary, summary_text
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.quantities import ONLY_IF_NOT_ZERO, QUANTITIES, beside, medians
 from wsnsim.experiment import Report
-from wsnsim.papers.published import published
+from wsnsim.papers import published
 from wsnsim.scenario import resolved
 
 SHOWN: Final = (

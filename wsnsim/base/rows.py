@@ -60,9 +60,9 @@ def late_steps(estimates: Mapping[int, Issued], steps: int, dt: float) -> int:
 
 
 def truth_rows(motion: MotionModel, truth: Floats, steps: int, dt: float) -> dict[str, Any]:
-    """Columns of the table `truth` for steps 0 to `steps` of a trajectory (steps + 1 or more, D)."""
+    """Columns of the table `truth` for steps 0 to `steps` of trajectories (..., steps + 1 or more, D)."""
     numbers = np.arange(steps + 1)
-    states = {name: truth[: steps + 1, i] for i, name in enumerate(motion.columns)}
+    states = {name: truth[..., : steps + 1, i] for i, name in enumerate(motion.columns)}
     return {"step": numbers, "time": numbers * dt, **states}
 
 
@@ -93,14 +93,9 @@ def estimate_rows(
         means[row], covs[row], innovations[row] = guess.mean, guess.cov[block], guess.innovation
         issued[row], effective[row], late[row] = item.issued, guess.effective, is_late(item.issued, step, dt)
         leaders[row], counts[row] = item.head, (item.active, item.members, item.readings)
-    numbers, deviations = np.arange(1, steps + 1), means[:, place] - truth[1 : steps + 1, place]
     return {
-        "step": numbers,
-        "time": numbers * dt,
+        **state_columns(motion, truth, dt, means, covs),
         "issued": issued,
-        **{name: means[:, i] for i, name in enumerate(motion.columns)},
-        **_spread_columns(covs),
-        "error": np.sqrt((deviations**2).sum(axis=1)),
         "head": leaders,
         "active": counts[:, 0],
         "members": counts[:, 1],
@@ -108,28 +103,46 @@ def estimate_rows(
         "received": np.full(steps, NAN),
         "late": late,
         "effective_particles": effective,
-        "nees": metrics.normalised_squares(deviations, covs),
         "nis": innovations[:, 0],
         "nis_dof": innovations[:, 1].astype(np.int64),
     }
 
 
-def _spread_columns(covs: Floats) -> dict[str, Floats]:
-    """Standard deviations of the position and its covariance, of the covariances (steps, P, P)."""
-    names = ("sd_x", "sd_y")[: covs.shape[1]]
-    columns = {name: np.sqrt(covs[:, i, i]) for i, name in enumerate(names)}
-    return columns | ({"cov_xy": covs[:, 0, 1]} if len(names) > 1 else {})
+def state_columns(motion: MotionModel, truth: Floats, dt: float, means: Floats, covs: Floats) -> dict[str, Any]:
+    """Columns of the table `estimates` that follow from the moments: of one run, or (...) of several.
+
+    Args:
+        motion: The motion model.
+        truth: (..., K + 1 or more, D) ground-truth trajectories.
+        dt: Duration of a step in s.
+        means: (..., K, D) means at the steps from 1 on.
+        covs: (..., K, P, P) covariances of the position.
+    """
+    steps, place = means.shape[-2], list(motion.position)
+    numbers, deviations = np.arange(1, steps + 1), means[..., place] - truth[..., 1 : steps + 1, place]
+    nees = metrics.normalised_squares(deviations.reshape(-1, len(place)), covs.reshape(-1, *covs.shape[-2:]))
+    return {
+        "step": numbers,
+        "time": numbers * dt,
+        **{name: means[..., i] for i, name in enumerate(motion.columns)},
+        **{name: np.sqrt(covs[..., i, i]) for i, name in enumerate(("sd_x", "sd_y")[: len(place)])},
+        **({"cov_xy": covs[..., 0, 1]} if len(place) > 1 else {}),
+        "error": np.sqrt((deviations**2).sum(axis=-1)),
+        "nees": nees.reshape(means.shape[:-1]),
+    }
 
 
 def covariance_rows(estimates: Mapping[int, Issued], columns: Sequence[str]) -> dict[str, Any]:
     """Columns of the table `covariances`: one row per estimate, the upper triangle of its covariance (D, D)."""
     size = len(columns)
     covs = np.array([item.estimate.cov for _, item in sorted(estimates.items())]).reshape(-1, size, size)
-    triangle = [(i, j) for i in range(size) for j in range(i, size)]
-    return {
-        "step": np.array(sorted(estimates), dtype=np.int64),
-        **{f"cov_{columns[i]}_{columns[j]}": covs[:, i, j] for i, j in triangle},
-    }
+    return {"step": np.array(sorted(estimates), dtype=np.int64), **triangle_columns(covs, columns)}
+
+
+def triangle_columns(covs: Floats, columns: Sequence[str]) -> dict[str, Floats]:
+    """The upper triangle of covariances (..., D, D) as columns `cov_ONE_OTHER`."""
+    pairs = [(i, j) for i in range(len(columns)) for j in range(i, len(columns))]
+    return {f"cov_{columns[i]}_{columns[j]}": covs[..., i, j] for i, j in pairs}
 
 
 def consistency(tracks: Sequence[Mapping[str, Any]], size: int) -> dict[str, float]:

@@ -7,35 +7,24 @@
 The folder holds all that a campaign needs to resume after any of its processes died; see `recording.folder`.
 """
 
-from wsnsim.campaign.code_changes import differing_code
-from wsnsim.campaign.engines import WHOLE, CampaignOutcome, CampaignProgress, Shard
-from wsnsim.campaign.folders import (
-    collect,
-    demand_permitted,
-    describe_missing,
-    existing_manifest,
-    missing,
-    needs_permission,
-    prepare,
-    reopen,
-)
-from wsnsim.campaign.runner import run_campaign
-from wsnsim.campaign.sweeping import sweep
+from __future__ import annotations
 
-__all__ = [
-    "WHOLE",
-    "CampaignOutcome",
-    "CampaignProgress",
-    "Shard",
-    "collect",
-    "demand_permitted",
-    "describe_missing",
-    "differing_code",
-    "existing_manifest",
-    "missing",
-    "needs_permission",
-    "prepare",
-    "reopen",
-    "run_campaign",
-    "sweep",
-]
+from typing import TYPE_CHECKING
+
+from wsnsim.base.facades import facade
+
+if TYPE_CHECKING:
+    # fmt: off
+    # isort: off
+    from wsnsim.campaign.code_changes import differing_code as differing_code
+    from wsnsim.campaign.engines import (
+        WHOLE as WHOLE, CampaignOutcome as CampaignOutcome, CampaignProgress as CampaignProgress, Shard as Shard,
+    )
+    from wsnsim.campaign.folders import (
+        collect as collect, demand_permitted as demand_permitted, describe_missing as describe_missing,
+        existing_manifest as existing_manifest, missing as missing, needs_permission as needs_permission,
+        prepare as prepare, reopen as reopen,
+    )
+    from wsnsim.campaign.runner import run_campaign as run_campaign
+
+__getattr__, __dir__ = facade(__name__)

@@ -30,8 +30,8 @@ from wsnsim.campaign.dask_workers import (
 )
 from wsnsim.campaign.engines import EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.task import Task, TaskOutcome, describe_error
+from wsnsim.recording.atomic_files import reason
 from wsnsim.recording.folder import Folder
-from wsnsim.recording.layout import reason
 from wsnsim.recording.provenance import digest_of, package_digests
 
 FETCH_TIMEOUT: Final = 5.0

@@ -20,7 +20,7 @@ from wsnsim.base.errors import UsageError
 from wsnsim.base.files import read_regular
 from wsnsim.base.version import __version__
 from wsnsim.campaign.task import Task, TaskOutcome, describe_error, perform
-from wsnsim.recording.layout import reason
+from wsnsim.recording.atomic_files import reason
 from wsnsim.recording.provenance import digest_of, package_digests
 
 CONNECT_TIMEOUT: Final = 10.0

@@ -21,9 +21,9 @@ from wsnsim.campaign.code_changes import (
     settled,
     shortened,
 )
-from wsnsim.recording import provenance
+from wsnsim.recording.atomic_files import reason
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, consecutive
-from wsnsim.recording.layout import reason
+from wsnsim.recording.provenance import provenance
 from wsnsim.scenario.registry import Plugins, refused
 from wsnsim.scenario.sweep_schema import Plan
 

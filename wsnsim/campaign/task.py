@@ -29,9 +29,8 @@ from typing import Any, Final, Literal, TextIO
 from wsnsim.base.errors import StorageError, UsageError, WsnsimError
 from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.version import __version__
-from wsnsim.recording.atomic_files import host
+from wsnsim.recording.atomic_files import cannot_write, host
 from wsnsim.recording.folder import Folder
-from wsnsim.recording.layout import cannot_write
 from wsnsim.scenario.registry import ACCESS_OF_FILES, PluginAccess, search
 
 PR_SET_PDEATHSIG: Final = 1

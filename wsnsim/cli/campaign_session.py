@@ -22,8 +22,8 @@ from wsnsim.cli.shared import command_line, echo, echo_json, echo_lines
 
 if TYPE_CHECKING:
     from wsnsim.campaign import CampaignOutcome, Shard
-    from wsnsim.campaign.cost_estimate import CostEstimate
     from wsnsim.campaign.engines import Engine
+    from wsnsim.campaign.sweeping import CostEstimate
     from wsnsim.recording.folder import Folder, Manifest
     from wsnsim.scenario.registry import PluginAccess, Plugins
     from wsnsim.scenario.sweep_schema import Plan
@@ -160,7 +160,7 @@ def run_plan(plan: Plan, options: SessionOptions, interrupts: Interrupts, by: tu
     check_comparison(options.comparison, plan, by)
     _check_engine_options(options)
     if options.dry_run:
-        from wsnsim.campaign.cost_estimate import estimate_cost
+        from wsnsim.campaign.sweeping import estimate_cost
 
         campaign.existing_manifest(Folder(path), plan.name)
         estimate = estimate_cost(plan, Folder(path), _workers(options), shard, options.batch)
@@ -242,9 +242,9 @@ def _engine(folder: Folder, options: SessionOptions) -> Engine:
         from wsnsim.campaign.dask_engine import DaskEngine
 
         return DaskEngine(folder.path, options.scheduler, options.scheduler_file)
-    from wsnsim.campaign import local_engine
+    from wsnsim.campaign import engines
 
-    return local_engine.LocalEngine(_workers(options))
+    return engines.LocalEngine(_workers(options))
 
 
 def _check_engine_options(options: SessionOptions) -> None:
@@ -258,7 +258,7 @@ def _check_engine_options(options: SessionOptions) -> None:
 
 
 def _workers(options: SessionOptions) -> int:
-    from wsnsim.campaign.local_engine import available_cores
+    from wsnsim.campaign.engines import available_cores
 
     return options.jobs or available_cores()
 

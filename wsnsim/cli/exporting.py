@@ -166,7 +166,7 @@ def report(
     """
     import wsnsim.recording as recording
     import wsnsim.report as pages
-    from wsnsim.papers.published import published
+    from wsnsim.papers import published
 
     for result in results:
         recording.attributes(result)

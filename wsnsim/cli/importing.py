@@ -12,7 +12,7 @@ from wsnsim.base.errors import RunError, ScenarioError, UsageError
 from wsnsim.cli.shared import PATH, echo, echo_json, group, json_option, not_the_result, writable
 
 if TYPE_CHECKING:
-    from wsnsim.interop.traces import NodeSummary, TraceFormat
+    from wsnsim.interop import NodeSummary, TraceFormat
     from wsnsim.interop.trajectories import PlacedTracks, Placement
 
 FORMATS: Final = ("ns3", "sumo")
@@ -61,7 +61,7 @@ def import_(kind: str, trace: Path, ids: tuple[str, ...], listed: bool, as_json:
     if listed:
         if ids:
             raise UsageError("--list shows all nodes: leave out --id")
-        from wsnsim.interop.traces import summarised
+        from wsnsim.interop import summarised
 
         _echo_nodes(summarised(str(trace), _format(kind)), as_json)
         return
@@ -79,7 +79,8 @@ def _imported(kind: str, trace: Path, ids: tuple[str, ...], options: dict[str, A
     how = _placement(options, as_scenario)
     if out is not None:
         not_the_result(writable(out, out), trace, "track") if trace.exists() else writable(out, out)
-    from wsnsim.interop import traces, trajectories
+    import wsnsim.interop as traces
+    from wsnsim.interop import trajectories
 
     read = traces.read(str(trace), _format(kind), tuple(dict.fromkeys(ids)))
     tracks = trajectories.placed(read, how)

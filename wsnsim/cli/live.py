@@ -217,7 +217,7 @@ def page_of(result: Path, page: Path | None, plugins: bool, bounds: bool = False
     import tempfile
 
     import wsnsim.report as pages
-    from wsnsim.papers.published import published
+    from wsnsim.papers import published
 
     with tempfile.TemporaryDirectory(prefix="wsnsim-") as folder:
         written = pages.write([result], Path(folder) / "page.html", published=published, plugins=plugins, bounds=bounds)

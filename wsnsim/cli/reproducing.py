@@ -128,6 +128,8 @@ class _ReproductionSession:
         there = f", {wanted - missing:,} of them on disk" if missing < wanted else ""
         echo(f"wsnsim: {counted(len(chosen), 'experiment')} of {names}: {counted(wanted, 'run')}{there}; "
              f"folder {self.where}", err=True)  # fmt: skip
+        for line in reproducing.registrations(chosen, self.where):
+            echo(f"wsnsim: {line}", err=True)
 
     def run_all(self, chosen: Sequence[tuple[str, Experiment]], interrupts: Interrupts) -> int:
         """Run the experiments one after the other and return the exit code."""

@@ -128,7 +128,7 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
 def _write_page(result: Path, page: Path, options: RunOptions) -> None:
     """Write the page of a result that has just been made, whose plug-ins may therefore be imported."""
     import wsnsim.report as pages
-    from wsnsim.papers.published import published
+    from wsnsim.papers import published
 
     written = pages.write([result], page, published=published, plugins=True, bounds=options.bounds)
     if not options.quiet:
@@ -158,7 +158,7 @@ def _summary(report: Report, scenario: Scenario, bounds: bool, as_json: bool) ->
 
         return beaconing.as_json(report) if as_json else beaconing.text(report)
     from wsnsim.analysis import summary, summary_text
-    from wsnsim.papers.published import published
+    from wsnsim.papers import published
     from wsnsim.scenario import resolved
 
     values, paper = published(resolved(scenario))

@@ -17,8 +17,8 @@ from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.fitting.data_files import ReadingOptions
 from wsnsim.fitting.estimation import FitOptions, fit_readings
 from wsnsim.fitting.fitted_law import LAWS, UNFITTED, Evaluation, FittedGain, FittedValue
-from wsnsim.fitting.links import LinkOptions, fit_links
-from wsnsim.fitting.result import Fit, LinkFit
+from wsnsim.fitting.links import LinkFit, LinkOptions, fit_links
+from wsnsim.fitting.result import Fit
 
 __all__ = [
     "Evaluation", "Fit", "FitOptions", "FittedGain", "FittedValue", "LinkFit", "LinkOptions", "ReadingOptions", "fit",

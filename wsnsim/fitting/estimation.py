@@ -18,7 +18,17 @@ from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import RunError, UsageError
 from wsnsim.fitting import residuals as noises
 from wsnsim.fitting.data_files import ReadingOptions, read_nodes, read_sample
-from wsnsim.fitting.fitted_law import Evaluation, FitBasis, FittedGain, FittedModel, FittedValue, LawForm, figures
+from wsnsim.fitting.fitted_law import (
+    Evaluation,
+    FitBasis,
+    FittedGain,
+    FittedModel,
+    FittedValue,
+    LawForm,
+    figures,
+    percentiles,
+    resampled,
+)
 from wsnsim.fitting.located_readings import Coefficients, LocatedReadings, ReadingKeys, least_squares, shared_with
 from wsnsim.fitting.residuals import Family, Noise, Shadowing, averaged, lagged, shadowing
 from wsnsim.fitting.result import Fit
@@ -103,7 +113,7 @@ def _fit_in_blocks(sample: LocatedReadings, form: LawForm, options: FitOptions, 
     blocks = sample.blocks(block)
     if not blocks.any():
         raise RunError(f"the readings lie within one block of {block:g} s: intervals need at least two")
-    weights = _weights(int(blocks.max()) + 1, options.seed)
+    weights = resampled(int(blocks.max()) + 1, RESAMPLES, options.seed)
     solved = _regression(sample, form, heights, count, blocks)
     model = FittedModel(form, solved.values, solved.gains, Noise("normal", 1.0, math.inf, 0.0), heights)
     left = _Residuals(model.residuals(sample), blocks, weights, len(solved.values) + count)
@@ -128,7 +138,8 @@ def _plain(sample: LocatedReadings, model: FittedModel, blocks: Ints) -> FittedM
     """The law without gains, and with one normal noise."""
     solved = _regression(sample, model.form, model.heights, 0, blocks)
     plain = model._replace(coefficients=solved.values, gains=np.empty(0))
-    variance = _variance(plain.residuals(sample), len(solved.values))
+    residuals = plain.residuals(sample)
+    variance = float((residuals**2).sum()) / max(len(residuals) - len(solved.values), 1)
     return plain._replace(noise=Noise("normal", math.sqrt(variance), math.inf, 0.0))
 
 
@@ -165,17 +176,6 @@ def _correlation_time(fit: Fit) -> float:
     return fit.values["decorrelation"].value * seconds / travelled if travelled > 0.0 else 0.0
 
 
-def _weights(blocks: int, seed: int) -> Floats:
-    """(R + 1, B) one for each block, then how often each is in a resample of the bootstrap."""
-    rng = np.random.default_rng(seed)
-    resamples = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), RESAMPLES)
-    return np.concatenate([np.ones((1, blocks)), resamples])
-
-
-def _variance(residuals: Floats, parameters: int) -> float:
-    return float((residuals**2).sum()) / max(len(residuals) - parameters, 1)
-
-
 def _fitted_noise(
     sample: LocatedReadings, left: _Residuals, form: LawForm, options: FitOptions
 ) -> tuple[Noise, dict[str, FittedValue], dict[Family, float]]:
@@ -198,14 +198,14 @@ def _fitted_noise(
         if options.noise == "student_t":
             raise RunError("noise: nearly all of it is correlated along the path, so that its family cannot be told")
     family: Family = min(aic, key=lambda name: aic[name]) if options.noise == "auto" else options.noise
-    values = {"sd": _percentiles(white, form.unit, "standard deviation of the white part of the noise")}
+    values = {"sd": percentiles(white, form.unit, "standard deviation of the white part of the noise")}
     if family == "student_t":
-        values["dof"] = _percentiles(dofs, "", "degrees of freedom of the white part")
+        values["dof"] = percentiles(dofs, "", "degrees of freedom of the white part")
     if spread > 0.0:
-        values["shadowing"] = _percentiles(
+        values["shadowing"] = percentiles(
             np.sqrt(parts.variances), form.unit, "standard deviation of the part that is correlated along the path"
         )
-        values["decorrelation"] = _percentiles(parts.distances, "m", "path over which that correlation falls to 1/e")
+        values["decorrelation"] = percentiles(parts.distances, "m", "path over which that correlation falls to 1/e")
     return Noise(family, sd, float(dofs[0]) if family == "student_t" else math.inf, spread), values, aic
 
 
@@ -223,13 +223,6 @@ def _significant(parts: Shadowing, total: Floats) -> Shadowing:
     if np.quantile(parts.variances[1:], 0.005) > 0.0:
         return parts
     return Shadowing(np.zeros_like(total), np.full_like(total, np.nan), np.ones_like(total))
-
-
-def _percentiles(values: Floats, unit: str, about: str) -> FittedValue:
-    """The estimate, which is the first value, with the interval of the others."""
-    resampled = values[1:][np.isfinite(values[1:])]
-    low, high = np.quantile(resampled, [0.025, 0.975]).tolist() if resampled.size else (math.nan, math.nan)
-    return FittedValue(float(values[0]), low, high, unit, about)
 
 
 def _coefficients(form: LawForm, solved: Coefficients) -> dict[str, FittedValue]:

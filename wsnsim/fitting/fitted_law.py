@@ -100,6 +100,19 @@ class FittedValue(NamedTuple):
     about: str
 
 
+def resampled(units: int, draws: int, seed: int) -> Floats:
+    """(draws + 1, units) one for each unit, then how often each is in a resample of the bootstrap."""
+    drawn = np.random.default_rng(seed).multinomial(units, np.full(units, 1.0 / units), draws)
+    return np.concatenate([np.ones((1, units)), drawn])
+
+
+def percentiles(values: Floats, unit: str, about: str) -> FittedValue:
+    """The estimate, which is the first value, with the interval of the others, those of resamples."""
+    known = values[1:][np.isfinite(values[1:])]
+    low, high = np.quantile(known, [0.025, 0.975]).tolist() if known.size else (math.nan, math.nan)
+    return FittedValue(float(values[0]), low, high, unit, about)
+
+
 class FittedGain(NamedTuple):
     """The gain of a node.
 

@@ -16,19 +16,144 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy import optimize, special
 
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import RunError, UsageError
-from wsnsim.fitting.fitted_law import FittedValue
-from wsnsim.fitting.link_sample import LinkRows, delivery, margin, read_link_rows
-from wsnsim.fitting.located_readings import shared_with
-from wsnsim.fitting.result import LinkEvaluation, LinkFit
+from wsnsim.base.version import __version__
+from wsnsim.fitting.fitted_law import FittedValue, percentiles, resampled
+from wsnsim.fitting.link_sample import LinkRows, delivery, margin, mean_power, read_link_rows
+from wsnsim.fitting.located_readings import DataFile, shared_with
+from wsnsim.fitting.result import bad_row_notes, block_lines, file_json, file_text, one_line, value_lines
+
+LEVELS: Final = (0.1, 0.5, 0.9)
+"""Delivery ratios at which powers are stated."""
+WIDTH: Final = 1.0
+"""Width (dB) of the bins in which these powers are found."""
+
+
+class LinkEvaluation(NamedTuple):
+    """How the fitted link does on a file.
+
+    Attributes:
+        file: the file.
+        in_sample: whether the link was fitted to it.
+        ratio_rmse: of delivery ratios, given the powers of the bursts.
+        power_rmse: of the mean powers (dB) of pairs that were heard, given their distance; NaN without positions.
+    """
+
+    file: DataFile
+    in_sample: bool
+    ratio_rmse: float
+    power_rmse: float
+
+
+@dataclass(frozen=True)
+class LinkFit:
+    """The link `log_normal`, fitted to recorded links.
+
+    Attributes:
+        rows: the bursts that were fitted.
+        values: estimates by the key of the scenario, with intervals.
+        power: transmit power (dBm) of the recording, as it was stated.
+        frame: length (bytes) of its packets, as it was stated.
+        test: how the link does on other files, or on the same ones where that was asked for.
+    """
+
+    rows: LinkRows
+    values: Mapping[str, FittedValue]
+    power: float
+    frame: int
+    test: tuple[LinkEvaluation, ...] = ()
+
+    @property
+    def link(self) -> dict[str, Any]:
+        """The block `link` of a scenario."""
+        fitted = {name: float(f"{value.value:.5g}") for name, value in self.values.items()}
+        return {"kind": "log_normal", "power": self.power} | fitted
+
+    def mean_power(self, distances: Floats) -> Floats:
+        """(n,) mean received power in dBm over these distances, in m."""
+        return mean_power(distances, self.power, self.values)
+
+    @property
+    def curve(self) -> tuple[Floats, Floats]:
+        """Powers (K,) in dBm and mean delivery ratios (K,) of the bursts around them."""
+        bins = np.floor(self.rows.powers / WIDTH).astype(np.int64)
+        found, index = np.unique(bins, return_inverse=True)
+        counts = np.bincount(index.ravel())
+        many = counts >= 20
+        ratios = np.bincount(index.ravel(), self.rows.ratios) / counts
+        return (found[many].astype(np.float64) + 0.5) * WIDTH, ratios[many].astype(np.float64)
+
+    def yaml(self) -> str:
+        """The block `link` as text that a scenario can extend, with its origin in comments."""
+        head = [
+            f"Link fitted by wsnsim fit {__version__}; a scenario can extend this file.",
+            f"power and the length of packets ({self.frame} bytes) are as stated by the user, not recorded",
+            *(f"train: {file_text(file, 'bursts')}, {file.digest}" for file in self.rows.files),
+            *(f"test: {_test_text(row)}, {row.file.digest}" for row in self.test),
+            *([] if self.test else ["test: none"]),
+        ]
+        if "exponent" not in self.values:
+            head.append("no positions were given: path loss and shadowing have their defaults, not those of the links")
+        return (
+            "\n".join([*(f"# {one_line(line)}" for line in head), *block_lines("link", self.link, self.values)]) + "\n"
+        )
+
+    def text(self) -> str:
+        """The estimates and figures as tables."""
+        return "\n".join([
+            f"link log_normal, fitted to {len(self.rows.ratios)} bursts between {len(self.rows.nodes)} nodes:",
+            *(f"  {file_text(file, 'bursts')}" for file in self.rows.files), "",
+            *value_lines(self.values), "", *self._notes(),
+        ])  # fmt: skip
+
+    def as_json(self) -> dict[str, Any]:
+        """All figures as plain values."""
+        powers, ratios = self.curve
+        return {
+            "law": "log_normal",
+            "link": self.link,
+            "values": {name: value._asdict() for name, value in self.values.items()},
+            "curve": {"power": powers.tolist(), "ratio": ratios.tolist()},
+            "train": {"files": [file_json(file) for file in self.rows.files]},
+            "test": [file_json(row.file) | {
+                "in_sample": row.in_sample, "ratio_rmse": row.ratio_rmse, "power_rmse": row.power_rmse,
+            } for row in self.test],
+        }  # fmt: skip
+
+    def plot(self, out: str | Path) -> Path:
+        """Write the figure as PNG, SVG or PDF, and return its path."""
+        from wsnsim.fitting.plots import LinkFigure, plot_links
+
+        return plot_links(LinkFigure(self.rows, self.values, self.curve, self.frame, self.power), Path(out))
+
+    def _notes(self) -> Iterator[str]:
+        """How intervals came about, what the model cannot express, and the figures on test files."""
+        yield "Intervals come from a bootstrap of nodes: all pairs of a node share its antenna."
+        powers, ratios = self.curve
+        reached = [(level, powers[np.argmax(ratios >= level)]) for level in LEVELS if (ratios >= level).any()]
+        yield "Recorded delivery ratio: " + ", ".join(f"{level:g} at {power:.1f} dBm" for level, power in reached) + "."
+        if "exponent" not in self.values:
+            yield "Without positions (--nodes), path loss and shadowing cannot be fitted."
+        for row in self.test:
+            yield f"{'IN SAMPLE' if row.in_sample else 'Test'}: {_test_text(row)}."
+        yield from bad_row_notes([*self.rows.files, *(row.file for row in self.test)])
+        if not self.test:
+            yield "Not judged on other links: name some with --test."
+
+
+def _test_text(row: LinkEvaluation) -> str:
+    power = f", of powers {row.power_rmse:.2f} dB" if math.isfinite(row.power_rmse) else ""
+    return f"{file_text(row.file, 'bursts')}, RMSE of delivery ratios given power {row.ratio_rmse:.3f}{power}"
+
 
 RESAMPLES: Final = 200
 LOSS_RESAMPLES: Final = 60
@@ -95,21 +220,18 @@ def fit_link_rows(rows: LinkRows, options: LinkOptions) -> LinkFit:
     heard = np.isfinite(rows.means)
     if heard.sum() < FEWEST_PAIRS:
         raise RunError(f"only {heard.sum()} pairs of nodes have clear bursts: at least {FEWEST_PAIRS} are needed")
-    rng = np.random.default_rng(options.seed)
-    count = len(rows.nodes)
-    drawn = rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES)
-    weights = np.concatenate([np.ones((1, count)), drawn]).astype(np.float64)
+    weights = resampled(len(rows.nodes), RESAMPLES, options.seed)
     sensitivities = _sensitivities(rows, weights, options.frame)
     values = {
-        "sensitivity": _value(sensitivities, "dBm", "power at which 1 % of frames of 20 bytes are lost"),
-        "asymmetry": _value(_asymmetries(rows, weights), "dB", "standard deviation between both directions"),
+        "sensitivity": percentiles(sensitivities, "dBm", "power at which 1 % of frames of 20 bytes are lost"),
+        "asymmetry": percentiles(_asymmetries(rows, weights), "dB", "standard deviation between both directions"),
     }
     if rows.places is not None:
         clear = values["sensitivity"].value + margin(options.frame)
         losses = _losses(rows, weights[: LOSS_RESAMPLES + 1], clear)
-        values["loss_at_1m"] = _value(options.power - losses[:, 0], "dB", "path loss at 1 m")
-        values["exponent"] = _value(losses[:, 1], "", "path-loss exponent")
-        values["shadowing"] = _value(np.exp(losses[:, 2]), "dB", "standard deviation from link to link")
+        values["loss_at_1m"] = percentiles(options.power - losses[:, 0], "dB", "path loss at 1 m")
+        values["exponent"] = percentiles(losses[:, 1], "", "path-loss exponent")
+        values["shadowing"] = percentiles(np.exp(losses[:, 2]), "dB", "standard deviation from link to link")
     return LinkFit(rows, values, options.power, options.frame)
 
 
@@ -180,12 +302,6 @@ class _Censored(NamedTuple):
         by_spread = -float(slopes @ apart) - float(weights @ self.seen)
         gradient = np.array([-slopes.sum() / spread, slopes @ self.logs / spread, by_spread])
         return -float(weights @ terms), -gradient
-
-
-def _value(values: Floats, unit: str, about: str) -> FittedValue:
-    """The first value, with the interval of the others."""
-    low, high = np.nanquantile(values[1:], [0.025, 0.975]).tolist()
-    return FittedValue(float(values[0]), low, high, unit, about)
 
 
 def _evaluated(fit: LinkFit, rows: LinkRows, in_sample: bool) -> LinkEvaluation:

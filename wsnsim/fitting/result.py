@@ -1,25 +1,190 @@
-"""A law fitted to readings, and what a fit to recorded links has found, with their texts and figures."""
+"""A law fitted to readings, as text, as YAML that a scenario can extend, and as plain values for JSON."""
 
 from __future__ import annotations
 
+import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
-import numpy as np
-
-from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import UsageError
+from wsnsim.base.errors import MOST_PRINTED, UsageError
 from wsnsim.base.version import __version__
-from wsnsim.fitting import texts
 from wsnsim.fitting.data_files import digest_of, names_in
-from wsnsim.fitting.fitted_law import FittedLaw, FittedValue
-from wsnsim.fitting.link_sample import LinkRows, mean_power
+from wsnsim.fitting.fitted_law import Evaluation, FittedLaw, FittedValue, ResidualFigures
 from wsnsim.fitting.located_readings import DataFile
-from wsnsim.fitting.texts import bad_row_notes, block_lines, file_json, file_text, interval_text, one_line, table_lines
+
+SKEWED: Final = 0.2
+"""Skewness from which it is said that the families of noise have none."""
+FIGURES: Final = ("RMSE", "skewness", "kurtosis", "correlation at 1 s", "mean log density")
+
+
+def fit_text(fit: FittedLaw) -> str:
+    """The estimates with intervals, the gains, and the figures of residuals, as tables."""
+    form = fit.model.form
+    readings = f"{len(fit.sample.readings):,}".replace(",", " ")
+    place = "in space" if fit.model.heights else "in the plane"
+    lines = [f"law {form.kind} of distances {place}, fitted to {readings} readings of {len(fit.sample.files)} tracks:"]
+    lines += [f"  {file_text(file)}" for file in fit.sample.files]
+    lines += ["", *value_lines(fit.values)]
+    if fit.gains:
+        rows = [[g.node, f"{g.value:.2f}", interval_text(g.low, g.high), str(g.readings)] for g in fit.gains]
+        lines += ["", *table_lines(["node", f"gain [{form.unit}]", "95 % interval", "readings"], rows)]
+    lines += ["", *table_lines(["readings", "law", *FIGURES], list(_figure_rows(fit)))]
+    lines += ["", *_notes(fit)]
+    return "\n".join(lines)
+
+
+def sensor_yaml(fit: FittedLaw, recorded: Mapping[str, Any] | None = None) -> str:
+    """The block `sensor` with its origin in comments: train and test files, intervals and held-out figures.
+
+    With `recorded`, the keys of a sensor with recorded readings, the law is what filters believe of these.
+    """
+    head = [
+        f"Law '{fit.model.form.kind}', fitted by wsnsim fit {__version__}; a scenario can extend this file.",
+        *(f"train: {file_text(file)}, {file.digest}" for file in fit.sample.files),
+        *(f"test: {_test_text(row, fit.model.form.unit)}, {row.file.digest}" for row in fit.test),
+        *([] if fit.test else ["test: none"]),
+    ]
+    if recorded is None:
+        block = [*block_lines("sensor", fit.sensor, fit.values)]
+    else:
+        law = (f"  {line}" for line in block_lines("law", fit.sensor, fit.values))
+        block = [*block_lines("sensor", recorded, {}), *law]
+    return "\n".join([*(f"# {one_line(line)}" for line in head), *block]) + "\n"
+
+
+def fit_json(fit: FittedLaw) -> dict[str, Any]:
+    """All figures as plain values in SI units and dB."""
+    fitted, plain = fit.train
+    return {
+        "law": fit.model.form.kind,
+        "heights": fit.model.heights,
+        "sensor": fit.sensor,
+        "values": {name: value._asdict() for name, value in fit.values.items()},
+        "gains": [gain._asdict() for gain in fit.gains],
+        "aic": dict(fit.basis.aic),
+        "blocks": {"count": fit.basis.blocks, "seconds": fit.basis.seconds},
+        "train": {
+            "files": [file_json(file) for file in fit.sample.files],
+            "fitted": fitted._asdict(),
+            "plain": plain._asdict(),
+        },
+        "test": [
+            file_json(row.file)
+            | {"in_sample": row.in_sample, "fitted": row.fitted._asdict(), "plain": row.plain._asdict()}
+            for row in fit.test
+        ],
+    }
+
+
+def value_lines(values: Mapping[str, FittedValue]) -> list[str]:
+    """The estimates with their intervals as a table."""
+    rows = [
+        [name, f"{value.value:.4g}", interval_text(value.low, value.high), value.unit, value.about]
+        for name, value in values.items()
+    ]
+    return table_lines(["", "estimate", "95 % interval", "unit", "description"], rows)
+
+
+def _figure_rows(fit: FittedLaw) -> Iterator[list[str]]:
+    """A row for each law on the train readings and on each test file."""
+    fitted, plain = fit.train
+    name = fit.model.form.kind
+    rows: list[tuple[str, ResidualFigures, ResidualFigures]] = [("train", fitted, plain)]
+    rows += [(f"{'IN SAMPLE' if row.in_sample else 'test'} {row.file.path}", row.fitted, row.plain) for row in fit.test]
+    for where, own, simple in rows:
+        yield [where, "fitted", *_figures(own)]
+        yield [where, f"{name} alone, normal noise", *_figures(simple)]
+
+
+def _figures(found: ResidualFigures) -> list[str]:
+    shape = f"{found.skewness:.2f}", f"{found.kurtosis:.2f}"
+    return [f"{found.rmse:.3f}", *shape, f"{found.correlation:.2f}", f"{found.log_likelihood:.3f}"]
+
+
+def _notes(fit: FittedLaw) -> Iterator[str]:
+    """How the intervals came about, which family of noise was chosen, and what the sensor cannot express."""
+    blocks = f"{fit.basis.blocks} blocks of {fit.basis.seconds:.3g} s (all nodes together)"
+    yield (
+        f"Residuals are correlated: intervals come from {blocks}: a sandwich for coefficients and gains, a bootstrap "
+        "of blocks for the rest."
+    )
+    normal, student = fit.basis.aic["normal"], fit.basis.aic["student_t"]
+    yield (
+        f"Noise: {fit.model.noise.family}; AIC {normal:.1f} (normal) and {student:.1f} (student_t), with readings "
+        "taken as independent."
+    )
+    skewness = fit.train[0].skewness
+    if abs(skewness) > SKEWED:
+        yield f"The residuals have a skewness of {skewness:.2f}; both families are symmetric."
+    if fit.gains:
+        yield "Gains have the sum 0 over the nodes with readings, and are not shrunk; a node without readings has 0."
+    if fit.model.noise.shadowing <= 0.0:
+        yield "No part of the noise is correlated along the path beyond doubt: shadowing is left out."
+    if fit.model.form.kind == "range":
+        yield "The sensor `range` has no bias: its sd is that of reading minus distance about 0."
+    yield from bad_row_notes([*fit.sample.files, *(row.file for row in fit.test)])
+    if not fit.test:
+        yield "Not judged on other readings: name some with --test."
+
+
+def bad_row_notes(files: Sequence[DataFile]) -> Iterator[str]:
+    """Which rows were skipped, if any were."""
+    skipped = [row for file in files for row in file.bad_rows]
+    if skipped:
+        yield f"{len(skipped)} bad row{'s were' if len(skipped) > 1 else ' was'} skipped:"
+        yield from (f"  {row}" for row in skipped[:MOST_PRINTED])
+    if len(skipped) > MOST_PRINTED:
+        yield f"  and {len(skipped) - MOST_PRINTED} more"
+
+
+def block_lines(role: str, block: Mapping[str, Any], values: Mapping[str, FittedValue]) -> Iterator[str]:
+    """The block of a role in YAML, with the interval of each fitted value in a comment."""
+    yield f"{role}:"
+    for name, value in block.items():
+        fitted = values.get(name)
+        note = f"   # 95 %: {interval_text(fitted.low, fitted.high)}" if fitted is not None else ""
+        yield f"  {name}: {json.dumps(value, ensure_ascii=False)}{note}"
+
+
+def file_text(file: DataFile, what: str = "readings") -> str:
+    """A file with the number of its readings, and of rows that were skipped."""
+    bad = f" ({len(file.bad_rows)} bad rows skipped)" if file.bad_rows else ""
+    return f"{file.path}, {file.readings} {what}{bad}"
+
+
+def _test_text(row: Evaluation, unit: str) -> str:
+    what = "IN SAMPLE, " if row.in_sample else ""
+    figures = f"RMSE {row.fitted.rmse:.3f} {unit}, mean log density {row.fitted.log_likelihood:.3f}"
+    return f"{file_text(row.file)}, {what}{figures}"
+
+
+def file_json(file: DataFile) -> dict[str, Any]:
+    """A file as plain values."""
+    return {"path": file.path, "digest": file.digest, "readings": file.readings, "bad_rows": list(file.bad_rows)}
+
+
+def interval_text(low: float, high: float) -> str:
+    """An interval as text."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "unknown"
+    return f"{low:.4g} to {high:.4g}"
+
+
+def one_line(text: str) -> str:
+    """The text without line breaks, which would end a comment."""
+    return "".join(sign if sign.isprintable() else "?" for sign in text)
+
+
+def table_lines(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines with columns of equal width."""
+    widths = [max(len(row[i]) for row in [heads, *rows]) for i in range(len(heads))]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in [heads, *rows]
+    ]
 
 
 @dataclass(frozen=True)
@@ -33,7 +198,7 @@ class Fit(FittedLaw):
             recorded: the keys of a sensor with recorded readings, as `recorded_sensor` gives them; without them the
                 sensor samples its readings from the law.
         """
-        return texts.sensor_yaml(self, recorded)
+        return sensor_yaml(self, recorded)
 
     def recorded_sensor(
         self,
@@ -65,141 +230,14 @@ class Fit(FittedLaw):
 
     def text(self) -> str:
         """The estimates and figures as tables."""
-        return texts.fit_text(self)
+        return fit_text(self)
 
     def as_json(self) -> dict[str, Any]:
         """All figures as plain values."""
-        return texts.fit_json(self)
+        return fit_json(self)
 
     def plot(self, out: str | Path) -> Path:
         """Write the figure of the residuals as PNG, SVG or PDF, and return its path."""
         from wsnsim.fitting.plots import plot_fit
 
         return plot_fit(self, Path(out))
-
-
-LEVELS: Final = (0.1, 0.5, 0.9)
-"""Delivery ratios at which powers are stated."""
-WIDTH: Final = 1.0
-"""Width (dB) of the bins in which these powers are found."""
-
-
-class LinkEvaluation(NamedTuple):
-    """How the fitted link does on a file.
-
-    Attributes:
-        file: the file.
-        in_sample: whether the link was fitted to it.
-        ratio_rmse: of delivery ratios, given the powers of the bursts.
-        power_rmse: of the mean powers (dB) of pairs that were heard, given their distance; NaN without positions.
-    """
-
-    file: DataFile
-    in_sample: bool
-    ratio_rmse: float
-    power_rmse: float
-
-
-@dataclass(frozen=True)
-class LinkFit:
-    """The link `log_normal`, fitted to recorded links.
-
-    Attributes:
-        rows: the bursts that were fitted.
-        values: estimates by the key of the scenario, with intervals.
-        power: transmit power (dBm) of the recording, as it was stated.
-        frame: length (bytes) of its packets, as it was stated.
-        test: how the link does on other files, or on the same ones where that was asked for.
-    """
-
-    rows: LinkRows
-    values: Mapping[str, FittedValue]
-    power: float
-    frame: int
-    test: tuple[LinkEvaluation, ...] = ()
-
-    @property
-    def link(self) -> dict[str, Any]:
-        """The block `link` of a scenario."""
-        fitted = {name: float(f"{value.value:.5g}") for name, value in self.values.items()}
-        return {"kind": "log_normal", "power": self.power} | fitted
-
-    def mean_power(self, distances: Floats) -> Floats:
-        """(n,) mean received power in dBm over these distances, in m."""
-        return mean_power(distances, self.power, self.values)
-
-    @property
-    def curve(self) -> tuple[Floats, Floats]:
-        """Powers (K,) in dBm and mean delivery ratios (K,) of the bursts around them."""
-        bins = np.floor(self.rows.powers / WIDTH).astype(np.int64)
-        found, index = np.unique(bins, return_inverse=True)
-        counts = np.bincount(index.ravel())
-        many = counts >= 20
-        ratios = np.bincount(index.ravel(), self.rows.ratios) / counts
-        return (found[many].astype(np.float64) + 0.5) * WIDTH, ratios[many].astype(np.float64)
-
-    def yaml(self) -> str:
-        """The block `link` as text that a scenario can extend, with its origin in comments."""
-        head = [
-            f"Link fitted by wsnsim fit {__version__}; a scenario can extend this file.",
-            f"power and the length of packets ({self.frame} bytes) are as stated by the user, not recorded",
-            *(f"train: {file_text(file, 'bursts')}, {file.digest}" for file in self.rows.files),
-            *(f"test: {_test_text(row)}, {row.file.digest}" for row in self.test),
-            *([] if self.test else ["test: none"]),
-        ]
-        if "exponent" not in self.values:
-            head.append("no positions were given: path loss and shadowing have their defaults, not those of the links")
-        return (
-            "\n".join([*(f"# {one_line(line)}" for line in head), *block_lines("link", self.link, self.values)]) + "\n"
-        )
-
-    def text(self) -> str:
-        """The estimates and figures as tables."""
-        rows = [
-            [name, f"{value.value:.4g}", interval_text(value.low, value.high), value.unit, value.about]
-            for name, value in self.values.items()
-        ]
-        return "\n".join([
-            f"link log_normal, fitted to {len(self.rows.ratios)} bursts between {len(self.rows.nodes)} nodes:",
-            *(f"  {file_text(file, 'bursts')}" for file in self.rows.files), "",
-            *table_lines(["", "estimate", "95 % interval", "unit", "description"], rows), "", *self._notes(),
-        ])  # fmt: skip
-
-    def as_json(self) -> dict[str, Any]:
-        """All figures as plain values."""
-        powers, ratios = self.curve
-        return {
-            "law": "log_normal",
-            "link": self.link,
-            "values": {name: value._asdict() for name, value in self.values.items()},
-            "curve": {"power": powers.tolist(), "ratio": ratios.tolist()},
-            "train": {"files": [file_json(file) for file in self.rows.files]},
-            "test": [file_json(row.file) | {
-                "in_sample": row.in_sample, "ratio_rmse": row.ratio_rmse, "power_rmse": row.power_rmse,
-            } for row in self.test],
-        }  # fmt: skip
-
-    def plot(self, out: str | Path) -> Path:
-        """Write the figure as PNG, SVG or PDF, and return its path."""
-        from wsnsim.fitting.plots import LinkFigure, plot_links
-
-        return plot_links(LinkFigure(self.rows, self.values, self.curve, self.frame, self.power), Path(out))
-
-    def _notes(self) -> Iterator[str]:
-        """How intervals came about, what the model cannot express, and the figures on test files."""
-        yield "Intervals come from a bootstrap of nodes: all pairs of a node share its antenna."
-        powers, ratios = self.curve
-        reached = [(level, powers[np.argmax(ratios >= level)]) for level in LEVELS if (ratios >= level).any()]
-        yield "Recorded delivery ratio: " + ", ".join(f"{level:g} at {power:.1f} dBm" for level, power in reached) + "."
-        if "exponent" not in self.values:
-            yield "Without positions (--nodes), path loss and shadowing cannot be fitted."
-        for row in self.test:
-            yield f"{'IN SAMPLE' if row.in_sample else 'Test'}: {_test_text(row)}."
-        yield from bad_row_notes([*self.rows.files, *(row.file for row in self.test)])
-        if not self.test:
-            yield "Not judged on other links: name some with --test."
-
-
-def _test_text(row: LinkEvaluation) -> str:
-    power = f", of powers {row.power_rmse:.2f} dB" if math.isfinite(row.power_rmse) else ""
-    return f"{file_text(row.file, 'bursts')}, RMSE of delivery ratios given power {row.ratio_rmse:.3f}{power}"

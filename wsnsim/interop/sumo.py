@@ -20,7 +20,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
-from wsnsim.interop.traces import TraceEntry, ascending
+from wsnsim.interop import TraceEntry, ascending
 from wsnsim.models.csvfile import open_text
 
 SAMPLE: Final = "sample"

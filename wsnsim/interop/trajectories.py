@@ -21,7 +21,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError, UsageError, printable
-from wsnsim.interop.traces import Trace
+from wsnsim.interop import Trace
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.node_file import FromFile
 from wsnsim.models.recorded_track import LATEST

@@ -1,1 +1,19 @@
-"""A tracker without a network: one cluster of all sensors, every packet arrives, nothing takes time or energy."""
+"""A tracker without a network. `offers_batch` says whether many runs may be made at once."""
+
+from __future__ import annotations
+
+from wsnsim.base.arrays import components_of
+from wsnsim.base.initial_conditions import offers_whole_runs
+from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
+
+
+def offers_batch(setup: Setup) -> bool:
+    """Whether the batch engine might run a scenario.
+
+    It does without a network, with a tracker that offers whole runs, constant traits, and readings of one component.
+    """
+    if not isinstance(setup, TrackingSetup) or isinstance(setup, NetworkSetup):
+        return False
+    if len(components_of(setup.sensor)) > 1:
+        return False
+    return offers_whole_runs(setup.tracker) and not (setup.recorded and setup.recorded.counted)

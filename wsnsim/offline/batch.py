@@ -17,7 +17,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, components_of
 from wsnsim.base.errors import RunError, WsnsimError
 from wsnsim.base.initial_conditions import (
     InitialConditions,
@@ -25,19 +24,18 @@ from wsnsim.base.initial_conditions import (
     StandaloneRun,
     WholeRuns,
     measured_points,
-    offers_whole_runs,
     sample_initial_conditions,
 )
 from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.results import Summary
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each
-from wsnsim.base.rows import wants_steps
+from wsnsim.base.rows import triangle_columns, truth_rows, wants_steps
 from wsnsim.base.sensing import path_shadowing
-from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
+from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.base.tables import Recorder
 from wsnsim.offline import block_rows
 from wsnsim.offline.block_rows import FollowedTarget
-from wsnsim.offline.measurements import HEAD, ReportsOf, recording, reported, sample_readings, with_shadowing
+from wsnsim.offline.loopback import HEAD, ReportsOf, recording, reported, sample_readings, with_shadowing
 from wsnsim.offline.offline_run import node_rows
 
 BLOCK_SECONDS: Final = 1.0
@@ -46,18 +44,6 @@ MOST_RUNS: Final = 256
 """Runs in a block."""
 MOST_NUMBERS: Final = 4_000_000
 """Readings, and entries of state covariances, of the runs in a block: about 32 MB of each."""
-
-
-def offers_batch(setup: Setup) -> bool:
-    """Whether the batch engine might run a scenario.
-
-    It does without a network, with a tracker that offers whole runs, constant traits, and readings of one component.
-    """
-    if not isinstance(setup, TrackingSetup) or isinstance(setup, NetworkSetup):
-        return False
-    if len(components_of(setup.sensor)) > 1:
-        return False
-    return offers_whole_runs(setup.tracker) and not (setup.recorded and setup.recorded.counted)
 
 
 class Batches:
@@ -205,11 +191,14 @@ def _written(
         for number, columns in enumerate(estimates)
     ]
     if recorder.wants("truth"):
-        _write(recorder, "truth", replicates, [block_rows.truth_columns(target, setup) for target in targets])
+        truths = [truth_rows(target.motion, target.truths, setup.steps, setup.dt) for target in targets]
+        _write(recorder, "truth", replicates, truths, setup.steps + 1)
     if recorder.wants("estimates"):
-        _write(recorder, "estimates", replicates, estimates)
+        _write(recorder, "estimates", replicates, estimates, setup.steps)
     if recorder.wants("covariances"):
-        _write(recorder, "covariances", replicates, [block_rows.covariance_columns(target) for target in targets])
+        covariances = [triangle_columns(target.estimates.covs, target.motion.columns) for target in targets]
+        numbered = [{"step": np.arange(1, setup.steps + 1), **columns} for columns in covariances]
+        _write(recorder, "covariances", replicates, numbered, setup.steps)
     if recorder.wants("nodes"):
         for replicate, each in zip(replicates, conditions, strict=True):
             recorder.write("nodes", node_rows(setup, each, replicate))
@@ -218,16 +207,15 @@ def _written(
 
 
 def _write(
-    recorder: Recorder, table: str, replicates: Sequence[int], targets: Sequence[Mapping[str, Floats | Ints]]
+    recorder: Recorder, table: str, replicates: Sequence[int], targets: Sequence[Mapping[str, Any]], rows: int
 ) -> None:
-    """Write columns (R, n) of each target."""
-    columns = {name: np.stack([columns[name] for columns in targets], axis=1) for name in targets[0]}
-    shape = next(iter(columns.values())).shape
-    keys = {
-        "replicate": np.broadcast_to(np.array(replicates)[:, None, None], shape),
-        "target": np.broadcast_to(np.arange(shape[1])[None, :, None], shape),
-    }
-    recorder.write(table, {name: column.reshape(-1) for name, column in (keys | columns).items()})
+    """Write the columns of each target, which broadcast to (R, rows)."""
+    shape = len(replicates), len(targets), rows
+    columns = {"replicate": np.array(replicates)[:, None, None], "target": np.arange(len(targets))[None, :, None]}
+    for name in targets[0]:
+        each = [np.broadcast_to(own[name], (len(replicates), rows)) for own in targets]
+        columns[name] = np.stack(each, axis=1)
+    recorder.write(table, {name: np.broadcast_to(column, shape).reshape(-1) for name, column in columns.items()})
 
 
 def _finished(summary: Summary, seconds: float, recorder: Recorder) -> Summary:

@@ -7,21 +7,20 @@ is issued at the step itself. Arrays have the axes runs (R) and steps (K).
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from wsnsim.base import metrics
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.results import RunTotals, Summary, columns_of_totals, losses
+from wsnsim.base.rows import NAN, state_columns
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.offline.measurements import HEAD
-
-NAN: Final = float("nan")
+from wsnsim.offline.loopback import HEAD
 
 
 class FollowedTarget(NamedTuple):
@@ -53,23 +52,17 @@ def demand_shapes(estimates: BlockEstimates, block: StandaloneBlock) -> None:
             raise RunError(f"whole_runs: {name} must have the shape {wanted}, not {found}")
 
 
-def estimate_columns(target: FollowedTarget, setup: TrackingSetup, sensors: Ints) -> dict[str, Floats | Ints]:
-    """Columns (R, K) of the table `estimates`, without `replicate` and `target`. `sensors`: (R,) number of sensors."""
+def estimate_columns(target: FollowedTarget, setup: TrackingSetup, sensors: Ints) -> dict[str, Any]:
+    """Columns (R, K) of the table `estimates`, without `replicate` and `target`. `sensors`: (R,) number of sensors.
+
+    Those that are the same in all runs are (K,) or scalars.
+    """
     estimates, place = target.estimates, list(target.motion.position)
-    runs, steps, _ = estimates.means.shape
     covs = estimates.covs[:, :, place][:, :, :, place]
-    deviations = estimates.means[:, :, place] - target.truths[:, 1:, place]
-    numbers = np.arange(1, steps + 1)
-    nees = metrics.normalised_squares(deviations.reshape(runs * steps, -1), covs.reshape(runs * steps, *covs.shape[2:]))
-    shape = (runs, steps)
-    columns: dict[str, Any] = {
-        "step": numbers,
-        "time": numbers * setup.dt,
-        "issued": numbers * setup.dt,
-        **{name: estimates.means[:, :, i] for i, name in enumerate(target.motion.columns)},
-        **{name: np.sqrt(covs[:, :, i, i]) for i, name in enumerate(("sd_x", "sd_y")[: len(place)])},
-        **({"cov_xy": covs[:, :, 0, 1]} if len(place) > 1 else {}),
-        "error": np.sqrt((deviations**2).sum(axis=2)),
+    columns = state_columns(target.motion, target.truths, setup.dt, estimates.means, covs)
+    return {
+        **columns,
+        "issued": columns["time"],
         "head": HEAD,
         "active": target.readings,
         "members": sensors[:, None],
@@ -77,58 +70,54 @@ def estimate_columns(target: FollowedTarget, setup: TrackingSetup, sensors: Ints
         "received": NAN,
         "late": 0,
         "effective_particles": estimates.effective,
-        "nees": nees.reshape(shape),
         "nis": estimates.nis,
         "nis_dof": estimates.nis_dof,
         "woken": 0,
         "ineffective": 0,
         "gaussian": int(target.gaussian),
     }
-    return {name: np.broadcast_to(values, shape) for name, values in columns.items()}
-
-
-def truth_columns(target: FollowedTarget, setup: TrackingSetup) -> dict[str, Floats | Ints]:
-    """Columns (R, K + 1) of the table `truth`, without `replicate` and `target`."""
-    shape = target.truths.shape[:2]
-    numbers = np.arange(shape[1])
-    states = {name: target.truths[:, :, i] for i, name in enumerate(target.motion.columns)}
-    columns = {"step": numbers, "time": numbers * setup.dt, **states}
-    return {name: np.broadcast_to(values, shape) for name, values in columns.items()}
-
-
-def covariance_columns(target: FollowedTarget) -> dict[str, Floats | Ints]:
-    """Columns (R, K) of the table `covariances`, without `replicate` and `target`."""
-    names, covs = target.motion.columns, target.estimates.covs
-    triangle = [(i, j) for i in range(len(names)) for j in range(i, len(names))]
-    columns = {"step": np.arange(1, covs.shape[1] + 1)}
-    columns |= {f"cov_{names[i]}_{names[j]}": covs[:, :, i, j] for i, j in triangle}
-    return {name: np.broadcast_to(values, covs.shape[:2]) for name, values in columns.items()}
 
 
 def track_columns(columns: Mapping[str, Any], setup: TrackingSetup) -> dict[str, Any]:
     """Columns (R,) of the table `tracks`, without `replicate` and `target`, from those of `estimates`."""
     errors, readings = np.ascontiguousarray(columns["error"]), columns["readings"]
-    steps = errors.shape[1]
-    mean, rmse = errors.mean(axis=1), np.sqrt((errors**2).mean(axis=1))
-    median = np.median(errors, axis=1)
+    sure = readings >= metrics.ENOUGH_READINGS
     return {
-        "rmse": rmse,
-        "median_error": median,
+        **{name: STATISTICS[name](errors, axis=1) for name in ("rmse", "median_error")},
         **_losses(errors, setup),
         "late": 0,
-        "reports": steps,
+        "reports": errors.shape[1],
         "delay": 0.0,
         "received": 0,
         "report_delay": NAN,
         "due": 0,
         "in_time": NAN,
         "tracked": (readings >= 1).mean(axis=1),
-        "tracked_three": (readings >= metrics.ENOUGH_READINGS).mean(axis=1),
-        "mean_error": mean,
-        **_of_three(errors, readings, {"mean_error": mean, "rmse": rmse, "median_error": median}),
+        "tracked_three": sure.mean(axis=1),
+        "mean_error": errors.mean(axis=1),
+        **{f"{name}_three": _of_known(statistic, errors, sure) for name, statistic in STATISTICS.items()},
         **dict.fromkeys(("woken", "ineffective", "ineffective_twenty", "reacquired", "called", "dismissed"), 0),
         "handover_bits": NAN,
     }
+
+
+def _rmse(errors: Floats, axis: int) -> Floats:
+    found: Floats = np.sqrt((errors**2).mean(axis=axis))
+    return found
+
+
+STATISTICS: Final[Mapping[str, Callable[..., Floats]]] = {
+    "mean_error": np.mean, "rmse": _rmse, "median_error": np.median,
+}  # fmt: skip
+
+
+def _of_known(statistic: Callable[..., Floats], values: Floats, known: Bools) -> Floats:
+    """(R,) a statistic of the known ones of each run's values (R, n); NaN without any."""
+    found, whole = np.full(len(values), NAN), known.all(axis=1)
+    found[whole] = statistic(values[whole], axis=1)
+    for run in np.flatnonzero(known.any(axis=1) & ~whole):
+        found[run] = statistic(values[run][known[run]], axis=0)
+    return found
 
 
 def _losses(errors: Floats, setup: TrackingSetup) -> dict[str, Any]:
@@ -139,19 +128,6 @@ def _losses(errors: Floats, setup: TrackingSetup) -> dict[str, Any]:
         for name, value in losses(errors[run], window, limit, setup.dt).items():
             found[name][run] = value
     return found
-
-
-def _of_three(errors: Floats, readings: Ints, whole: Mapping[str, Floats]) -> dict[str, Floats]:
-    """The same statistics of the steps with at least three readings; NaN without one."""
-    sure = readings >= metrics.ENOUGH_READINGS
-    measures = {"mean_error": metrics.mean_error, "rmse": metrics.rmse, "median_error": metrics.median_error}
-    result = {}
-    for name, measure in measures.items():
-        values = np.where(sure.all(axis=1), whole[name], NAN)
-        for run in np.flatnonzero(sure.any(axis=1) & ~sure.all(axis=1)):
-            values[run] = measure(errors[run][sure[run]])
-        result[f"{name}_three"] = values
-    return result
 
 
 def run_columns(
@@ -181,8 +157,7 @@ def run_columns(
     return {
         "status": 0,
         "steps": setup.steps,
-        "rmse": np.sqrt((errors**2).mean(axis=1)),
-        "median_error": np.median(errors, axis=1),
+        **{name: STATISTICS[name](errors, axis=1) for name in ("rmse", "median_error")},
         "lost": np.max([row["lost"] for row in tracks], axis=0),
         "losses": np.sum([row["losses"] for row in tracks], axis=0),
         **{name: np.mean([row[name] for row in tracks], axis=0) for name in shares},
@@ -199,9 +174,7 @@ def _consistency(estimates: Sequence[Mapping[str, Any]], size: int) -> dict[str,
     nees, nis, dof, sd = (
         np.concatenate([columns[name] for columns in estimates], axis=1) for name in ("nees", "nis", "nis_dof", "sd_x")
     )
-    mean, middle = nees.mean(axis=1), np.median(nees, axis=1)
-    for run in np.flatnonzero(~np.isfinite(nees).all(axis=1)):
-        mean[run], middle[run] = metrics.mean_error(nees[run]), metrics.median_error(nees[run])
+    mean, middle = (_of_known(statistic, nees, np.isfinite(nees)) for statistic in (np.mean, np.median))
     singular = np.count_nonzero(np.isfinite(sd) & ~np.isfinite(nees), axis=1)
     known = np.isfinite(nis) & (dof > 0)
     ratios = np.full(len(nis), NAN)

@@ -1,16 +1,21 @@
-"""The smallest driver of a tracker's flow: it performs requests at once, without a clock and without energy.
+"""A cluster without a network: its members, their measurements of a target, and flows whose requests are done at once.
 
 belief = perform(tracker.step(belief, scene), {member.id: member for member in members}, head, lose)
+
+There is no clock and no energy.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools
+from wsnsim.base.arrays import Bools, Floats, Reading, as_readings, components_of, finite, planar
+from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names
+from wsnsim.base.optional_ports import Detects, Recording
+from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import (
     Broadcast,
     Compute,
@@ -29,6 +34,9 @@ from wsnsim.base.requests import (
     Scatter,
     all_arrived,
 )
+from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
+from wsnsim.base.sensing import PathShadowing, path_shadowing
+from wsnsim.base.setups import TrackingSetup
 
 Lose: TypeAlias = Callable[[int, int, Parcel], Bools]
 """(source, destination, parcel) → mask of the packets that arrive."""
@@ -52,7 +60,6 @@ def perform(
     head: int,
     lose: Lose = perfect,
     before: Callable[[Request], None] | None = None,
-    after: Callable[[Request, Any], None] | None = None,
     answer_of: Answer | None = None,
 ) -> Any:
     """Perform all requests of a flow; returns its belief.
@@ -63,7 +70,6 @@ def perform(
         head: Id of the cluster head.
         lose: Which packets arrive.
         before: Called with each request before it is performed.
-        after: Called with each request and its answer.
         answer_of: Answers the requests; by default `answer_to`.
     """
     answer_of = answer_of or answer_to
@@ -76,8 +82,6 @@ def perform(
         if before:
             before(request)
         answer = answer_of(request, members, head, lose)
-        if after:
-            after(request, answer)
 
 
 def answer_to(request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
@@ -136,3 +140,178 @@ def _deliver(parcels: dict[int, Parcel], members: dict[int, Member], head: int, 
     for i, mask in heard.items():
         members[i].inbox.append(Delivery(parcels[i].what, parcels[i].payload, mask))
     return heard
+
+
+Rows: TypeAlias = Callable[[int, int], Floats]
+"""(first, count) → (count, S) or (count, S, M) what sensors report from step `first` on; NaN where they do not."""
+ReportsOf: TypeAlias = Callable[[TrackingSetup, InitialConditions, Streams, int], Rows]
+"""(setup, initial conditions, streams, target) → reports of sensors that fail, or whose detection is imperfect."""
+HEAD: Final = 0
+"""The sensor that is the head of the cluster for the whole run."""
+MOST_AHEAD: Final = 200_000
+"""Measurements computed per block: enough to be fast, few enough for a field with many nodes."""
+
+
+class OfflineCluster:
+    """All sensors as one cluster for one target. `members` holds them by number.
+
+    `reports` is needed unless `setup.reports_all`.
+    """
+
+    def __init__(
+        self,
+        setup: TrackingSetup,
+        target: int,
+        conditions: InitialConditions,
+        streams: Streams,
+        reports: ReportsOf | None = None,
+    ) -> None:
+        self._reports = reported(setup, conditions, streams, target, reports)
+        self._setup, self._target = setup, target
+        self._positions, self._assumed, self._traits = conditions.positions, conditions.assumed, conditions.traits
+        self._middle = np.array(setup.deploy.field.centre)
+        self._sense_key = derive(streams.key("sense"), target)
+        self._track_key = derive(streams.key("tracker"), target)
+        truth = conditions.truths[target]
+        self._points = measured_points(setup.motions[target], setup.sensor, truth, setup.dt)
+        recorded = recording(setup, target, len(self._positions))
+        self._recorded = recorded.readings if recorded else None
+        self._counts = recorded.counts if recorded and setup.recorded and setup.recorded.counted else None
+        self._shadowing = path_shadowing(setup.sensor, self._points, self._sense_key)
+        self._length = max(1, min(len(truth), MOST_AHEAD // len(self._positions)))
+        self._block = _Block(0, [], [], [])
+        self._ids: tuple[int, ...] = ()
+        self._rows = np.zeros(0, dtype=np.int64)
+        sensors = zip(self._assumed, self._traits, strict=True)
+        self.members = {node: Member(node, position, traits) for node, (position, traits) in enumerate(sensors)}
+
+    def scene(self, step: int, steps: int) -> Scene:
+        """The scene of a step, `steps` after the last one; each member gets its measurement and its key."""
+        setup, block = self._setup, self._block_of(step)
+        before, ids, row = self._ids, block.ids[step - block.first], step - block.first
+        if ids != before:
+            self._ids, self._rows = ids, np.array(ids, dtype=np.int64)
+        traits = self._traits_at(step)
+        measuring = set(ids)
+        for member, value, key in zip(self.members.values(), block.readings[row], block.keys[row], strict=True):
+            member.reading, member.key = value if member.id in measuring else None, key
+        return Scene(
+            time=step * setup.dt,
+            step=step,
+            steps=steps,
+            dt=setup.dt,
+            target=self._target,
+            head=HEAD,
+            ids=ids,
+            positions=self._assumed[self._rows],
+            traits=traits[self._rows],
+            roster=tuple(self.members),
+            joined=() if ids == before else tuple([node for node in ids if node not in before]),
+            left=() if ids == before else tuple([node for node in before if node not in ids]),
+            field=setup.deploy.field,
+            motion=setup.filter_motions[self._target],
+            sensor=setup.filter_sensor,
+            key=derive(self._track_key, step, HEAD_KEY),
+            head_position=self._middle,
+            roster_positions=self._assumed,
+            roster_traits=traits,
+        )
+
+    def _traits_at(self, step: int) -> Floats:
+        """(S, T) the traits of the sensors; with the number of readings that each measurement is the mean of."""
+        if self._counts is None:
+            return self._traits
+        traits = np.column_stack([self._traits, np.maximum(self._counts[step], 1)])
+        for member, own in zip(self.members.values(), traits, strict=True):
+            member.traits = own
+        return traits
+
+    def _block_of(self, step: int) -> _Block:
+        """The block of steps that holds this one, computed if it is not the present one."""
+        if not self._block.first <= step < self._block.first + len(self._block.ids):
+            readings = self._readings(step)
+            numbers = np.arange(step, step + len(readings))
+            nodes = np.arange(len(self.members), dtype=np.uint64)
+            keys = derive_each(derive_all(self._track_key, numbers)[:, None], nodes[None, :])
+            ids = [tuple(np.flatnonzero(known).tolist()) for known in finite(self._setup.sensor, readings)]
+            self._block = _Block(step, ids, [as_readings(values) for values in readings], keys.tolist())
+        return self._block
+
+    def _readings(self, first: int) -> Floats:
+        """(T, S) or (T, S, M) the measurements of the steps from `first` on; NaN where a sensor has none."""
+        if self._reports:
+            return self._reports(first, self._length)
+        steps = slice(first, first + self._length)
+        if self._recorded is not None:
+            return self._recorded[steps]
+        sensor, points = self._setup.sensor, self._points[steps]
+        readings = sample_readings(sensor, points, self._positions, self._traits, self._sense_key, first)
+        return with_shadowing(readings, self._shadowing, first)
+
+
+class _Block(NamedTuple):
+    """Consecutive steps from `first` on: ids of the sensors with a measurement, all measurements, members' keys.
+
+    The measurement of a sensor that has none is NaN.
+    """
+
+    first: int
+    ids: list[tuple[int, ...]]
+    readings: list[list[Reading]]
+    keys: list[list[int]]
+
+
+def reported(
+    setup: TrackingSetup, conditions: InitialConditions, streams: Streams, target: int, reports: ReportsOf | None
+) -> Rows | None:
+    """What sensors report on a target; None if it is what they measure."""
+    if setup.reports_all:
+        return None
+    assert reports is not None, "sensors that fail need somebody who says what they report"
+    return reports(setup, conditions, streams, target)
+
+
+def recording(setup: TrackingSetup, target: int, sensors: int) -> Recording | None:
+    """The recorded measurements of a target; None if they are sampled."""
+    if setup.recorded is None:
+        return None
+    names = node_names(setup, sensors)
+    return setup.recorded.recordings(names, len(setup.motions), setup.steps, setup.dt)[target]
+
+
+def with_shadowing(readings: Floats, shadowing: PathShadowing | None, first: int = 0) -> Floats:
+    """(T, S) measurements of the steps from `first` on, NaN where there is none, with what shadowing adds to them."""
+    if shadowing is None:
+        return readings
+    steps, nodes = np.nonzero(np.isfinite(readings))
+    result = readings.copy()
+    result[steps, nodes] += shadowing.at(first + steps, nodes)
+    return result
+
+
+def sample_readings(
+    sensor: SensorModel, points: Floats, positions: Floats, traits: Floats, key: int, first: int = 0
+) -> Floats:
+    """(T, S) measurements of a target at points (T, P) by sensors at positions (S, 2); NaN out of range.
+
+    Measurements of M > 1 components are (T, S, M).
+
+    Args:
+        sensor: The sensor model.
+        points: Position of the target at the steps from `first` on.
+        positions: Positions of the sensors.
+        traits: (S, n) constants of the sensors.
+        key: `derive(streams.key("sense"), target)`.
+        first: Number of the first step.
+    """
+    if isinstance(sensor, Detects):
+        detecting = sensor.detects(points, positions)
+    else:
+        apart = planar(points)[:, None, :] - positions[None, :, :]
+        detecting = np.hypot(apart[..., 0], apart[..., 1]) <= sensor.reach
+    count = len(components_of(sensor))
+    readings = np.full(detecting.shape if count == 1 else (*detecting.shape, count), np.nan)
+    steps, nodes = np.nonzero(detecting)
+    noise = reading_noise(key, first + steps, nodes, count)
+    readings[steps, nodes] = sensor.measure(points[steps], positions[nodes], traits[nodes], noise)
+    return readings

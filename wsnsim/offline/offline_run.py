@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -38,8 +38,7 @@ from wsnsim.base.rows import NAN, Issued, RunNow, TrackNow, follower_of, wants_b
 from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import Recorder
-from wsnsim.offline.loopback import Lose, answer_to, perfect, perform
-from wsnsim.offline.measurements import HEAD, OfflineCluster, ReportsOf
+from wsnsim.offline.loopback import HEAD, Lose, OfflineCluster, ReportsOf, answer_to, perfect, perform
 
 
 @dataclass
@@ -50,54 +49,50 @@ class RequestCosts:
     packets: int = 0
     cycles: float = 0.0
     readings: int = 0
-    _counted_once: bool = False
-    _parcel_of: Callable[[Member], Parcel | None] = field(init=False)
-    _sent: dict[int, int] = field(default_factory=dict)
 
     def answer(self, request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
-        """The answer to a request, whose measurements are counted without a call for each of them."""
-        if not isinstance(request, GatherReadings):
-            return answer_to(request, members, head, lose)
-        answer = answer_to(request, members, head, perfect)
-        sent = len(answer.ids) - (head in answer.ids)
-        self.frames += sent
-        self.packets += sent
-        self.readings = len(answer.ids) or self.readings
-        return answer
-
-    def before(self, request: Request) -> None:
-        """Count what is known of a request before it is performed. A broadcast is one frame for all receivers."""
-        self._counted_once = isinstance(request, Broadcast)
+        """The answer to a request, which is counted. A broadcast is one frame for all receivers."""
+        if isinstance(request, GatherReadings):  # without a call for each measurement
+            answer = answer_to(request, members, head, perfect)
+            sent = len(answer.ids) - (head in answer.ids)
+            self.frames += sent
+            self.packets += sent
+            self.readings = len(answer.ids) or self.readings
+            return answer
+        if isinstance(request, Gather):
+            return self._gathered(request, members, head)
         if isinstance(request, Broadcast):
             self._add(request.parcel)
-        elif isinstance(request, Compute):
+            return answer_to(request, members, head, perfect)
+        answer = answer_to(request, members, head, self._carry)
+        if isinstance(request, Compute):
             self.cycles += request.cycles
-        elif isinstance(request, Gather):
-            self._sent, self._parcel_of, request.parcel_of = {}, request.parcel_of, self._note
-
-    def carry(self, source: int, to: int, parcel: Parcel) -> Bools:
-        """Count a parcel; all of its packets arrive."""
-        if not self._counted_once:
-            self._add(parcel)
-        return all_arrived(parcel.packets)
-
-    def after(self, request: Request, answer: Any, members: dict[int, Member]) -> None:
-        """Count what is known of a request once it is answered."""
-        if isinstance(request, Local):
+        elif isinstance(request, Local):
             cycles = request.cycles
             self.cycles += sum(cycles(members[node]) if callable(cycles) else cycles for node in answer)
             if request.uses_readings:
                 self.readings = sum(members[node].reading is not None for node in answer)
-        elif isinstance(request, Gather):
-            request.parcel_of = self._parcel_of
-            self.readings = sum(self._sent.get(node, 0) for node in answer) or self.readings
+        return answer
 
-    def _note(self, member: Member) -> Parcel | None:
-        """A member's parcel, whose readings are counted."""
-        parcel = self._parcel_of(member)
-        if parcel is not None:
-            self._sent[member.id] = parcel.readings_of(member)
-        return parcel
+    def _gathered(self, request: Gather, members: dict[int, Member], head: int) -> Any:
+        """The answer to a Gather, whose parcels say how many readings they carry."""
+        parcel_of, sent = request.parcel_of, dict[int, int]()
+
+        def noted(member: Member) -> Parcel | None:
+            parcel = parcel_of(member)
+            if parcel is not None:
+                sent[member.id] = parcel.readings_of(member)
+            return parcel
+
+        request.parcel_of = noted
+        answer = answer_to(request, members, head, self._carry)
+        request.parcel_of = parcel_of
+        self.readings = sum(sent.get(node, 0) for node in answer) or self.readings
+        return answer
+
+    def _carry(self, source: int, to: int, parcel: Parcel) -> Bools:
+        self._add(parcel)
+        return all_arrived(parcel.packets)
 
     def _add(self, parcel: Parcel) -> None:
         self.frames += 1
@@ -181,13 +176,8 @@ class OfflineRun:
             write_readings(self._recorder, key, {node: value for node, value in taken.items() if value is not None})
 
     def _perform(self, flow: Flow[Any], cluster: OfflineCluster) -> Any:
-        costs, members = self._costs, cluster.members
-        costs.readings = 0
-
-        def after(request: Request, answer: Any) -> None:
-            costs.after(request, answer, members)
-
-        return perform(flow, members, HEAD, costs.carry, costs.before, after, costs.answer)
+        self._costs.readings = 0
+        return perform(flow, cluster.members, HEAD, answer_of=self._costs.answer)
 
     def _issue(self, scene: Scene, estimate: Estimate) -> Issued:
         if not np.all(np.isfinite(estimate.mean)):

@@ -1,8 +1,8 @@
 """Measures of a variant over its Monte Carlo runs, with 95 % intervals.
 
     Data(folder): tables, scenarios and bounds by variant
-    measured(data, variant, measure) -> Measured        sample(data, variant, measure) -> Resampled
-    difference(data, variant, other, measure) -> Resampled
+    measured(data, variant, measure) -> Measured        sample(data, variant, measure) -> Sample
+    difference(data, variant, other, measure) -> Sample
 
 A measure is a name:
     rmse                 the time-averaged RMSE over runs (Jiang 2013, eq. 26; Ruan 2020, eq. 10)
@@ -23,8 +23,8 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Callable, Collection, Mapping
-from typing import Any, Final, Protocol, TypeAlias, final
+from collections.abc import Callable, Mapping
+from typing import Any, Final, TypeAlias, final
 
 import numpy as np
 import pandas as pd
@@ -33,9 +33,7 @@ import wsnsim.bounds as bounds
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.analysis.quantities import loss_rule
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.errors import did_you_mean
-from wsnsim.base.tables import TABLES
-from wsnsim.papers.reproduction import Claim, Losses, Measured
+from wsnsim.papers.reproduction import COMPARED, OF_ANOTHER, Claim, Losses, Measured
 from wsnsim.papers.resampling import (
     MEAN,
     MEDIAN,
@@ -45,12 +43,12 @@ from wsnsim.papers.resampling import (
     TIME_MEAN_RMSE,
     TRACKS_MEAN,
     TRACKS_MEDIAN,
-    Compared,
-    Resampled,
     Sample,
+    compared,
     known,
     value,
 )
+from wsnsim.papers.study import Study
 from wsnsim.papers.verdicts import PublishedValue, interval
 from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder
@@ -62,8 +60,6 @@ TRUTHS: Final = 100
 """Ground truths that a posterior bound averages over, whatever was run; the most that other bounds use."""
 ROUNDING: Final = 1e-9
 """Relative difference of two values that are equal but for rounding."""
-OF_ANOTHER: Final = "; "
-"""Between a variant and the measure that is compared."""
 OVER_RUNS: Final = {"mean": MEAN, "median": MEDIAN, "share": SHARE, "tracks_mean": TRACKS_MEAN,
                     "tracks_median": TRACKS_MEDIAN, "tracks": TRACKS_MEAN}  # fmt: skip
 OF_ERRORS: Final = {"rmse": TIME_MEAN_RMSE, "rmse_of_kept": TIME_MEAN_RMSE, "column": POOLED_RMSE,
@@ -72,33 +68,13 @@ RATIOS: Final[Mapping[str, tuple[Callable[[Floats, Floats], Floats], str]]] = {
     "over": (lambda one, other: one / other, "ratio"),
     "less_than": (lambda one, other: 1.0 - one / other, "one less the ratio"),
 }
-COMPARED: Final = tuple(RATIOS)
-
-
-class MeasuredStudy(Protocol):
-    """What `Data` uses of a study: what is published and registered, and its own measures."""
-
-    @property
-    def published(self) -> Mapping[str, Any]:
-        """The published values, by name."""
-        ...
-
-    @property
-    def registered(self) -> Mapping[str, Any]:
-        """The thresholds that were registered before the runs, by name."""
-        ...
-
-    @property
-    def measures(self) -> Mapping[str, OwnMeasure]:
-        """The paper's own measures, by name."""
-        ...
 
 
 @final
 class Data:
     """The results of an experiment, by variant, and what its study prints, registers and measures."""
 
-    def __init__(self, folder: Folder, study: MeasuredStudy | None = None) -> None:
+    def __init__(self, folder: Folder, study: Study | None = None) -> None:
         self.folder = folder
         self.published: Mapping[str, Any] = study.published if study else {}
         self.registered: Mapping[str, Any] = study.registered if study else {}
@@ -169,28 +145,6 @@ class Data:
         return np.asarray(both[column] - both[f"{column}_true"], dtype=np.float64).reshape(tracks, -1)
 
 
-def problem(measure: str, own: Collection[str], variants: Collection[str]) -> str:
-    """What is wrong with the name of a measure; '' if nothing is."""
-    family, _, rest = measure.partition(":")
-    columns = {table: [column.name for column in TABLES[table]] for table in ("runs", "tracks")}
-    known: dict[str, Collection[str] | None] = {
-        **dict.fromkeys(("rmse", "rmse_of_kept")),
-        **{name: [rest] for name in ("column", "column_of_kept", "per_run_rmse")},
-        **{name: [*own, *columns["runs"]] for name in ("mean", "median")},
-        "share": columns["runs"],
-        **dict.fromkeys(("tracks", "tracks_mean", "tracks_median"), columns["tracks"]),
-    }
-    if family in COMPARED:
-        rival, _, compared = rest.partition(OF_ANOTHER)
-        if rival not in variants:
-            return f"{family}: unknown name '{rival}' ({did_you_mean(rival, variants)})"
-        return problem(compared, own, ()) if compared else ""
-    if family not in known:
-        return f"unknown measure '{family}' ({did_you_mean(family, [*known, *COMPARED])})"
-    names = known[family]
-    return "" if names is None or rest in names else f"{family}: unknown name '{rest}' ({did_you_mean(rest, names)})"
-
-
 def measured(data: Data, variant: str, measure: str) -> Measured:
     """The value of a measure for a variant, with a 95 % interval over runs.
 
@@ -207,12 +161,12 @@ def measured(data: Data, variant: str, measure: str) -> Measured:
         return Measured(flags.value, flags.low, flags.high, count, fraction)
     if name in OVER_RUNS:
         of = statistics.median if "median" in name else statistics.mean
-        estimate = of(np.asarray(found.rows.ravel() if isinstance(found, Sample) else found.per_run))
+        estimate = of(found.rows.ravel().astype(np.float64))
         return Measured(estimate.value, estimate.low, estimate.high, count, fraction)
     return Measured(value(found), *interval(found), count, fraction)
 
 
-def sample(data: Data, variant: str, measure: str) -> Resampled:
+def sample(data: Data, variant: str, measure: str) -> Sample:
     """A measure of a variant as a statistic over its runs, which can be resampled.
 
     Raises:
@@ -220,9 +174,9 @@ def sample(data: Data, variant: str, measure: str) -> Resampled:
     """
     name, _, column = measure.partition(":")
     if name in COMPARED:
-        rival, _, compared = column.partition(OF_ANOTHER)
-        one, other = (known(sample(data, each, compared or "rmse")) for each in (variant, rival))
-        return Compared.on_common_runs(one, other, *RATIOS[name])
+        rival, _, of_both = column.partition(OF_ANOTHER)
+        one, other = (known(sample(data, each, of_both or "rmse")) for each in (variant, rival))
+        return compared(one, other, *RATIOS[name])
     if name in OF_ERRORS:
         runs = np.sort(data.of(variant, "runs")["replicate"].to_numpy())
         errors = data.column_errors(variant, column) if column else data.errors(variant)
@@ -247,13 +201,13 @@ def _sample_of_values(data: Data, variant: str, measure: str) -> Sample:
     return Sample(rows.index.to_numpy(), flags.to_numpy(dtype=np.float64), OVER_RUNS[name])
 
 
-def difference(data: Data, variant: str, other: str, measure: str) -> Resampled:
+def difference(data: Data, variant: str, other: str, measure: str) -> Sample:
     """The measure of a variant less that of another, on the same runs. Equal but for rounding counts as equal."""
     one, two = (known(sample(data, name, measure)) for name in (variant, other))
-    return Compared.on_common_runs(one, two, _less, "difference")
+    return compared(one, two, _less, "difference")
 
 
-def judged_terms(data: Data, claim: Claim) -> tuple[Resampled, PublishedValue]:
+def judged_terms(data: Data, claim: Claim) -> tuple[Sample, PublishedValue]:
     """The statistic by which a published value is judged, and the value in its terms: a ratio for a share less."""
     assert claim.published is not None
     family, _, rest = claim.measure.partition(":")

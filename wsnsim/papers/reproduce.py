@@ -3,7 +3,7 @@
 A study is named as `wsnsim.papers.study.study` takes it: by its name or its folder.
 
 begin(study, experiment, where) -> Folder                     the experiment's campaign
-run(study, experiment, where, full=False, ...) -> CampaignOutcome       run its missing runs
+resume(folder, jobs) -> CampaignOutcome                       run its missing runs
 rows(study, experiment, folder) -> [ClaimRow, ...]            published, measured, bound, verdict
 evaluated(study, experiment, folder) -> (rows, lines)         rows and summary, kept beside the campaign
 draw(study, experiment, folder, into) -> [file, ...]          the figures from our results
@@ -12,6 +12,7 @@ draw(study, experiment, folder, into) -> [file, ...]          the figures from o
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -20,15 +21,15 @@ from typing import Any
 import wsnsim.campaign as campaign
 from wsnsim.base.errors import ScenarioError, UsageError, did_you_mean
 from wsnsim.base.runs import tracked
-from wsnsim.campaign.local_engine import LocalEngine, available_cores
-from wsnsim.papers.answers import answered
+from wsnsim.campaign.engines import LocalEngine, available_cores
 from wsnsim.papers.measures import VARIANT, Data
 from wsnsim.papers.reproduction import ClaimRow, Experiment, Variant, rendered, row_of
-from wsnsim.papers.rows import rows_of
-from wsnsim.papers.study import PAPERS, Study
+from wsnsim.papers.rows import answered, rows_of
+from wsnsim.papers.study import PAGES, PAPERS, Study
 from wsnsim.papers.study import study as load_study
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept import KEPT, KeptAnswers
+from wsnsim.recording.provenance import committed
 from wsnsim.scenario.registry import Plugins, access
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.scenario.sweep_schema import Plan
@@ -134,19 +135,21 @@ def run_counts(chosen: Sequence[tuple[str, Experiment]], where: Path) -> tuple[i
     return wanted, missing
 
 
-def run(  # noqa: PLR0913
-    source: str,
-    experiment: Experiment,
-    where: Path,
-    jobs: int | None = None,
-    *,
-    full: bool = False,
-    batch: bool = True,
-    watch: Callable[[campaign.CampaignProgress], None] | None = None,
-    stop: Callable[[], bool] = lambda: False,
-) -> campaign.CampaignOutcome:
-    """Begin an experiment and run its missing runs."""
-    return resume(begin(source, experiment, where, full), jobs, batch=batch, watch=watch, stop=stop)
+def registrations(chosen: Sequence[tuple[str, Experiment]], where: Path) -> list[str]:
+    """For each study of a user, whether its files were committed before its runs were made, and in which commit."""
+    said = []
+    for source in dict.fromkeys(source for source, _ in chosen):
+        if (study := load_study(source)).name in PAGES:
+            continue
+        found = committed(study.folder, "*.yaml", "*.py")
+        folders = [folder_of(where, source, experiment) for each, experiment in chosen if each == source]
+        made = [file.stat().st_mtime for folder in folders for file in folder.glob("*/*.h5")]
+        if found and found[1] <= min(made, default=math.inf):
+            said.append(f"{study.name} is registered: commit {found[0][:12]}, before its runs")
+        else:
+            why = f"commit {found[0][:12]} is later than runs" if found else "its files are not committed as they are"
+            said.append(f"{study.name} is not registered: {why}")
+    return said
 
 
 def resume(
@@ -193,7 +196,7 @@ def evaluated(source: str, experiment: Experiment, folder: Path) -> tuple[list[C
     campaign_folder = Folder(folder)
     points = [asdict(point) for point in campaign_folder.manifest().points]
     study = load_study(source)
-    given = [dict(study.published), dict(study.registered), study.code_digest()]
+    given = [dict(study.published), dict(study.registered), study.code.digest()]
     question = [study.name, repr(experiment), given, points, campaign_folder.state()]
 
     def compute() -> list[Any]:
@@ -214,7 +217,7 @@ def summary(source: str, experiment: Experiment, folder: Path) -> list[str]:
     study = load_study(source)
     data = Data(Folder(folder), study)
     answers = [f"registered {answered(each, data)}" for each in experiment.hypotheses]
-    return [*answers, *(study.summary(experiment.summary)(data) if experiment.summary else [])]
+    return [*answers, *(study.code.functions("SUMMARIES")[experiment.summary](data) if experiment.summary else [])]
 
 
 def draw(source: str, experiment: Experiment, folder: Path, into: Path) -> list[Path]:
@@ -225,7 +228,7 @@ def draw(source: str, experiment: Experiment, folder: Path, into: Path) -> list[
     study = load_study(source)
     data, files = Data(Folder(folder), study), []
     for figure in experiment.figures:
-        function = study.figure(figure.draw or figure.name)
+        function = study.code.functions("FIGURES")[figure.draw or figure.name]
         caption = f"{study.source}, {figure.caption}"
         out = into / f"{study.name}_{figure.name}.png"
         files.append(write_figure(functools.partial(function, data=data), out, figure.size, caption))

@@ -21,7 +21,8 @@ from string import Formatter
 from typing import Any, Final, Literal, NamedTuple
 
 from wsnsim.base.errors import did_you_mean
-from wsnsim.papers.study_file import StudyFigure
+from wsnsim.base.tables import TABLES
+from wsnsim.papers.study_file import RegisteredHypothesis, StudyFigure
 from wsnsim.papers.verdicts import NO_SHARE, AstrayShare, Judgement, Verdict
 
 Basis = Literal["evidence", "reconstruction", "construction", "our constant"]
@@ -93,17 +94,6 @@ class Claim:
     def key(self) -> str:
         """The claim's name among those with the same id."""
         return f"{self.variant} < {self.other}" if self.other else self.variant
-
-
-@dataclass(frozen=True)
-class RegisteredHypothesis:
-    """A hypothesis that is registered before the runs: that a measure of a variant is above, or below, a threshold."""
-
-    says: str
-    of: str
-    measure: str
-    above: float | None = None
-    below: float | None = None
 
 
 @dataclass(frozen=True)
@@ -247,6 +237,34 @@ def row_of(content: Mapping[str, Any]) -> ClaimRow:
         **{name: nested[name](*value) if name in nested else value for name, value in content.items()}
         | {"median": tuple(content["median"])}
     )
+
+
+COMPARED: Final = ("over", "less_than")
+"""Measures of a variant in the terms of those of another."""
+OF_ANOTHER: Final = "; "
+"""Between a variant and the measure that is compared."""
+
+
+def measure_problem(measure: str, own: Collection[str], variants: Collection[str]) -> str:
+    """What is wrong with the name of a measure; '' if nothing is."""
+    family, _, rest = measure.partition(":")
+    columns = {table: [column.name for column in TABLES[table]] for table in ("runs", "tracks")}
+    known: dict[str, Collection[str] | None] = {
+        **dict.fromkeys(("rmse", "rmse_of_kept")),
+        **{name: [rest] for name in ("column", "column_of_kept", "per_run_rmse")},
+        **{name: [*own, *columns["runs"]] for name in ("mean", "median")},
+        "share": columns["runs"],
+        **dict.fromkeys(("tracks", "tracks_mean", "tracks_median"), columns["tracks"]),
+    }
+    if family in COMPARED:
+        rival, _, compared = rest.partition(OF_ANOTHER)
+        if rival not in variants:
+            return f"{family}: unknown name '{rival}' ({did_you_mean(rival, variants)})"
+        return measure_problem(compared, own, ()) if compared else ""
+    if family not in known:
+        return f"unknown measure '{family}' ({did_you_mean(family, [*known, *COMPARED])})"
+    names = known[family]
+    return "" if names is None or rest in names else f"{family}: unknown name '{rest}' ({did_you_mean(rest, names)})"
 
 
 FIELD: Final = re.compile(r"(row|(?P<id>\w+)\[(?P<key>[^\]]+)\])\.(?P<value>\w+)")

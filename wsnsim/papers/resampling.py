@@ -2,7 +2,7 @@
 
     weights(of, size) -> (DRAWS, of)                how often each of `of` runs is drawn in resamples of `size` runs
     Sample(runs, rows, MEAN).at(weights)            the statistic of each resample
-    Compared(one, other, Compared.ratio).at(...)    the same of two samples of the same runs, resampled together
+    compared(one, other, ratio, "ratio").at(weights)  the same of two samples of the same runs, resampled together
 
 Equal numbers of runs give equal weights, so that everything compared is resampled alike. The runs of a sample may have
 several tracks, of which a resample takes all or none. Unknown values (NaN) are left out; a statistic of nothing is NaN.
@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Protocol, final
+from typing import Any, Final, final
 
 import numpy as np
 
@@ -21,43 +21,6 @@ from wsnsim.base.arrays import Floats, Ints
 
 DRAWS: Final = 1000
 NAN: Final = float("nan")
-
-
-class Resampled(Protocol):
-    """A statistic over runs that can be resampled."""
-
-    @property
-    def runs(self) -> Ints:
-        """(n,) the numbers of the runs."""
-        ...
-
-    @property
-    def words(self) -> str:
-        """The statistic in words."""
-        ...
-
-    @property
-    def key(self) -> str:
-        """The statistic in short, as a table has it."""
-        ...
-
-    @property
-    def robust(self) -> bool:
-        """Whether a few runs cannot move it far, whatever they are."""
-        ...
-
-    @property
-    def per_run(self) -> Floats:
-        """(n,) the value of each run by itself."""
-        ...
-
-    def at(self, weights: Floats) -> Floats:
-        """(draws, ...) the statistic of runs with these weights (draws, n)."""
-        ...
-
-    def among(self, runs: Ints) -> Resampled:
-        """The same over some of the runs."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -74,8 +37,8 @@ class Statistic:
 
     key: str
     words: str
-    weighted: Callable[[Floats, Floats], Floats]
-    per_run: Callable[[Floats], Floats]
+    weighted: Callable[[Any, Floats], Floats]
+    per_run: Callable[[Any], Floats]
     robust: bool = False
 
 
@@ -91,7 +54,7 @@ class Sample:
     """
 
     runs: Ints
-    rows: Floats
+    rows: Floats | Ints
     statistic: Statistic
 
     @property
@@ -124,58 +87,29 @@ class Sample:
         return self if kept.all() else Sample(self.runs[kept], self.rows[kept], self.statistic)
 
 
-@final
-@dataclass(frozen=True)
-class Compared:
-    """Two statistics of the same runs and what is computed from the two: their ratio or their difference."""
+def compared(one: Sample, other: Sample, combine: Callable[[Floats, Floats], Floats], word: str) -> Sample:
+    """What is computed from two statistics of the same runs, over those that both have: a ratio or a difference.
 
-    one: Resampled
-    other: Resampled
-    combine: Callable[[Floats, Floats], Floats]
-    word: str
+    Args:
+        one: the one statistic.
+        other: the other statistic.
+        combine: the function of both.
+        word: what it gives, in words.
+    """
+    common = np.intersect1d(one.runs, other.runs)
 
-    @staticmethod
-    def on_common_runs(
-        one: Resampled, other: Resampled, combine: Callable[[Floats, Floats], Floats], word: str
-    ) -> Compared:
-        """The comparison over the runs that both have."""
-        common = np.intersect1d(one.runs, other.runs)
-        return Compared(one.among(common), other.among(common), combine, word)
-
-    @property
-    def runs(self) -> Ints:
-        """(n,) the numbers of the runs."""
-        return self.one.runs
-
-    @property
-    def words(self) -> str:
-        """The statistic in words."""
-        return f"{self.word} of two: {self.one.words}"
-
-    @property
-    def key(self) -> str:
-        """The statistic in short."""
-        return f"{self.word}, {self.one.key}"
-
-    @property
-    def robust(self) -> bool:
-        """Whether a few runs cannot move it far."""
-        return self.one.robust and self.other.robust
-
-    @property
-    def per_run(self) -> Floats:
-        """(n,) the value of each run by itself."""
+    def combined(of: Callable[[Sample], Floats], places: Ints) -> Floats:
         with np.errstate(divide="ignore", invalid="ignore"):
-            return self.combine(self.one.per_run, self.other.per_run)
+            return combine(of(one.among(common[places])), of(other.among(common[places])))
 
-    def at(self, weights: Floats) -> Floats:
-        """(draws, ...) the value for runs with these weights (draws, n)."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return self.combine(self.one.at(weights), self.other.at(weights))
-
-    def among(self, runs: Ints) -> Compared:
-        """The same over some of the runs."""
-        return Compared(self.one.among(runs), self.other.among(runs), self.combine, self.word)
+    statistic = Statistic(
+        f"{word}, {one.key}",
+        f"{word} of two: {one.words}",
+        lambda places, weights: combined(lambda sample: sample.at(weights), places),
+        lambda places: combined(lambda sample: sample.per_run, places),
+        one.robust and other.robust,
+    )
+    return Sample(common, np.arange(len(common)), statistic)
 
 
 @functools.lru_cache(maxsize=8)
@@ -190,17 +124,17 @@ def weights(of: int, size: int, published: bool = False) -> Floats:
     return drawn
 
 
-def value(sample: Resampled) -> float:
+def value(sample: Sample) -> float:
     """The statistic of the runs as they are; NaN without runs."""
     return float(sample.at(np.ones((1, len(sample.runs))))[0])
 
 
-def known(sample: Resampled) -> Resampled:
+def known(sample: Sample) -> Sample:
     """The same over the runs that have a value."""
     return sample.among(sample.runs[np.isfinite(sample.per_run)])
 
 
-def median_of_runs(sample: Resampled) -> Sample:
+def median_of_runs(sample: Sample) -> Sample:
     """The median over the runs of the values that they have by themselves."""
     return Sample(sample.runs, sample.per_run[:, None], MEDIAN_OF_RUNS)
 

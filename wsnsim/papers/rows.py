@@ -1,15 +1,24 @@
-"""The rows of a reproduction: each claim with its measured value, a bound in the terms of its measure, and a verdict.
+"""What a reproduction says: the rows of claims, and the answers to hypotheses that were registered before the runs.
+
+A row is a claim with its measured value, a bound in the terms of its measure, and a verdict.
 
 rows_of(claim, data) -> [ClaimRow, ...]       the row of a claim, and beside an order that of its paired differences
 bound_beside(data, variant, measure, kind) -> BoundBeside
 bound_from_events(data, variant, readings) -> Series by replicate
+resamples(statistic) -> (1 + draws,)    a statistic of the runs as they are, and of every resample
+interval(values) -> Interval            of a value and its resamples
+ends(low, high) -> ' [0.90, 1.10]'      the ends of an interval in words
+Interval.above(threshold)               True, False, or None if the interval contains the threshold
+Answer(words, found, answer)            'yes', 'no' or 'undecided', with the intervals that it follows from
+answered(hypothesis, data) -> Answer    of a hypothesis that a study's file declares
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -18,11 +27,12 @@ import wsnsim.bounds as bounds
 from wsnsim.analysis import statistics
 from wsnsim.analysis.frames import read
 from wsnsim.base.arrays import Floats
-from wsnsim.papers import measures
+from wsnsim.papers import measures, verdicts
 from wsnsim.papers.measures import Data, measured
 from wsnsim.papers.reproduction import NAN, BoundBeside, Claim, ClaimRow
-from wsnsim.papers.resampling import Resampled, known, median_of_runs, value
-from wsnsim.papers.verdicts import Judgement, astray, interval, judged_order, judged_value
+from wsnsim.papers.resampling import DRAWS, Sample, known, median_of_runs, value, weights
+from wsnsim.papers.study_file import RegisteredHypothesis
+from wsnsim.papers.verdicts import TAIL, Judgement, astray, judged_order, judged_value
 
 FROM_EVENTS: Final = ("active", "arrived")
 OF_EACH_RUN: Final = "per_run_rmse"
@@ -146,9 +156,9 @@ def _judgement(claim: Claim, data: Data, strict: float) -> Judgement:
     return judged_value(*measures.judged_terms(data, claim))
 
 
-def _order_row(claim: Claim, data: Data, difference: Resampled) -> ClaimRow:
+def _order_row(claim: Claim, data: Data, difference: Sample) -> ClaimRow:
     """The row of an order, from the difference of its variants."""
-    low, high = interval(difference)
+    low, high = verdicts.interval(difference)
     row = ClaimRow(
         quantity=claim.label, variant=claim.variant, published=NAN, measured=value(difference), low=low, high=high,
         replicates=len(difference.runs), lost_fraction=_lost(claim, data), bound=NAN, bound_kind="",
@@ -170,3 +180,85 @@ def _completed(row: ClaimRow, claim: Claim, data: Data) -> ClaimRow:
 def _lost(claim: Claim, data: Data) -> float:
     """The fraction of runs in which one of an order's variants lost the target."""
     return float((data.lost(claim.variant) | data.lost(claim.other)).mean())
+
+
+Word: TypeAlias = Literal["yes", "no", "undecided"]
+_WORDS: Final[Mapping[bool | None, Word]] = {True: "yes", False: "no", None: "undecided"}
+
+
+class Interval(NamedTuple):
+    """A value with its 95 % interval; NaN without one."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return "unknown" if np.isnan(self.value) else f"{self.value:.2f}{ends(self.low, self.high)}"
+
+    def above(self, threshold: float) -> bool | None:
+        """Whether the whole interval is above a threshold, or below it; None if it is neither, or unknown."""
+        if self.low > threshold:
+            return True
+        return False if self.high < threshold else None
+
+    def below(self, threshold: float) -> bool | None:
+        """Whether the whole interval is below a threshold, or above it; None if it is neither, or unknown."""
+        above = self.above(threshold)
+        return None if above is None else not above
+
+
+UNKNOWN: Final = Interval(float("nan"), float("nan"), float("nan"))
+
+
+class Answer(NamedTuple):
+    """The answer to a registered hypothesis."""
+
+    words: str
+    found: tuple[Interval, ...]
+    answer: Word
+
+    def __str__(self) -> str:
+        return f"{self.words}: {self.answer}" + (f", {' and '.join(map(str, self.found))}" if self.found else "")
+
+
+def answered(hypothesis: RegisteredHypothesis, data: Data) -> Answer:
+    """The answer to a hypothesis, over the runs that have a value; undecided if its interval has the threshold."""
+    found = interval(resamples(known(measures.sample(data, hypothesis.of, hypothesis.measure))))
+    if hypothesis.above is not None:
+        holds = found.above(hypothesis.above)
+    else:
+        assert hypothesis.below is not None, "one of both, as the study's file is checked"
+        holds = found.below(hypothesis.below)
+    return Answer(hypothesis.says, (found,), word(holds))
+
+
+def resamples(found: Sample) -> Floats:
+    """(1 + draws,) a statistic of the runs as they are, and of every resample."""
+    count = len(found.runs)
+    return np.concatenate([found.at(np.ones((1, count))), found.at(weights(count, count))])
+
+
+def interval(values: Floats) -> Interval:
+    """The interval of a value (1 + draws,), the first of which is that of all runs; NaN if a resample has no value."""
+    assert len(values) == 1 + DRAWS
+    with np.errstate(invalid="ignore"):  # between infinite values
+        low, high = np.quantile(values[1:], [TAIL, 1.0 - TAIL])
+    return Interval(float(values[0]), float(low), float(high))
+
+
+def ends(low: float, high: float, form: str = ".2f") -> str:
+    """The ends of an interval as they follow a value in a text; '' if they are not known."""
+    return f" [{low:{form}}, {high:{form}}]" if math.isfinite(low) and not math.isnan(high) else ""
+
+
+def word(holds: bool | None) -> Word:
+    """'yes' if a hypothesis holds, 'no' if it does not, 'undecided' if it is not known."""
+    return _WORDS[holds]
+
+
+def both(one: bool | None, other: bool | None) -> bool | None:
+    """Whether two statements hold; None if that is not known."""
+    if one is False or other is False:
+        return False
+    return None if one is None or other is None else True

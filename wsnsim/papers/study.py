@@ -9,18 +9,21 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, final
+from typing import Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean
-from wsnsim.papers.reproduction import BASES, Claim, Experiment, RegisteredHypothesis, Variant, problems
-from wsnsim.papers.study_code import StudyCode
-from wsnsim.papers.study_file import ClaimEntry, ExperimentEntry, StudyDocument
+from wsnsim.papers.reproduction import (
+    BASES,
+    Claim,
+    Experiment,
+    Variant,
+    measure_problem,
+    problems,
+)
+from wsnsim.papers.study_file import ClaimEntry, ExperimentEntry, StudyCode, StudyDocument
 from wsnsim.scenario.messages import Document, document_of, read_document
 from wsnsim.scenario.schema import unsafe_name
 from wsnsim.scenario.texts import Keys, shipped_studies
-
-if TYPE_CHECKING:
-    from wsnsim.papers.measures import Data, OwnMeasure
 
 PAPERS: Final = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
 STUDIES: Final = ("frontier", "reality", "duty_cycles")
@@ -89,8 +92,7 @@ class Study:
         self.takes_data = document.content.takes_data
         self.published: Mapping[str, Any] = document.content.published
         self.registered: Mapping[str, Any] = document.content.registered
-        self.module = code.module
-        self._code = code
+        self.code = code
         self._data = data
         self._prefix = f"{data.name}_" if data else ""
         self._document = document
@@ -152,21 +154,9 @@ class Study:
         yield from ((experiments[name], claim) for key, claim in found.items() if key in wanted)
 
     @property
-    def measures(self) -> Mapping[str, OwnMeasure]:
+    def measures(self) -> Mapping[str, Callable[..., Any]]:
         """The study's own measures, by name."""
-        return self._code.functions("MEASURES")
-
-    def figure(self, name: str) -> Callable[..., None]:
-        """The function (figure, data) that draws a figure."""
-        return self._code.functions("FIGURES")[name]
-
-    def summary(self, name: str) -> Callable[[Data], list[str]]:
-        """The function that gives the lines beneath an experiment's rows."""
-        return self._code.functions("SUMMARIES")[name]
-
-    def code_digest(self) -> str:
-        """The digest of the study's Python files."""
-        return self._code.digest()
+        return self.code.functions("MEASURES")
 
     def variant_error(self, experiment: str, variant: str, message: str) -> ScenarioError:
         """The error of a variant whose scenario is wrong, at its place in the file."""
@@ -184,11 +174,10 @@ class Study:
         placed: list[PlacedClaim] = []
         for number, claim in enumerate(entry.claims):
             placed += self._claims(entry, claim, (*path, "claims", number), issues)
-        hypotheses = tuple(RegisteredHypothesis(**each.model_dump()) for each in entry.hypotheses)
-        kept = ("title", "figures", "record", "sets", "quick_sets", "summary", "literal")
+        kept = ("title", "hypotheses", "figures", "record", "sets", "quick_sets", "summary", "literal")
         experiment = Experiment(
             name=f"{self._prefix}{entry.name}", variants=variants, claims=tuple(each.claim for each in placed),
-            hypotheses=hypotheses, **{key: getattr(entry, key) for key in kept}, **dict(entry.runs),
+            **{key: getattr(entry, key) for key in kept}, **dict(entry.runs),
         )  # fmt: skip
         issues += [*self._claim_issues(experiment, placed), *self._issues(experiment, entry, path)]
         return experiment
@@ -196,7 +185,7 @@ class Study:
     def _completed(self, index: int) -> ExperimentEntry:
         """The entry of an experiment, with the variants and claims that the study's EXPERIMENTS gives for it."""
         entry = self._document.content.experiments[index]
-        make = None if entry.variants else self._code.functions("EXPERIMENTS").get(entry.name)
+        make = None if entry.variants else self.code.functions("EXPERIMENTS").get(entry.name)
         if make is None:
             return entry
         given = make(self, self._data)
@@ -243,7 +232,7 @@ class Study:
         functions = [("FIGURES", figure.draw or figure.name, "figures") for figure in experiment.figures]
         functions += [("SUMMARIES", experiment.summary, "summary")] if experiment.summary else []
         for mapping, name, key in functions:
-            if name not in (known := self._code.functions(mapping)):
+            if name not in (known := self.code.functions(mapping)):
                 yield self._document.issue((*path, key), f"{mapping} has no '{name}' ({did_you_mean(name, known)})")
         for key, names in (("repairs", entry.repairs), *(("bases", names) for names in entry.bases.values())):
             for name in set(names) - set(experiment.variants):
@@ -264,13 +253,11 @@ class Study:
         self, experiment: Experiment, variants: tuple[str, ...], measure: str, place: Keys
     ) -> Iterator[Issue]:
         """What is wrong with the variants and the measure of a claim or a hypothesis."""
-        from wsnsim.papers.measures import problem
-
         for variant in variants:
             if variant not in experiment.variants:
                 message = f"no variant is '{variant}' ({did_you_mean(variant, experiment.variants)})"
                 yield self._document.issue(place, message)
-        if message := problem(measure, self.measures, experiment.variants):
+        if message := measure_problem(measure, self.measures, experiment.variants):
             yield self._document.issue((*place, "measure"), message)
 
 

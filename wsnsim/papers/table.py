@@ -10,11 +10,11 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import groupby
-from typing import Final, NamedTuple
+from typing import Final
 
 from wsnsim.analysis.phrases import aligned
-from wsnsim.papers.answers import ends
 from wsnsim.papers.reproduction import BASES, ClaimRow
+from wsnsim.papers.rows import ends
 from wsnsim.papers.study import PAPERS, Study, study
 from wsnsim.papers.verdicts import ASTRAY, RULE, AstrayShare
 
@@ -180,7 +180,6 @@ SHOWN: Final = (
     "variant", "published", "measured [95 %]", "bound", "verdict", "statistic", "runs", "astray", "lost",
 )  # fmt: skip
 """The columns of a table, in their order."""
-QUANTITY, VARIANT = HEADS.index("quantity"), HEADS.index("variant")
 
 
 def main_rows(rows: Sequence[ClaimRow], studies: Sequence[Study] = ()) -> list[ClaimRow]:
@@ -199,31 +198,21 @@ def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = (), studies: Seque
     chosen = main_rows(rows, studies)
     if not chosen and not lines:
         return "No main row belongs to the chosen experiments."
-    tables = tables_of([MainRow(row.paper, row.experiment, row.title, cells(row), row.reason) for row in chosen])
+    tables = _tables(chosen)
     counted = ["Verdicts on all claims:", *(f"- {_plain(line)}" for line in verdict_counts(rows))] if chosen else []
     return "\n".join([*tables, *counted, *_notes(chosen), *(f"- {line}" for line in lines)])
 
 
-class MainRow(NamedTuple):
-    """A row of the tables: its paper, experiment with title, cells by HEADS, and reason."""
-
-    paper: str
-    experiment: str
-    title: str
-    cells: tuple[str, ...]
-    reason: str
-
-
-def tables_of(rows: Sequence[MainRow]) -> Iterator[str]:
+def _tables(rows: Sequence[ClaimRow]) -> Iterator[str]:
     """Yield the lines of a heading per experiment, and of a table per quantity with the reasons beneath it."""
-    experiments: dict[tuple[str, str, str], dict[str, list[MainRow]]] = {}
+    experiments: dict[tuple[str, str, str], dict[str, list[ClaimRow]]] = {}
     for row in rows:
         quantities = experiments.setdefault((row.paper, row.experiment, row.title), {})
-        quantities.setdefault(row.cells[QUANTITY], []).append(row)
+        quantities.setdefault(row.quantity, []).append(row)
     for (name, experiment, title), quantities in experiments.items():
         yield from (f"### {_plain(f'{name}, {experiment}')}", "", *([f"{_plain(title)}.", ""] if title else []))
         for quantity, these in quantities.items():
-            yield from (f"**{_plain(quantity)}**", "", *_table([row.cells for row in these]), "", *_reasons(these), "")
+            yield from (f"**{_plain(quantity)}**", "", *_table(list(map(cells, these))), "", *_reasons(these), "")
 
 
 def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
@@ -234,12 +223,12 @@ def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
         yield "| " + " | ".join(_plain(row[column]) for column in used) + " |"
 
 
-def _reasons(rows: Sequence[MainRow]) -> Iterator[str]:
+def _reasons(rows: Sequence[ClaimRow]) -> Iterator[str]:
     """Yield the reasons of rows: one that all share once, others with their variants."""
     variants: dict[str, dict[str, None]] = {}
     for row in rows:
         if row.reason:
-            variants.setdefault(row.reason, {})[row.cells[VARIANT]] = None
+            variants.setdefault(row.reason, {})[row.variant] = None
     if len(variants) == 1 and all(row.reason for row in rows):
         yield f"Why: {_plain(rows[0].reason)}."
         return

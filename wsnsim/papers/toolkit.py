@@ -20,11 +20,11 @@ from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.campaign.code_changes import code_id
 from wsnsim.models.csvfile import open_text
 from wsnsim.papers import plotting
-from wsnsim.papers.answers import TAIL, UNKNOWN, Answer, Interval, both, ends, interval, resamples, word
 from wsnsim.papers.measures import Data, OwnMeasure, computing, measured, sample
 from wsnsim.papers.resampling import weights
-from wsnsim.papers.rows import bound_from_events
+from wsnsim.papers.rows import UNKNOWN, Answer, Interval, both, bound_from_events, ends, interval, resamples, word
 from wsnsim.papers.study import Study
+from wsnsim.papers.verdicts import TAIL
 from wsnsim.recording import read_table
 from wsnsim.scenario import Plugins, load
 

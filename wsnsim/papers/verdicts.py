@@ -16,7 +16,7 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.papers.resampling import Resampled, median_of_runs, value, weights
+from wsnsim.papers.resampling import Sample, median_of_runs, value, weights
 
 Verdict = Literal[
     "reproduces", "compatible", "within a factor of two", "does not reproduce", "cannot: beyond the bound", "undecided",
@@ -119,7 +119,7 @@ def astray(per_run: Floats) -> AstrayShare:
     return AstrayShare(count / known.size, float(interval.low), float(interval.high))
 
 
-def ratio_interval(sample: Resampled, published: Floats | float, published_runs: int) -> tuple[Floats, Floats]:
+def ratio_interval(sample: Sample, published: Floats | float, published_runs: int) -> tuple[Floats, Floats]:
     """The 95 % interval of measured / published, both positive: a bootstrap of the difference of their logarithms.
 
     Our runs are resampled twice: as many as they are, for our error, and `published_runs` at a time, for the published
@@ -150,7 +150,7 @@ def verdict_on_ratio(low: float, high: float) -> Verdict:
     return "within a factor of two" if low >= 1.0 / FACTOR and high <= FACTOR else "does not reproduce"
 
 
-def judged_value(sample: Resampled, published: PublishedValue) -> Judgement:
+def judged_value(sample: Sample, published: PublishedValue) -> Judgement:
     """The judgement on a published value.
 
     Args:
@@ -183,7 +183,7 @@ def _judged_exactly(measured: float, published: float) -> Judgement:
     return Judgement(verdict_on_ratio(ratio, ratio), ratio, ratio)
 
 
-def _judged_one_sidedly(sample: Resampled, published: PublishedValue, low: float) -> Judgement:
+def _judged_one_sidedly(sample: Sample, published: PublishedValue, low: float) -> Judgement:
     """The judgement on a mean of too few runs: unseen runs may raise it without limit, but hardly lower it.
 
     The median over the runs has to be too large as well, since a few runs do not move it.
@@ -194,7 +194,7 @@ def _judged_one_sidedly(sample: Resampled, published: PublishedValue, low: float
     return Judgement("does not reproduce" if low > CLOSE else "too few runs", low, INF)
 
 
-def _on_same_side(sample: Resampled, published: float) -> bool:
+def _on_same_side(sample: Sample, published: float) -> bool:
     """Whether the whole interval of a ratio is on the side of 1 on which the published one is, if it is on one."""
     count = len(sample.runs)
     low, high = np.quantile(sample.at(weights(count, count)), [TAIL, 1.0 - TAIL])
@@ -214,7 +214,7 @@ def verdict_on_order(low: float, high: float) -> Verdict:
     return "does not reproduce" if low > 0.0 or low == high == 0.0 else "undecided"
 
 
-def interval(sample: Resampled) -> tuple[float, float]:
+def interval(sample: Sample) -> tuple[float, float]:
     """The 95 % bootstrap interval of a statistic; NaN with fewer than five runs, and if none has a value."""
     count = len(sample.runs)
     if count < 5 or np.isnan(value(sample)):
@@ -223,7 +223,7 @@ def interval(sample: Resampled) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def judged_order(difference: Resampled, exact: bool = False) -> Judgement:
+def judged_order(difference: Sample, exact: bool = False) -> Judgement:
     """The judgement on the difference of two variants, paired by run.
 
     Args:

@@ -6,44 +6,27 @@ with MemoryResult(states, wanted) as result:        # the same in memory; result
 read_table(path, "truth")                           # {column: array}; see also tables, read_text, attributes
 recover(tmp)                                        # the rows of a killed run
 Folder(path)                                        # a campaign on disk: a manifest, and a folder per point
-provenance(command_line, seed, plugins)             # versions, command and machine
+provenance.provenance(command_line, seed, plugins)  # versions, command and machine
+
+The modules are imported at first use: a run reads no result, and nothing reads a campaign but campaigns.
 """
 
-from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
-from wsnsim.recording.provenance import provenance
-from wsnsim.recording.reader import (
-    TableSize,
-    all_meanings,
-    attributes,
-    meanings,
-    read_json,
-    read_table,
-    read_text,
-    read_with_meanings,
-    row_count,
-    table_names,
-    tables,
-)
-from wsnsim.recording.recovery import recover
-from wsnsim.recording.writer import MemoryResult, ResultFile
+from __future__ import annotations
 
-__all__ = [
-    "Folder",
-    "Manifest",
-    "MemoryResult",
-    "PointOnDisk",
-    "ResultFile",
-    "TableSize",
-    "all_meanings",
-    "attributes",
-    "meanings",
-    "provenance",
-    "read_json",
-    "read_table",
-    "read_text",
-    "read_with_meanings",
-    "recover",
-    "row_count",
-    "table_names",
-    "tables",
-]
+from typing import TYPE_CHECKING
+
+from wsnsim.base.facades import facade
+
+if TYPE_CHECKING:
+    # fmt: off
+    # isort: off
+    from wsnsim.recording.folder import Folder as Folder, Manifest as Manifest, PointOnDisk as PointOnDisk
+    from wsnsim.recording.reader import (
+        TableSize as TableSize, all_meanings as all_meanings, attributes as attributes, meanings as meanings,
+        read_json as read_json, read_table as read_table, read_text as read_text,
+        read_with_meanings as read_with_meanings, row_count as row_count, table_names as table_names, tables as tables,
+    )
+    from wsnsim.recording.recovery import recover as recover
+    from wsnsim.recording.writer import MemoryResult as MemoryResult, ResultFile as ResultFile
+
+__getattr__, __dir__ = facade(__name__)

@@ -21,11 +21,27 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
-from wsnsim.base.errors import UsageError
-from wsnsim.recording.layout import cannot_write
+from wsnsim.base.errors import StorageError, UsageError
 
 TEMPORARY: Final = re.compile(r".*\.(?P<host>[^.]+)\.(?P<pid>\d+)(-\w+)?\.tmp")
 """Names of temporary files."""
+
+
+def reason(error: BaseException) -> str:
+    """The part of an error of HDF5 or of the operating system that tells a user what to do."""
+    text = str(error)
+    quoted = re.search(r"error message = '([^']*+)'", text)
+    if quoted:
+        return quoted[1]
+    if isinstance(error, OSError) and error.strerror and "(" not in error.strerror:
+        return error.strerror
+    bracketed = text.partition("(")[2].rpartition(")")[0]
+    return bracketed or text or type(error).__name__
+
+
+def cannot_write(path: Path, error: BaseException) -> StorageError:
+    """The error of a result that cannot be written, with the reason."""
+    return StorageError(f"{path}: cannot be written: {reason(error)}")
 
 
 def write_text_atomically(place: Path, text: str) -> None:

@@ -24,8 +24,8 @@ from typing import Any, Final, final
 import numpy as np
 from h5py import h5a, h5d, h5f, h5g, h5i, h5l, h5o, h5s, h5t, h5z
 
-from wsnsim.recording.layout import CHUNK
-from wsnsim.recording.object_headers import DamagedContent, StoredColumn, check_attributes, check_heap, check_layout
+from wsnsim.recording.object_headers import StoredColumn, check_attributes, check_heap, check_layout
+from wsnsim.recording.rows import CHUNK, DamagedContent
 
 DEFLATE_LIMIT: Final = 1_032
 """Bytes that deflate makes of one at most (zlib, Technical Details: maximum compression factor)."""
@@ -66,29 +66,19 @@ class Content:
         self._size = os.fstat(self._descriptor).st_size
         self._checked: set[int] = set()
         self.root = h5g.open(file, b"/")
-        self.names = _checked_links(self.root)
+        self.names = names_in(self.root)
 
     def holds(self, name: str) -> bool:
         """Whether there is an object 'name' or 'group/name'."""
         folder, _, last = name.rpartition("/")
         if not folder:
             return last in self.names
-        return folder in self.names and last in _checked_links(h5g.open(self.root, folder.encode()))
-
-    @staticmethod
-    def name_of(group: h5g.GroupID) -> str:
-        """The name of a table."""
-        return _name_of(group)
-
-    @staticmethod
-    def links(group: h5g.GroupID) -> list[str]:
-        """The names of the objects in a group."""
-        return _checked_links(group)
+        return folder in self.names and last in names_in(h5g.open(self.root, folder.encode()))
 
     def group(self, name: str) -> h5g.GroupID:
         """A group of the root; KeyError if there is none. Each of its links is checked."""
         group = h5g.open(self.root, name.encode())
-        _checked_links(group)
+        names_in(group)
         return group
 
     def columns(self, group: h5g.GroupID, names: Sequence[str], complete: bool = True) -> list[StoredColumn]:
@@ -103,13 +93,13 @@ class Content:
         if sum(column.stored for column in found) > self._size:
             raise DamagedContent("columns state more bytes than the file has")
         if complete and len({column.rows for column in found}) > 1:
-            raise DamagedContent(f"the columns of {_name_of(group)} differ in their number of rows")
+            raise DamagedContent(f"the columns of {name_of(group)} differ in their number of rows")
         return found
 
     def column(self, group: h5g.GroupID, name: str, complete: bool = True) -> StoredColumn:
         """A column of a table; KeyError if there is none."""
         dataset = self._dataset(group, name)
-        shown = f"{_name_of(group)}.{name}"
+        shown = f"{name_of(group)}.{name}"
         plan = dataset.get_create_plist()
         layout = plan.get_layout()
         if layout == h5d.VIRTUAL or plan.get_external_count():
@@ -128,7 +118,7 @@ class Content:
         """The bytes of a column in the file, as HDF5 states them."""
         dataset = self._dataset(group, name)
         if dataset.get_create_plist().get_layout() == h5d.CHUNKED:
-            return sum(info.size for info in self._stored_chunks(dataset, f"{_name_of(group)}.{name}"))
+            return sum(info.size for info in self._stored_chunks(dataset, f"{name_of(group)}.{name}"))
         return int(dataset.get_storage_size())
 
     @staticmethod
@@ -229,7 +219,7 @@ class Content:
         return os.pread(self._descriptor, count, address)
 
 
-def _checked_links(group: h5g.GroupID) -> list[str]:
+def names_in(group: h5g.GroupID) -> list[str]:
     """The names in a group, all of which are of objects in the file.
 
     An error must not leave the function that HDF5 calls; it notes what it finds, and a true value ends the iteration.
@@ -245,11 +235,12 @@ def _checked_links(group: h5g.GroupID) -> list[str]:
     if elsewhere:
         raise DamagedContent(f"'{elsewhere[0]}' is a link that leads elsewhere")
     if len(names) > MOST_LINKS:
-        raise DamagedContent(f"{_name_of(group)} holds more than {MOST_LINKS} objects")
+        raise DamagedContent(f"{name_of(group)} holds more than {MOST_LINKS} objects")
     return names
 
 
-def _name_of(group: h5g.GroupID) -> str:
+def name_of(group: h5g.GroupID) -> str:
+    """The name of a table."""
     return h5i.get_name(group).decode("utf-8", "backslashreplace").strip("/") or "the file"
 
 

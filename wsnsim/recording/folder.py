@@ -25,9 +25,16 @@ from typing import Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import ResultError
 from wsnsim.base.files import read_regular
-from wsnsim.recording.atomic_files import TEMPORARY, host, remove_leftovers, write_atomically, write_text_atomically
-from wsnsim.recording.layout import SCHEMA_VERSION, demand_schema, reason
+from wsnsim.recording.atomic_files import (
+    TEMPORARY,
+    host,
+    reason,
+    remove_leftovers,
+    write_atomically,
+    write_text_atomically,
+)
 from wsnsim.recording.reader import read_table, tables
+from wsnsim.recording.rows import SCHEMA_VERSION, demand_schema
 
 MANIFEST: Final = "campaign.json"
 SCENARIO: Final = "scenario.json"

@@ -24,6 +24,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from h5py import h5d, h5s, h5z
 
+from wsnsim.recording.rows import DamagedContent
+
 Read = Callable[[int, int], bytes]
 """read(address, count) -> that many bytes of the file, or ValueError."""
 
@@ -38,10 +40,6 @@ OBJECT: Final = 16
 """Bytes of the head of an object in a heap (IV, III.E: its number takes two of them)."""
 MOST_OBJECTS: Final = 2**16
 NOWHERE: Final = 0xFFFF_FFFF_FFFF_FFFF
-
-
-class DamagedContent(ValueError):
-    """Something in a file that no wsnsim writes. The text says what, without the name of the file."""
 
 
 def check_attributes(read: Read, address: int, most: int) -> None:

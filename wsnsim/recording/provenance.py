@@ -259,6 +259,15 @@ def _checkout(root: Path) -> dict[str, Any] | None:
     return None if commit is None or changes is None else {"commit": commit, "dirty": bool(changes)}
 
 
+def committed(folder: Path, *patterns: str) -> tuple[str, float] | None:
+    """The last commit of the files of a folder, and its time (s); None if they differ from it, or there is no git."""
+    found = _git(folder, "log", "-1", "--format=%H %ct", "--", *patterns)
+    if not found or _git(folder, "status", "--porcelain", "--", *patterns) != "":
+        return None
+    commit, _, time = found.partition(" ")
+    return commit, float(time)
+
+
 def _git(root: Path, *arguments: str) -> str | None:
     # in a hook, GIT_DIR and others name the repository of the hook; GIT_CONFIG… may say which checkouts are safe
     ours = {name: value for name, value in os.environ.items() if not name.startswith("GIT_") or "CONFIG" in name}

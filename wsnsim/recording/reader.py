@@ -22,10 +22,10 @@ from h5py import h5f, h5g, h5p
 from wsnsim.base.errors import ResultError, did_you_mean
 from wsnsim.base.files import why_not_regular
 from wsnsim.base.tables import TABLES
-from wsnsim.recording.contents import Content
-from wsnsim.recording.layout import KINDS, TEXTS, WRITING, demand_schema, reason
-from wsnsim.recording.object_headers import DamagedContent, StoredColumn
-from wsnsim.recording.rows import PackedRows, packed_rows
+from wsnsim.recording.atomic_files import reason
+from wsnsim.recording.contents import Content, name_of
+from wsnsim.recording.object_headers import StoredColumn
+from wsnsim.recording.rows import KINDS, TEXTS, WRITING, DamagedContent, PackedRows, demand_schema, packed_rows
 
 NUMBER: Final = (int, float)
 TYPES: Final[dict[str, tuple[type, ...]]] = {
@@ -226,7 +226,7 @@ def column_names(content: Content, group: h5g.GroupID) -> list[str]:
     """The names of a table's columns, in order."""
     names = content.attribute(group, "columns")
     if not isinstance(names, list) or not names or len(set(names)) != len(names) or not isinstance(names[0], str):
-        raise DamagedContent(f"table {content.name_of(group)} does not say what columns it has")
+        raise DamagedContent(f"table {name_of(group)} does not say what columns it has")
     return names
 
 
@@ -292,7 +292,7 @@ def _columns(
     """The columns of a table that are wanted, all if None, checked and equally long."""
     names = column_names(content, group) if wanted is None else [_checked(n, content, group, path) for n in wanted]
     found = dict(zip(names, content.columns(group, names), strict=True))
-    kinds = KINDS[content.name_of(group)]
+    kinds = KINDS[name_of(group)]
     for name, column in found.items():
         if column.dtype.kind != kinds.get(name, column.dtype.kind):
             raise DamagedContent(f"{column.name}: its values are of the type {column.dtype}")
@@ -313,7 +313,7 @@ def _checked(name: str, content: Content, group: h5g.GroupID, path: str | Path) 
     """The name of a column that the table has. Raises ResultError."""
     held = column_names(content, group)
     if name not in held:
-        table = content.name_of(group)
+        table = name_of(group)
         raise ResultError(f"{path}: table {table} has no column '{name}' ({did_you_mean(name, held)})")
     return name
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +11,10 @@ from h5py import h5g
 
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import TABLES, Words
-from wsnsim.recording.contents import Content
-from wsnsim.recording.layout import CHUNK, PARTIAL, WRITING
-from wsnsim.recording.object_headers import DamagedContent, StoredColumn
+from wsnsim.recording.contents import Content, names_in
+from wsnsim.recording.object_headers import StoredColumn
 from wsnsim.recording.reader import column_names, opened, position_of, states_of, text_names, words_of
+from wsnsim.recording.rows import CHUNK, PARTIAL, WRITING, DamagedContent
 from wsnsim.recording.writer import ResultFile
 
 
@@ -69,7 +69,7 @@ def _copy(content: Content, tmp: Path, final: Path) -> None:
 
 def _words(content: Content, held: Mapping[str, h5g.GroupID], table: str, name: str) -> Words | None:
     """The words of a category column that had been written; None if the column does not exist yet."""
-    if table not in held or name not in content.links(held[table]):
+    if table not in held or name not in names_in(held[table]):
         return None
     return Words(words_of(content, content.column(held[table], name, complete=False)))
 
@@ -81,11 +81,6 @@ def _final_name(tmp: Path) -> Path:
             f"{tmp}: is not named NAME.host.pid.tmp, like the file of a killed run; give another file with --out"
         )
     return tmp.with_name(f"{parsed[1]}.h5")
-
-
-def _whole_rows(columns: Iterable[StoredColumn]) -> int:
-    """Number of rows whose chunks are in the file for every column."""
-    return CHUNK * min(_whole_chunks_of(column) for column in columns)
 
 
 def _whole_chunks_of(column: StoredColumn) -> int:
@@ -100,10 +95,10 @@ def _whole_chunks_of(column: StoredColumn) -> int:
 def _whole_chunks(content: Content, group: h5g.GroupID) -> Iterator[dict[str, np.ndarray]]:
     """The chunks of a table, up to the first that cannot be read."""
     names = column_names(content, group)
-    if not set(names) <= set(content.links(group)):
+    if not set(names) <= set(names_in(group)):
         return
     columns = dict(zip(names, content.columns(group, names, complete=False), strict=True))
-    for start in range(0, _whole_rows(columns.values()), CHUNK):
+    for start in range(0, CHUNK * min(map(_whole_chunks_of, columns.values())), CHUNK):
         try:
             chunk = {name: column.values(slice(start, start + CHUNK)) for name, column in columns.items()}
         except (OSError, DamagedContent):

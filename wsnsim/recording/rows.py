@@ -1,4 +1,9 @@
-"""Rows of one table on their way into a file, and the rows of a short table in one piece.
+"""The layout of a result file, which writer and readers share, and the rows of one table on their way into a file.
+
+Attributes of the root: `schema_version`, `wsnsim_version`, `status`, `states` and `state_units` (the columns of the
+motion model's state), `position` (the indices of the position among them). Each table is a group with the attribute
+`columns` (their order). Each column is a dataset with `units`, `description`, and, for categories, the CF attributes
+`flag_values` and `flag_meanings`. `TEXTS` are string datasets.
 
 A buffer holds the columns of one chunk and writes them when they are full. A column that fits into a few kilobytes is
 written in one piece with its description. HDF5 checks both by one checksum, and such a column needs no chunk index,
@@ -13,7 +18,7 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple, final
 
@@ -21,9 +26,52 @@ import h5py
 import numpy as np
 from h5py import h5a, h5d, h5f, h5g, h5p, h5s, h5t
 
-from wsnsim.base.tables import Column
-from wsnsim.recording.layout import CHUNK, COMPACT, KINDS, SCHEMA_VERSION, flag_words
-from wsnsim.recording.object_headers import DamagedContent
+from wsnsim.base.errors import ResultError
+from wsnsim.base.tables import TABLES, Column
+from wsnsim.base.version import __version__
+
+SCHEMA_VERSION: Final = 2
+"""Of results and of manifests of campaigns: another number is another layout, or another meaning of a scenario."""
+CHUNK: Final = 65_536
+"""Rows of a chunk."""
+COMPACT: Final = 2_048
+"""Bytes of a column up to which it is stored with its description: the index of its chunks would be as long."""
+FLUSH_EVERY: Final = 30.0
+"""Seconds between two flushes."""
+KINDS: Final = {table: {column.name: np.dtype(column.dtype).kind for column in TABLES[table]} for table in TABLES}
+"""Whether the values of a column are signed, unsigned or real: the number of a run or step is never negative."""
+TEXTS: Final = ("scenario/source_yaml", "scenario/resolved_json", "provenance_json")
+WRITING: Final = "writing"
+COMPLETE: Final = "complete"
+PARTIAL: Final = "partial"
+
+
+def flag_words(words: Iterable[str]) -> tuple[str, ...]:
+    """The words in the form of CF `flag_meanings`: without spaces, 'none' for an empty word, and distinct."""
+    flags: list[str] = []
+    for code, word in enumerate(words):
+        flag = "_".join(word.split()) or "none"
+        flags.append(f"{flag}_{code}" if flag in flags else flag)
+    return tuple(flags)
+
+
+def demand_schema(place: Path, found: int, version: object) -> None:
+    """Check the schema version of a result or manifest, written by a version of wsnsim.
+
+    Raises:
+        ResultError: An older or newer wsnsim wrote the file.
+    """
+    if found != SCHEMA_VERSION:
+        age = "an older" if found < SCHEMA_VERSION else "a newer"
+        raise ResultError(
+            f"{place}: was written by {age} wsnsim ({version}), whose files this one ({__version__}) does not read:"
+            " use that version, or make the runs again from their scenario"
+        )
+
+
+class DamagedContent(ValueError):
+    """Something in a file that no wsnsim writes. The text says what, without the name of the file."""
+
 
 ROWS: Final = "rows"
 SHORT_TABLES: Final = ("runs", "tracks")

@@ -27,9 +27,19 @@ import numpy as np
 from wsnsim.base.errors import ResultError, StorageError, did_you_mean
 from wsnsim.base.tables import TABLES, Column, Words, columns_of, equally_long
 from wsnsim.base.version import __version__
-from wsnsim.recording.atomic_files import temporary_beside
-from wsnsim.recording.layout import COMPLETE, FLUSH_EVERY, SCHEMA_VERSION, TEXTS, WRITING, cannot_write, flag_words
-from wsnsim.recording.rows import SHORT_TABLES, TableBuffer, fitted_rows, write_meanings
+from wsnsim.recording.atomic_files import cannot_write, temporary_beside
+from wsnsim.recording.rows import (
+    COMPLETE,
+    FLUSH_EVERY,
+    SCHEMA_VERSION,
+    SHORT_TABLES,
+    TEXTS,
+    WRITING,
+    TableBuffer,
+    fitted_rows,
+    flag_words,
+    write_meanings,
+)
 
 
 @final
@@ -229,28 +239,15 @@ class MemoryResult:
     Args:
         states: names and units of the motion model's state.
         wanted: whether a table is kept; rows of other tables are dropped.
-        position: indices of the position in the state.
-        components: number of components of a reading.
-        duty_cycled: whether a MAC switches radios off.
+        **layout: `position`, `components` and `duty_cycled`, as of `ResultFile`.
     """
 
-    def __init__(
-        self,
-        states: Sequence[tuple[str, str]],
-        wanted: Mapping[str, bool],
-        *,
-        position: Sequence[int] | None = None,
-        components: int = 1,
-        duty_cycled: bool = False,
-    ) -> None:
+    def __init__(self, states: Sequence[tuple[str, str]], wanted: Mapping[str, bool], **layout: Any) -> None:
         self.words = Words()
         self.state_names = Words(())
-        self._states = tuple(states)
-        self._position = None if position is None else tuple(position)
-        self._components = components
-        self._duty_cycled = duty_cycled
+        self._states, self._layout = tuple(states), layout
         self._pieces: dict[str, list[dict[str, np.ndarray]]] = {table: [] for table in TABLES if wanted.get(table)}
-        self._columns = {table: self._columns_of(table) for table in self._pieces}
+        self._columns = {table: columns_of(table, self._states, **layout) for table in self._pieces}
         self._texts: dict[str, str] = {}
 
     def __enter__(self) -> MemoryResult:
@@ -302,23 +299,13 @@ class MemoryResult:
         Raises:
             StorageError: the file cannot be written.
         """
-        with ResultFile(
-            path,
-            self._states,
-            dict.fromkeys(self._pieces, True),
-            position=self._position,
-            components=self._components,
-            duty_cycled=self._duty_cycled,
-        ) as file:
+        with ResultFile(path, self._states, dict.fromkeys(self._pieces, True), **self._layout) as file:
             file.words, file.state_names = self.words, self.state_names
             for name, text in self._texts.items():
                 file.set_text(name, text)
             for table, pieces in self._pieces.items():
                 for piece in pieces:
                     file.write(table, piece)
-
-    def _columns_of(self, table: str) -> tuple[Column, ...]:
-        return columns_of(table, self._states, self._position, self._components, self._duty_cycled)
 
     def _values(self, table: str, column: Column) -> np.ndarray:
         pieces = [piece[column.name] for piece in self._pieces[table]]

@@ -16,26 +16,15 @@ import numpy as np
 from wsnsim.base.answers import estimate_fault
 from wsnsim.base.arrays import Bools, Estimate
 from wsnsim.base.ports import MotionModel, SensorModel, Tracker
-from wsnsim.base.requests import (
-    Broadcast,
-    Gather,
-    GatherReadings,
-    Local,
-    Member,
-    Parcel,
-    Request,
-    Scatter,
-    Send,
-)
+from wsnsim.base.requests import Local, Member, Parcel, Request
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
-from wsnsim.offline.loopback import Lose, silent
+from wsnsim.offline.loopback import Lose, perfect, silent
 from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac, check_wakeup
 from wsnsim.testing.mechanisms import check_fault, check_sync, check_workload
-from wsnsim.testing.motions import check_motion
+from wsnsim.testing.models import check_motion, check_sensor
 from wsnsim.testing.privacy import demand_missed_steps, examine, same
-from wsnsim.testing.sensors import check_sensor
 from wsnsim.testing.table import FIRST, SECOND, Table, another, demand, examined, passed_on, track
 from wsnsim.testing.whole_runs import demand_angles, demand_whole_runs
 
@@ -123,45 +112,28 @@ def check_tracker(
 
 
 def _demand_sound(tracker: Tracker[Any], table: Table) -> None:
-    costs = _DeclaredCosts()
-    for estimate in track(tracker, table, watch=costs.watch):
+    bits = 0
+
+    def count(source: int, to: int, parcel: Parcel) -> Bools:
+        nonlocal bits
+        bits += parcel.packets * parcel.packet_bits
+        return perfect(source, to, parcel)
+
+    for estimate in track(tracker, table, count, watch=_ask_for_cycles):
         _sound(estimate)
-    assert costs.bits > 0, "nothing ever crosses the air: members must send measurements or results to the head"
+    assert bits > 0, "nothing ever crosses the air: members must send measurements or results to the head"
+
+
+def _ask_for_cycles(request: Request, members: dict[int, Member]) -> None:
+    """Let each member's work be followed by the question how many cycles it took."""
+    if isinstance(request, Local) and callable(request.cycles):
+        work, cycles = request.work, request.cycles
+        request.work, request.work_all = lambda member: (work(member), cycles(member), None)[-1], None
 
 
 def _sound(estimate: Estimate) -> None:
     fault = estimate_fault(estimate)
     assert not fault, fault
-
-
-class _DeclaredCosts:
-    """Counts the bits of every request."""
-
-    def __init__(self) -> None:
-        self.bits = 0
-
-    def watch(self, request: Request, members: dict[int, Member]) -> None:
-        """Add the bits of a request. Gather and Local are wrapped, since theirs are known once they are performed."""
-        if isinstance(request, Scatter):
-            for parcel in request.parcels.values():
-                self._add(parcel)
-        elif isinstance(request, Broadcast | Send):
-            self._add(request.parcel)
-        elif isinstance(request, Gather):
-            parcel_of = request.parcel_of
-            request.parcel_of = lambda member: self._add(parcel_of(member))
-        elif isinstance(request, GatherReadings):
-            who = members if request.who is None else request.who
-            for node in who:
-                self._add(request.parcel_of(members[node]) if node in members else None)
-        elif isinstance(request, Local) and callable(request.cycles):
-            work, cycles = request.work, request.cycles
-            request.work, request.work_all = lambda member: (work(member), cycles(member), None)[-1], None
-
-    def _add(self, parcel: Parcel | None) -> Parcel | None:
-        if parcel is not None:
-            self.bits += parcel.packets * parcel.packet_bits
-        return parcel
 
 
 def _demand_early_handover(tracker: Tracker[Any], models: Models) -> None:

@@ -14,14 +14,13 @@ from wsnsim.base.mechanisms import StartsWakeUp
 from wsnsim.base.medium_access import Mac
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import Streams
-from wsnsim.base.setups import NetworkSetup, RadioSetup
+from wsnsim.base.setups import RadioSetup
 from wsnsim.base.sleeping import Decision, WakeUp, WakeUpMessage, WakeUpPlan
 from wsnsim.base.tables import KIND, Memory
-from wsnsim.experiment import replicate_of
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.radio.radio_stack import make_radio_stack
 from wsnsim.scenario import build, load
-from wsnsim.testing.table import demand, examined
+from wsnsim.testing.table import demand, demand_same_events, demand_silence_of_the_down, examined, run_with
 
 SCENARIO: Final[dict[str, Any]] = {
     "name": "check_mac",
@@ -239,9 +238,7 @@ def check_wakeup(wakeup: WakeUp) -> None:
         first = _run(wakeup)
         _check_run(first)
     with demand("repeatable"):
-        again = _run(wakeup).table("events")
-        equal = all(np.array_equal(column, again[name]) for name, column in first.table("events").items())
-        assert equal, "the same seed gives two different runs"
+        demand_same_events(first, _run(wakeup))
 
 
 def _check_message(message: WakeUpMessage) -> None:
@@ -266,21 +263,11 @@ def _check_decisions(wakeup: WakeUp, message: WakeUpMessage) -> None:
 def _run(wakeup: WakeUp) -> Memory:
     """One run of the small network."""
     main = "detection" if wakeup.mechanism == "invite" else "prediction"
-    setup = build(load({**WAKE_UP_SCENARIO, "clusters": {"kind": "moving_head", "main": main}}))
-    assert isinstance(setup, NetworkSetup), "the scenario has a network and a target"
-    memory = Memory()
-    replicate_of(replace(setup, wakeup=wakeup), 0, memory)
-    return memory
+    return run_with({**WAKE_UP_SCENARIO, "clusters": {"kind": "moving_head", "main": main}}, wakeup=wakeup)
 
 
 def _check_run(memory: Memory) -> None:
-    wakeups, events = memory.table("wakeups"), memory.table("events")
+    wakeups = memory.table("wakeups")
     assert wakeups, "no head started a round"
     assert (wakeups["woken"] > 0).any(), "no node tracked at the step that it was woken for"
-    down: set[int] = set()
-    changes = {KIND["crash"]: down.add, KIND["death"]: down.add, KIND["restart"]: down.discard}
-    sends = KIND["send"], KIND["call"]
-    for kind, node in zip(events["kind"].tolist(), events["node"].tolist(), strict=True):
-        if kind in changes:
-            changes[kind](node)
-        assert kind not in sends or node not in down, f"node {node} sends though it is down"
+    demand_silence_of_the_down(memory.table("events"), ("send", "call"))

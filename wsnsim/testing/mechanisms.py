@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -12,9 +11,7 @@ import simpy
 from wsnsim.base.arrays import Floats
 from wsnsim.base.mechanisms import SyncMechanism, SyncServices, TimeSync
 from wsnsim.base.network_ports import FaultEvent, Workload
-from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND, RECORDED_BY_DEFAULT, Memory
-from wsnsim.experiment import replicate_of
 from wsnsim.models.hardware import NoSync, PerfectClock
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
@@ -22,8 +19,7 @@ from wsnsim.network.fault_services import FaultSite, NodeControl
 from wsnsim.network.faults import FaultSchedule
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.synchronisation import make_sync
-from wsnsim.scenario import build, load
-from wsnsim.testing.table import demand, examined
+from wsnsim.testing.table import demand, demand_same_events, demand_silence_of_the_down, examined, run_with
 
 FEWEST: Final = 10
 SPACING: Final = 10.0
@@ -182,7 +178,7 @@ def check_sync(sync: TimeSync) -> None:
     sync = examined(sync, TimeSync)
     watched = _Watched(sync)
     first, crashed, alone = _run_synced(sync), _run_synced(watched, CRASH), _run_synced(NoSync())
-    clocks, events = first.table("clocks"), first.table("events")
+    clocks = first.table("clocks")
     with demand("agreement"):
         apart, unsynchronised = clocks["spread_max"][-1], alone.table("clocks")["spread_max"][-1]
         assert apart < 0.1 * unsynchronised, (
@@ -190,26 +186,13 @@ def check_sync(sync: TimeSync) -> None:
         )
         assert clocks["synchronised"][-1] > 0.0, "no node takes its clock for synchronised"
     with demand("paid"):
-        assert (events["kind"] == KIND["send"]).any(), "clocks agree, and nothing was sent"
+        assert (first.table("events")["kind"] == KIND["send"]).any(), "clocks agree, and nothing was sent"
     with demand("forgets"):
         assert watched.forgotten == [False, False], "a node that crashed still takes its clock for synchronised"
     with demand("down"):
-        _check_down(crashed.table("events"))
+        demand_silence_of_the_down(crashed.table("events"))
     with demand("repeatable"):
-        again = _run_synced(sync).table("events")
-        assert all(np.array_equal(column, again[name]) for name, column in events.items()), (
-            "the same seed gives two different runs"
-        )
-
-
-def _check_down(events: dict[str, Any]) -> None:
-    down: set[int] = set()
-    for kind, node in zip(events["kind"].tolist(), events["node"].tolist(), strict=True):
-        if kind == KIND["crash"]:
-            down.add(node)
-        elif kind == KIND["restart"]:
-            down.discard(node)
-        assert kind != KIND["send"] or node not in down, f"node {node} sends though it is down"
+        demand_same_events(first, _run_synced(sync))
 
 
 class _Watched:
@@ -236,11 +219,7 @@ class _Watched:
 
 def _run_synced(sync: TimeSync, *faults: dict[str, Any]) -> Memory:
     """The tables of one run of the grid."""
-    setup = build(load({**SYNC_SCENARIO, "faults": list(faults)}))
-    assert isinstance(setup, BeaconSetup), "the scenario has a network and no target"
-    memory = Memory({**RECORDED_BY_DEFAULT, "clocks": True})
-    replicate_of(replace(setup, sync=sync), 0, memory)
-    return memory
+    return run_with({**SYNC_SCENARIO, "faults": list(faults)}, {**RECORDED_BY_DEFAULT, "clocks": True}, sync=sync)
 
 
 WORKLOAD_SCENARIO: Final[dict[str, Any]] = {
@@ -272,27 +251,11 @@ def check_workload(workload: Workload) -> None:
     if workload.mechanism == "tracking":
         return
     workload = examined(workload, Workload)
-    first = _run_workload(workload)
-    kinds, nodes = first["kind"], first["node"]
+    first = run_with(WORKLOAD_SCENARIO, workload=workload)
+    events = first.table("events")
     with demand("sends"):
-        assert (kinds == KIND["send"]).any(), "no node sends anything in 10 s"
+        assert (events["kind"] == KIND["send"]).any(), "no node sends anything in 10 s"
     with demand("down"):
-        crashed: set[int] = set()
-        for kind, node in zip(kinds.tolist(), nodes.tolist(), strict=True):
-            if kind == KIND["crash"]:
-                crashed.add(node)
-            assert kind != KIND["send"] or node not in crashed, f"node {node} sends though it is down"
+        demand_silence_of_the_down(events)
     with demand("repeatable"):
-        again = _run_workload(workload)
-        assert all(np.array_equal(column, again[name]) for name, column in first.items()), (
-            "the same seed gives two different runs"
-        )
-
-
-def _run_workload(workload: Workload) -> dict[str, Any]:
-    """The events of one run of the small grid."""
-    setup = build(load(WORKLOAD_SCENARIO))
-    assert isinstance(setup, BeaconSetup), "the scenario has a network and no target"
-    memory = Memory()
-    replicate_of(replace(setup, workload=workload), 0, memory)
-    return memory.table("events")
+        demand_same_events(first, run_with(WORKLOAD_SCENARIO, workload=workload))

@@ -6,9 +6,9 @@ estimates = list(passed_on(tracker, Table(motion, sensor, seed)))
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,8 +22,11 @@ from wsnsim.base.ports import MotionModel, Scene, SensorModel, Tracker
 from wsnsim.base.radio import PacketJoules
 from wsnsim.base.requests import Flow, Member, Request
 from wsnsim.base.rng import component_noise, derive, derive_all
+from wsnsim.base.tables import KIND, Memory
+from wsnsim.experiment import replicate_of
 from wsnsim.models.energy import FirstOrder
 from wsnsim.offline.loopback import Answer, Lose, perfect, perform
+from wsnsim.scenario import build, load
 
 Component = TypeVar("Component")
 
@@ -39,10 +42,42 @@ def demand(name: str) -> Iterator[None]:
         raise AssertionError(f"demand '{name}': {type(reason).__name__} was raised: {reason}") from reason
 
 
+def demand_each(checks: Mapping[str, Callable[..., object]], *given: Any) -> None:
+    """Make checks of what is given, in order, each under the name of its demand."""
+    for name, check in checks.items():
+        with demand(name):
+            check(*given)
+
+
 def examined(component: Component, port: type, columns: int | None = None) -> Component:
     """The component, whose answers are checked from now on as those of plug-ins are in every run."""
     with demand("answers"):
         return checked(component, port, columns)
+
+
+def run_with(scenario: Mapping[str, Any], tables: Mapping[str, bool] | None = None, **components: Any) -> Memory:
+    """The tables of one run of a scenario, with these components in place of its own."""
+    memory, setup = Memory(tables), build(load(scenario))
+    replicate_of(replace(setup, **components), 0, memory)
+    return memory
+
+
+def demand_same_events(one: Memory, other: Memory) -> None:
+    """Assert that two runs have the same events."""
+    columns, others = one.table("events"), other.table("events")
+    equal = all(np.array_equal(column, others[name]) for name, column in columns.items())
+    assert equal, "the same seed gives two different runs"
+
+
+def demand_silence_of_the_down(events: Mapping[str, np.ndarray], sends: Sequence[str] = ("send",)) -> None:
+    """Assert that no node has one of these events between a crash, or its death, and a restart."""
+    down: set[int] = set()
+    changes = {KIND["crash"]: down.add, KIND["death"]: down.add, KIND["restart"]: down.discard}
+    kinds = [KIND[name] for name in sends]
+    for kind, node in zip(events["kind"].tolist(), events["node"].tolist(), strict=True):
+        if kind in changes:
+            changes[kind](node)
+        assert kind not in kinds or node not in down, f"node {node} sends though it is down"
 
 
 DT = 0.04

@@ -22,7 +22,8 @@ from wsnsim.models.acquire import AroundTruth
 from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.deploy import Anchors
 from wsnsim.models.hardware import PerfectDetection
-from wsnsim.offline.batch import offers_batch, run_batch
+from wsnsim.offline import offers_batch
+from wsnsim.offline.batch import run_batch
 from wsnsim.testing.table import DT, FARTHEST, Table, track
 
 STEPS: Final = 6

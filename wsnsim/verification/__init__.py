@@ -13,12 +13,12 @@ from typing import Any, Final
 
 import wsnsim.experiment as experiment
 from wsnsim.base.errors import ResultError
-from wsnsim.recording import attributes, provenance, read_json, read_table, read_text, tables
-from wsnsim.recording.layout import PARTIAL
+from wsnsim.recording import attributes, read_json, read_table, read_text, tables
+from wsnsim.recording.provenance import provenance
+from wsnsim.recording.rows import PARTIAL
 from wsnsim.scenario import Plugins
 from wsnsim.stored_scenario import rerun_source, scenario_of_result
-from wsnsim.verification import stored_source
-from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, compare
+from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, compare_source, compare_tables
 
 LAST_REPLICATE: Final = 2**31
 MOST_SHOWN: Final = 6
@@ -77,16 +77,19 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
     with tempfile.TemporaryDirectory(prefix="wsnsim-verify-") as folder:
         again = Path(folder) / "again.h5"
         experiment.run(scenario, replicates=replicates, out=again, batch=False)
-        found = compare(path, again, partial)
-        rows = [_row(path, again, replicate, own) for replicate, own in found.runs.items()]
+        runs, differing = compare_tables(path, again, partial)
+        rows = [_row(path, again, replicate, own) for replicate, own in runs.items()]
     source, resolved = read_text(path, "scenario/source_yaml"), rerun_source(path)
-    differing_source, unknown = stored_source.compare(source, stored.get("overrides", ()), resolved, allowed)
-    faults += [*found.faults, *differing_source]
+    differing_source, unknown = compare_source(source, stored.get("overrides", ()), resolved, allowed)
+    faults += [*differing, *differing_source]
     excuses = _differing(stored, here)
     ok = not faults and all(row["equal"] or (bool(excuses) and row["close"]) for row in rows)
     compared = {name: size.rows for name, size in tables(path).items()}
     left = (*_left(partial), *unknown)
-    text = _text(path, ok, rows, faults, [*_commits(stored, here), *_excused(excuses)], compared, left)
+    origins = _commits(stored, here)
+    if excuses:
+        origins.append(f"origin with other {' and '.join(excuses)}: values may differ by rounding")
+    text = _text(path, ok, rows, faults, origins, compared, left)
     return Verification(ok, text, tuple(rows), tuple(faults), compared, left)
 
 
@@ -153,11 +156,6 @@ def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
     if stored.get("engine") == "batch" and any(kind.startswith("tracker ") for kind in stored.get("plugins", ())):
         found.append("engine")  # the whole runs of a plug-in are close to composed runs, not equal
     return found
-
-
-def _excused(excuses: Sequence[str]) -> list[str]:
-    """A line on what excuses rounding."""
-    return [f"origin with other {' and '.join(excuses)}: values may differ by rounding"] if excuses else []
 
 
 def _commits(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:

@@ -1,18 +1,28 @@
-"""Whether the tables of a result are those of its repetition, run by run: bit by bit, and up to rounding.
+"""What a result holds, compared with its repetition: its tables, run by run, and its source text.
 
-compare(result, again) -> Repetition
+compare_tables(result, again) -> ({replicate: its tables}, faults)        bit by bit, and up to rounding
+compare_source(content, overrides, resolved) -> (what differs, what could not be compared)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 import wsnsim.recording as recording
+from wsnsim.base.errors import ScenarioError
+from wsnsim.scenario.build import differing_leaves
+from wsnsim.scenario.build import resolved as resolved_of
+from wsnsim.scenario.check import is_path, validated
+from wsnsim.scenario.load import assignments_of, load
+from wsnsim.scenario.python_values import of_dict
+from wsnsim.scenario.reader import read, read_scenario
+from wsnsim.scenario.registry import Plugins
+from wsnsim.scenario.texts import Entry, Keys, LocatedValue, Origin, ScenarioText, shipped
 
 ROUNDING: Final = 1e-6
 """Differences up to this share of a value, or up to a thousandth of it of the column's largest one, are rounding."""
@@ -23,8 +33,7 @@ NOT_REPEATED: Final = {"runs": ("cpu_seconds",)}
 Columns = Mapping[str, np.ndarray]
 
 
-@dataclass(frozen=True)
-class RepeatedTable:
+class RepeatedTable(NamedTuple):
     """One table of one run, compared with its repetition.
 
     Attributes:
@@ -40,31 +49,23 @@ class RepeatedTable:
     wrong: tuple[str, ...]
 
     @property
-    def equal(self) -> bool:
-        """Whether both have the same rows, bit by bit."""
-        return not self.differing and self.rows[0] == self.rows[1]
-
-    @property
     def close(self) -> bool:
         """Whether both have the same rows up to rounding."""
         return not self.wrong and self.rows[0] == self.rows[1]
 
 
-@dataclass(frozen=True)
-class Repetition:
-    """A result, compared with its repetition.
+def compare_tables(
+    result: Path, again: Path, partial: bool = False
+) -> tuple[dict[int, list[RepeatedTable]], list[str]]:
+    """Compare all tables of a result with those of its repetition.
 
-    Attributes:
-        runs: {replicate: its tables}.
-        faults: what only one of the two has, as sentences.
-    """
+    Args:
+        result: the result.
+        again: its repetition.
+        partial: whether later rows of a table may be missing.
 
-    runs: Mapping[int, tuple[RepeatedTable, ...]]
-    faults: tuple[str, ...]
-
-
-def compare(result: Path, again: Path, partial: bool = False) -> Repetition:
-    """Compare all tables of a result with those of its repetition; `partial`: later rows of a table may be missing.
+    Returns:
+        {replicate: its tables}, and what only one of the two has, as sentences.
 
     Raises:
         ResultError: one of them cannot be read.
@@ -83,7 +84,7 @@ def compare(result: Path, again: Path, partial: bool = False) -> Repetition:
         stray = _compare_table(result, again, name, runs, partial)
         faults += [f"table {name} has {stray} rows of runs that are not in the table runs"] if stray else []
         faults += _two_answers(result, name)
-    return Repetition({number: tuple(found) for number, found in runs.items()}, tuple(faults))
+    return runs, faults
 
 
 def _other_states(result: Path, again: Path) -> Iterator[str]:
@@ -150,3 +151,94 @@ def _close(one: np.ndarray, other: np.ndarray) -> bool:
     finite = other[np.isfinite(other)]
     scale = float(np.abs(finite).max()) if finite.size else 0.0
     return bool(np.allclose(one, other, rtol=ROUNDING, atol=1e-3 * ROUNDING * scale, equal_nan=True))
+
+
+OF_THE_RUN = ("replicates",)
+"""Keys that the command line may set without an override."""
+
+
+def compare_source(
+    content: str, overrides: Iterable[str], resolved: Mapping[str, Any], plugins: Plugins = Plugins.INSTALLED
+) -> tuple[list[str], list[str]]:
+    """What differs, as sentences, and what could not be compared.
+
+    What a text takes from a file that does not come with wsnsim is not compared: such a file is never opened.
+
+    Args:
+        content: the text from which the scenario was read.
+        overrides: the assignments with which it was read.
+        resolved: all values of the scenario.
+        plugins: which plug-ins all of these may name.
+    """
+    origin = Origin("", Path(), plugins=plugins)
+    tree, issues = read(content, origin)
+    if tree is None or issues or not isinstance(tree.value, dict):
+        return ["its source text is not a scenario"], []
+    base, own, unknown = _base_of(_with_stored_files(tree, resolved), resolved)
+    written, wrong = assignments_of(overrides, plugins)
+    assignments = [(keys, _with_stored_files(node, _at(resolved, keys), str(keys[-1]))) for keys, node in written]
+    text = ScenarioText(own if base is None else base.merged(own), wrong, ("", ""))
+    try:
+        known, found = load(resolved, plugins=plugins), validated(text, assignments)
+    except ScenarioError as error:
+        return [f"its source text is not a valid scenario: {error.issues[0].message}"], unknown
+    differing = differing_leaves(resolved_of(known), resolved_of(found), OF_THE_RUN)
+    said = [
+        f"{key}: its source text says {after}, the stored scenario {before}"
+        for key, (before, after) in differing.items()
+    ]
+    return said, unknown
+
+
+def _base_of(tree: LocatedValue, resolved: Mapping[str, Any]) -> tuple[LocatedValue | None, LocatedValue, list[str]]:
+    """What the text extends, its own values, and what is not known of the base.
+
+    In place of a base that does not come with wsnsim stands the stored scenario: only the text's own values count.
+    """
+    entry = tree.value.get("extends")
+    if entry is None:
+        return None, tree, []
+    own = LocatedValue({key: value for key, value in tree.value.items() if key != "extends"}, tree.spot)
+    root = next(iter(shipped().values())).parent
+    name = str(entry.node.value)
+    for folder in (root, root / "bases"):
+        path = folder / name
+        if path.suffix and path.is_file() and path.resolve().is_relative_to(root):
+            return read_scenario(path).tree, own, []
+    note = f"what its source text takes from {name!r}, a file that does not come with wsnsim"
+    return of_dict(dict(resolved), tree.spot.origin)[0], own, [note]
+
+
+def _with_stored_files(node: LocatedValue, stored: Any, key: str = "") -> LocatedValue:
+    """The values with the stored file where a relative name ends it: the folder of the text is not known."""
+    if isinstance(node.value, dict):
+        held = stored if isinstance(stored, dict) else {}
+        items = node.value.items()
+        return LocatedValue(
+            {name: Entry(one.spot, _with_stored_files(one.node, held.get(name), name)) for name, one in items},
+            node.spot,
+        )
+    if isinstance(node.value, list):
+        kept = stored if isinstance(stored, list) and len(stored) == len(node.value) else [None] * len(node.value)
+        return LocatedValue(
+            [_with_stored_files(one, held) for one, held in zip(node.value, kept, strict=True)], node.spot
+        )
+    if is_path(key) and isinstance(node.value, str) and isinstance(stored, str) and _ends(stored, node.value):
+        return replace(node, value=stored)
+    return node
+
+
+def _ends(stored: str, written: str) -> bool:
+    """Whether a stored path ends with a relative one, apart from steps to parent folders."""
+    parts = [part for part in Path(written).parts if part not in (".", "..")]
+    return bool(parts) and not Path(written).is_absolute() and list(Path(stored).parts[-len(parts) :]) == parts
+
+
+def _at(stored: Any, keys: Keys) -> Any:
+    """The stored value at a path of keys; None if there is none."""
+    for key in keys:
+        try:
+            stored = stored[key]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return stored
