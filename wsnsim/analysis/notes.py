@@ -15,6 +15,7 @@ import wsnsim.scenario as scenarios
 from wsnsim.analysis import connectivity
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.plot_data import stored_json
+from wsnsim.analysis.quantities import FIGURES, NETWORK_ONLY
 from wsnsim.analysis.setup_notes import in_a_check, named
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError
@@ -25,43 +26,10 @@ from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 
 NO_ESTIMATE: Final = "no step has an estimate"
 NO_NETWORK: Final = "no network is simulated"
-NO_THREE: Final = "no step with an estimate has three readings"
 UNKNOWN: Final = "it is not known in any run"
-OF_ESTIMATES: Final = (
-    "rmse",
-    "rmse_median",
-    "median_error",
-    "mean_error",
-    "column_rmse",
-    "column_rmse_median",
-    "bound",
-)
-OF_NETWORKS: Final = (
-    "energy", "handovers", "frames_lost", "delivered", "packet_delivery_ratio", "clusters", "awake", "radio_on",
-    "hurried", "coverage",
-)  # fmt: skip
+OF_THREE: Final = ("rmse_three", "mean_error_three", "median_error_three")
+"""Errors at the steps with three readings or more."""
 ON_REQUEST: Final = "it is computed by `wsnsim run --bound`"
-REASONS: Final = {
-    "packet_delivery_ratio": "no frame was sent to a node in range",
-    "first_death": "no node died in half of the runs",
-    "half_dead": "half of the nodes did not die in half of the runs",
-    "lost_limit": "a track is lost only where it has no estimate",
-    "lost_at": "no track was lost in half of the runs",
-    "radio_on": "the radio of a node that is awake always listens",
-    "hurried": "the MAC has no short wake interval (mac.near)",
-    "rmse_of_kept": "every track that has an estimate is lost at the end",
-    "nees": "no estimate has an invertible covariance",
-    "nees_median": "no estimate has an invertible covariance",
-    "nis": "the tracker offers no innovations",
-    "delay": NO_ESTIMATE,
-    "report_delay": "no report reached a sink",
-    "rmse_three": NO_THREE,
-    "mean_error_three": NO_THREE,
-    "median_error_three": NO_THREE,
-    "bound_active": "it needs the recorded events, estimates and clusters of a network",
-    "bound_arrived": "it needs the recorded events, estimates and clusters of a network",
-}
-"""Why a figure has no value, where it is always for the same reason."""
 LEAST_RUNS: Final = 5
 """Runs from which on there are intervals (see `quantities`)."""
 
@@ -168,11 +136,11 @@ def _reason(key: str, report: Report, figures: Mapping[str, Any]) -> str:
         return f"an interval needs {LEAST_RUNS} runs" if few else "it is known in too few runs"
     if base.startswith("bound") and figures["bound_reason"]:
         return str(figures["bound_reason"])
-    if base in OF_NETWORKS and report.scenario.network is not None:
+    if base in NETWORK_ONLY and report.scenario.network is not None:
         return NO_NETWORK
-    if base in OF_ESTIMATES or (base in REASONS and REASONS[base] == NO_THREE and math.isnan(figures["rmse"])):
+    if base in OF_THREE and math.isnan(figures["rmse"]):
         return NO_ESTIMATE
-    return REASONS.get(base, UNKNOWN)
+    return (FIGURES[base].unknown if base in FIGURES else "") or UNKNOWN
 
 
 def _visibilities(setup: TrackingSetup, conditions: InitialConditions, steps: int) -> list[_Visibility]:

@@ -17,7 +17,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from wsnsim.analysis import plot_data, recorded_bounds
-from wsnsim.analysis.answer_facts import fault_kinds
 from wsnsim.analysis.consistency import Statistic, step_consistency
 from wsnsim.analysis.figure_style import (
     BLACK,
@@ -34,9 +33,12 @@ from wsnsim.analysis.figure_style import (
 )
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.plot_data import Columns, StateLayout, bracketed
+from wsnsim.analysis.quantities import loss_rule
+from wsnsim.analysis.result_facts import fault_kinds, position_unit
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.tables import CAUSES
+from wsnsim.recording import read_table, table_names
 
 CAUSE_COLOURS: Final = dict(
     zip(CAUSES, (ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, PALE, PURPLE, BLACK), strict=True)
@@ -82,7 +84,7 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     plan = plot_data.layout(path)
     errors, steps, times = plot_data.errors(path)
     runs, targets, _ = errors.shape
-    rows, lost = errors.reshape(-1, len(steps)), plot_data.lost_runs(path)
+    rows = errors.reshape(-1, len(steps))
     of_runs = counted(runs, "run") + (f" × {targets} targets" if targets > 1 else "")
     mean = metrics.per_step_rmse(rows)
     shown = mean
@@ -104,19 +106,17 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
         axes.set_xlim(0.0, float(times[-1]))
     axes.set_xlabel("time [s]")
     axes.set_ylabel("position error" + bracketed(plan.units[plan.position[0]]))
-    return _titled(axes, "position error" + _loss_text(lost, of_runs))
+    return _titled(axes, f"position error{_loss_text(path, of_runs)}")
 
 
-def _loss_text(lost: tuple[int, int, str] | None, of_runs: str) -> str:
+def _loss_text(path: str | Path, of_runs: str) -> str:
     """In how many runs a track was lost at any time, how many of them lost it for good, and by which rule."""
-    if lost is None:
+    if "runs" not in table_names(path):
         return ""
-    ever, at_end, rule = lost
-    return (
-        f", {ever} of {of_runs} lost"
-        + (f" ({at_end} at the end)" if ever else "")
-        + (f"\nlost: {rule}" if rule else "")
-    )
+    runs = read_table(path, "runs")
+    ever, at_end = ((runs[name] > 0).sum() for name in ("losses", "lost"))
+    rule = loss_rule(runs, position_unit(path))
+    return f", {ever} of {of_runs} lost" + f" ({at_end} at the end)" * bool(ever) + (f"\nlost: {rule}" if rule else "")
 
 
 def consistency(axes: Axes, path: str | Path) -> Axes:

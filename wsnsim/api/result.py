@@ -188,12 +188,8 @@ class Result:
         Args:
             bounds: whether to compare the error with all three bounds, as `wsnsim run --bound` does.
         """
-        from wsnsim.api import summaries
-
         with self._file() as file:
-            return summaries.text(replace(self._report, out=file), bounds).replace(
-                str(file), str(self.out or "in memory")
-            )
+            return str(self._summary(file, bounds, False)).replace(str(file), str(self.out or "in memory"))
 
     def to_dict(self, *, bounds: bool = False) -> dict[str, Any]:
         """Return the summary as plain values: SI units, NaN for what is unknown, as `wsnsim run --json` prints it.
@@ -201,11 +197,17 @@ class Result:
         Args:
             bounds: whether to compute all three bounds of the error.
         """
-        from wsnsim.api import summaries
-
         with self._file() as file:
-            found = summaries.as_json(replace(self._report, out=file), bounds)
+            found = self._summary(file, bounds, True)
+        assert isinstance(found, dict)
         return found | {"file": "" if self.out is None else str(self.out)}
+
+    def _summary(self, file: Path, bounds: bool, json: bool) -> str | dict[str, Any]:
+        """The summary of the result in a file, as text or as plain values."""
+        from wsnsim.analysis.summary_text import summary_of
+        from wsnsim.papers.published import published
+
+        return summary_of(replace(self._report, out=file), published, bounds, json)
 
     def __repr__(self) -> str:
         from wsnsim.api import summaries

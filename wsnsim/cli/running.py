@@ -36,7 +36,6 @@ from wsnsim.cli.shared import (
 )
 
 if TYPE_CHECKING:
-    from wsnsim.base.results import Report
     from wsnsim.scenario.schema import Scenario
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -102,6 +101,8 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
     page = _page_path(path) if options.with_page else None
     with gc_disabled():
         import wsnsim.experiment as experiment
+        from wsnsim.analysis.summary_text import summary_of
+        from wsnsim.papers.published import published
         from wsnsim.recording.atomic_files import sole_writer
 
     talks = not options.quiet and options.progress not in ("json", "none")
@@ -119,7 +120,7 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
             )  # fmt: skip
         if talks and report.compiled:
             echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)
-        echo_answer(_summary(report, scenario, options.bounds, options.as_json))
+        echo_answer(summary_of(report, published, options.bounds, options.as_json))
         if page:
             _write_page(path, page, options)
         view.show_result(path, page, options.quiet, interrupts)
@@ -149,21 +150,6 @@ def _say_notes(scenario: Scenario, replicates: int, batch: bool) -> None:
 
 def _say_compiling() -> None:
     echo("wsnsim: compiling kernels, once ...", err=True)
-
-
-def _summary(report: Report, scenario: Scenario, bounds: bool, as_json: bool) -> str | dict[str, Any]:
-    """The summary of a run, with the values that its paper publishes."""
-    if not report.states:
-        from wsnsim.analysis import beaconing
-
-        return beaconing.as_json(report) if as_json else beaconing.text(report)
-    from wsnsim.analysis import summary, summary_text
-    from wsnsim.papers.published import published
-    from wsnsim.scenario import resolved
-
-    values, paper = published(resolved(scenario))
-    limit = summary.bounds_of_report(report, bounds)
-    return summary.as_json(report, values, limit) if as_json else summary_text.text(report, values, paper, limit)
 
 
 def _page_path(result: Path) -> Path:

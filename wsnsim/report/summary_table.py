@@ -8,32 +8,32 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from wsnsim.analysis import recorded_bounds
-from wsnsim.analysis.answer_facts import fault_kinds, position_unit, read_arrays
-from wsnsim.analysis.plot_data import stored_json
-from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, QUANTITIES, beside, bound_name, medians, worth_showing
+from wsnsim.analysis.quantities import (
+    BOUND_NAMES,
+    BOUND_NOTE,
+    QUANTITIES,
+    beside,
+    bound_name,
+    flagged,
+    medians,
+    worth_showing,
+)
+from wsnsim.analysis.result_facts import facts_of_file
+from wsnsim.analysis.summary_text import PublishedLookup
 from wsnsim.base.errors import ResultError
 from wsnsim.recording import read_json
 
-PublishedValues = tuple[Mapping[str, float], str]
-"""Values by quantity, and the paper's name."""
-PublishedLookup = Callable[[Mapping[str, Any]], PublishedValues]
-"""A function that returns the published values of a resolved scenario."""
 MIN_RUNS: Final = 5
 """Least number of Monte Carlo runs for an interval."""
 RUNS: Final = "Monte Carlo runs"
 PUBLISHED_KEYS: Final = ("rmse", "energy")
-FIRST: Final = (
-    "rmse", "rmse_median", "ever_lost", "lost", "lost_limit", "lost_window", "tracked", "delay", "report_delay",
-    "energy", "packet_delivery_ratio", "radio_on", "first_death", "alive",
-)  # fmt: skip
-"""The quantities of the first table."""
 BOUNDS: Final = [bound_name(readings, faults) for readings in BOUND_NAMES for faults in ((), ("stuck",))]
 EXPLAINED: Final = (
     {quantity.name: quantity.definition for quantity in QUANTITIES.values()}
@@ -65,7 +65,7 @@ def summary_table(
     labels = [label for label in dict.fromkeys(order) if any(label in column for column in columns)]
     if not labels:
         return "<p>There is no summary: no run has finished.</p>"
-    first = {RUNS, *BOUNDS, *(QUANTITIES[key].name for key in FIRST)}
+    first = {RUNS, *BOUNDS, *(QUANTITIES[key].name for key in flagged("page"))}
     some, others = ([label for label in labels if (label in first) == wanted] for wanted in (True, False))
     notes = [f"In brackets: 95 % bootstrap intervals over runs, for {MIN_RUNS} runs or more."]
     notes += [f"{BOUND_NOTE[0].upper()}{BOUND_NOTE[1:]}."] if bounds and {*BOUNDS} & {*labels} else []
@@ -104,27 +104,28 @@ def _breakable(name: str) -> str:
 def _cells(path: Path, published: PublishedLookup | None, plugins: bool, bounds: bool) -> Cells:
     """The summary quantities of a result by name, as HTML."""
     values, paper = _published_values(path, published)
-    arrays, unit = read_arrays(path), position_unit(path)
+    facts = facts_of_file(path)
+    unit = facts.unit
     cells: Cells = {}
-    if arrays.errors.size and not np.isfinite(arrays.errors).any():
+    errors = facts.recorded.errors
+    if errors.size and not np.isfinite(errors).any():
         cells[QUANTITIES["rmse"].name] = "no estimate"
-    middles = medians(arrays)
-    for key, value in worth_showing(arrays).items():
+    middles = medians(facts)
+    for key, value in worth_showing(facts).items():
         quantity = QUANTITIES[key]
-        low, high = quantity.interval(arrays)
+        low, high = quantity.interval(facts)
         ends = quantity.interval_text(low, high) if low < high else ""
         cells[quantity.name] = html.escape(quantity.text(value, unit)) + _small(ends)
-        cells[quantity.name] += _small(beside(key, middles, arrays.consistent, unit))
+        cells[quantity.name] += _small(beside(key, middles, facts.consistent, unit))
         if key in PUBLISHED_KEYS and key in values:
             cells[quantity.name] += _small(f"published {quantity.text(values[key], unit)} ({paper})")
-    if arrays.errors.size and bounds:
-        faults = fault_kinds(stored_json(path, "scenario/resolved_json"))
+    if errors.size and bounds:
         cells |= {
-            bound_name(readings, faults): html.escape(QUANTITIES["rmse"].text(bound, unit))
+            bound_name(readings, facts.faults): html.escape(QUANTITIES["rmse"].text(bound, unit))
             for readings, bound in recorded_bounds.time_averages(path, plugins).items()
         }
-    if arrays.runs and arrays.runs["replicate"].size:
-        cells[RUNS] = str(arrays.runs["replicate"].size)
+    if facts.count:
+        cells[RUNS] = str(facts.count)
     return cells
 
 
@@ -132,7 +133,7 @@ def _small(text: str) -> str:
     return f' <span class="small">{html.escape(text)}</span>' if text else ""
 
 
-def _published_values(path: Path, published: PublishedLookup | None) -> PublishedValues:
+def _published_values(path: Path, published: PublishedLookup | None) -> tuple[Mapping[str, float], str]:
     """The published values of the result's scenario."""
     if published is None:
         return {}, ""
