@@ -20,7 +20,7 @@ from wsnsim.analysis import recorded_bounds
 from wsnsim.base.errors import ScenarioError
 from wsnsim.campaign import task
 from wsnsim.cli import main
-from wsnsim.cli.shared import group
+from wsnsim.cli.shared import every_command
 from wsnsim.scenario import Plugins, registry, schema
 
 SIDE = '''
@@ -125,7 +125,7 @@ OF_OTHERS = {
 
 
 @pytest.mark.thorough(fast=["report", "watch"])
-@pytest.mark.parametrize("command", sorted(group.commands))
+@pytest.mark.parametrize("command", sorted(every_command()))
 def test_no_command_imports_what_a_file_of_others_names(
     command: str, lab: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

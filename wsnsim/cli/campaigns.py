@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import click
 
@@ -34,51 +34,45 @@ from wsnsim.cli.shared import (
     quiet_option,
     seed_option,
     timeout_option,
+    with_options,
 )
 
 MAX_NAMED: Final = 5
 """Scenarios that the name of a comparison lists."""
 MAX_NAME: Final = 100
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def _session_options(command: Command) -> Command:
-    """Add the options that sweep and compare share."""
-    options = [
-        overrides_option,
-        click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Monte Carlo runs per point."),
-        seed_option,
-        timeout_option,
-        click.option("--out", "-o", type=PATH, metavar="DIR", help="Folder of the campaign; default results/NAME."),
-        jobs_option,
-        click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of a Dask scheduler: tcp://host:8786."),
-        click.option(
-            "--scheduler-file", type=PATH, metavar="FILE", help="Read the scheduler's address from this file."
-        ),
-        click.option("--shard", metavar="I/N", help="Run shard I of N; `wsnsim collect` merges the shards."),
-        click.option(
-            "--watch", "live", is_flag=True, help="Show the campaign in a browser while it computes, as `wsnsim watch`."
-        ),
-        click.option("--dry-run", is_flag=True, help="Only estimate the number of runs, the time and the size."),
-        click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare."),
-        click.option("--by", multiple=True, metavar="KEY", help="Key whose values are compared; others are fixed."),
-        click.option("--baseline", metavar="VALUE", help="Value that others are compared with; default the first."),
-        click.option("--csv", type=PATH, metavar="FILE", help="Also write the table to this file."),
-        click.option(
-            "--bound/--no-bound",
-            default=None,
-            help="Show the Cramer-Rao bound beside the errors; default only in compare.",
-        ),
-        accept_code_option,
-        plugins_option,
-        batch_option,
-        json_option,
-        quiet_option,
-        progress_option,
-    ]
-    for option in reversed(options):
-        command = option(command)
-    return command
+_session_options = with_options(
+    overrides_option,
+    click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Monte Carlo runs per point."),
+    seed_option,
+    timeout_option,
+    click.option("--out", "-o", type=PATH, metavar="DIR", help="Folder of the campaign; default results/NAME."),
+    jobs_option,
+    click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of a Dask scheduler: tcp://host:8786."),
+    click.option("--scheduler-file", type=PATH, metavar="FILE", help="Read the scheduler's address from this file."),
+    click.option("--shard", metavar="I/N", help="Run shard I of N; `wsnsim collect` merges the shards."),
+    click.option(
+        "--watch", "live", is_flag=True, help="Show the campaign in a browser while it computes, as `wsnsim watch`."
+    ),
+    click.option("--dry-run", is_flag=True, help="Only estimate the number of runs, the time and the size."),
+    click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare."),
+    click.option("--by", multiple=True, metavar="KEY", help="Key whose values are compared; others are fixed."),
+    click.option("--baseline", metavar="VALUE", help="Value that others are compared with; default the first."),
+    click.option("--csv", type=PATH, metavar="FILE", help="Also write the table to this file."),
+    click.option(
+        "--bound/--no-bound",
+        default=None,
+        help="Show the Cramer-Rao bound beside the errors; default only in compare.",
+    ),
+    accept_code_option,
+    plugins_option,
+    batch_option,
+    json_option,
+    quiet_option,
+    progress_option,
+)
+"""The options that sweep and compare share."""
 
 
 @group.command()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from wsnsim.base.errors import UsageError
-from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option, reading, writable
+from wsnsim.cli.shared import PATH, bounds_option, echo, group, not_the_result, plugins_option, reading, writable
 
 if TYPE_CHECKING:
     from wsnsim.analysis.figures import WrittenFigure
@@ -145,12 +145,7 @@ def _print_plotted(plotted: WrittenFigure) -> None:
     metavar="MB",
     help="Largest size of the page; replay and figures are reduced to fit.",
 )
-@click.option(
-    "--bound",
-    "bounds",
-    is_flag=True,
-    help="Show the Cramer-Rao bounds for the measurements in range, used and arrived.",
-)
+@bounds_option
 @plugins_option
 def report(
     results: tuple[Path, ...],

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -17,6 +17,7 @@ from wsnsim.cli.progress import RUN, display
 from wsnsim.cli.shared import (
     PATH,
     batch_option,
+    bounds_option,
     command_line,
     echo,
     echo_answer,
@@ -32,13 +33,12 @@ from wsnsim.cli.shared import (
     seconds_of,
     seed_option,
     timeout_option,
+    with_options,
     writable,
 )
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 class RunOptions(NamedTuple):
@@ -58,28 +58,21 @@ class RunOptions(NamedTuple):
     timeout: str | None
 
 
-def run_options(command: Command) -> Command:
-    """Add the options that `run` and `watch` share."""
-    options = [
-        overrides_option,
-        click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Number of Monte Carlo runs."),
-        seed_option,
-        click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
-        click.option(
-            "--bound", "bounds", is_flag=True,
-            help="Show the Cramer-Rao bounds for the measurements in range, used and arrived.",
-        ),
-        click.option("--report", "with_page", is_flag=True, help="Also write the HTML page, beside the result."),
-        plugins_option,
-        json_option,
-        batch_option,
-        quiet_option,
-        progress_option,
-        timeout_option,
-    ]  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
+run_options = with_options(
+    overrides_option,
+    click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Number of Monte Carlo runs."),
+    seed_option,
+    click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
+    bounds_option,
+    click.option("--report", "with_page", is_flag=True, help="Also write the HTML page, beside the result."),
+    plugins_option,
+    json_option,
+    batch_option,
+    quiet_option,
+    progress_option,
+    timeout_option,
+)
+"""The options that `run` and `watch` share."""
 
 
 @group.command()
