@@ -14,14 +14,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.analysis import plot_data
-from wsnsim.analysis.plot_data import stored_json
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.results import Report
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import CAUSES
-from wsnsim.recording import attributes, read_table, tables
+from wsnsim.recording import attributes, read_json, read_table, tables
 
 Table = Mapping[str, Any]
 """Columns by name: a DataFrame, or a mapping to arrays."""
@@ -180,17 +178,15 @@ def facts_of_file(path: str | Path) -> ResultFacts:
         energy.sort(key=lambda name: held[name])
     if energy:
         found["energy"] = read_table(path, energy[0], ["replicate", "cause", "joules"])
-    about, root = stored_json(path, "scenario/resolved_json"), attributes(path)
+    about, root = read_json(path, "scenario/resolved_json", optional=True), attributes(path)
     position = len(root["position"] or ()) if root["states"] else 0
     return _of_columns(found, _Context(position_unit(path), _workload(about), fault_kinds(about), position))
 
 
 def position_unit(path: str | Path) -> str:
     """The unit of the errors; metres in a file without a target."""
-    if not attributes(path)["states"]:
-        return "m"
-    layout = plot_data.layout(path)
-    return layout.units[layout.position[0]]
+    root = attributes(path)
+    return str(root["states"][(root["position"] or (0,))[0]][1]) if root["states"] else "m"
 
 
 def facts_of_tables(found: Mapping[str, Table], scenario: Any) -> ResultFacts:
