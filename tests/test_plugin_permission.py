@@ -16,7 +16,7 @@ import pytest
 import wsnsim
 from tests.campaign.inline_engine import InlineEngine
 from wsnsim import scenario
-from wsnsim.analysis import recorded_bounds
+from wsnsim.analysis import error_bounds
 from wsnsim.base.errors import ScenarioError
 from wsnsim.campaign import task
 from wsnsim.cli import main
@@ -243,7 +243,7 @@ def test_no_text_of_a_result_is_a_way_around(change: Any, lab: Path, honest: Pat
     for command in (["verify"], ["check"], ["run", "--out", "x.h5", "--quiet"]):
         main([*command, str(path)])
         assert not imported(lab), command
-    recorded_bounds.in_range(path)  # what plot and report do
+    error_bounds.in_range(path)  # what plot and report do
     assert not imported(lab)
 
 

@@ -16,7 +16,7 @@ from typing import Final
 
 from matplotlib import style
 
-from wsnsim.analysis import plot_data, plots, recorded_bounds, sweep_plots
+from wsnsim.analysis import error_bounds, plot_data, plots, sweep_plots
 from wsnsim.analysis.figure_style import STYLE, Panel, figure_of, save, suffix_of
 from wsnsim.base.errors import ResultError
 from wsnsim.recording.folder import Folder
@@ -91,7 +91,7 @@ def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None 
         figure = figure_of([draws for _, draws in panels])
         figure.suptitle(plot_data.heading(path), x=0.01, ha="left", fontweight="bold")
         save(figure, out)
-    if "error" in dict(panels) and (why := recorded_bounds.lacking(path, chosen.plugins)):
+    if "error" in dict(panels) and (why := error_bounds.lacking(path, chosen.plugins)):
         left_out["bound"] = why
     return WrittenFigure(out, tuple(name for name, _ in panels), left_out)
 

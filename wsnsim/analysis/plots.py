@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from wsnsim.analysis import plot_data, recorded_bounds
+from wsnsim.analysis import error_bounds, plot_data
 from wsnsim.analysis.consistency import Statistic, step_consistency
 from wsnsim.analysis.figure_style import (
     BLACK,
@@ -95,7 +95,7 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
         shown = np.concatenate([mean, middle])
     name = f"error of {of_runs}" if len(rows) == 1 else "RMSE"
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=name, **_marks(mean))
-    if (limit := recorded_bounds.in_range(path, plugins)) is not None:
+    if (limit := error_bounds.in_range(path, plugins)) is not None:
         bound = limit.rmse[steps - 1]
         faults = fault_kinds(plot_data.stored_json(path, "scenario/resolved_json"))
         name = "trajectory-conditional CRLB" + (" without faults" if faults else "")

@@ -102,9 +102,9 @@ def print_comparison(folder: Folder, options: ComparisonOptions, plugins: Plugin
         echo_lines([f"wsnsim: resume with: wsnsim sweep {shlex.quote(str(folder.path))}{allowed}"])
         return INCOMPLETE
     if options.bound:
-        from wsnsim.analysis import comparison_bounds
+        from wsnsim.analysis import error_bounds
 
-        found = comparison_bounds.with_bounds(found, folder, plugins)
+        found = error_bounds.with_bounds(found, folder, plugins)
     if options.csv:
         _write_csv(found.table, options.csv)
     if options.as_json:

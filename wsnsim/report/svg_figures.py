@@ -20,7 +20,7 @@ from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from wsnsim.analysis import plot_data, plots, recorded_bounds, sweep_plots
+from wsnsim.analysis import error_bounds, plot_data, plots, sweep_plots
 from wsnsim.analysis.figure_style import STYLE
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.progress import tracked
@@ -71,7 +71,7 @@ def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list
     reasons = {name: plot_data.lacking(path, name) for name in plot_data.NEEDS}
     by_reason = {reason: [n for n, each in reasons.items() if each == reason] for reason in reasons.values() if reason}
     left_out = [f"without {', '.join(names)}: {reason}" for reason, names in by_reason.items()]
-    if why := recorded_bounds.lacking(path, plugins):
+    if why := error_bounds.lacking(path, plugins):
         left_out.append(why)
     figures = []
     possible = {name for name, reason in reasons.items() if not reason}
