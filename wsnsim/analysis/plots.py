@@ -47,6 +47,11 @@ LOG_FROM: Final = 100.0
 """Ratio of the largest to the smallest error from which on the axis is logarithmic (our choice)."""
 CONSISTENCY: Final[tuple[tuple[str, Statistic, str], ...]] = (("NEES", "nees", BLUE), ("NIS", "nis", ORANGE))
 """What the plot of consistency shows: name, statistic, colour."""
+LEGEND: Final[dict[str, Any]] = {
+    "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.1, "borderpad": 0.2,
+    "handlelength": 1.4, "columnspacing": 1.0,
+}  # fmt: skip
+"""A legend between the title and the data."""
 LEAST_WEIGHT: Final = 1e-6
 """Particles below this share of the largest weight are not drawn (our choice)."""
 
@@ -104,9 +109,8 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     _scaled(axes, shown)
     if len(times) > 1:
         axes.set_xlim(0.0, float(times[-1]))
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("position error" + bracketed(plan.units[plan.position[0]]))
-    return _titled(axes, f"position error{_loss_text(path, of_runs)}")
+    label = "position error" + bracketed(plan.units[plan.position[0]])
+    return _titled(axes, f"position error{_loss_text(path, of_runs)}", label)
 
 
 def _loss_text(path: str | Path, of_runs: str) -> str:
@@ -141,9 +145,7 @@ def consistency(axes: Axes, path: str | Path) -> Axes:
         shown.append(found.values)
     axes.axhline(1.0, color=BLACK, linewidth=1.0, linestyle=":", label="consistent")
     _scaled(axes, np.concatenate([*shown, [1.0]]))
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("per degree of freedom")
-    return _titled(axes, f"consistency, time average: {', '.join(averages)}")
+    return _titled(axes, f"consistency, time average: {', '.join(averages)}", "per degree of freedom")
 
 
 def energy(axes: Axes, path: str | Path) -> Axes:
@@ -158,10 +160,8 @@ def energy(axes: Axes, path: str | Path) -> Axes:
         colors=[CAUSE_COLOURS[word] for word in words],
         linewidth=0,
     )
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("energy spent [J]")
     axes.set_ylim(bottom=0)
-    return _titled(axes, f"energy spent by the network, mean of {counted(runs, 'run')}")
+    return _titled(axes, f"energy spent by the network, mean of {counted(runs, 'run')}", "energy spent [J]")
 
 
 def particles(
@@ -278,18 +278,12 @@ def _which(replicate: int, target: int) -> str:
     return f"replicate {replicate}" + (f", target {target}" if target else "")
 
 
-def _titled(axes: Axes, title: str) -> Axes:
-    """Set the title, and between it and the data the legend in one row."""
+def _titled(axes: Axes, title: str, of_time: str = "") -> Axes:
+    """Set the title, and between it and the data the legend in one row; labels of what is drawn over time."""
+    if of_time:
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(of_time)
     axes.set_title(title, loc="left", pad=20)
     handles, _ = axes.get_legend_handles_labels()
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=len(handles),
-        frameon=False,
-        borderaxespad=0.1,
-        borderpad=0.2,
-        handlelength=1.4,
-        columnspacing=1.0,
-    )
+    axes.legend(ncols=len(handles), **LEGEND)
     return axes

@@ -12,25 +12,14 @@ from typing import Final
 import click
 
 from wsnsim.base.errors import ResultError, UsageError
-from wsnsim.cli.shared import (
-    PATH,
-    echo,
-    echo_answer,
-    echo_json_text,
-    group,
-    json_option,
-    overrides_option,
-    plugins_option,
-    quiet_option,
-    reading,
-    result_argument,
-)
+from wsnsim.cli import shared
+from wsnsim.cli.shared import PATH, echo, echo_answer, echo_json_text, group, reading
 
 
 @group.command()
 @click.argument("sources", metavar="SCENARIO...", nargs=-1, required=True)
-@overrides_option
-@plugins_option
+@shared.overrides_option
+@shared.plugins_option
 @click.option(
     "--timeout",
     type=click.FloatRange(min=0.1),
@@ -39,7 +28,7 @@ from wsnsim.cli.shared import (
     metavar="SECONDS",
     help="Time limit of a scenario's plug-ins, which run in a process of their own.",
 )
-@quiet_option
+@shared.quiet_option
 def check(sources: tuple[str, ...], overrides: tuple[str, ...], plugins: bool, timeout: float, quiet: bool) -> int:
     """Check scenarios without running them, and report every error.
 
@@ -60,7 +49,7 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...], plugins: bool, t
 
 @group.command("list")
 @click.argument("role", required=False)
-@json_option
+@shared.json_option
 def list_(role: str | None, as_json: bool) -> None:
     """List kinds of components, scenarios, sweeps or datasheets.
 
@@ -81,9 +70,9 @@ def schema() -> None:
 
 
 @group.command()
-@result_argument
-@plugins_option
-@json_option
+@shared.result_argument
+@shared.plugins_option
+@shared.json_option
 def verify(result: Path, plugins: bool, as_json: bool) -> int:
     """Run the scenario of a result again and compare all tables.
 
@@ -97,7 +86,7 @@ def verify(result: Path, plugins: bool, as_json: bool) -> int:
 
 
 @group.command()
-@result_argument
+@shared.result_argument
 @click.option("--step", type=click.IntRange(min=0), required=True, metavar="K", help="Step to describe.")
 @click.option(
     "--replicate", type=click.IntRange(min=0), default=0, show_default=True, metavar="R", help="Run to describe."
@@ -111,7 +100,7 @@ def verify(result: Path, plugins: bool, as_json: bool) -> int:
     metavar="N",
     help="Number of similar messages that are shown one by one; more are summed up.",
 )
-@json_option
+@shared.json_option
 def trace(result: Path, step: int, replicate: int, target: int | None, limit: int, as_json: bool) -> None:
     """Describe one step of a run: measurements, frames and energy.
 
@@ -128,7 +117,7 @@ def trace(result: Path, step: int, replicate: int, target: int | None, limit: in
 @group.command()
 @click.argument("a", metavar="A", type=PATH)
 @click.argument("b", metavar="B", type=PATH)
-@json_option
+@shared.json_option
 def diff(a: Path, b: Path, as_json: bool) -> int:
     """Find the first difference between two results.
 
@@ -157,8 +146,8 @@ def recover(unfinished: Path, out: Path | None) -> None:
 
 @group.command()
 @click.argument("words", metavar="[ROLE] KIND|FILE|NAME", nargs=-1)
-@plugins_option
-@json_option
+@shared.plugins_option
+@shared.json_option
 def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
     """Describe a kind: method, parameters, sources and an example.
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from wsnsim.base.errors import RunError, ScenarioError, UsageError
-from wsnsim.cli.shared import PATH, echo, echo_json, group, json_option, not_the_result, writable
+from wsnsim.cli import shared
+from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, writable
 
 if TYPE_CHECKING:
     from wsnsim.interop.traces import NodeSummary, TraceFormat
@@ -51,7 +52,7 @@ def _finite(_: click.Context, option: click.Parameter, value: float | None) -> f
 @click.option(
     "--origin", metavar="X,Y|centre", help="Position (m) that becomes (0, 0): X,Y, or the centre of the tracks."
 )
-@json_option
+@shared.json_option
 def import_(kind: str, trace: Path, ids: tuple[str, ...], listed: bool, as_json: bool, **options: Any) -> None:
     """Import a mobility trace of ns-3 or SUMO as a trajectory.
 
@@ -275,7 +276,7 @@ LAWS: Final = ("rssi", "range", "log_normal")
 @click.option(
     "--frame", type=click.IntRange(1, 127), metavar="BYTES", help="For links: length of the packets; default 100."
 )
-@json_option
+@shared.json_option
 def fit(
     data: tuple[Path, ...],
     nodes: Path | None,

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple, final
 
 import click
 
+from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.shared import echo, with_options
+from wsnsim.cli.shared import echo
 
 if TYPE_CHECKING:
     from wsnsim.base.ports import Recorder
@@ -32,7 +33,7 @@ class LiveOptions(NamedTuple):
     ends: bool = False
 
 
-live_options = with_options(
+live_options = shared.with_options(
     click.option(
         "--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="Port of the server; default a free one."
     ),

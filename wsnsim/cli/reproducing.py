@@ -13,21 +13,10 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from wsnsim.base.errors import ResultError, UsageError
-from wsnsim.cli.campaign_session import INCOMPLETE
+from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import CAMPAIGN, display
-from wsnsim.cli.shared import (
-    PATH,
-    accept_code_option,
-    batch_option,
-    echo,
-    echo_json,
-    group,
-    jobs_option,
-    json_option,
-    progress_option,
-    quiet_option,
-)
+from wsnsim.cli.shared import INCOMPLETE, PATH, echo, echo_json, group
 
 if TYPE_CHECKING:
     from wsnsim.campaign import CampaignOutcome
@@ -52,13 +41,13 @@ MAX_REASONS: Final = 3
 @click.option("--figures", type=PATH, metavar="DIR", help="Also draw the figures into this folder.")
 @click.option("--data", type=PATH, metavar="DIR", help="For `reality`: a folder of tracks with receivers.csv.")
 @click.option("--only", metavar="EXPERIMENT", help="Run only this experiment: table_2, figure_3, ...")
-@jobs_option
-@batch_option
-@accept_code_option
-@json_option
+@shared.jobs_option
+@shared.batch_option
+@shared.accept_code_option
+@shared.json_option
 @click.option("--markdown", is_flag=True, help="Print the main rows as a Markdown table.")
-@quiet_option
-@progress_option
+@shared.quiet_option
+@shared.progress_option
 @click.pass_obj
 def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
               data: Path | None, only: str | None, jobs: int | None, batch: bool, accept_code_change: bool,

@@ -11,29 +11,20 @@ import click
 
 from wsnsim.base.errors import UsageError
 from wsnsim.base.process import gc_disabled
+from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.live import LiveOptions, live_options, page_of, say_where, show_page, shown_live, stay
 from wsnsim.cli.progress import RUN, display
 from wsnsim.cli.shared import (
     PATH,
-    batch_option,
-    bounds_option,
     command_line,
     echo,
     echo_answer,
     group,
     is_campaign,
-    json_option,
     loaded,
-    overrides_option,
-    plugins_option,
-    progress_option,
-    quiet_option,
     reading,
     seconds_of,
-    seed_option,
-    timeout_option,
-    with_options,
     writable,
 )
 
@@ -58,19 +49,19 @@ class RunOptions(NamedTuple):
     timeout: str | None
 
 
-run_options = with_options(
-    overrides_option,
+run_options = shared.with_options(
+    shared.overrides_option,
     click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Number of Monte Carlo runs."),
-    seed_option,
+    shared.seed_option,
     click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
-    bounds_option,
+    shared.bounds_option,
     click.option("--report", "with_page", is_flag=True, help="Also write the HTML page, beside the result."),
-    plugins_option,
-    json_option,
-    batch_option,
-    quiet_option,
-    progress_option,
-    timeout_option,
+    shared.plugins_option,
+    shared.json_option,
+    shared.batch_option,
+    shared.quiet_option,
+    shared.progress_option,
+    shared.timeout_option,
 )
 """The options that `run` and `watch` share."""
 

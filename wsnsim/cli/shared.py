@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
 
 SCHEMA_VERSION: Final = 1
+INCOMPLETE: Final = 3
+"""Exit code of a campaign with missing runs."""
+METRIC: Final = "rmse"
+"""The metric that is compared by default."""
 PATH: Final = click.Path(path_type=Path)
 COMMANDS: Final = {
     "campaigns": ("sweep", "compare", "collect"),
