@@ -16,11 +16,11 @@ import pytest
 import wsnsim
 from tests.campaign.inline_engine import InlineEngine
 from wsnsim import scenario
-from wsnsim.analysis import recorded_bounds
+from wsnsim.analysis import error_bounds
 from wsnsim.base.errors import ScenarioError
 from wsnsim.campaign import task
 from wsnsim.cli import main
-from wsnsim.cli.shared import group
+from wsnsim.cli.shared import every_command
 from wsnsim.scenario import Plugins, fields, registry
 
 SIDE = '''
@@ -125,7 +125,7 @@ OF_OTHERS = {
 
 
 @pytest.mark.thorough(fast=["report", "watch"])
-@pytest.mark.parametrize("command", sorted(group.commands))
+@pytest.mark.parametrize("command", sorted(every_command()))
 def test_no_command_imports_what_a_file_of_others_names(
     command: str, lab: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -243,7 +243,7 @@ def test_no_text_of_a_result_is_a_way_around(change: Any, lab: Path, honest: Pat
     for command in (["verify"], ["check"], ["run", "--out", "x.h5", "--quiet"]):
         main([*command, str(path)])
         assert not imported(lab), command
-    recorded_bounds.in_range(path)  # what plot and report do
+    error_bounds.in_range(path)  # what plot and report do
     assert not imported(lab)
 
 

@@ -14,7 +14,7 @@ import wsnsim
 from wsnsim import experiment
 from wsnsim.analysis import result_info, summary
 from wsnsim.analysis.answer import answer, energy_clause, lifetime_clause, percent, sentence, sink_clause
-from wsnsim.analysis.answer_facts import AnswerFacts, RecordedErrors
+from wsnsim.analysis.result_facts import RecordedErrors, ResultFacts
 from wsnsim.base.tables import CAUSE
 from wsnsim.bounds import bound_of_run
 from wsnsim.scenario import load
@@ -106,7 +106,7 @@ def facts(errors=None, joules=None, tracks=None, limit=20.0, workload="tracking"
     runs |= {name: np.asarray(values, dtype=float) for name, values in columns.items()}
     errors = np.ones((count, 1, 4)) if errors is None else np.asarray(errors, dtype=float)
     recorded = RecordedErrors(np.arange(count), np.arange(1, errors.shape[-1] + 1), errors)
-    return AnswerFacts(runs, tracks or {}, {}, recorded, joules or {}, "m", workload)
+    return ResultFacts(runs, tracks or {}, {}, recorded, joules or {}, "m", workload)
 
 
 def test_errors_of_runs_with_a_loss_are_left_out_and_the_losses_counted():

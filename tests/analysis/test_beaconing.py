@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from tests.helpers.thorough import thorough
 from wsnsim import read
-from wsnsim.analysis import beaconing
+from wsnsim.analysis import summary, summary_text
 from wsnsim.cli.shared import group
 from wsnsim.experiment import run
 
@@ -24,7 +24,7 @@ def played(tmp_path, replicates=2, **changes):
 
 def rows(report):
     return {
-        line.strip().partition("  ")[0]: line.split("  ")[-1].strip() for line in beaconing.text(report).splitlines()
+        line.strip().partition("  ")[0]: line.split("  ")[-1].strip() for line in summary_text.text(report).splitlines()
     }
 
 
@@ -32,7 +32,7 @@ def rows(report):
 @pytest.mark.parametrize("link", [{"kind": "disk", "reach": 75}, *thorough([{"kind": "log_normal", "exponent": 2.1}])])
 def test_the_figures_are_those_of_the_event_log(tmp_path, link):
     report = played(tmp_path, link=link)
-    figures = beaconing.as_json(report)
+    figures = summary.as_json(report)
     events, links = read(report.out, "events"), read(report.out, "links")
     kinds = events.kind.value_counts()
     assert figures["frames_sent"] * 2 == kinds["send"]
@@ -63,7 +63,7 @@ def test_the_words_add_up_and_a_perfect_air_has_no_links_to_tell_of(tmp_path):
     assert int(said["beacons sent"]) in (119, 120) and "% of" in said["links with a reception"]
     ideal = rows(played(tmp_path, mac={"kind": "ideal"}))
     assert "links with a reception" not in ideal and ideal["packet delivery ratio"] == "100.00%"
-    assert "-0" not in beaconing.text(played(tmp_path, 3)).replace(str(tmp_path), "")
+    assert "-0" not in summary_text.text(played(tmp_path, 3)).replace(str(tmp_path), "")
 
 
 @pytest.mark.thorough
@@ -80,7 +80,7 @@ def test_how_far_clocks_are_off_at_the_end_is_shown_where_it_was_recorded(tmp_pa
     changes = {"duration": "30 s", "clock": {"kind": "drift", "offset": "5 ms"}, "record": {"clocks": True}}
     report = played(tmp_path, **changes, sync={"kind": "ftsp", "period": "1 s"})
     table = read(report.out, "clocks").groupby("replicate").last()
-    figures = beaconing.as_json(report)
+    figures = summary.as_json(report)
     assert figures["clock_error"] == pytest.approx(table.error.mean()) and figures["clock_synchronised"] == 1.0
     shown = rows(report)
     assert shown["clocks from true time at the end"].startswith(f"{1e3 * table.error.mean():.3g} ms, at most ")

@@ -9,8 +9,8 @@ import pytest
 
 from tests.models.test_k7file import row, written
 from wsnsim import load
-from wsnsim.analysis import connectivity, notes
-from wsnsim.analysis.connectivity import parts
+from wsnsim.analysis import notes
+from wsnsim.analysis.notes import parts
 from wsnsim.scenario import build
 
 
@@ -38,15 +38,15 @@ def test_a_range_that_reaches_no_node_and_one_that_reaches_some_are_notes() -> N
 def test_nodes_without_a_path_to_the_sink_are_counted() -> None:
     setup = build(load("ekf_real", ["link={kind: disk, reach: 30 m}", "sink={kind: node, x: 0, y: 0}"]))
     places = np.array([[0.0, 0.0], [20.0, 0.0], [200.0, 0.0], [220.0, 0.0], [240.0, 0.0]])
-    assert connectivity.note(setup, places).endswith("joins; 3 of 5 nodes have no path to the sink, node 0")
-    assert connectivity.note(setup, places[:2]) == ""
+    assert notes.parted(setup, places).endswith("joins; 3 of 5 nodes have no path to the sink, node 0")
+    assert notes.parted(setup, places[:2]) == ""
 
 
 def test_a_network_of_one_node_and_a_very_large_one_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     setup = build(load("pso_mhpf"))
-    assert connectivity.note(setup, np.zeros((1, 2))) == ""
-    monkeypatch.setattr(connectivity, "MOST", 1)
-    assert connectivity.note(setup, np.array([[0.0, 0.0], [9e9, 0.0]])) == ""
+    assert notes.parted(setup, np.zeros((1, 2))) == ""
+    monkeypatch.setattr(notes, "MOST", 1)
+    assert notes.parted(setup, np.array([[0.0, 0.0], [9e9, 0.0]])) == ""
 
 
 def test_parts_of_recorded_links_are_joined_by_links_that_deliver_half_in_both_directions(tmp_path: Path) -> None:

@@ -421,9 +421,9 @@ def test_all_leaves_out_what_is_not_there_and_says_why(write, tmp_path, unsaved)
 
 def test_the_particles_drawn_are_the_last_unless_a_step_is_named(write, tmp_path):
     path = write()
-    panels = dict(figures._panels(path, "particles", figures.PlotSelection(), False))
+    panels = dict(figures.panels_of(path, "particles", figures.PlotSelection(), False))
     assert "step 4" in panels["particles"](axes_of()).get_title(loc="left")
-    panels = dict(figures._panels(path, "particles", figures.PlotSelection(column="vy", step=2), False))
+    panels = dict(figures.panels_of(path, "particles", figures.PlotSelection(column="vy", step=2), False))
     axes = panels["particles"](axes_of())
     assert "step 2" in axes.get_title(loc="left") and axes.get_xlabel() == "vy [m/s]"
 
@@ -468,7 +468,7 @@ def test_legends_stand_above_the_data_and_titles_above_legends(write):
 
 
 def _drawn_panels(path, what):
-    return [panel for _, panel in figures._panels(path, what, figures.PlotSelection(), True)]
+    return [panel for _, panel in figures.panels_of(path, what, figures.PlotSelection(), True)]
 
 
 def test_a_figure_that_cannot_be_written_leaves_no_file(write, tmp_path, monkeypatch):

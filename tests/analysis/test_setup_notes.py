@@ -10,7 +10,7 @@ import pytest
 
 from tests.helpers.sleeping_networks import scenario
 from wsnsim import experiment, load
-from wsnsim.analysis import setup_notes
+from wsnsim.analysis.notes import before_a_run
 from wsnsim.base.tables import TABLES, Memory
 from wsnsim.cli import main
 from wsnsim.scenario import build
@@ -25,7 +25,7 @@ LATE = "mac={kind: 'tests.helpers.late_mac:LateCsma', rate: 250 kbit/s}"
 
 def notes(name: Any, *overrides: str) -> list[str]:
     """The notes of a scenario, a file or a plain dict, with overrides."""
-    return setup_notes.before_a_run(build(load(name, list(overrides))))
+    return before_a_run(build(load(name, list(overrides))))
 
 
 @pytest.mark.parametrize(

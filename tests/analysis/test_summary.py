@@ -16,14 +16,14 @@ from scipy.stats import chi2
 
 import wsnsim
 from wsnsim import experiment, scenario
-from wsnsim.analysis import comparison_bounds, comparison_text, plots, result_info, summary, summary_text
+from wsnsim.analysis import comparison_text, error_bounds, plots, result_info, summary, summary_text
 from wsnsim.analysis.comparison import compare
 from wsnsim.analysis.quantities import BOUND_NAMES, QUANTITIES, bound_name, interval
 from wsnsim.base import metrics
 from wsnsim.experiment import Report, Summary
 from wsnsim.recording import ResultFile, read_table
 from wsnsim.recording.folder import Folder
-from wsnsim.report import summary_table
+from wsnsim.report import page_sections
 
 PLANE = (("px", "m"), ("vx", "m/s"), ("py", "m"), ("vy", "m/s"))
 NAN = float("nan")
@@ -404,7 +404,7 @@ def test_terminal_page_info_and_json_have_the_same_names_and_values(tmp_path):
     page = dict(
         re.findall(
             r'<th scope="row"><span [^>]*>([^<]*)</span></th><td>([^<]*)',
-            summary_table.summary_table([report.out], ["x"], bounds=True),
+            page_sections.summary_table([report.out], ["x"], bounds=True),
         )
     )
     shown = [key for key, quantity in QUANTITIES.items() if quantity.name in page]
@@ -465,7 +465,7 @@ def test_a_cloud_that_collapses_is_said_wherever_its_nees_is(tmp_path):
     assert figures["singular"] == np.isnan(estimates["nees"]).sum() / 2 > 0.0 and (stored["singular"] > 0).all()
     assert "singular covariances" in rows(report)
     assert "singular covariances" in result_info.info_text(report.out)
-    assert "singular covariances" in summary_table.summary_table([report.out], ["x"])
+    assert "singular covariances" in page_sections.summary_table([report.out], ["x"])
 
 
 def test_the_median_of_a_consistent_nees_is_that_of_chi_square():
@@ -493,13 +493,13 @@ def said_of(folder, changes):
         "terminal": summary_text.text(report, {}, limits=limits),
         "sentence": summary.as_json(report, {}, limits)["answer"],
         "sentence of a file": result_info.info(report.out)["answer"],
-        "page": summary_table.summary_table([report.out], ["x"], bounds=True),
+        "page": page_sections.summary_table([report.out], ["x"], bounds=True),
     }
     axes = plots.error(Figure().subplots(), report.out)
     said["plot"] = axes.get_title(loc="left") + str([text.get_text() for text in axes.get_legend().get_texts()])
     sweep = {"scenario": "ekf_real", "set": changes, "grid": {"tracker.kind": ["ekf", "ukf"]}, "replicates": 2}
     wsnsim.sweep(sweep, out=folder / "sweep", workers=1)
-    found = comparison_bounds.with_bounds(compare(folder / "sweep"), Folder(folder / "sweep"))
+    found = error_bounds.with_bounds(compare(folder / "sweep"), Folder(folder / "sweep"))
     return said | {"comparison": comparison_text.text(found), "json": summary.as_json(report, {}, limits)}
 
 

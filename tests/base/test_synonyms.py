@@ -9,7 +9,7 @@ import pytest
 from wsnsim.base.errors import did_you_mean, meant_by, nearest, synonyms
 from wsnsim.base.tables import TABLES
 from wsnsim.cli import main
-from wsnsim.cli.shared import group
+from wsnsim.cli.shared import every_command
 from wsnsim.scenario.fields import names_of
 from wsnsim.scenario.registry import ROLES, kinds, load_class
 
@@ -59,7 +59,7 @@ def test_the_message_names_what_is_meant_or_else_what_is_known() -> None:
 
 
 def test_every_name_in_the_tables_is_a_kind_a_key_a_command_or_a_column() -> None:
-    names = {"motion", "extends", "targets", "faults", "assumes", "noise_scale", *ROLES, *group.commands, "watch"}
+    names = {"motion", "extends", "targets", "faults", "assumes", "noise_scale", *ROLES, *every_command(), "watch"}
     names |= {"seed", "replicates", "step", "duration", "record", "name", "out", "overrides", "workers"}
     for role in ROLES.values():
         for row in role.kinds:

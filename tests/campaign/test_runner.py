@@ -20,7 +20,7 @@ from hypothesis import settings as tries
 from hypothesis import strategies as st
 
 from wsnsim.analysis import campaigns, statistics
-from wsnsim.analysis.stopping import ReplicateCounts
+from wsnsim.analysis.campaign_info import ReplicateCounts
 from wsnsim.campaign import WHOLE, CampaignOutcome, CampaignProgress, Shard, run_campaign
 from wsnsim.campaign.engines import EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.runner import MAX_LOSSES

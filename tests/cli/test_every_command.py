@@ -11,7 +11,7 @@ import pytest
 
 from tests.helpers.commands import run_process
 from tests.recording.test_recovery import killed_run
-from wsnsim.cli.shared import group
+from wsnsim.cli.shared import every_command
 
 SMALL: Final = "{extends: pso_mhpf, name: small, duration: 0.4 s, tracker: {particles: 40}}"
 WALK: Final = """\
@@ -50,7 +50,7 @@ LINES: Final[dict[str, tuple[list[str], str]]] = {
 
 
 def test_no_command_is_without_a_test() -> None:
-    assert list(LINES) == sorted(group.commands)
+    assert list(LINES) == sorted(every_command())
 
 
 @pytest.fixture(scope="module")

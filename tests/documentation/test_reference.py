@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from wsnsim.base.tables import TABLES
-from wsnsim.cli.shared import group
+from wsnsim.cli.shared import every_command
 from wsnsim.scenario.datasheets import datasheet
 from wsnsim.scenario.kind_info import kind_info
 from wsnsim.scenario.parameter_info import json_schema
@@ -62,7 +62,7 @@ def test_every_column_is_described_with_type_and_unit(pages: dict[str, str]) -> 
 
 
 def test_every_command_has_its_options(pages: dict[str, str]) -> None:
-    for name, command in group.commands.items():
+    for name, command in every_command().items():
         text = section(pages["commands.md"], name)
         assert text.strip().startswith(f"```text\nwsnsim {name}")
         options = [

@@ -19,7 +19,7 @@ from tests.fuzz.mutation import CONTROL, NASTY, mutated_bytes, mutated_text
 from tests.fuzz.plugins import plugin
 from tests.fuzz.random_scenarios import sampled
 from tests.fuzz.small_result import small_result
-from wsnsim.cli.shared import group
+from wsnsim.cli.shared import every_command
 
 SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
 SMALL: Final = """\
@@ -96,10 +96,10 @@ def of_csv(rng: random.Random) -> Case:
 
 def of_command(rng: random.Random) -> Case:
     """A random command line."""
-    name = rng.choice([*group.commands, *group.commands, "", "--version", "-h", "nonsense", rng.choice(NASTY)])
+    name = rng.choice([*every_command(), *every_command(), "", "--version", "-h", "nonsense", rng.choice(NASTY)])
     words = [name]
-    if name in group.commands:
-        words += _words_of(group.commands[name], rng)
+    if name in every_command():
+        words += _words_of(every_command()[name], rng)
     if name in ENDLESS:
         words += ["--no-such-option"]
     if name == "run":

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wsnsim
-from wsnsim.analysis import beaconing
+from wsnsim.analysis import summary, summary_text
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import KIND, RECORDED_BY_DEFAULT, Memory
 from wsnsim.experiment import replicate_of
@@ -46,22 +46,22 @@ def test_a_report_that_reaches_no_sink_is_dropped_with_a_reason_and_the_summary_
     places = "deploy={kind: anchors, places: [[-60, -60], [-30, -60], [60, 60]], width: 130 m, height: 130 m}"
     changes = [*SMALL, places, "routing={kind: ctp, patience: 1 s}"]
     report = wsnsim.experiment.run(load("collection", changes), out=tmp_path / "c.h5")
-    found = beaconing.as_json(report)
+    found = summary.as_json(report)
     assert found["received_share"] == 0.5 and found["dropped"] == {"no_route": 5.0} and found["sinks"] == {"0": 5.0}
-    said = beaconing.text(report)
+    said = summary_text.text(report)
     assert "reports received at a sink" in said and "dropped: no route was found in time" in said
 
 
 @pytest.mark.thorough
 def test_reports_of_beacons_are_none(tmp_path):
     report = wsnsim.experiment.run(load("beacons", ["duration=1 s", "deploy.nodes=20"]), out=tmp_path / "b.h5")
-    assert beaconing.as_json(report)["reports"] == 0.0 and "reports sent" not in beaconing.text(report)
+    assert summary.as_json(report)["reports"] == 0.0 and "reports sent" not in summary_text.text(report)
 
 
 @pytest.mark.thorough
 def test_several_sinks_share_the_reports_and_the_summary_counts_them(tmp_path):
     changes = [*SMALL, "workload.points=[[-60, -60], [60, 60]]", "routing.kind=ctp"]
-    found = beaconing.as_json(wsnsim.experiment.run(load("collection", changes), out=tmp_path / "c.h5"))
+    found = summary.as_json(wsnsim.experiment.run(load("collection", changes), out=tmp_path / "c.h5"))
     assert sorted(found["sinks"]) == ["0", "15"] and sum(found["sinks"].values()) == found["reports"] == 70
 
 

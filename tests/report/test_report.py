@@ -15,7 +15,7 @@ from wsnsim.analysis.answer import answer
 from wsnsim.analysis.quantities import BOUND_NAMES, QUANTITIES
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import TABLES
-from wsnsim.report import html_page, page_sections, replay, summary_table, svg_figures
+from wsnsim.report import html_page, page_sections, replay, svg_figures
 from wsnsim.report.svg_figures import SvgFigure
 
 from .page_reader import PageReader, decoded, no_figures, replays_in
@@ -57,7 +57,7 @@ def test_a_page_is_whole_and_asks_for_nothing(page):
 @pytest.mark.thorough
 def test_the_summary_has_the_means_the_intervals_and_what_was_published(tmp_path):
     path = write_result(tmp_path / "x.h5", runs=8)
-    table = summary_table.summary_table([path], ["x"], lambda scenario: ({"energy": 1.82}, "Jiang 2013"))
+    table = page_sections.summary_table([path], ["x"], lambda scenario: ({"energy": 1.82}, "Jiang 2013"))
     cells = cells_of(table)
     assert cells["Monte Carlo runs"] == "8"
     mean, low, high = re.match(r"([\d.]+) m <span[^>]*>\[([\d.]+), ([\d.]+)\]", cells["median per-run RMSE"]).groups()
@@ -66,7 +66,7 @@ def test_the_summary_has_the_means_the_intervals_and_what_was_published(tmp_path
     assert (
         "["
         not in re.search(
-            r"<td>(.*?)</td>", summary_table.summary_table([write_result(tmp_path / "y.h5", runs=4)], ["y"])
+            r"<td>(.*?)</td>", page_sections.summary_table([write_result(tmp_path / "y.h5", runs=4)], ["y"])
         )[1]
     )
 
@@ -234,7 +234,7 @@ def test_a_page_that_cannot_be_written_leaves_nothing(real, tmp_path, monkeypatc
 
 
 def test_every_row_of_the_summary_is_explained_and_few_are_shown_unfolded(real):
-    table = summary_table.summary_table([real], ["x"], bounds=True)
+    table = page_sections.summary_table([real], ["x"], bounds=True)
     shown, folded = table.split("<details>")
     assert 6 <= len(cells_of(shown)) <= 14 < len(cells_of(shown)) + len(cells_of(folded))
     explained = {name: said for said, name in re.findall(r'data-tip="([^"]+)">([^<]*)</span></th>', table)}
@@ -245,7 +245,7 @@ def test_every_row_of_the_summary_is_explained_and_few_are_shown_unfolded(real):
 @pytest.mark.thorough
 def test_the_bounds_are_shown_only_on_request(real):
     for bounds in (False, True):
-        shown = cells_of(summary_table.summary_table([real], ["x"], bounds=bounds))
+        shown = cells_of(page_sections.summary_table([real], ["x"], bounds=bounds))
         assert (set(BOUND_NAMES.values()) <= set(shown)) == bounds
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from wsnsim import experiment, scenario
-from wsnsim.analysis import setup_notes
+from wsnsim.analysis import notes
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.tables import TABLES, Memory
 from wsnsim.scenario.examples import example_of
@@ -253,7 +253,7 @@ def outcome(values: dict[str, Any]) -> tuple[str, str]:
         for name, column in memory.table(table).items():
             if name != "cpu_seconds":
                 digest.update(np.ascontiguousarray(column).tobytes())
-    return digest.hexdigest(), "\n".join(setup_notes.before_a_run(setup))
+    return digest.hexdigest(), "\n".join(notes.before_a_run(setup))
 
 
 def is_silent(base: dict[str, Any], usual: tuple[str, str], role: str, part: type[Any], name: str) -> bool:

@@ -104,8 +104,8 @@ def test_a_campaign_is_shown_while_it_computes_and_has_the_rows_of_any_other(
     interrupted, monkeypatch, capsys, tmp_path, ask, words
 ):
     """The signal comes when the command has printed its tables and waits: before, it would end the command with 130."""
-    waits, wait = threading.Event(), live._SeenCampaign._wait
-    monkeypatch.setattr(live._SeenCampaign, "_wait", lambda self: (waits.set(), wait(self)))
+    waits, wait = threading.Event(), live.LiveCampaign._wait
+    monkeypatch.setattr(live.LiveCampaign, "_wait", lambda self: (waits.set(), wait(self)))
     assert main([*words, "-o", "alone"]) == 0
     told = capsys.readouterr().out
     addresses = interrupted(

@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis.answer_facts import AnswerFacts, Table, facts_of_file, facts_of_report, facts_of_tables
 from wsnsim.analysis.quantities import DECIDED, loss_rule, median_time, time_averaged_rmse
+from wsnsim.analysis.result_facts import ResultFacts, Table, facts_of_file, facts_of_report, facts_of_tables
 from wsnsim.base import metrics
 from wsnsim.base.errors import WsnsimError
 from wsnsim.base.results import Report
@@ -35,7 +35,7 @@ ALMOST_ALL: Final = 0.95
 PREFIXES: Final = ((1.0, "J"), (1e-3, "mJ"), (1e-6, "µJ"))
 
 
-def energy_clause(facts: AnswerFacts) -> str:
+def energy_clause(facts: ResultFacts) -> str:
     """How many joules were spent, what most of them were spent on, and whether a tracker could change that."""
     if not facts.has_network:
         return "no network is simulated, so no energy is spent"
@@ -58,7 +58,7 @@ def energy_clause(facts: AnswerFacts) -> str:
     return f"{spent}, {parts}{_consequence(facts, uses.get(IDLE, 0.0) / total)}"
 
 
-def _uses(facts: AnswerFacts) -> dict[str, float]:
+def _uses(facts: ResultFacts) -> dict[str, float]:
     """The energy (J) by what it was spent on, the largest first."""
     found: dict[str, float] = {}
     for cause, joules in facts.joules.items():
@@ -67,7 +67,7 @@ def _uses(facts: AnswerFacts) -> dict[str, float]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def _consequence(facts: AnswerFacts, idle: float) -> str:
+def _consequence(facts: ResultFacts, idle: float) -> str:
     """What follows where nearly all energy is idle listening of radios that no tracker switches off."""
     always_on = facts.mean("awake") == 1.0 and "radio_on" not in facts.runs
     if not always_on or idle < ALMOST_ALL or facts.workload != "tracking":
@@ -75,7 +75,7 @@ def _consequence(facts: AnswerFacts, idle: float) -> str:
     return ": trackers hardly differ in energy here"
 
 
-def sink_clause(facts: AnswerFacts) -> str:
+def sink_clause(facts: ResultFacts) -> str:
     """The share of the due estimates that reached a sink, and their latency; empty without a sink."""
     due, received = (facts.tracks.get(name, np.zeros(1)).sum() for name in ("due", "received"))
     if not due > 0:
@@ -86,7 +86,7 @@ def sink_clause(facts: AnswerFacts) -> str:
     return f"{percent(received / due)} of the estimates due at the sink arrived{after}"
 
 
-def lifetime_clause(facts: AnswerFacts) -> str:
+def lifetime_clause(facts: ResultFacts) -> str:
     """In how many runs nodes died, when the first one did, and how many are alive at the end; empty if none died."""
     deaths = facts.column("first_death")
     died = int(np.isfinite(deaths).sum())
@@ -100,7 +100,7 @@ def lifetime_clause(facts: AnswerFacts) -> str:
     return f"nodes died in {runs(died, facts.count)}{when}, and {alive} (mean)"
 
 
-def collection_clause(facts: AnswerFacts) -> str:
+def collection_clause(facts: ResultFacts) -> str:
     """The share of reports that reached a sink, their latency and hops; empty if reports were not recorded."""
     received = facts.reports.get("received", np.empty(0))
     if not received.size or not {"time", "hops", "sink"} <= set(facts.reports):
@@ -116,7 +116,7 @@ def collection_clause(facts: AnswerFacts) -> str:
     return f"{share} of the reports reached {where}, after {seconds(delay)} (median) over {figure(hops)} hops (mean)"
 
 
-def reception_clause(facts: AnswerFacts) -> str:
+def reception_clause(facts: ResultFacts) -> str:
     """The share of intended receptions that succeeded, and of those lost in collisions."""
     intended, delivered, collided = (facts.mean(name) for name in ("in_range", "delivered", "collided"))
     what = "beacons" if facts.workload == "beacons" else "frames"
@@ -166,6 +166,7 @@ def answer(
     crlb: Bound | None = None,
     bounded: bool = True,
     plugins: bool = False,
+    facts: ResultFacts | None = None,
 ) -> str:
     """A sentence on the runs of a result: whether the target was followed, how well, for how many joules.
 
@@ -180,22 +181,24 @@ def answer(
             `per_trajectory` for the readings `in_range`).
         bounded: whether the bound is computed otherwise; it takes about 20 ms a run of 700 steps.
         plugins: whether plug-ins that a result file names are imported for the bound.
+        facts: the facts of the source, if they are already known.
 
     Raises:
         ResultError: the file cannot be read.
     """
-    if isinstance(source, Report):
-        facts = facts_of_report(source)
-    elif isinstance(source, str | Path):
-        facts = facts_of_file(source)
-    else:
-        facts = facts_of_tables(source, scenario)
-    if bounded and crlb is None and facts.recorded.errors.size:
+    facts = facts or _facts(source, scenario)
+    if bounded and crlb is None and facts.count and facts.recorded.errors.size:
         crlb = _found_bound(source, scenario, facts, plugins)
     return sentence(facts, comparable(facts, crlb))
 
 
-def sentence(facts: AnswerFacts, crlb: float = NAN) -> str:
+def _facts(source: Source, scenario: Any) -> ResultFacts:
+    if isinstance(source, Report):
+        return facts_of_report(source)
+    return facts_of_file(source) if isinstance(source, str | Path) else facts_of_tables(source, scenario)
+
+
+def sentence(facts: ResultFacts, crlb: float = NAN) -> str:
     """The sentence of known facts; empty if no run has finished.
 
     Args:
@@ -212,7 +215,7 @@ def sentence(facts: AnswerFacts, crlb: float = NAN) -> str:
     return "; ".join(filter(None, clauses)) + "."
 
 
-def _found_bound(source: Source, scenario: Any, facts: AnswerFacts, plugins: bool) -> Bound | None:
+def _found_bound(source: Source, scenario: Any, facts: ResultFacts, plugins: bool) -> Bound | None:
     """The trajectory-conditional CRLB for all readings in range; None if it cannot be had."""
     replicates, kind = facts.recorded.replicates.tolist(), "per_trajectory"
     try:
@@ -225,7 +228,7 @@ def _found_bound(source: Source, scenario: Any, facts: AnswerFacts, plugins: boo
         return None
 
 
-def comparable(facts: AnswerFacts, crlb: Bound | None) -> float:
+def comparable(facts: ResultFacts, crlb: Bound | None) -> float:
     """The time average of a bound at the steps of the errors that are judged; NaN without a bound."""
     steps = facts.recorded.steps
     if crlb is None or crlb.reason or not steps.size:
@@ -238,26 +241,26 @@ def comparable(facts: AnswerFacts, crlb: Bound | None) -> float:
     return crlb.time_mean_at(errors)
 
 
-def _estimates(facts: AnswerFacts) -> bool:
+def _estimates(facts: ResultFacts) -> bool:
     """Whether any step of any run has an estimate."""
     known = facts.recorded.errors if facts.recorded.errors.size else facts.column("rmse")
     return bool(np.isfinite(known).any())
 
 
-def _targets(facts: AnswerFacts) -> int:
+def _targets(facts: ResultFacts) -> int:
     """The number of targets."""
     if "target" in facts.tracks and facts.tracks["target"].size:
         return int(np.unique(facts.tracks["target"]).size)
     return int(max(facts.recorded.errors.shape[1], 1))
 
 
-def _no_estimate(facts: AnswerFacts) -> str:
+def _no_estimate(facts: ResultFacts) -> str:
     subject = "The target was" if _targets(facts) == 1 else "The targets were"
     where = "the run" if facts.count == 1 else f"the {facts.count:,} runs"
     return f"{subject} never located: no step of {where} has an estimate"
 
 
-def _followed(facts: AnswerFacts, crlb: float) -> str:
+def _followed(facts: ResultFacts, crlb: float) -> str:
     """Whether the targets were followed, in how many runs one was lost, and with what error."""
     lost, (name, value) = int(facts.ever_lost.sum()), _error(facts)
     error = f"a {name} of {figure(value)} {facts.unit}".rstrip()
@@ -285,7 +288,7 @@ def _followed(facts: AnswerFacts, crlb: float) -> str:
     return f"{_never_lost(facts, poor)}, {'but ' * poor}with {error}"
 
 
-def _never_lost(facts: AnswerFacts, poor: bool) -> str:
+def _never_lost(facts: ResultFacts, poor: bool) -> str:
     """That no track was lost; `poor` if the error or what was measured forbids to say that the target was followed."""
     targets, tracked = _targets(facts), facts.mean("tracked")
     subject = {1: "The target was", 2: "Both targets were"}.get(targets, f"All {targets:,} targets were")
@@ -297,13 +300,13 @@ def _never_lost(facts: AnswerFacts, poor: bool) -> str:
     return f"{subject} {how} {runs(facts.count, facts.count)}{rule}{share}"
 
 
-def _rule(facts: AnswerFacts) -> str:
+def _rule(facts: ResultFacts) -> str:
     """When a track counts as lost, in brackets; empty if it is unknown."""
     rule = loss_rule(facts.runs, facts.unit)
     return f" ({rule})" if rule else ""
 
 
-def _lost(facts: AnswerFacts, lost: int) -> str:
+def _lost(facts: ResultFacts, lost: int) -> str:
     """In how many runs a track was lost, and in how many of these it was found again."""
     found, subject = lost - int(facts.lost_at_the_end.sum()), "The target" if _targets(facts) == 1 else "A target"
     if facts.count == 1:
@@ -322,21 +325,21 @@ def _share(some: int, every: int) -> str:
     return "both" if every == 2 else "all"
 
 
-def _error(facts: AnswerFacts) -> tuple[str, float]:
+def _error(facts: ResultFacts) -> tuple[str, float]:
     """(name, value) of the error over the runs that are judged."""
     if facts.recorded.errors.size:
         return "time-averaged RMSE", time_averaged_rmse(facts.judged_errors)
     return "median per-run RMSE", _middle_of_kept(facts)
 
 
-def _middle_of_kept(facts: AnswerFacts) -> float:
+def _middle_of_kept(facts: ResultFacts) -> float:
     """The median per-run RMSE over the runs that are judged."""
     lost = facts.ever_lost
     kept = facts.column("rmse")[~lost] if lost.any() and not lost.all() else facts.column("rmse")
     return metrics.median_error(kept)
 
 
-def _error_of_all(facts: AnswerFacts) -> float:
+def _error_of_all(facts: ResultFacts) -> float:
     """The error over all runs, those in which a track was lost included."""
     if facts.recorded.errors.size:
         return time_averaged_rmse(facts.recorded.errors)

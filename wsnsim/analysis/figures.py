@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from matplotlib import style
 
-from wsnsim.analysis import plot_data, plots, recorded_bounds, sweep_plots
+from wsnsim.analysis import error_bounds, plot_data, plots, sweep_plots
 from wsnsim.analysis.figure_style import STYLE, Panel, figure_of, save, suffix_of
 from wsnsim.base.errors import ResultError
 from wsnsim.recording.folder import Folder
@@ -86,12 +86,12 @@ def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None 
     left_out = {name: reason for name, reason in reasons.items() if reason}
     if len(left_out) == len(wanted):
         raise ResultError(f"{path}: cannot plot {what}: {'; '.join(dict.fromkeys(left_out.values()))}")
-    panels = [panel for name in wanted if not reasons[name] for panel in _panels(path, name, chosen, what == "all")]
+    panels = [panel for name in wanted if not reasons[name] for panel in panels_of(path, name, chosen, what == "all")]
     with style.context(["default", STYLE]):
         figure = figure_of([draws for _, draws in panels])
         figure.suptitle(plot_data.heading(path), x=0.01, ha="left", fontweight="bold")
         save(figure, out)
-    if "error" in dict(panels) and (why := recorded_bounds.lacking(path, chosen.plugins)):
+    if "error" in dict(panels) and (why := error_bounds.lacking(path, chosen.plugins)):
         left_out["bound"] = why
     return WrittenFigure(out, tuple(name for name, _ in panels), left_out)
 
@@ -117,27 +117,19 @@ def draw_campaign(folder: Folder, out: Path, metric: str = "rmse", key: str | No
     return WrittenFigure(out, tuple(panels), left_out)
 
 
-def _panels(path: Path, what: str, choice: PlotSelection, among_all: bool) -> Iterator[tuple[str, Panel]]:
+def panels_of(path: Path, what: str, choice: PlotSelection, among_all: bool) -> Iterator[tuple[str, Panel]]:
     """The panels of one plot: (name, function that draws it)."""
-    replicate, target = choice.replicate, choice.target
-    match what:
-        case "track":
-            yield what, lambda axes: plots.track(axes, path, replicate, target)
-        case "states":
-            for column in _columns(plot_data.layout(path), choice.column, among_all):
-                yield (
-                    f"state {column}",
-                    partial(plots.states, path=path, column=column, replicate=replicate, target=target),
-                )
-        case "error":
-            yield what, lambda axes: plots.error(axes, path, choice.plugins)
-        case "consistency":
-            yield what, lambda axes: plots.consistency(axes, path)
-        case "energy":
-            yield what, lambda axes: plots.energy(axes, path)
-        case "particles":
-            last = plot_data.last_step_with_particles(path, replicate, target) if choice.step is None else choice.step
-            yield what, lambda axes: plots.particles(axes, path, last, choice.column, replicate, target)
+    options: dict[str, Any] = {"replicate": choice.replicate, "target": choice.target}
+    if what == "states":
+        for column in _columns(plot_data.layout(path), choice.column, among_all):
+            yield f"state {column}", partial(plots.states, path=path, column=column, **options)
+        return
+    if what == "particles":
+        last = plot_data.last_step_with_particles(path, **options) if choice.step is None else choice.step
+        options |= {"step": last, "column": choice.column}
+    elif what != "track":
+        options = {"plugins": choice.plugins} if what == "error" else {}
+    yield what, partial(getattr(plots, what), path=path, **options)
 
 
 def _columns(plan: plot_data.StateLayout, wanted: str | None, among_all: bool) -> tuple[str, ...]:

@@ -1,66 +1,45 @@
-"""What a reader must know beside the figures: targets out of range, steps without an estimate, figures without a value.
+"""What a reader must know: what is hardly meant in a scenario, and what stands beside the figures of its runs.
 
-of_setup(setup) -> notes      of_report(report, figures) -> notes      reasons(report, figures) -> {figure: reason}
+    before_a_run(setup), of_setup(setup) -> notes, by the table `RULES`
+    of_report(report, figures) -> notes            reasons(report, figures) -> {figure without a value: reason}
+    parts(positions, reach) -> [node numbers of each part of a network], the largest first
+
+A network is in one piece if links join all nodes. A disk of the communication range stands for the links, lossy ones
+included: beyond it no frame is received. Recorded links are those that deliver half of the frames in both directions,
+in the first round.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.analysis import connectivity
+from wsnsim.analysis import setup_notes
 from wsnsim.analysis.phrases import counted
-from wsnsim.analysis.plot_data import stored_json
-from wsnsim.analysis.setup_notes import in_a_check, named
-from wsnsim.base.arrays import Floats, planar
+from wsnsim.analysis.quantities import FIGURES, NETWORK_ONLY
+from wsnsim.analysis.setup_notes import covering_range, named
+from wsnsim.base.arrays import Floats, Ints, planar
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import InitialConditions, node_names, sample_initial_conditions, sample_positions
+from wsnsim.base.radio import RecordsLinks
 from wsnsim.base.results import COUNTS, ROWS, Report, provenance_of
-from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
+from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup, TrackingSetup
+from wsnsim.recording import read_json
 
+ALWAYS, BEFORE_A_RUN, IN_A_CHECK = "always", "before a run", "in a check"
+SURELY_LINKED: Final = 3.0
+"""With more expected neighbours than this (mean over the field), some nodes are surely within range of another."""
 NO_ESTIMATE: Final = "no step has an estimate"
 NO_NETWORK: Final = "no network is simulated"
-NO_THREE: Final = "no step with an estimate has three readings"
 UNKNOWN: Final = "it is not known in any run"
-OF_ESTIMATES: Final = (
-    "rmse",
-    "rmse_median",
-    "median_error",
-    "mean_error",
-    "column_rmse",
-    "column_rmse_median",
-    "bound",
-)
-OF_NETWORKS: Final = (
-    "energy", "handovers", "frames_lost", "delivered", "packet_delivery_ratio", "clusters", "awake", "radio_on",
-    "hurried", "coverage",
-)  # fmt: skip
+OF_THREE: Final = ("rmse_three", "mean_error_three", "median_error_three")
+"""Errors at the steps with three readings or more."""
 ON_REQUEST: Final = "it is computed by `wsnsim run --bound`"
-REASONS: Final = {
-    "packet_delivery_ratio": "no frame was sent to a node in range",
-    "first_death": "no node died in half of the runs",
-    "half_dead": "half of the nodes did not die in half of the runs",
-    "lost_limit": "a track is lost only where it has no estimate",
-    "lost_at": "no track was lost in half of the runs",
-    "radio_on": "the radio of a node that is awake always listens",
-    "hurried": "the MAC has no short wake interval (mac.near)",
-    "rmse_of_kept": "every track that has an estimate is lost at the end",
-    "nees": "no estimate has an invertible covariance",
-    "nees_median": "no estimate has an invertible covariance",
-    "nis": "the tracker offers no innovations",
-    "delay": NO_ESTIMATE,
-    "report_delay": "no report reached a sink",
-    "rmse_three": NO_THREE,
-    "mean_error_three": NO_THREE,
-    "median_error_three": NO_THREE,
-    "bound_active": "it needs the recorded events, estimates and clusters of a network",
-    "bound_arrived": "it needs the recorded events, estimates and clusters of a network",
-}
-"""Why a figure has no value, where it is always for the same reason."""
 LEAST_RUNS: Final = 5
 """Runs from which on there are intervals (see `quantities`)."""
 
@@ -74,23 +53,81 @@ class _Visibility(NamedTuple):
     nearest: float
 
 
-def of_setup(setup: Setup, replicate: int = 0) -> list[str]:
-    """What makes a valid scenario hopeless or harder than it looks: its values, and the initial conditions of a run."""
-    found = in_a_check(setup)
+def first_run(setup: Setup) -> Iterator[str]:
+    """What the initial conditions of the first run make hopeless or harder than it looks, or why it cannot start."""
     try:
         if isinstance(setup, BeaconSetup):
-            return found + _parted(setup, sample_positions(setup, setup.link.reach, replicate), replicate)
+            yield from _parted(setup, sample_positions(setup, setup.link.reach, 0))
         if not isinstance(setup, TrackingSetup):
-            return found
-        conditions = sample_initial_conditions(setup, replicate)
+            return
+        conditions = sample_initial_conditions(setup, 0)
     except RunError as error:
-        return [*found, f"run {replicate} cannot start: {error}"]
-    found += _skipped(provenance_of(setup))
+        yield f"run 0 cannot start: {error}"
+        return
+    yield from _skipped(provenance_of(setup))
     if setup.recorded is not None:
-        found += _silent_steps(setup)
+        yield from _silent_steps(setup)
     else:
-        found += _visibility_notes(setup, [_visibilities(setup, conditions, setup.steps)], f"run {replicate}")
-    return found + (_parted(setup, conditions.positions, replicate) if isinstance(setup, NetworkSetup) else [])
+        yield from _visibility_notes(setup, [_visibilities(setup, conditions, setup.steps)], "run 0")
+    if isinstance(setup, NetworkSetup):
+        yield from _parted(setup, conditions.positions)
+
+
+def links_that_reach_nobody(setup: RadioSetup) -> Iterator[str]:
+    """A communication range within which no node has another, in the first run; looked for where nodes are sparse."""
+    if isinstance(setup.link, RecordsLinks):
+        return
+    field, reach = setup.deploy.field, setup.link.reach
+    if getattr(setup.deploy, "nodes", 0) * math.pi * reach**2 > SURELY_LINKED * field.width * field.height:
+        return
+    with contextlib.suppress(RunError):  # `first_run` says so
+        positions = sample_positions(setup, covering_range(setup), 0)
+        if len(positions) > 1 and (said := nobody(positions, reach)):
+            yield f"run 0: {said}"
+
+
+RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]] = (
+    (ALWAYS, Setup, setup_notes.keys_without_effect),
+    (ALWAYS, Setup, setup_notes.parameters_without_effect),
+    (ALWAYS, Setup, setup_notes.faults_that_hit_nobody),
+    (ALWAYS, Setup, setup_notes.faults_between_instants),
+    (ALWAYS, TrackingSetup, setup_notes.motions_beyond_the_field),
+    (ALWAYS, TrackingSetup, setup_notes.steps_across_the_field),
+    (ALWAYS, RadioSetup, setup_notes.sink_outside_the_field),
+    (ALWAYS, Setup, setup_notes.longer_than_the_run),
+    (ALWAYS, RadioSetup, setup_notes.sleep_that_costs_more),
+    (ALWAYS, NetworkSetup, setup_notes.steps_shorter_than_a_hop),
+    (ALWAYS, NetworkSetup, setup_notes.rounds_longer_than_a_step),
+    (ALWAYS, NetworkSetup, setup_notes.messages_after_their_step),
+    (ALWAYS, RadioSetup, setup_notes.radios_that_save_nothing),
+    (ALWAYS, RadioSetup, setup_notes.beacons_that_fill_the_channel),
+    (BEFORE_A_RUN, RadioSetup, links_that_reach_nobody),
+    (IN_A_CHECK, TrackingSetup, setup_notes.window_out_of_reach),
+    (IN_A_CHECK, Setup, first_run),
+)
+"""(when a rule is asked, what setups it is about, what it notes of one).
+
+A check looks at the whole graph of links in place of the nearest nodes; a run that is a trial is meant to be short.
+"""
+
+
+def before_a_run(setup: Setup) -> list[str]:
+    """What the values of a scenario make hardly meant, a sentence each, and whether no node can reach another."""
+    return _noted(BEFORE_A_RUN, setup)
+
+
+def of_setup(setup: Setup) -> list[str]:
+    """What makes a valid scenario hopeless or harder than it looks: its values, and the initial conditions of a run."""
+    return _noted(IN_A_CHECK, setup)
+
+
+def _noted(when: str, setup: Setup) -> list[str]:
+    return [
+        note
+        for asked, about, rule in RULES
+        if asked in (ALWAYS, when) and isinstance(setup, about)
+        for note in rule(setup)
+    ]
 
 
 def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
@@ -104,7 +141,7 @@ def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
         notes = [f"{count} have no estimate (mean of the runs); errors are over the others"]
     poor = [summary for summary in report.summaries if any(track["tracked"] < 1.0 for track in summary.tracks)]
     if report.out.is_file():  # it may have been moved since
-        notes += _skipped(stored_json(report.out, "provenance_json"))
+        notes += _skipped(read_json(report.out, "provenance_json", optional=True))
     setup = scenarios.build(report.scenario) if poor else None
     if not isinstance(setup, TrackingSetup):
         return notes
@@ -142,10 +179,10 @@ def _silent_steps(setup: TrackingSetup) -> list[str]:
     ]
 
 
-def _parted(setup: BeaconSetup | NetworkSetup, positions: Floats, replicate: int) -> list[str]:
+def _parted(setup: BeaconSetup | NetworkSetup, positions: Floats) -> list[str]:
     """The note on a network that falls into parts."""
-    said = connectivity.note(setup, positions)
-    return [f"run {replicate}: {said}"] if said else []
+    said = parted(setup, positions)
+    return [f"run 0: {said}"] if said else []
 
 
 def reasons(report: Report, figures: Mapping[str, Any]) -> dict[str, str]:
@@ -167,11 +204,11 @@ def _reason(key: str, report: Report, figures: Mapping[str, Any]) -> str:
         return f"an interval needs {LEAST_RUNS} runs" if few else "it is known in too few runs"
     if base.startswith("bound") and figures["bound_reason"]:
         return str(figures["bound_reason"])
-    if base in OF_NETWORKS and report.scenario.network is not None:
+    if base in NETWORK_ONLY and report.scenario.network is not None:
         return NO_NETWORK
-    if base in OF_ESTIMATES or (base in REASONS and REASONS[base] == NO_THREE and math.isnan(figures["rmse"])):
+    if base in OF_THREE and math.isnan(figures["rmse"]):
         return NO_ESTIMATE
-    return REASONS.get(base, UNKNOWN)
+    return (FIGURES[base].unknown if base in FIGURES else "") or UNKNOWN
 
 
 def _visibilities(setup: TrackingSetup, conditions: InitialConditions, steps: int) -> list[_Visibility]:
@@ -210,3 +247,89 @@ def _visibility_notes(setup: TrackingSetup, runs: Sequence[Sequence[_Visibility]
             place = named(setup.deploy.field)
             notes.append(f"{when}: target {target} is outside {place} at {outside:,.4g} of {steps:,.4g} steps")
     return notes
+
+
+MOST: Final = 20_000
+"""Nodes above which nothing is said: a graph of more takes seconds [our choice]."""
+USABLE: Final = 0.5
+"""Ratio of frames that a recorded link must deliver in both directions."""
+SHOWN: Final = 4
+"""Parts whose sizes are given."""
+
+
+def parts(positions: Floats, reach: float) -> list[Ints]:
+    """The nodes of each connected part of a network, the largest first.
+
+    Args:
+        positions: (N, 2) positions in m.
+        reach: communication range in m.
+    """
+    from scipy.spatial import KDTree  # slow to import; for `wsnsim check` alone
+
+    return _joined(len(positions), KDTree(positions).query_pairs(reach))
+
+
+def recorded_parts(link: RecordsLinks, nodes: int) -> list[Ints]:
+    """The nodes of each connected part of a network of recorded links, the largest first."""
+    found = [link.heard(0, source) for source in range(nodes)]
+    usable = {(i, to) for i, (ids, _, ratios) in enumerate(found) for to in ids[ratios >= USABLE].tolist()}
+    return _joined(nodes, {(a, b) for a, b in usable if (b, a) in usable})
+
+
+def _joined(nodes: int, pairs: Iterable[tuple[int, int]]) -> list[Ints]:
+    """The nodes of each part that pairs of linked nodes join, the largest first."""
+    import networkx as nx  # slow to import; for `wsnsim check` alone
+
+    graph = nx.empty_graph(nodes)
+    graph.add_edges_from(pairs)
+    found = sorted(nx.connected_components(graph), key=lambda part: (-len(part), min(part)))
+    return [np.array(sorted(part)) for part in found]
+
+
+def parted(setup: NetworkSetup | BeaconSetup, positions: Floats) -> str:
+    """A sentence on the parts of a network, '' if it is in one piece or too large to be looked at."""
+    reach = setup.link.reach
+    if not 1 < len(positions) <= MOST or not np.isfinite(reach):
+        return ""
+    if isinstance(setup.link, RecordsLinks):
+        found, links = recorded_parts(setup.link, len(positions)), "recorded link that delivers half of the frames"
+    elif said := nobody(positions, reach):
+        return said
+    else:
+        found, links = parts(positions, reach), f"link of {reach:g} m"
+    if len(found) == 1:
+        return ""
+    sizes = ", ".join(str(len(part)) for part in found[:SHOWN]) + (", ..." if len(found) > SHOWN else "")
+    alone = sum(len(part) == 1 for part in found)
+    lonely = f"; {alone} nodes have no neighbour" if alone else ""
+    said = f"the network is in {len(found)} parts, of {sizes} nodes, that no {links} joins{lonely}"
+    return said + _cut_off(setup.sink_points, positions, found)
+
+
+def _cut_off(points: Sequence[tuple[float, float]], positions: Floats, found: Sequence[Ints]) -> str:
+    """How many nodes are in parts without a sink, in words; '' if there is no sink, or none is.
+
+    Args:
+        points: (x, y) in m of each sink, which is the node nearest to it.
+        positions: (N, 2) positions in m.
+        found: the nodes of each part.
+    """
+    sinks = {int(np.hypot(*(positions - point).T).argmin()) for point in points}
+    count = sum(len(part) for part in found if sinks.isdisjoint(part.tolist()))
+    if not sinks or not count:
+        return ""
+    which = f"the sink, node {next(iter(sinks))}" if len(sinks) == 1 else "a sink, nodes " + ", ".join(map(str, sinks))
+    return f"; {count} of {len(positions)} nodes have no path to {which}"
+
+
+def nobody(positions: Floats, reach: float) -> str:
+    """A sentence on a network of several nodes of which none is within `reach` m of another, '' for any other."""
+    from scipy.spatial import KDTree
+
+    nearest = float(KDTree(positions).query(positions, k=2)[0][:, 1].min())
+    if nearest <= reach:
+        return ""
+    return (
+        f"no node is within the communication range of {reach:g} m of another: no frame can be received; the two "
+        f"nearest are {nearest:.4g} m apart"
+    )

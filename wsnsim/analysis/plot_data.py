@@ -16,7 +16,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.recording as recording
-from wsnsim.analysis.quantities import loss_rule
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.tables import CAUSES
@@ -164,15 +163,6 @@ def errors(path: str | Path) -> PositionErrors:
     times = np.zeros(len(steps))
     times[at] = table["time"]
     return PositionErrors(result, steps, times)
-
-
-def lost_runs(path: str | Path) -> tuple[int, int, str] | None:
-    """The numbers of runs with a track lost at any time, and lost at the end, and when it is; None without `runs`."""
-    if "runs" not in recording.table_names(path):
-        return None
-    rows, plan = recording.read_table(path, "runs"), layout(path)
-    rule = loss_rule(rows, plan.units[plan.position[0]])
-    return int((rows["losses"] > 0).sum()), int((rows["lost"] > 0).sum()), rule
 
 
 def spent(path: str | Path) -> tuple[Floats, Floats, int]:

@@ -16,8 +16,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from wsnsim.analysis import plot_data, recorded_bounds
-from wsnsim.analysis.answer_facts import fault_kinds
+from wsnsim.analysis import error_bounds, plot_data
 from wsnsim.analysis.consistency import Statistic, step_consistency
 from wsnsim.analysis.figure_style import (
     BLACK,
@@ -34,9 +33,12 @@ from wsnsim.analysis.figure_style import (
 )
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.plot_data import Columns, StateLayout, bracketed
+from wsnsim.analysis.quantities import loss_rule
+from wsnsim.analysis.result_facts import fault_kinds, position_unit
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.tables import CAUSES
+from wsnsim.recording import read_table, table_names
 
 CAUSE_COLOURS: Final = dict(
     zip(CAUSES, (ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, PALE, PURPLE, BLACK), strict=True)
@@ -45,6 +47,11 @@ LOG_FROM: Final = 100.0
 """Ratio of the largest to the smallest error from which on the axis is logarithmic (our choice)."""
 CONSISTENCY: Final[tuple[tuple[str, Statistic, str], ...]] = (("NEES", "nees", BLUE), ("NIS", "nis", ORANGE))
 """What the plot of consistency shows: name, statistic, colour."""
+LEGEND: Final[dict[str, Any]] = {
+    "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.1, "borderpad": 0.2,
+    "handlelength": 1.4, "columnspacing": 1.0,
+}  # fmt: skip
+"""A legend between the title and the data."""
 LEAST_WEIGHT: Final = 1e-6
 """Particles below this share of the largest weight are not drawn (our choice)."""
 
@@ -82,7 +89,7 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     plan = plot_data.layout(path)
     errors, steps, times = plot_data.errors(path)
     runs, targets, _ = errors.shape
-    rows, lost = errors.reshape(-1, len(steps)), plot_data.lost_runs(path)
+    rows = errors.reshape(-1, len(steps))
     of_runs = counted(runs, "run") + (f" × {targets} targets" if targets > 1 else "")
     mean = metrics.per_step_rmse(rows)
     shown = mean
@@ -93,7 +100,7 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
         shown = np.concatenate([mean, middle])
     name = f"error of {of_runs}" if len(rows) == 1 else "RMSE"
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=name, **_marks(mean))
-    if (limit := recorded_bounds.in_range(path, plugins)) is not None:
+    if (limit := error_bounds.in_range(path, plugins)) is not None:
         bound = limit.rmse[steps - 1]
         faults = fault_kinds(plot_data.stored_json(path, "scenario/resolved_json"))
         name = "trajectory-conditional CRLB" + (" without faults" if faults else "")
@@ -102,21 +109,18 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     _scaled(axes, shown)
     if len(times) > 1:
         axes.set_xlim(0.0, float(times[-1]))
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("position error" + bracketed(plan.units[plan.position[0]]))
-    return _titled(axes, "position error" + _loss_text(lost, of_runs))
+    label = "position error" + bracketed(plan.units[plan.position[0]])
+    return _titled(axes, f"position error{_loss_text(path, of_runs)}", label)
 
 
-def _loss_text(lost: tuple[int, int, str] | None, of_runs: str) -> str:
+def _loss_text(path: str | Path, of_runs: str) -> str:
     """In how many runs a track was lost at any time, how many of them lost it for good, and by which rule."""
-    if lost is None:
+    if "runs" not in table_names(path):
         return ""
-    ever, at_end, rule = lost
-    return (
-        f", {ever} of {of_runs} lost"
-        + (f" ({at_end} at the end)" if ever else "")
-        + (f"\nlost: {rule}" if rule else "")
-    )
+    runs = read_table(path, "runs")
+    ever, at_end = ((runs[name] > 0).sum() for name in ("losses", "lost"))
+    rule = loss_rule(runs, position_unit(path))
+    return f", {ever} of {of_runs} lost" + f" ({at_end} at the end)" * bool(ever) + (f"\nlost: {rule}" if rule else "")
 
 
 def consistency(axes: Axes, path: str | Path) -> Axes:
@@ -141,9 +145,7 @@ def consistency(axes: Axes, path: str | Path) -> Axes:
         shown.append(found.values)
     axes.axhline(1.0, color=BLACK, linewidth=1.0, linestyle=":", label="consistent")
     _scaled(axes, np.concatenate([*shown, [1.0]]))
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("per degree of freedom")
-    return _titled(axes, f"consistency, time average: {', '.join(averages)}")
+    return _titled(axes, f"consistency, time average: {', '.join(averages)}", "per degree of freedom")
 
 
 def energy(axes: Axes, path: str | Path) -> Axes:
@@ -158,10 +160,8 @@ def energy(axes: Axes, path: str | Path) -> Axes:
         colors=[CAUSE_COLOURS[word] for word in words],
         linewidth=0,
     )
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("energy spent [J]")
     axes.set_ylim(bottom=0)
-    return _titled(axes, f"energy spent by the network, mean of {counted(runs, 'run')}")
+    return _titled(axes, f"energy spent by the network, mean of {counted(runs, 'run')}", "energy spent [J]")
 
 
 def particles(
@@ -278,18 +278,12 @@ def _which(replicate: int, target: int) -> str:
     return f"replicate {replicate}" + (f", target {target}" if target else "")
 
 
-def _titled(axes: Axes, title: str) -> Axes:
-    """Set the title, and between it and the data the legend in one row."""
+def _titled(axes: Axes, title: str, of_time: str = "") -> Axes:
+    """Set the title, and between it and the data the legend in one row; labels of what is drawn over time."""
+    if of_time:
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(of_time)
     axes.set_title(title, loc="left", pad=20)
     handles, _ = axes.get_legend_handles_labels()
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=len(handles),
-        frameon=False,
-        borderaxespad=0.1,
-        borderpad=0.2,
-        handlelength=1.4,
-        columnspacing=1.0,
-    )
+    axes.legend(ncols=len(handles), **LEGEND)
     return axes

@@ -1,58 +1,28 @@
 """The summary quantities of a result: name, definition, unit and value of each, wherever it is shown.
 
-    arrays = stored_arrays.read_arrays(path)           of a result file; or `ResultArrays(...)` of a report
-    QUANTITIES["rmse"].value(arrays)                   .interval(arrays), .text(value, unit)
-    values(arrays) -> {key: value}                     worth_showing(arrays) -> keys
+    facts = facts_of_file(path)                        or `facts_of_report(report)`
+    QUANTITIES["rmse"].value(facts)                    .interval(facts), .text(value, unit)
+    values(facts) -> {key: value}                      worth_showing(facts) -> keys
 
-Terminal, `wsnsim info`, page and JSON take names and values from here. Intervals are 95 % bootstrap intervals over
-runs, from five runs on. Values that are unknown (NaN) in a run are left out.
+`quantities.table` is the list. Terminal, `wsnsim info`, page and JSON take names, cells and reasons from it. Intervals
+are 95 % bootstrap intervals over runs, from five runs on. Values that are unknown (NaN) in a run are left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from wsnsim.analysis.result_facts import ResultFacts
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
+from wsnsim.base.files import read_sections
 
 NAN: Final = float("nan")
-POSITION_UNIT: Final = "position"
-"""Stands for the unit of the motion model's position, which only the result knows."""
-LATENCY: Final = "latency"
-"""Stands for seconds, written in ms where they are below one."""
-
-
-@dataclass(frozen=True)
-class ResultArrays:
-    """The arrays that summary quantities are computed from.
-
-    Attributes:
-        errors: (runs, targets, steps) position errors, NaN without an estimate; empty if they were not recorded.
-        runs: the columns of the table `runs`, (runs,) each.
-        has_targets: whether there is a target to track.
-        tracks: columns of the table `tracks`, (runs, targets) each; empty if they are not needed.
-        size: the number of position columns.
-    """
-
-    errors: Floats
-    runs: Mapping[str, Floats]
-    has_targets: bool = True
-    tracks: Mapping[str, Floats] = field(default_factory=dict)
-    size: int = 2
-
-    @property
-    def consistent(self) -> float:
-        """The median NEES per column of a consistent filter."""
-        return metrics.CONSISTENT_MEDIANS.get(self.size, NAN)
-
-    @property
-    def has_network(self) -> bool:
-        """Whether a network was simulated: without one, no energy is spent."""
-        return bool(np.isfinite(self.runs.get("energy", np.empty(0))).any())
 
 
 def time_averaged_rmse(errors: Floats) -> float:
@@ -77,196 +47,111 @@ def interval(samples: Floats, statistic: Callable[[Floats], float]) -> tuple[flo
     return metrics.bootstrap_interval(samples, statistic) if np.isfinite(samples).any() else (NAN, NAN)
 
 
-def _delivery_ratio(receptions: Floats) -> float:
+def delivery_ratio(receptions: Floats) -> float:
     """Successful receptions as a share of the intended ones, of (runs, 2) counts."""
     successful, intended = receptions.sum(axis=0)
     return float(successful / intended) if intended > 0 else NAN
 
 
+STATISTICS: Final[dict[str, Callable[[Floats], float]]] = {
+    "mean": metrics.mean_error,
+    "median": metrics.median_error,
+    "median_time": median_time,
+    "share_above_zero": share_above_zero,
+    "time_averaged_rmse": time_averaged_rmse,
+    "delivery_ratio": delivery_ratio,
+}
+
+
 @dataclass(frozen=True)
 class SummaryQuantity:
-    """A quantity that sums up the runs of a result.
+    """A quantity that sums up the runs of a result; the fields are the cells of `quantities.table`.
 
     Attributes:
         name: its name wherever it is shown.
-        definition: what it is, in a sentence without a full stop.
         form: how its value is written, without its unit.
-        unit: its SI unit; `POSITION_UNIT` for that of the position; `LATENCY` for s, written in ms below one.
-        columns: the columns of `runs` that it is computed from; none: the position errors.
-        statistic: the value, of a row per run.
-        of_tracks: whether the columns are those of `tracks`.
+        unit: its SI unit; `position` for that of the position, which only the result knows; `latency` for s, written
+            in ms below one.
+        flags: where it is shown, in words: `page`, `interval`, `nonzero`, `network`.
+        unknown: why it has no value, where it is always for the same reason.
+        columns: the columns of `runs` that it is computed from, or of `tracks`, with a dot before the name; none: the
+            position errors.
+        statistic: the name of what gives the value, of a row per run; a key of `STATISTICS`.
+        definition: what it is, in a sentence without a full stop.
     """
 
     name: str
-    definition: str
     form: str
     unit: str
-    columns: tuple[str, ...]
-    statistic: Callable[[Floats], float] = metrics.mean_error
-    of_tracks: bool = False
+    flags: str
+    unknown: str
+    columns: str = ""
+    statistic: str = ""
+    definition: str = ""
 
-    def samples(self, arrays: ResultArrays) -> Floats:
+    def samples(self, facts: ResultFacts) -> Floats:
         """What the value is computed from, a row per run; empty if it was not recorded."""
         if not self.columns:
-            return arrays.errors
-        table = arrays.tracks if self.of_tracks else arrays.runs
-        if not set(self.columns) <= table.keys():
+            return facts.recorded.errors
+        table = facts.tracks if self.columns.startswith(".") else facts.runs
+        names = self.columns.removeprefix(".").split()
+        if not set(names) <= table.keys():
             return np.empty(0)
-        columns = [table[name] for name in self.columns]
-        return columns[0] if len(columns) == 1 else np.stack(columns, axis=1)
+        return table[names[0]] if len(names) == 1 else np.stack([table[name] for name in names], axis=1)
 
-    def value(self, arrays: ResultArrays) -> float:
+    def value(self, facts: ResultFacts) -> float:
         """The value over all runs; NaN if it is unknown."""
-        samples = self.samples(arrays)
-        return self.statistic(samples) if samples.size else NAN
+        samples = self.samples(facts)
+        return STATISTICS[self.statistic](samples) if samples.size else NAN
 
-    def interval(self, arrays: ResultArrays) -> tuple[float, float]:
+    def interval(self, facts: ResultFacts) -> tuple[float, float]:
         """The 95 % bootstrap interval over runs; NaN with fewer than five runs, or if the value is unknown.
 
         The targets of one run share its sensors, so they are resampled together.
         """
-        return interval(self.samples(arrays), self.statistic)
+        return interval(self.samples(facts), STATISTICS[self.statistic])
 
-    def text(self, value: float, position_unit: str) -> str:
+    def text(self, value: float, position_unit: str = "") -> str:
         """The value with its unit; "unknown" for NaN."""
         if np.isnan(value):
             return "unknown"
-        if self.unit == LATENCY:
+        if self.unit == "latency":
             return f"{1e3 * value:.3g} ms" if value < 1.0 else f"{value:.3g} s"
-        unit = position_unit if self.unit == POSITION_UNIT else self.unit
+        unit = position_unit if self.unit == "position" else self.unit
         return f"{self.form.format(value)} {unit}".rstrip()
 
     def interval_text(self, low: float, high: float) -> str:
         """The interval in brackets, without the unit; empty if it is unknown."""
         if not np.isfinite(low):
             return ""
-        ends = (self.text(end, "") if self.unit == LATENCY else self.form.format(end) for end in (low, high))
+        ends = (self.text(end) if self.unit == "latency" else self.form.format(end) for end in (low, high))
         return f"[{', '.join(ends)}]"
 
 
-def _of_runs(
-    name: str, definition: str, form: str, unit: str, column: str, statistic: Callable[[Floats], float] | None = None
-) -> SummaryQuantity:
-    return SummaryQuantity(name, definition, form, unit, (column,), statistic or metrics.mean_error)
+def _listed() -> list[dict[str, SummaryQuantity]]:
+    """The two sections of the list, by key."""
+    sections = read_sections(Path(__file__).with_name("quantities.table"))
+    return [
+        {key: SummaryQuantity(name, form, unit, flags, unknown, *more)
+         for key, name, form, unit, flags, unknown, *more in section.rows}
+        for section in sections
+    ]  # fmt: skip
 
 
-QUANTITIES: Final[dict[str, SummaryQuantity]] = {
-    "rmse": SummaryQuantity(
-        "time-averaged RMSE", "mean over the steps of the RMSE over runs and targets at each step",
-        "{:.4f}", POSITION_UNIT, (), time_averaged_rmse,
-    ),
-    "rmse_median": _of_runs(
-        "median per-run RMSE", "median over the runs of each run's RMSE over steps and targets",
-        "{:.4f}", POSITION_UNIT, "rmse", metrics.median_error,
-    ),
-    "median_error": SummaryQuantity(
-        "median position error", "median over all runs, targets and steps", "{:.4f}", POSITION_UNIT, (),
-        metrics.median_error,
-    ),
-    "ever_lost": _of_runs(
-        "lost at any time", "share of the runs in which a track was lost at some time, found again or not",
-        "{:.1%}", "", "losses", share_above_zero,
-    ),
-    "lost": _of_runs(
-        "lost at the end", "share of the runs in which a track is lost at its last step", "{:.1%}", "", "lost"
-    ),
-    "lost_limit": _of_runs(
-        "lost: error above", "error above which a track is lost that has it for the window (key lost.limit)",
-        "{:.4g}", POSITION_UNIT, "lost_limit",
-    ),
-    "lost_window": _of_runs(
-        "lost: that, or no estimate, for", "time for which the error of a lost track is above the limit, or for which "
-        "it has no estimate (key lost.window)", "{:.4g}", "s", "lost_window",
-    ),
-    "losses": _of_runs(
-        "track losses", "losses of tracks in a run, those that ended included, mean", "{:.3g}", "", "losses"
-    ),
-    "time_lost": _of_runs(
-        "time lost", "time for which a track was lost in a run, mean over targets and runs", "{:.3g}", "s", "time_lost"
-    ),
-    "lost_share": _of_runs(
-        "share of steps lost", "share of the steps at which a track was lost", "{:.1%}", "", "lost_share"
-    ),
-    "tracked": _of_runs("steps tracked", "share of the steps with an estimate in time", "{:.1%}", "", "tracked"),
-    "nees": _of_runs(
-        "average NEES of the position", "per column, mean over the runs of each run's time average; 1: consistent",
-        "{:.3g}", "", "nees",
-    ),
-    "nees_median": _of_runs(
-        "median NEES of the position", "per column, median over the runs of each run's median over its steps; a "
-        "consistent filter has 0.69 in the plane, 0.45 on a line", "{:.3g}", "", "nees_median", metrics.median_error,
-    ),
-    "singular": _of_runs(
-        "singular covariances", "estimates of a run whose position covariance is singular, which have no NEES, mean",
-        "{:.4g}", "", "singular",
-    ),
-    "nis": _of_runs(
-        "average NIS", "per measurement, mean over the runs of each run's time average; 1: consistent",
-        "{:.3g}", "", "nis",
-    ),
-    "delay": SummaryQuantity(
-        "latency at the cluster head, median", "median time from a step to its estimate, median over the tracks",
-        "{:.3g}", LATENCY, ("delay",), metrics.median_error, of_tracks=True,
-    ),
-    "report_delay": SummaryQuantity(
-        "end-to-end latency, median",
-        "median time from a step until its estimate is at a sink, median over the tracks of which one arrived",
-        "{:.3g}", LATENCY, ("report_delay",), metrics.median_error, of_tracks=True,
-    ),
-    "energy": _of_runs("energy spent", "energy that the network spent in a run, mean", "{:.4g}", "J", "energy"),
-    "handovers": _of_runs("handovers", "handovers begun in a run, mean", "{:.4g}", "", "handovers"),
-    "frames_sent": _of_runs("bursts sent", "bursts put on the air in a run, mean", "{:,.0f}", "", "frames_sent"),
-    "frames_lost": _of_runs(
-        "bursts lost", "bursts of which a packet did not arrive, in a run, mean", "{:,.0f}", "", "frames_lost"
-    ),
-    "packets_sent": _of_runs("packets sent", "packets put on the air in a run, mean", "{:,.0f}", "", "packets_sent"),
-    "in_range": _of_runs(
-        "intended receptions", "receptions by nodes that a burst was meant for, in a run, mean",
-        "{:,.0f}", "", "in_range",
-    ),
-    "delivered": _of_runs(
-        "successful receptions", "intended receptions that succeeded, in a run, mean", "{:,.0f}", "", "delivered"
-    ),
-    "packet_delivery_ratio": SummaryQuantity(
-        "packet delivery ratio", "successful receptions as a share of the intended ones, over all runs",
-        "{:.2%}", "", ("delivered", "in_range"), _delivery_ratio,
-    ),
-    "collided": _of_runs(
-        "collided receptions", "intended receptions lost to another transmission, in a run, mean",
-        "{:,.0f}", "", "collided",
-    ),
-    "retries": _of_runs("retransmissions", "frames sent again in a run, mean", "{:,.0f}", "", "retries"),
-    "access_failures": _of_runs(
-        "channel-access failures", "frames dropped because the channel was always busy, in a run, mean",
-        "{:,.0f}", "", "access_failures",
-    ),
-    "cycles": _of_runs("operations computed", "operations stated by the tracker, mean", "{:,.0f}", "", "cycles"),
-    "awake": _of_runs("awake time of nodes", "share of the nodes' time that they were awake", "{:.1%}", "", "awake"),
-    "radio_on": _of_runs(
-        "radios on", "share of the nodes' time that their radios sent, received or listened", "{:.2%}", "", "radio_on"
-    ),
-    "hurried": _of_runs(
-        "at the short wake interval", "share of the nodes' time that they were told to hurry", "{:.2%}", "", "hurried"
-    ),
-    "alive": _of_runs("nodes alive at the end", "mean over the runs", "{:.4g}", "", "alive"),
-    "first_death": _of_runs(
-        "first death of a node, median", "median over the runs; unknown if no node died in half of them",
-        "{:.4g}", "s", "first_death", median_time,
-    ),
-    "half_dead": _of_runs(
-        "half of the nodes dead, median", "median over the runs; unknown if this did not happen in half of them",
-        "{:.4g}", "s", "half_dead", median_time,
-    ),
-    "coverage": _of_runs(
-        "coverage at the end", "share of the field within sensing range of a living node, mean",
-        "{:.1%}", "", "coverage",
-    ),
-    "cpu_seconds": _of_runs("CPU time per run", "processor time of a run, mean", "{:.2f}", "s", "cpu_seconds"),
-}  # fmt: skip
+QUANTITIES, _OTHERS = _listed()
 """By the key that JSON has for it, in the order in which they are shown."""
-NETWORK_ONLY: Final = ("handovers", "frames_lost", "in_range", "delivered", "packet_delivery_ratio", "alive")
-"""Quantities that mean nothing without a network."""
-ONLY_IF_NOT_ZERO: Final = ("singular", "collided", "retries", "access_failures", "frames_lost", "handovers", "cycles")
+FIGURES: Final = QUANTITIES | _OTHERS
+"""The quantities, and what a summary computes beside them."""
+
+
+def flagged(flag: str) -> tuple[str, ...]:
+    """The keys of the figures with a flag, in their order."""
+    return tuple(key for key, quantity in FIGURES.items() if flag in quantity.flags.split())
+
+
+ONLY_IF_NOT_ZERO: Final = flagged("nonzero")
+NETWORK_ONLY: Final = flagged("network")
+"""What means nothing without a network."""
 CONSISTENCY_NOTE: Final = (
     "NEES, NIS: squares of errors and of innovations over their covariances; 1: consistent, above 1: overconfident"
 )
@@ -316,22 +201,22 @@ def run_metric_name(metric: str) -> str:
     return names.get(metric, metric.replace("_", " "))
 
 
-def values(arrays: ResultArrays) -> dict[str, float]:
+def values(facts: ResultFacts) -> dict[str, float]:
     """The value of every quantity that is known and means something, by its key."""
-    found = {key: quantity.value(arrays) for key, quantity in QUANTITIES.items()}
-    left_out = () if arrays.has_network else NETWORK_ONLY
-    return {key: value for key, value in found.items() if np.isfinite(value) and key not in left_out}
+    left_out = () if facts.has_network else NETWORK_ONLY
+    found = {key: quantity.value(facts) for key, quantity in QUANTITIES.items() if key not in left_out}
+    return {key: value for key, value in found.items() if np.isfinite(value)}
 
 
-def medians(arrays: ResultArrays) -> dict[str, float]:
+def medians(facts: ResultFacts) -> dict[str, float]:
     """The median over runs of each mean that one run, or few, decide: that is more than `DECIDED` times the median."""
-    found = {"rmse": QUANTITIES["rmse_median"].value(arrays)}
+    found = {"rmse": QUANTITIES["rmse_median"].value(facts)}
     for key, quantity in QUANTITIES.items():
-        samples = quantity.samples(arrays)
-        of_runs = samples.ndim == 1 and quantity.statistic is metrics.mean_error and "%" not in quantity.form
+        samples = quantity.samples(facts)
+        of_runs = samples.ndim == 1 and quantity.statistic == "mean" and "%" not in quantity.form
         if of_runs and samples.size and key != "cpu_seconds":
             found[key] = metrics.median_error(samples)
-    return {key: middle for key, middle in found.items() if QUANTITIES[key].value(arrays) > DECIDED * middle > 0.0}
+    return {key: middle for key, middle in found.items() if QUANTITIES[key].value(facts) > DECIDED * middle > 0.0}
 
 
 def beside(key: str, middles: Mapping[str, float], consistent: float, unit: str) -> str:
@@ -348,13 +233,13 @@ def beside(key: str, middles: Mapping[str, float], consistent: float, unit: str)
     return f"median over runs: {QUANTITIES[key].text(middles[key], unit)}" if key in middles else ""
 
 
-def worth_showing(arrays: ResultArrays) -> dict[str, float]:
+def worth_showing(facts: ResultFacts) -> dict[str, float]:
     """The values without those that say nothing: of what never happened, and of what is always so."""
-    found = values(arrays)
+    found = values(facts)
     dull = {key for key in ONLY_IF_NOT_ZERO if not found.get(key)}
     dull |= set() if found.get("delay") else {"delay"}
     dull |= {"awake"} if found.get("awake") == 1.0 else set()
     dull |= {"in_range", "delivered"} if found.get("packet_delivery_ratio") == 1.0 else set()
     dull |= set() if found.get("ever_lost") else {"losses", "time_lost", "lost_share"}
-    dull |= set() if arrays.has_targets else {"lost", "ever_lost"}
+    dull |= set() if facts.position else {"lost", "ever_lost"}
     return {key: value for key, value in found.items() if key not in dull}

@@ -9,31 +9,31 @@ from pathlib import Path
 from typing import Any
 
 from wsnsim.analysis.answer import answer
-from wsnsim.analysis.answer_facts import position_unit, read_arrays
 from wsnsim.analysis.phrases import counted, wrapped
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.quantities import QUANTITIES, beside, medians, values, worth_showing
+from wsnsim.analysis.result_facts import ResultFacts, facts_of_file
 from wsnsim.base.results import COUNTS, FILES, ROWS
 from wsnsim.recording import attributes, read_table, tables
 
 
-def info(path: str | Path, plugins: bool = False) -> dict[str, Any]:
+def info(path: str | Path, plugins: bool = False, facts: ResultFacts | None = None) -> dict[str, Any]:
     """The contents of a result file; of its long tables, only the errors are read.
 
-    `plugins` says whether plug-ins that the result's scenario names are imported for the bound in the answer.
+    `plugins` says whether plug-ins that the result's scenario names are imported for the bound in the answer. `facts`
+    are those of the file, if they are already known.
 
     Keys: file, answer (see `answer.answer`; '' if no run has finished), bytes, status, schema_version, wsnsim_version,
     name, seed, replicates, tables ({name: {rows, columns, bytes}}), figures ({key of `quantities.QUANTITIES`: value}),
     medians (see `quantities.medians`),
     position_unit, fingerprints, provenance.
     """
-    root, arrays = attributes(path), read_arrays(path)
-    sizes = tables(path)
+    root, sizes, facts = attributes(path), tables(path), facts or facts_of_file(path)
     scenario = stored_json(path, "scenario/resolved_json")
     runs = read_table(path, "runs") if "runs" in sizes else {}
     return {
         "file": str(path),
-        "answer": answer(path, plugins=plugins),
+        "answer": answer(path, plugins=plugins, facts=facts),
         "bytes": Path(path).stat().st_size,
         "status": root["status"],
         "schema_version": root["schema_version"],
@@ -45,9 +45,9 @@ def info(path: str | Path, plugins: bool = False) -> dict[str, Any]:
             name: {"rows": size.rows, "columns": list(size.columns), "bytes": size.stored_bytes}
             for name, size in sizes.items()
         },
-        "figures": values(arrays),
-        "medians": medians(arrays),
-        "position_unit": position_unit(path),
+        "figures": values(facts),
+        "medians": medians(facts),
+        "position_unit": facts.unit,
         "fingerprints": [f"{value:016x}" for value in runs.get("fingerprint", ())],
         "provenance": stored_json(path, "provenance_json"),
     }
@@ -55,7 +55,8 @@ def info(path: str | Path, plugins: bool = False) -> dict[str, Any]:
 
 def info_text(path: str | Path, plugins: bool = False) -> str:
     """The contents of a result file for a terminal: the answer in a sentence first."""
-    about = info(path, plugins)
+    facts = facts_of_file(path)
+    about = info(path, plugins, facts)
     scenario = f"{about['name']}, seed {about['seed']}" if about["name"] else "(not stored)"
     runs = "" if about["replicates"] is None else f", {counted(about['replicates'], 'Monte Carlo run')}"
     lines = [
@@ -67,21 +68,20 @@ def info_text(path: str | Path, plugins: bool = False) -> str:
         *_table_lines(about["tables"]),
     ]
     if about["figures"]:
-        lines += ["", *_figure_lines(path, about["position_unit"])]
+        lines += ["", *_figure_lines(facts)]
     if len(about["fingerprints"]) == 1:
         lines.append(f"{'fingerprint':<25}{about['fingerprints'][0]}")
     return "\n".join(lines)
 
 
-def _figure_lines(path: str | Path, unit: str) -> list[str]:
-    arrays = read_arrays(path)
-    shown, middles = worth_showing(arrays), medians(arrays)
+def _figure_lines(facts: ResultFacts) -> list[str]:
+    shown, middles, unit = worth_showing(facts), medians(facts), facts.unit
     width = max(map(len, (QUANTITIES[key].name for key in shown)), default=0) + 2
-    cells = {
-        key: (QUANTITIES[key].text(value, unit), beside(key, middles, arrays.consistent, unit))
+    return [
+        f"{QUANTITIES[key].name:<{width}}{QUANTITIES[key].text(value, unit)}"
+        f"  {beside(key, middles, facts.consistent, unit)}".rstrip()
         for key, value in shown.items()
-    }
-    return [f"{QUANTITIES[key].name:<{width}}{'  '.join(filter(None, cell))}" for key, cell in cells.items()]
+    ]
 
 
 def _provenance_lines(origin: dict[str, Any], version: str) -> list[str]:

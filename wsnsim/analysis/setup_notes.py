@@ -1,9 +1,7 @@
-"""What is valid in a scenario and yet hardly meant: each note says why, with the figures and the nearest remedy.
+"""What is valid in a scenario and yet hardly meant, or changes nothing: the rules of `notes.RULES` on values.
 
-before_a_run(setup) -> notes        in_a_check(setup) -> notes
-
-They follow from the values of the scenario, by one table of rules. Nodes are placed only where links may be too short,
-or something fails.
+Each rule yields a note for what it finds in a setup: the path of a value, what is wrong with it, with the figures, and
+the nearest remedy.
 """
 
 from __future__ import annotations
@@ -15,24 +13,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis import connectivity
-from wsnsim.analysis.effect_notes import (
-    covering_range,
-    faults_between_instants,
-    faults_that_hit_nobody,
-    keys_without_effect,
-    parameters_without_effect,
-)
+from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import sample_positions
 from wsnsim.base.medium_access import CAP_SHARE, is_duty_cycled
-from wsnsim.base.network_ports import Field
-from wsnsim.base.radio import Mode, RecordsLinks, continuous_power
-from wsnsim.base.rng import Streams, derive_all
+from wsnsim.base.network_ports import FaultEvent, Field
+from wsnsim.base.radio import Mode, continuous_power
+from wsnsim.base.rng import Streams, derive, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
+from wsnsim.network.fault_services import ROUNDING
+from wsnsim.network.faults import places_hit
 
-SURELY_LINKED: Final = 3.0
-"""With more expected neighbours than this (mean over the field), some nodes are surely within range of another."""
 CROWD: Final = 20
 """Nodes that hear each other, for which beacons are thought to be too many [our choice]."""
 SAMPLED: Final = 64
@@ -65,24 +56,12 @@ def steps_across_the_field(setup: TrackingSetup) -> Iterator[str]:
     for i, motion in enumerate(setup.motions):
         speed = _greatest_speed(motion)
         if speed * setup.dt > side:
+            digit = 10.0 ** math.floor(math.log10(side / speed))
             yield (
                 f"{_of_target(setup, i)}: at {speed:g} m/s a target goes {speed * setup.dt:g} m in a step of "
                 f"{setup.dt:g} s, across all of {named(field)} and out of the sensing range of every node; give a "
-                f"step of at most {_rounded_down(side / speed)} s"
+                f"step of at most {math.floor(side / speed / digit) * digit:g} s"
             )
-
-
-def links_that_reach_nobody(setup: RadioSetup) -> Iterator[str]:
-    """A communication range within which no node has another, in the first run; looked for where nodes are sparse."""
-    if isinstance(setup.link, RecordsLinks):
-        return
-    field, reach = setup.deploy.field, setup.link.reach
-    if getattr(setup.deploy, "nodes", 0) * math.pi * reach**2 > SURELY_LINKED * field.width * field.height:
-        return
-    with contextlib.suppress(RunError):  # `notes.of_setup` says so
-        positions = sample_positions(setup, covering_range(setup), 0)
-        if len(positions) > 1 and (said := connectivity.nobody(positions, reach)):
-            yield f"run 0: {said}"
 
 
 def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
@@ -132,7 +111,8 @@ def sleep_that_costs_more(setup: RadioSetup) -> Iterator[str]:
     model = continuous_power(setup.energy)
     if model is None or setup.sleep.rest is not Mode.SCHEDULED:
         return
-    awake, asleep = (_power(model, mode) for mode in (Mode.AWAKE, Mode.ASLEEP))
+    powers = map(model.mode_power, (Mode.AWAKE, Mode.ASLEEP))
+    awake, asleep = (float(power.radio + power.processor) for power in powers)
     change = (model.switching(Mode.AWAKE, Mode.ASLEEP) + model.switching(Mode.ASLEEP, Mode.AWAKE)) / 2.0
     if asleep <= awake and not change:
         return
@@ -215,42 +195,116 @@ def beacons_that_fill_the_channel(setup: RadioSetup) -> Iterator[str]:
         )
 
 
-Rule = tuple[type[Setup], Callable[[Any], Iterator[str]]]
-RULES: Final[tuple[Rule, ...]] = (
-    (Setup, keys_without_effect),
-    (Setup, parameters_without_effect),
-    (Setup, faults_that_hit_nobody),
-    (Setup, faults_between_instants),
-    (TrackingSetup, motions_beyond_the_field),
-    (TrackingSetup, steps_across_the_field),
-    (RadioSetup, sink_outside_the_field),
-    (Setup, longer_than_the_run),
-    (RadioSetup, sleep_that_costs_more),
-    (NetworkSetup, steps_shorter_than_a_hop),
-    (NetworkSetup, rounds_longer_than_a_step),
-    (NetworkSetup, messages_after_their_step),
-    (RadioSetup, radios_that_save_nothing),
-    (RadioSetup, beacons_that_fill_the_channel),
+def _if(other: str, *values: Any) -> Callable[[Any, Setup], bool]:
+    """Whether another parameter has one of these values, or any but 0; it does where a plug-in lacks it."""
+
+    def counts(part: Any, _: Setup) -> bool:
+        value = getattr(part, other, values[0] if values else True)
+        return value in values if values else bool(value)
+
+    return counts
+
+
+def _with_targets(_: Any, setup: Setup) -> bool:
+    return isinstance(setup, TrackingSetup)
+
+
+def _with_slots(part: Any, setup: Setup) -> bool:
+    """Whether a MAC has slots inside clusters, or none of TDMA's parameters for them."""
+    return _with_targets(part, setup) or part.mechanism != "tdma"
+
+
+SLOTS: Final = ("acks", "guard", "slot", "schedule_bits", "contention", "idle_slots")
+"""Parameters of TDMA that count only inside clusters."""
+CONDITIONS: Final = (
+    ("detection", "stuck_at", _if("stuck"), "while no sensor is stuck: give detection.stuck"),
+    ("motion", "room", _if("course", "in_room"), "on this course: give motion.course: in_room"),
+    ("motion", "slack", _if("course", "in_room"), "on this course: give motion.course: in_room"),
+    ("sensor", "dof", _if("noise", "student_t"), "with this noise: give sensor.noise: student_t"),
+    ("sensor", "decorrelation", _if("shadowing"), "without shadowing: give sensor.shadowing"),
+    ("link", "capture_margin", _if("interference", "sinr"), "without link.interference: sinr"),
+    ("deploy", "position_error", _with_targets, "with a workload without targets"),
+    ("energy", "sensing", _with_targets, "with a workload without targets"),
+    *(("mac", key, _with_slots, "with a workload without targets") for key in SLOTS),
 )
-"""(setups that a rule is about, what it notes of one): the path of a value, what is wrong, and the nearest remedy."""
-BEFORE_A_RUN: Final[tuple[Rule, ...]] = (*RULES, (RadioSetup, links_that_reach_nobody))
-"""A check looks at the whole graph of links instead."""
-IN_A_CHECK: Final[tuple[Rule, ...]] = (*RULES, (TrackingSetup, window_out_of_reach))
-"""A short run, to try things, is meant to be short."""
+"""(role, parameter, whether it has an effect, what it needs) of parameters that depend on others."""
+
+READINGS: Final = ("stuck", "bias")
+LASTING: Final = (*READINGS, "blackout", "link_loss", "clock_step")
+"""Mechanisms that do nothing but last, and those of them that concern readings alone."""
+OUTAGES: Final = ("crash", "restart")
+"""Mechanisms that only stop readings where there is no network."""
 
 
-def before_a_run(setup: Setup) -> list[str]:
-    """What the values of a scenario make hardly meant, a sentence each, and whether no node can reach another."""
-    return _found(BEFORE_A_RUN, setup)
+def keys_without_effect(setup: Setup) -> Iterator[str]:
+    """Keys of the scenario about what this kind of run does not have."""
+    if setup.unused:
+        why = "network: none" if isinstance(setup, TrackingSetup) else "a workload without targets"
+        yield f"{', '.join(setup.unused)}: no effect with {why}"
 
 
-def in_a_check(setup: Setup) -> list[str]:
-    """What the values of a scenario make hardly meant, and what is so only in a run that is no trial."""
-    return _found(IN_A_CHECK, setup)
+def parameters_without_effect(setup: Setup) -> Iterator[str]:
+    """Parameters with another value than by default that count only with another one, or in another kind of run."""
+    for role, key, counts, need in CONDITIONS:
+        parts = (
+            setup.motions if role == "motion" and isinstance(setup, TrackingSetup) else (getattr(setup, role, None),)
+        )
+        for part in parts:
+            given = getattr(part, key, None) != getattr(type(part), key, None)
+            if given and not counts(part, setup):
+                yield f"{role}.{key}: no effect {need}"
 
 
-def _found(rules: tuple[Rule, ...], setup: Setup) -> list[str]:
-    return [note for about, rule in rules if isinstance(setup, about) for note in rule(setup)]
+def faults_that_hit_nobody(setup: Setup) -> Iterator[str]:
+    """Faults aimed at a share of so few nodes, at a region or at numbers where there is no node in the first run."""
+    aimed = [(number, fault) for number, fault in enumerate(setup.faults) if fault.head is None]
+    if not aimed:
+        return
+    with contextlib.suppress(RunError):  # `notes.of_setup` says so
+        positions = sample_positions(setup, covering_range(setup), 0)
+        grid, key = CellGrid(positions), Streams(setup.seed, 0).key("faults")
+        for number, fault in aimed:
+            if not places_hit(fault, derive(key, number), grid):
+                yield f"run 0: faults[{number}] ({fault.mechanism}) hits none of the {len(positions)} nodes"
+
+
+def faults_between_instants(setup: Setup) -> Iterator[str]:
+    """Faults whose times forbid an effect: they pass at once, or before or after sensors measure."""
+    for number, fault in enumerate(setup.faults):
+        standalone = not isinstance(setup, RadioSetup)
+        if fault.mechanism not in LASTING + OUTAGES * standalone or _ends_a_crash(fault, setup):
+            continue
+        searches = isinstance(setup, NetworkSetup) and setup.polls > 1
+        sensors_alone = (fault.mechanism in READINGS and not searches) or fault.mechanism in OUTAGES
+        end = setup.duration if fault.duration is None else min(fault.at + fault.duration, setup.duration)
+        name = f"faults[{number}] ({fault.mechanism}): no effect"
+        if fault.duration == 0.0:
+            yield f"{name} with a duration of 0 s"
+        elif sensors_alone and _instant_from(fault.at, setup) >= min(_instant_from(end, setup), setup.steps + 1):
+            last = f"every {setup.dt:g} s, up to {setup.steps * setup.dt:g} s"
+            yield f"{name} from {fault.at:g} s to {end:g} s: sensors measure {last}"
+
+
+def _instant_from(time: float, setup: Setup) -> int:
+    """The number of the first instant that is not before a time."""
+    return math.ceil(time / setup.dt - ROUNDING)
+
+
+def _ends_a_crash(fault: FaultEvent, setup: Setup) -> bool:
+    """Whether a restart may bring back nodes that are down by a crash."""
+    return fault.mechanism == "restart" and any(
+        other.mechanism == "crash"
+        and other.at <= fault.at <= other.at + (math.inf if other.duration is None else other.duration)
+        for other in setup.faults
+    )
+
+
+def covering_range(setup: Setup) -> float:
+    """The range that must cover the field: of the sensors, or of the links of a network without targets."""
+    if isinstance(setup, TrackingSetup):
+        return setup.sensor.reach
+    assert isinstance(setup, RadioSetup)
+    return setup.link.reach
 
 
 def _area(motion: Any) -> tuple[str, Box] | None:
@@ -279,12 +333,6 @@ def _greatest_speed(motion: Any) -> float:
     return math.hypot(*speeds) if speeds else 0.0
 
 
-def _power(model: Any, mode: Mode) -> float:
-    """Power in W of a node in a mode."""
-    power = model.mode_power(mode)
-    return float(power.radio + power.processor)
-
-
 def _of_target(setup: TrackingSetup, target: int) -> str:
     """The key of the motion of a target."""
     return "motion" if len(setup.motions) == 1 else f"targets[{target}]"
@@ -298,9 +346,3 @@ def _box(field: Field) -> Box:
 def named(field: Field) -> str:
     """The field with its size and centre, as notes name it."""
     return f"the field of {field.width:g} m by {field.height:g} m around ({field.centre[0]:g}, {field.centre[1]:g})"
-
-
-def _rounded_down(value: float) -> str:
-    """A value with one significant digit, not above it."""
-    unit = 10.0 ** math.floor(math.log10(value))
-    return f"{math.floor(value / unit) * unit:g}"

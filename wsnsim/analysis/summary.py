@@ -1,14 +1,15 @@
 """The summary of a run of a scenario as plain values: quantities, published values and bounds.
 
-as_json(report, published, bounds) -> dict        `summary_text.text` makes lines of it
+    as_json(report, published, bounds) -> dict        `summary_text.text` makes lines of it
 
 `published` may hold 'rmse' (in the position's unit), 'energy' (J), 'clusters', and 'rmse_px', 'rmse_vx', ... for the
-state columns.
+state columns. The summary of a run without targets is about receptions, links, and reports to sinks.
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
@@ -16,19 +17,19 @@ import numpy as np
 
 from wsnsim.analysis import notes
 from wsnsim.analysis.answer import comparable, sentence
-from wsnsim.analysis.answer_facts import facts_of_report
-from wsnsim.analysis.quantities import QUANTITIES, ResultArrays, interval, median_time, medians
+from wsnsim.analysis.phrases import REASONS
+from wsnsim.analysis.quantities import NETWORK_ONLY, QUANTITIES, flagged, interval, median_time, medians
+from wsnsim.analysis.result_facts import ResultFacts, errors_of, facts_of_report, joules_of
 from wsnsim.base import metrics
-from wsnsim.base.arrays import Floats
 from wsnsim.base.results import Report
+from wsnsim.base.tables import KIND
 from wsnsim.bounds import READINGS, bounds_of_run
+from wsnsim.recording import meanings, read_table
 
 SCHEMA_VERSION = 1
 NAN = float("nan")
-WITH_INTERVAL: Final = ("rmse", "rmse_median", "tracked", "nees", "nis")
-OF_THREE: Final = ("rmse_three", "mean_error_three", "median_error_three")
-"""Columns of `tracks`: errors at the steps with three readings or more."""
-NETWORK_ONLY: Final = ("handovers", "frames_lost", "delivered", "packet_delivery_ratio")
+STILL_COUNTED: Final = ("in_range", "alive")
+"""Quantities of networks that have a value without one."""
 
 
 class RunBounds(NamedTuple):
@@ -56,8 +57,10 @@ class RunBounds(NamedTuple):
 NOT_COMPUTED: Final = RunBounds(reason="not computed")
 
 
-def as_json(report: Report, published: Mapping[str, float], limits: RunBounds = NOT_COMPUTED) -> dict[str, Any]:
-    """The summary as one object: SI units, NaN for a quantity that does not exist.
+def as_json(
+    report: Report, published: Mapping[str, float] | None = None, limits: RunBounds = NOT_COMPUTED
+) -> dict[str, Any]:
+    """The summary as one object: SI units, NaN for a quantity that does not exist; of a run without targets, see below.
 
     `answer` is the sentence of `answer.answer`. The quantities of `quantities.QUANTITIES` have their keys there, except
     `lost`, which is `lost_fraction` here, and `cpu_seconds`, which is the sum over runs. `column_rmse` is the root mean
@@ -66,43 +69,66 @@ def as_json(report: Report, published: Mapping[str, float], limits: RunBounds = 
     decide (see `quantities.medians`), `nees_median_consistent` the `nees_median` of a consistent filter. Steps without
     an estimate are left out. `faults` holds the kinds of faults, which `bound` does not count. `notes` says what a
     reader must know beside the figures, and `unknown` why each figure without a value has none.
+
+    Without targets: a link is in range if an undisturbed beacon arrives with a probability of at least 0.5. `links`
+    counts these, `found_share` is the share of them on which a beacon arrived, and `over_weak_links` counts the
+    receptions over other links; they are NaN if the table `links` was not recorded, and `clock_error` and the like if
+    `clocks` was not. `delivered_share` is the packet delivery ratio. For reports to sinks see `_report_figures`.
     """
-    figures = _figures(report, published, limits)
+    if not report.states:
+        return _figures_without_target(report)
+    figures = _figures(report, published or {}, limits)
     unknown = notes.reasons(report, figures)
     if not limits.every and math.isfinite(limits.rmse) and not without_network(report):
         unknown |= dict.fromkeys(("bound_active", "bound_arrived"), notes.ON_REQUEST)
     return figures | {"notes": notes.of_report(report, figures), "unknown": unknown}
 
 
-def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) -> dict[str, Any]:
-    """The summary without its notes."""
-    arrays = result_arrays(report)
-    found = {key: quantity.value(arrays) for key, quantity in QUANTITIES.items()}
-    found |= dict.fromkeys(NETWORK_ONLY, NAN) if without_network(report) else {}
-    for key in WITH_INTERVAL:
-        found[f"{key}_low"], found[f"{key}_high"] = QUANTITIES[key].interval(arrays)
-    facts = facts_of_report(report)
+def _head(report: Report, answer: str) -> dict[str, Any]:
+    """What every summary begins with."""
     return {
         "schema_version": SCHEMA_VERSION,
-        "answer": sentence(facts, limits.judged),
+        "answer": answer,
         "name": report.scenario.name,
         "seed": report.scenario.seed,
         "file": str(report.out),
         "replicates": len(report.summaries),
-        "steps": int(arrays.runs["steps"].max()),
+    }
+
+
+def _costs(report: Report) -> dict[str, Any]:
+    """Time in s of all runs, and their fingerprints."""
+    return {
+        "cpu_seconds": float(np.sum([summary.run["cpu_seconds"] for summary in report.summaries])),
+        "wall_seconds": report.wall,
+        "fingerprints": [int(summary.run["fingerprint"]) for summary in report.summaries],
+    }
+
+
+def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) -> dict[str, Any]:
+    """The summary of a run with targets, without its notes."""
+    facts = facts_of_report(report)
+    found = {key: quantity.value(facts) for key, quantity in QUANTITIES.items()}
+    if without_network(report):
+        found |= dict.fromkeys((key for key in NETWORK_ONLY if key in found and key not in STILL_COUNTED), NAN)
+    for key in flagged("interval"):
+        found[f"{key}_low"], found[f"{key}_high"] = QUANTITIES[key].interval(facts)
+    clusters = NAN if without_network(report) else float(np.mean([summary.clusters for summary in report.summaries]))
+    return {
+        **_head(report, sentence(facts, limits.judged)),
+        "steps": int(facts.runs["steps"].max()),
         "targets": len(report.summaries[0].tracks),
-        "medians": {key: value for key, value in medians(arrays).items() if math.isfinite(found[key])},
-        "nees_median_consistent": arrays.consistent,
+        "medians": {key: value for key, value in medians(facts).items() if math.isfinite(found[key])},
+        "nees_median_consistent": facts.consistent,
         "lost_fraction": found.pop("lost"),
         **found,
         **_column_rmse(report),
-        "rmse_of_kept": _rmse_of_kept(report, arrays.errors),
-        **_energy_and_clusters(report),
-        "runs_with_deaths": int(np.isfinite(arrays.runs["first_death"]).sum()),
-        **_track_figures(report, arrays.errors),
-        "cpu_seconds": float(arrays.runs["cpu_seconds"].sum()),
-        "wall_seconds": report.wall,
-        "fingerprints": [int(summary.run["fingerprint"]) for summary in report.summaries],
+        "rmse_of_kept": _rmse_of_kept(facts),
+        "joules": dict(facts.joules),
+        "clusters": clusters,
+        "runs_with_deaths": int(np.isfinite(facts.runs["first_death"]).sum()),
+        **_track_figures(facts),
+        **_costs(report),
         "published": dict(published),
         "bound": limits.rmse,
         "bound_active": limits.active,
@@ -113,27 +139,6 @@ def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) 
     }
 
 
-def result_arrays(report: Report) -> ResultArrays:
-    """The arrays of a report that summary quantities are computed from."""
-    rows = [summary.run for summary in report.summaries]
-    columns = {name: np.array([row[name] for row in rows], dtype=np.float64) for name in rows[0]}
-    errors = _errors(report, max(summary.errors.shape[1] for summary in report.summaries))
-    names = [name for quantity in QUANTITIES.values() if quantity.of_tracks for name in quantity.columns]
-    tracks = {
-        name: np.array([[track[name] for track in summary.tracks] for summary in report.summaries], dtype=np.float64)
-        for name in names
-    }
-    return ResultArrays(errors, columns, bool(report.states), tracks, len(report.position))
-
-
-def _errors(report: Report, steps: int) -> Floats:
-    """(runs, targets, steps) position errors, NaN after the end of a run."""
-    errors = np.full((len(report.summaries), len(report.summaries[0].errors), steps), np.nan)
-    for row, summary in zip(errors, report.summaries, strict=True):
-        row[:, : summary.errors.shape[1]] = summary.errors
-    return errors
-
-
 def bounds_of_report(report: Report, every: bool = False) -> RunBounds:
     """The trajectory-conditional CRLBs of a report, averaged over the steps that have an estimate.
 
@@ -142,13 +147,15 @@ def bounds_of_report(report: Report, every: bool = False) -> RunBounds:
         every: whether those of active members and of readings that arrived are computed, too. They are known of a
             network whose events, estimates and clusters were recorded, and take several times as long.
     """
+    if not report.states:
+        return NOT_COMPUTED
     kind = "per_trajectory"
     readings = READINGS if every and not without_network(report) else READINGS[:1]
     replicates = [summary.run["replicate"] for summary in report.summaries]
     found, *of_members = bounds_of_run(report.out, readings, kind, replicates=replicates, scenario=report.scenario)
     if found.reason:
         return RunBounds(reason=found.reason, every=every)
-    errors = _errors(report, found.each.shape[-1])
+    errors = errors_of(report, found.each.shape[-1])
     judged = comparable(facts_of_report(report), found)
     limits = RunBounds(found.time_mean_at(errors), kind, judged=judged, every=every)
     if not of_members or not math.isfinite(limits.rmse):
@@ -162,36 +169,19 @@ def without_network(report: Report) -> bool:
     return report.scenario.network is not None
 
 
-def _energy_and_clusters(report: Report) -> dict[str, Any]:
-    """The joules by cause, and the number of clusters, means over the runs."""
-    causes = sorted({cause for summary in report.summaries for cause in summary.joules})
-    clusters = NAN if without_network(report) else float(np.mean([summary.clusters for summary in report.summaries]))
-    return {
-        "joules": {cause: float(np.mean([s.joules.get(cause, 0.0) for s in report.summaries])) for cause in causes},
-        "clusters": clusters,
-    }
-
-
-def _track_figures(report: Report, errors: Floats) -> dict[str, float]:
+def _track_figures(facts: ResultFacts) -> dict[str, float]:
     """What the table `tracks` adds: losses, latencies, steps with three readings, wake-ups."""
-    tracks, runs = [track for summary in report.summaries for track in summary.tracks], len(report.summaries)
-
-    def column(name: str) -> Floats:
-        return np.array([track[name] for track in tracks], dtype=np.float64)
-
-    def per_run(name: str) -> float:
-        return float(column(name).sum()) / runs
-
-    three = np.array([summary.run["tracked_three"] for summary in report.summaries], dtype=np.float64)
+    tracks = {name: column.ravel() for name, column in facts.tracks.items()}
+    three = facts.column("tracked_three")
     low, high = interval(three, metrics.mean_error)
-    steps = sum(summary.run["steps"] * len(summary.tracks) for summary in report.summaries) / runs
     summed = ("reacquired", "late", "received", "due", "woken", "ineffective", "ineffective_twenty", "called")
+    steps = float(facts.runs["steps"].sum()) * facts.tracks["lost_at"].shape[1] / facts.count
     return {
-        "lost_at": median_time(column("lost_at")),
-        **{name: per_run(name) for name in (*summed, "dismissed")},
-        "without_estimate": steps - per_run("reports"),
-        **{name: metrics.median_error(column(name)) for name in ("delay", "report_delay", *OF_THREE)},
-        "mean_error": metrics.mean_error(errors),
+        "lost_at": median_time(tracks["lost_at"]),
+        **{name: float(tracks[name].sum()) / facts.count for name in (*summed, "dismissed")},
+        "without_estimate": steps - float(tracks["reports"].sum()) / facts.count,
+        **{name: metrics.median_error(tracks[name]) for name in ("delay", "report_delay", *notes.OF_THREE)},
+        "mean_error": metrics.mean_error(facts.recorded.errors),
         "tracked_three": float(np.mean(three)),
         "tracked_three_low": low,
         "tracked_three_high": high,
@@ -208,7 +198,96 @@ def _column_rmse(report: Report) -> dict[str, dict[str, float]]:
     return {"column_rmse": pooled, "column_rmse_median": middle}
 
 
-def _rmse_of_kept(report: Report, errors: Floats) -> float:
+def _rmse_of_kept(facts: ResultFacts) -> float:
     """The time-averaged RMSE of the tracks that were not lost; NaN if all were."""
-    lost = np.array([[bool(track["lost"]) for track in summary.tracks] for summary in report.summaries])
-    return metrics.time_mean_rmse(errors[~lost]) if not lost.all() else NAN
+    lost = facts.tracks["lost"] > 0
+    return metrics.time_mean_rmse(facts.recorded.errors[~lost]) if not lost.all() else NAN
+
+
+MEAN_COLUMNS: Final = ("frames_sent", "in_range", "delivered", "collided", "access_failures", "alive")
+"""The columns of `runs` whose mean the summary of a run without targets has."""
+IN_RANGE: Final = 0.5
+"""Reception probability from which on a link counts as in range."""
+CLOCK_COLUMNS: Final = ("error", "error_max", "spread", "spread_max", "synchronised")
+
+
+def _figures_without_target(report: Report) -> dict[str, Any]:
+    """The summary of a run without targets, see `as_json`."""
+    facts = facts_of_report(report)
+    means = {name: facts.mean(name) for name in MEAN_COLUMNS}
+    in_range = means["in_range"]
+    return {
+        **_head(report, sentence(facts)),
+        "duration": report.scenario.duration,
+        **means,
+        "delivered_share": means["delivered"] / in_range if in_range else NAN,
+        "collided_share": means["collided"] / in_range if in_range else NAN,
+        **_link_figures(report),
+        **clock_figures(report),
+        **_report_figures(report, facts),
+        "energy": facts.mean("energy"),
+        "joules": joules_of(report),
+        **_costs(report),
+    }
+
+
+def _link_figures(report: Report) -> dict[str, float]:
+    """Links in range, neighbours of a node, share of links with a reception, and receptions over other links."""
+    unknown = dict.fromkeys(("links", "neighbours", "found_share", "over_weak_links"), NAN)
+    if not dict(report.scenario.record).get("links"):
+        return unknown
+    table = read_table(report.out, "links", ["replicate", "source", "chance", "received"])
+    strong = table["chance"] >= IN_RANGE
+    if not strong.any():
+        return unknown
+    senders = len(set(zip(table["replicate"].tolist(), table["source"].tolist(), strict=True)))
+    return {
+        "links": float(strong.sum()) / len(report.summaries),
+        "neighbours": float(strong.sum()) / senders,
+        "found_share": float(np.mean(table["received"][strong] > 0)),
+        "over_weak_links": float(table["received"][~strong].sum()) / len(report.summaries),
+    }
+
+
+def clock_figures(report: Report) -> dict[str, float]:
+    """The columns of `clocks` at the end of runs, mean over runs, with names such as `clock_error`.
+
+    NaN where the table was not recorded.
+    """
+    if not dict(report.scenario.record).get("clocks"):
+        return {f"clock_{name}": NAN for name in CLOCK_COLUMNS}
+    table = read_table(report.out, "clocks", ["replicate", *CLOCK_COLUMNS])
+    last = np.flatnonzero(np.diff(table["replicate"].astype(np.int64), append=-1))
+    return {f"clock_{name}": float(table[name][last].mean()) if last.size else NAN for name in CLOCK_COLUMNS}
+
+
+def _report_figures(report: Report, facts: ResultFacts) -> dict[str, Any]:
+    """The reports of a run to sinks; zeros and NaN if they were not recorded.
+
+    `reports` is the mean number per run, `received_share` the share that arrived, `report_delay` (s) the median time
+    until it did, `hops` their mean number, `sinks` the mean number per run at each sink, and `dropped` that of copies
+    that were dropped, by reason. Copies that were dropped may be of reports that arrived: an acknowledgement was lost.
+    """
+    table = facts.reports
+    received = table.get("received", np.empty(0))
+    arrived = np.isfinite(received)
+    known = {"received_share": NAN, "report_delay": NAN, "hops": NAN, "sinks": {}, "dropped": {}}
+    if received.size:
+        known |= {"received_share": float(arrived.mean()), "dropped": _dropped(report, facts.count)}
+    if arrived.any():
+        counts = sorted(Counter(table["sink"][arrived].tolist()).items())
+        known["report_delay"] = float(np.median((received - table["time"])[arrived]))
+        known["hops"] = float(table["hops"][arrived].mean())
+        known["sinks"] = {str(int(sink)): count / facts.count for sink, count in counts}
+    return {"reports": received.size / facts.count, **known}
+
+
+def _dropped(report: Report, runs: int) -> dict[str, float]:
+    """The mean number of copies of datagrams that were dropped, by reason."""
+    if not dict(report.scenario.record).get("events"):
+        return {}
+    table = read_table(report.out, "events", ["kind", "what"])
+    words = meanings(report.out, "events", "what")
+    codes = Counter(table["what"][table["kind"] == KIND["drop"]].tolist())
+    found = {words[code]: count / runs for code, count in codes.items()}
+    return {reason: found[reason] for reason in REASONS if reason in found and reason != "no_channel"}

@@ -1,33 +1,76 @@
 """The summary of a run of a scenario for a terminal: measured values, published values and bounds.
 
 text(report, published, source, limits) -> str
+summary_of(report, published, bounds, as_json) -> str, or plain values
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
-from wsnsim.analysis import answer_facts
-from wsnsim.analysis.phrases import counted, wrapped
-from wsnsim.analysis.quantities import BOUND_NOTE, CONSISTENCY_NOTE, ONLY_IF_NOT_ZERO, QUANTITIES, beside, bound_name
-from wsnsim.analysis.summary import NOT_COMPUTED, OF_THREE, RunBounds, as_json, without_network
+from wsnsim.analysis.notes import OF_THREE
+from wsnsim.analysis.phrases import REASONS, aligned, counted, wrapped
+from wsnsim.analysis.quantities import (
+    BOUND_NOTE,
+    CONSISTENCY_NOTE,
+    FIGURES,
+    ONLY_IF_NOT_ZERO,
+    QUANTITIES,
+    beside,
+    bound_name,
+)
+from wsnsim.analysis.summary import (
+    NOT_COMPUTED,
+    RunBounds,
+    as_json,
+    bounds_of_report,
+    clock_figures,
+    without_network,
+)
 from wsnsim.base.results import Report
 from wsnsim.base.tables import ONE_IS_BEST
+from wsnsim.scenario import resolved
 
 SummaryRow = tuple[str, str, str]
 """The name of a quantity, its measured value, and its published value."""
-Figures = Mapping[str, Any]
+Rows = Iterator[SummaryRow]
 Published = Mapping[str, float]
+PublishedLookup = Callable[[Mapping[str, Any]], tuple[Published, str]]
+"""A function that returns the published values of a resolved scenario by quantity, and the paper's name."""
 LOSS_KEYS: Final = {"ever_lost": "ever_lost", "lost_fraction": "lost"}
 """Shares of runs, each with its key in `quantities.QUANTITIES`."""
 CONSISTENCY: Final = ("nees", "nees_median", "singular", "nis")
 """Quantities of consistency; singular covariances only if there are any."""
 BOUND_KEYS: Final = {"bound": "in_range", "bound_active": "active", "bound_arrived": "arrived"}
+TRAFFIC: Final = (
+    "frames_sent", "frames_lost", "packets_sent", "packet_delivery_ratio", "collided", "retries", "access_failures",
+    "cycles",
+)  # fmt: skip
+TIME_UNITS: Final = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
 
-def text(report: Report, published: Published, source: str = "the paper", limits: RunBounds = NOT_COMPUTED) -> str:
+def summary_of(
+    report: Report, published: PublishedLookup, bounds: bool = False, json: bool = False
+) -> str | dict[str, Any]:
+    """The summary as lines, or as plain values.
+
+    Args:
+        report: what `experiment.run` returned.
+        published: gives the published values of a scenario.
+        bounds: whether all three bounds of the error are computed.
+        json: whether plain values are wanted.
+    """
+    values, paper = published(resolved(report.scenario)) if report.states else ({}, "")
+    limits = bounds_of_report(report, bounds)
+    return as_json(report, values, limits) if json else text(report, values, paper, limits)
+
+
+def text(
+    report: Report, published: Published | None = None, source: str = "the paper", limits: RunBounds = NOT_COMPUTED
+) -> str:
     """The summary as lines for a terminal: the answer in a sentence, then what it is of, and the table.
 
     Args:
@@ -36,180 +79,235 @@ def text(report: Report, published: Published, source: str = "the paper", limits
         source: the paper that they are from.
         limits: the bounds beside the errors.
     """
-    figures = as_json(report, published, limits)
-    replicates, unit = figures["replicates"], report.states[report.position[0]][1]
+    figures = as_json(report, published or {}, limits)
+    unit = report.states[report.position[0]][1] if report.states else ""
+    rows = _SummaryRows(figures, published or {}, unit, report)
+    lines = _lines_of_target(rows, source, limits) if report.states else aligned(list(rows.without_target()))
+    what = counted(figures["steps"], "step") if report.states else f"{figures['duration']:g} s of {_frames(report)}"
     heading = (
-        f"{figures['name']}: {counted(replicates, 'Monte Carlo run')} of {counted(figures['steps'], 'step')},"
-        f" seed {figures['seed']} → {figures['file']}"
+        f"{figures['name']}: {counted(figures['replicates'], 'Monte Carlo run')} of {what}, seed {figures['seed']}"
+        f" → {figures['file']}"
     )
-    rows = [("", "measured", f"published ({source})" if published else "")]
-    rows += (
-        _accuracy_rows(figures, published, report, limits.every)
-        + _tracking_rows(figures, unit)
-        + _latency_rows(figures)
-    )
-    if without_network(report):
-        rows += _load_rows(report)
-    else:
-        rows += _energy_rows(figures, published) + _network_rows(figures, published) + _lifetime_rows(figures)
-        rows += [(name, value, "") for name, value in answer_facts.clock_rows(answer_facts.clock_figures(report))]
-    widths = [max(len(row[i]) for row in rows) for i in range(2)]
-    lines = [f"  {row[0]:<{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]}".rstrip() for row in rows]
-    if limits.every and math.isfinite(figures["bound"]):
-        lines.append(f"  {BOUND_NOTE}")
-    if any(math.isfinite(figures[key]) for key in ONE_IS_BEST):
-        lines.append(f"  {CONSISTENCY_NOTE}")
-    if figures["bound_reason"] not in ("", NOT_COMPUTED.reason):
-        lines.append(f"  no bound: {figures['bound_reason']}")
-    lines += [f"  note: {note}" for note in figures["notes"]]
     cpu = QUANTITIES["cpu_seconds"]
-    took = f"  took {figures['wall_seconds']:.1f} s; {cpu.name} {cpu.text(figures['cpu_seconds'] / replicates, '')}"
+    took = (
+        f"  took {figures['wall_seconds']:.1f} s; {cpu.name} {cpu.text(figures['cpu_seconds'] / figures['replicates'])}"
+    )
     return "\n".join([*wrapped(figures["answer"]), heading, *lines, took])
 
 
-def _row(figures: Figures, key: str, unit: str = "", printed: str = "") -> SummaryRow:
-    """The row of a summary quantity, with its interval if there is one."""
-    quantity = QUANTITIES[key]
-    bounds = quantity.interval_text(figures.get(f"{key}_low", math.nan), figures.get(f"{key}_high", math.nan))
-    more = beside(key, figures["medians"], figures["nees_median_consistent"], unit)
-    return quantity.name, "  ".join(filter(None, [quantity.text(figures[key], unit), bounds, more])), printed
+def _frames(report: Report) -> str:
+    """What a run without targets sends."""
+    return "beacons" if report.scenario.workload.kind == "beacons" else "frames"
 
 
-def _accuracy_rows(figures: Figures, published: Published, report: Report, bounds: bool) -> list[SummaryRow]:
-    of, unit = QUANTITIES["rmse"], report.states[report.position[0]][1]
-    name, value, printed = _row(figures, "rmse", unit, of.text(published["rmse"], unit) if "rmse" in published else "")
-    rows = [(name, value + _of_steps(figures), printed)]
-    if figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]):
-        rows.append(("  of tracks not lost at the end", of.text(figures["rmse_of_kept"], unit), ""))
-    rows += [
-        (f"  {bound_name(readings, figures['faults'])}", of.text(figures[key], unit), "")
-        for key, readings in BOUND_KEYS.items()
-        if bounds and math.isfinite(figures[key])
-    ]
-    rows += [_row(figures, "rmse_median", unit), _row(figures, "median_error", unit)]
-    rows += _column_rows(figures["column_rmse"], published, dict(report.states))
-    rows += [_row(figures, key) for key in CONSISTENCY if figures[key] > 0.0]
-    return rows + _loss_rows(figures, unit)
+def _lines_of_target(summary: _SummaryRows, source: str, limits: RunBounds) -> list[str]:
+    """The table of a run with targets, and the notes below it."""
+    figures = summary.figures
+    rows = [("", "measured", f"published ({source})" if summary.published else ""), *summary.accuracy(limits.every)]
+    rows += [*summary.losses(), *summary.tracking(), *summary.latency()]
+    if without_network(summary.report):
+        rows += summary.load()
+    else:
+        rows += [*summary.energy(), *summary.network(), *summary.lifetime(), *summary.clocks()]
+    table = aligned([row[:2] for row in rows])
+    lines = [f"{line}  {row[2]}".rstrip() for line, row in zip(table, rows, strict=True)]
+    lines += [f"  {BOUND_NOTE}"] if limits.every and math.isfinite(figures["bound"]) else []
+    lines += [f"  {CONSISTENCY_NOTE}"] if any(math.isfinite(figures[key]) for key in ONE_IS_BEST) else []
+    lines += [] if figures["bound_reason"] in ("", NOT_COMPUTED.reason) else [f"  no bound: {figures['bound_reason']}"]
+    return lines + [f"  note: {note}" for note in figures["notes"]]
 
 
-def _loss_rows(figures: Figures, unit: str) -> list[SummaryRow]:
-    """In how many runs a track was lost at any time and at the end, how often and for how long, and by which rule."""
-    replicates, rows = figures["replicates"], []
-    known = [(key, name) for key, name in LOSS_KEYS.items() if math.isfinite(figures[key])]
-    for key, name in known:
-        count = round(figures[key] * replicates)
-        cell = f"{QUANTITIES[name].text(figures[key], '')} ({count} of {counted(replicates, 'run')})"
-        rows.append((QUANTITIES[name].name, cell, ""))
-    if figures["ever_lost"] > 0.0:
-        losses, time, share = (QUANTITIES[key].text(figures[key], "") for key in ("losses", "time_lost", "lost_share"))
-        rows.append(("  losses of a run, time lost", f"{losses}, {time} ({share} of the steps)", ""))
-    return rows + [_row(figures, key, unit) for key in ("lost_limit", "lost_window") if math.isfinite(figures[key])]
+@dataclass(frozen=True)
+class _SummaryRows:
+    """The rows of the table, by what they are about: the figures of `summary.as_json` in their cells."""
+
+    figures: Mapping[str, Any]
+    published: Published
+    unit: str
+    report: Report
+
+    def cell(self, key: str) -> str:
+        """The value of a figure with its unit."""
+        return FIGURES[key].text(self.figures[key], self.unit)
+
+    def row(self, key: str, when: bool = True, cell: str = "", after: str = "", pattern: str = "") -> Rows:
+        """The row of a figure, with its interval if there is one; no row unless `when`.
+
+        Args:
+            key: of the figure.
+            when: whether there is a row.
+            cell: what stands in place of its value.
+            after: what stands behind it.
+            pattern: how a published value is written, if the paper has one.
+        """
+        if when:
+            ends = (self.figures.get(f"{key}{end}", math.nan) for end in ("_low", "_high"))
+            more = beside(
+                key, self.figures.get("medians", {}), self.figures.get("nees_median_consistent", 0.0), self.unit
+            )
+            cell = cell or "  ".join(filter(None, [self.cell(key), FIGURES[key].interval_text(*ends), more]))
+            yield FIGURES[key].name, cell + after, self.printed(key, pattern)
+
+    def printed(self, key: str, pattern: str) -> str:
+        """The published value; empty if there is none."""
+        return pattern.format(self.published[key]).rstrip() if pattern and key in self.published else ""
+
+    def accuracy(self, bounds: bool) -> Rows:
+        """Errors, bounds beside them if they are wanted, and consistency."""
+        figures, error = self.figures, QUANTITIES["rmse"]
+        missing, steps = figures["without_estimate"], figures["steps"] * figures["targets"]
+        of_steps = f"  (of {steps - missing:,.4g} of {steps:,} steps)" if missing else ""
+        yield from self.row("rmse", after=of_steps, pattern=f"{error.form} {self.unit}")
+        yield from self.row("rmse_of_kept", figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]))
+        for key, readings in BOUND_KEYS.items():
+            if bounds and math.isfinite(figures[key]):
+                yield f"  {bound_name(readings, figures['faults'])}", self.cell(key), ""
+        yield from self.row("rmse_median")
+        yield from self.row("median_error")
+        yield from self.columns()
+        for key in CONSISTENCY:
+            yield from self.row(key, figures[key] > 0.0)
+
+    def columns(self) -> Rows:
+        """The RMSE of the state columns in one row, or in one row each if the paper prints one of them."""
+        measured, units = self.figures["column_rmse"], dict(self.report.states)
+        cell = {name: FIGURES["column_rmse"].text(rmse) for name, rmse in measured.items()}
+        cell = {name: f"{text} {units[name]}".rstrip() if text != "unknown" else text for name, text in cell.items()}
+        if not any(f"rmse_{name}" in self.published for name in cell):
+            yield f"RMSE of {', '.join(cell)}", ", ".join(cell.values()), ""
+            return
+        for name, value in cell.items():
+            yield f"RMSE of {name}", value, self.printed(f"rmse_{name}", f"{{:.4g}} {units[name]}")
+
+    def losses(self) -> Rows:
+        """In how many runs a track was lost at any time and at the end, how often and for how long, by which rule."""
+        figures, runs = self.figures, self.figures["replicates"]
+        for key, name in LOSS_KEYS.items():
+            if math.isfinite(figures[key]):
+                share, count = QUANTITIES[name].text(figures[key]), round(figures[key] * runs)
+                yield QUANTITIES[name].name, f"{share} ({count} of {counted(runs, 'run')})", ""
+        if figures["ever_lost"] > 0.0:
+            cell = f"{self.cell('losses')}, {self.cell('time_lost')} ({self.cell('lost_share')} of the steps)"
+            yield "  losses of a run, time lost", cell, ""
+        for key in ("lost_limit", "lost_window"):
+            yield from self.row(key, math.isfinite(figures[key]))
+
+    def tracking(self) -> Rows:
+        """How much of the time targets were tracked, which nodes were woken for it; nothing if always, and no node."""
+        figures = self.figures
+        if not (figures["awake"] < 1.0 or figures["tracked"] < 1.0):
+            return
+        yield from self.row("mean_error", math.isfinite(figures["mean_error"]))
+        if math.isfinite(figures["rmse_three"]):
+            rmse, mean, middle = map(self.cell, OF_THREE)
+            yield "  at a run's steps with three readings", f"RMSE {rmse}, mean {mean}, median {middle}", ""
+        yield from self.row("tracked")
+        yield from self.row("tracked_three")
+        yield from self.row("awake", figures["awake"] < 1.0)
+        steps = figures["steps"] * figures["targets"]
+        pairs = {"woken": ("unnecessary wake-ups", "ineffective"), "called": ("dismissed", "dismissed")}
+        for key, (name, other) in pairs.items():
+            if figures[key]:
+                cell = f"{figures[key] / steps:.3g} per step, {figures[other] / steps:.3g} per step"
+                yield f"nodes {key}, {name}", cell, ""
+                yield from self.row("ineffective_twenty", key == "woken")
+
+    def latency(self) -> Rows:
+        """What was late or missing, and what the sink received; only what happened."""
+        figures = self.figures
+        for key in ("reacquired", "without_estimate"):
+            yield from self.row(key, bool(figures[key]))
+        late = figures["late"] - figures["without_estimate"]
+        if late > 0:
+            yield "late estimates", f"{late:.4g}", ""
+        yield from self.row("delay", figures["delay"] > 0.0)
+        if figures["received"] or figures["due"]:
+            yield "estimates received at the sink", f"{figures['received']:.4g} of {figures['due']:.4g}", ""
+        yield from self.row("report_delay", bool(figures["received"]))
+
+    def energy(self) -> Rows:
+        """The energy, and what it was spent on."""
+        yield from self.row("energy", pattern="{:.2f} J")
+        for cause, joules in self.figures["joules"].items():
+            yield f"  {cause.replace('_', ' ')}", QUANTITIES["energy"].text(joules), ""
+
+    def network(self) -> Rows:
+        """Clusters, traffic and what was lost of it; failures only if there were any."""
+        for key in ("radio_on", "hurried"):
+            yield from self.row(key, math.isfinite(self.figures[key]))
+        yield from self.row("clusters", cell=f"{self.figures['clusters']:.4g}", pattern="{:.0f}")
+        for key in TRAFFIC:
+            yield from self.row(key, bool(self.figures[key]) or key not in ONLY_IF_NOT_ZERO)
+
+    def lifetime(self) -> Rows:
+        """When nodes died and how many are left; nothing if none died."""
+        figures = self.figures
+        if figures["runs_with_deaths"]:
+            yield "runs in which nodes died", f"{figures['runs_with_deaths']} of {figures['replicates']}", ""
+            for key in ("first_death", "half_dead", "lost_at"):
+                yield from self.row(key, cell="" if math.isfinite(figures[key]) else "not in half of the runs")
+            yield from self.row("alive")
+            yield from self.row("coverage")
+
+    def clocks(self) -> Rows:
+        """How far clocks are off; nothing where clocks were not recorded or show the true time."""
+        figures = self.figures if "clock_error" in self.figures else clock_figures(self.report)
+        if not figures["clock_error_max"] > 0.0:
+            return
+        for key, name in (("error", "true time"), ("spread", "their mean")):
+            middle, most = (_seconds(figures[f"clock_{key}{end}"]) for end in ("", "_max"))
+            yield f"clocks from {name} at the end", f"{middle}, at most {most}", ""
+        share = FIGURES["clock_synchronised"]
+        if figures["clock_synchronised"] > 0.0:
+            yield share.name, share.text(figures["clock_synchronised"]), ""
+
+    def load(self) -> Rows:
+        """What a network would have to carry and compute for a run without one."""
+        packets, cycles, steps = (
+            sum(summary.run[name] for summary in self.report.summaries) for name in ("packets_sent", "cycles", "steps")
+        )
+        yield "load on a network, per step", f"{packets / steps:,.4g} packets, {cycles / steps:,.0f} operations", ""
+
+    def without_target(self) -> Iterator[tuple[str, str]]:
+        """The rows of a run without targets: reports, receptions, links, clocks and energy."""
+        for rows in (self.reports(), self.radio(), self.links(), self.clocks(), self.energy(), self.row("alive")):
+            yield from (row[:2] for row in rows)
+
+    def reports(self) -> Rows:
+        """What became of reports to sinks; nothing if none was sent."""
+        figures = self.figures
+        if not figures["reports"]:
+            return
+        yield from self.row("reports")
+        yield from self.row("received_share")
+        if figures["sinks"]:
+            for sink, count in figures["sinks"].items() if len(figures["sinks"]) > 1 else ():
+                yield f"  at node {sink}", f"{count:,.4g}", ""
+            yield from self.row("report_delay", cell=f"{1e3 * figures['report_delay']:.4g} ms")
+            yield from self.row("hops")
+        for reason, count in figures["dropped"].items():
+            yield f"dropped: {REASONS[reason]}", f"{count:,.4g}", ""
+
+    def radio(self) -> Rows:
+        """What was sent, and what became of it."""
+        figures, ratio = self.figures, QUANTITIES["packet_delivery_ratio"]
+        yield f"{_frames(self.report)} sent", self.cell("frames_sent"), ""
+        for key in ("access_failures", "in_range", "delivered"):
+            yield from self.row(key)
+        yield ratio.name, ratio.text(figures["delivered_share"]), ""
+        yield from self.row("collided", after=f" ({ratio.text(figures['collided_share'])})")
+        otherwise = round(figures["in_range"] - figures["delivered"] - figures["collided"])
+        yield "receptions lost to fading or dead nodes", f"{otherwise:,}", ""
+        yield from self.row("over_weak_links", figures["over_weak_links"] > 0)
+
+    def links(self) -> Rows:
+        """Neighbours and used links; nothing if links were not recorded."""
+        if not math.isnan(self.figures["links"]):
+            yield from self.row("neighbours")
+            yield "links with a reception", f"{self.figures['found_share']:.2%} of {self.figures['links']:,.0f}", ""
 
 
-def _tracking_rows(figures: Figures, unit: str) -> list[SummaryRow]:
-    """How much of the time targets were tracked, and which nodes were woken for it; nothing if always, and no node."""
-    if not (figures["awake"] < 1.0 or figures["tracked"] < 1.0):
-        return []
-    rows, error = [], QUANTITIES["rmse"]
-    if math.isfinite(figures["mean_error"]):
-        rows.append(("mean position error", error.text(figures["mean_error"], unit), ""))
-    if math.isfinite(figures["rmse_three"]):
-        rmse, mean, middle = (error.text(figures[name], unit) for name in OF_THREE)
-        rows.append(("  at a run's steps with three readings", f"RMSE {rmse}, mean {mean}, median {middle}", ""))
-    share = QUANTITIES["tracked"]
-    three = share.text(figures["tracked_three"], "")
-    bounds = share.interval_text(figures["tracked_three_low"], figures["tracked_three_high"])
-    rows += [_row(figures, "tracked"), ("  with three readings or more", f"{three}  {bounds}".rstrip(), "")]
-    if figures["awake"] < 1.0:
-        rows.append(_row(figures, "awake"))
-    steps = figures["steps"] * figures["targets"]
-    if figures["woken"]:
-        woken, needless = figures["woken"] / steps, figures["ineffective"] / steps
-        rows.append(("nodes woken, unnecessary wake-ups", f"{woken:.3g} per step, {needless:.3g} per step", ""))
-        rows.append(("  unnecessary in the first 20 steps", f"{figures['ineffective_twenty']:.4g}", ""))
-    if figures["called"]:
-        called, dismissed = figures["called"] / steps, figures["dismissed"] / steps
-        rows.append(("nodes called, dismissed", f"{called:.3g} per step, {dismissed:.3g} per step", ""))
-    return rows
-
-
-def _latency_rows(figures: Figures) -> list[SummaryRow]:
-    """What was late or missing, and what the sink received; only what happened."""
-    named = (("reacquired", "reacquisitions"), ("without_estimate", "steps without an estimate"))
-    rows = [(name, f"{figures[key]:.4g}", "") for key, name in named if figures[key]]
-    late = figures["late"] - figures["without_estimate"]
-    if late > 0:
-        rows.append(("late estimates", f"{late:.4g}", ""))
-    if figures["delay"] > 0.0:
-        rows.append(_row(figures, "delay"))
-    if figures["received"] or figures["due"]:
-        rows.append(("estimates received at the sink", f"{figures['received']:.4g} of {figures['due']:.4g}", ""))
-    if figures["received"]:
-        rows.append(_row(figures, "report_delay"))
-    return rows
-
-
-def _column_rows(measured: Mapping[str, float], published: Published, units: Mapping[str, str]) -> list[SummaryRow]:
-    """The RMSE of the state columns in one row, or in one row each if the paper prints one of them."""
-    cell = {name: _column_cell(value, units[name]) for name, value in measured.items()}
-    if not any(f"rmse_{name}" in published for name in cell):
-        return [(f"RMSE of {', '.join(cell)}", ", ".join(cell.values()), "")]
-    return [
-        (f"RMSE of {name}", value, _published(published, f"rmse_{name}", f"{{:.4g}} {units[name]}".rstrip()))
-        for name, value in cell.items()
-    ]
-
-
-def _column_cell(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit}".rstrip() if math.isfinite(value) else "unknown"
-
-
-def _energy_rows(figures: Figures, published: Published) -> list[SummaryRow]:
-    energy = QUANTITIES["energy"]
-    causes = [
-        (f"  {cause.replace('_', ' ')}", energy.text(joules, ""), "") for cause, joules in figures["joules"].items()
-    ]
-    return [_row(figures, "energy", "", _published(published, "energy", "{:.2f} J")), *causes]
-
-
-def _network_rows(figures: Figures, published: Published) -> list[SummaryRow]:
-    """Clusters, traffic and what was lost of it; failures only if there were any."""
-    shown = ("frames_sent", "frames_lost", "packets_sent", "packet_delivery_ratio", "collided", "retries",
-             "access_failures", "cycles")  # fmt: skip
-    return [
-        *[_row(figures, name) for name in ("radio_on", "hurried") if math.isfinite(figures[name])],
-        ("clusters", f"{figures['clusters']:.4g}", _published(published, "clusters", "{:.0f}")),
-        *(_row(figures, key) for key in shown if figures[key] or key not in ONLY_IF_NOT_ZERO),
-    ]
-
-
-def _lifetime_rows(figures: Figures) -> list[SummaryRow]:
-    if not figures["runs_with_deaths"]:
-        return []
-    named = [(QUANTITIES[key].name, figures[key]) for key in ("first_death", "half_dead")]
-    named.append(("first track loss, median", figures["lost_at"]))
-    return [
-        ("runs in which nodes died", f"{figures['runs_with_deaths']} of {figures['replicates']}", ""),
-        *((name, f"{time:.4g} s" if math.isfinite(time) else "not in half of the runs", "") for name, time in named),
-        _row(figures, "alive"),
-        _row(figures, "coverage"),
-    ]
-
-
-def _load_rows(report: Report) -> list[SummaryRow]:
-    """What a network would have to carry and compute for a run without one."""
-    packets, cycles, steps = (
-        sum(summary.run[name] for summary in report.summaries) for name in ("packets_sent", "cycles", "steps")
-    )
-    cell = f"{packets / steps:,.4g} packets, {cycles / steps:,.0f} operations"
-    return [("load on a network, per step", cell, "")]
-
-
-def _of_steps(figures: Figures) -> str:
-    """The number of steps with an estimate, if some have none."""
-    missing, steps = figures["without_estimate"], figures["steps"] * figures["targets"]
-    return f"  (of {steps - missing:,.4g} of {steps:,} steps)" if missing else ""
-
-
-def _published(published: Published, name: str, pattern: str) -> str:
-    return pattern.format(published[name]) if name in published else ""
+def _seconds(time: float) -> str:
+    """A time in the largest unit of which it is at least one."""
+    size, unit = next(((size, unit) for size, unit in TIME_UNITS if time >= size), TIME_UNITS[-1])
+    return f"{time / size:.3g} {unit}"

@@ -9,6 +9,7 @@ wsnsim.plot("run.h5", "track")
 from __future__ import annotations
 
 import html as markup
+import math
 import os
 import tempfile
 from collections.abc import Iterator
@@ -17,6 +18,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, final
 
+from wsnsim.analysis.phrases import counted
+from wsnsim.analysis.quantities import ONLY_IF_NOT_ZERO, QUANTITIES, beside, medians
+from wsnsim.analysis.result_facts import facts_of_report
 from wsnsim.api.arguments import file_given, result_file
 from wsnsim.api.result_plots import ResultPlots
 from wsnsim.base.errors import ResultError, UsageError, WsnsimError, did_you_mean, shown_value
@@ -31,6 +35,11 @@ if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
 
 HDF5: Final = ".h5"
+SHOWN: Final = (
+    "rmse", "median_error", "nees", "nees_median", "singular", "tracked", "ever_lost", "lost", "lost_limit",
+    "lost_window", "energy", "packet_delivery_ratio", "first_death",
+)  # fmt: skip
+"""The quantities that a notebook shows, where they have a value."""
 
 
 @final
@@ -188,12 +197,8 @@ class Result:
         Args:
             bounds: whether to compare the error with all three bounds, as `wsnsim run --bound` does.
         """
-        from wsnsim.api import summaries
-
         with self._file() as file:
-            return summaries.text(replace(self._report, out=file), bounds).replace(
-                str(file), str(self.out or "in memory")
-            )
+            return str(self._summary(file, bounds, False)).replace(str(file), str(self.out or "in memory"))
 
     def to_dict(self, *, bounds: bool = False) -> dict[str, Any]:
         """Return the summary as plain values: SI units, NaN for what is unknown, as `wsnsim run --json` prints it.
@@ -201,25 +206,27 @@ class Result:
         Args:
             bounds: whether to compute all three bounds of the error.
         """
-        from wsnsim.api import summaries
-
         with self._file() as file:
-            found = summaries.as_json(replace(self._report, out=file), bounds)
+            found = self._summary(file, bounds, True)
+        assert isinstance(found, dict)
         return found | {"file": "" if self.out is None else str(self.out)}
 
-    def __repr__(self) -> str:
-        from wsnsim.api import summaries
+    def _summary(self, file: Path, bounds: bool, json: bool) -> str | dict[str, Any]:
+        """The summary of the result in a file, as text or as plain values."""
+        from wsnsim.analysis.summary_text import summary_of
+        from wsnsim.papers import published
 
-        return f"<Result {summaries.one_line(self._report)}, {self.out or 'in memory'}>"
+        return summary_of(replace(self._report, out=file), published, bounds, json)
+
+    def __repr__(self) -> str:
+        return f"<Result {_one_line(self._report)}, {self.out or 'in memory'}>"
 
     def __str__(self) -> str:
         return self.summary()
 
     def _repr_html_(self) -> str:
-        from wsnsim.api import summaries
-
         try:
-            return summaries.html(self._report, self.answer(), str(self.out or "in memory"), self.tables)
+            return _html(self._report, self.answer(), str(self.out or "in memory"), self.tables)
         except WsnsimError as error:  # a notebook shows the object even if its file is gone
             return f"<div><p>{markup.escape(repr(self))}</p><p>{markup.escape(str(error))}</p></div>"
 
@@ -271,6 +278,40 @@ class Result:
 def _without(path: Path, error: WsnsimError) -> WsnsimError:
     """The same error without the name of a temporary file."""
     return type(error)(str(error).replace(f"{path}: ", ""))
+
+
+def _one_line(report: Report) -> str:
+    """Return name, number of runs, error and energy."""
+    found = [counted(len(report.summaries), "Monte Carlo run")]
+    found += [f"{name} {value}" for key, name, value in _quantities(report) if key in ("rmse", "energy")]
+    return f"{report.scenario.name}: {', '.join(found)}"
+
+
+def _html(report: Report, answer: str, place: str, tables: tuple[str, ...]) -> str:
+    """Return the summary as HTML: a sentence, what was run, a small table of quantities, and which tables it holds."""
+    runs = counted(len(report.summaries), "Monte Carlo run")
+    steps = max(int(one.run["steps"]) for one in report.summaries)
+    heading = f"{runs} of {counted(steps, 'step')}, seed {report.scenario.seed} ({place})"
+    rows = "".join(
+        f"<tr><th style='text-align:left'>{markup.escape(name)}</th><td>{markup.escape(value)}</td></tr>"
+        for _, name, value in _quantities(report)
+    )
+    return (
+        f"<div><p>{markup.escape(answer)}</p>"
+        f"<p><b>{markup.escape(report.scenario.name)}</b>: {markup.escape(heading)}</p>"
+        f"<table><tbody>{rows}</tbody></table><p>Tables: {markup.escape(', '.join(tables))}</p></div>"
+    )
+
+
+def _quantities(report: Report) -> Iterator[tuple[str, str, str]]:
+    """Yield (key, name, value with unit) of the quantities that have a value."""
+    facts = facts_of_report(report)
+    middles = medians(facts)
+    for key in SHOWN:
+        value = QUANTITIES[key].value(facts)
+        if math.isfinite(value) and (value or key not in ONLY_IF_NOT_ZERO):
+            more = beside(key, middles, facts.consistent, facts.unit)
+            yield key, QUANTITIES[key].name, QUANTITIES[key].text(value, facts.unit) + (f" ({more})" if more else "")
 
 
 def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = None, **options: Any) -> Axes:

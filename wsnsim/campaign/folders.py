@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from wsnsim.analysis.stopping import ReplicateCounts
+from wsnsim.analysis.campaign_info import ReplicateCounts
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.version import __version__
 from wsnsim.campaign.code_changes import (

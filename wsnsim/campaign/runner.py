@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, final
 
-from wsnsim.analysis.stopping import ReplicateCounts
+from wsnsim.analysis.campaign_info import ReplicateCounts
 from wsnsim.base.errors import ResultError
 from wsnsim.base.version import __version__
 from wsnsim.campaign.code_changes import code_id

@@ -3,9 +3,10 @@
     wsnsim run | watch | sweep | compare | collect | reproduce | report | check | fit | list | schema | new | info |
            export | import | trace | diff | plot | verify | recover
 
-Only click is imported here. Every command imports what it needs, so that `wsnsim --help` and `wsnsim list` answer at
-once. Results go to stdout, progress and errors to stderr. Exit codes: 0 success; 1 a run failed; 2 wrong usage or
-scenario; 3 a campaign is incomplete; 129 SIGHUP; 130 Ctrl-C; 141 broken pipe; 143 SIGTERM.
+Only click is imported here. A command is imported when it is asked for, and imports what it needs, so that
+`wsnsim --help` and `wsnsim list` answer at once. Results go to stdout, progress and errors to stderr. Exit codes: 0
+success; 1 a run failed; 2 wrong usage or scenario; 3 a campaign is incomplete; 129 SIGHUP; 130 Ctrl-C; 141 broken pipe;
+143 SIGTERM.
 """
 
 from __future__ import annotations
@@ -25,21 +26,9 @@ from wsnsim.base.files import CacheWarning, prepare_matplotlib
 from wsnsim.base.plugin_code import TRACEBACK_HINT, PluginImport, plugin_fault, watching_imports
 from wsnsim.base.process import NEW_OBJECTS
 from wsnsim.base.runs import watching
-from wsnsim.cli import campaigns, commands, exporting, fitting, importing, reproducing, running
 from wsnsim.cli.interrupts import Interrupts, end_stderr, open_streams, redirect_to_nowhere
 from wsnsim.cli.progress import WorkBar
 from wsnsim.cli.shared import echo, group
-
-__all__ = [
-    "campaigns",
-    "commands",
-    "exporting",
-    "fitting",
-    "importing",
-    "main",
-    "reproducing",
-    "running",
-]
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 CAMPAIGNS: Final = ("sweep", "compare", "reproduce")

@@ -11,22 +11,23 @@ import math
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from wsnsim.base.errors import UsageError, printable
+import wsnsim.campaign as campaign
+from wsnsim.analysis import campaign_info  # not comparison: pandas may start a thread, and workers would be spawned
+from wsnsim.base.errors import ResultError, UsageError, did_you_mean, printable
 from wsnsim.base.files import why_not_regular
+from wsnsim.base.tables import METRICS
+from wsnsim.campaign import WHOLE, CampaignOutcome, Shard, engines, needs_permission
+from wsnsim.campaign.engines import Engine
+from wsnsim.campaign.sweeping import CostEstimate, estimate_cost
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.live import LiveOptions, campaign_shown_live
 from wsnsim.cli.progress import CAMPAIGN, display, duration
-from wsnsim.cli.shared import command_line, echo, echo_json, echo_lines
-
-if TYPE_CHECKING:
-    from wsnsim.campaign import CampaignOutcome, Shard
-    from wsnsim.campaign.engines import Engine
-    from wsnsim.campaign.sweeping import CostEstimate
-    from wsnsim.recording.folder import Folder, Manifest
-    from wsnsim.scenario.registry import PluginAccess, Plugins
-    from wsnsim.scenario.sweep_schema import Plan
+from wsnsim.cli.shared import INCOMPLETE, METRIC, command_line, echo, echo_json, echo_lines
+from wsnsim.recording.folder import Folder, Manifest
+from wsnsim.scenario.registry import PluginAccess, Plugins, access
+from wsnsim.scenario.sweep_schema import Plan
 
 
 def print_estimate(name: str, estimate: CostEstimate, as_json: bool) -> None:
@@ -42,12 +43,6 @@ def print_estimate(name: str, estimate: CostEstimate, as_json: bool) -> None:
     echo(f"  estimated from {estimate.source}")
 
 
-INCOMPLETE: Final = 3
-"""Exit code of a campaign with missing runs."""
-METRIC: Final = "rmse"
-"""The metric that is compared by default."""
-
-
 class ComparisonOptions(NamedTuple):
     """What is compared in a campaign's results, and where the table goes."""
 
@@ -61,10 +56,6 @@ class ComparisonOptions(NamedTuple):
 
 def check_comparison(options: ComparisonOptions, plan: Plan | Manifest, by: Sequence[str]) -> None:
     """Raise UsageError, before anything runs, if the comparison would fail or could not be written."""
-    from wsnsim.analysis import campaign_info  # not comparison: pandas may start a thread, and workers would be spawned
-    from wsnsim.base.errors import did_you_mean
-    from wsnsim.base.tables import METRICS
-
     if options.metric not in METRICS:
         nearest = did_you_mean(options.metric, METRICS)
         raise UsageError(f"--metric: table runs has no metric '{options.metric}' ({nearest})")
@@ -86,9 +77,7 @@ def print_comparison(folder: Folder, options: ComparisonOptions, plugins: Plugin
     Returns:
         The exit code: 1 if there are no results, 3 if a damaged file was set aside.
     """
-    from wsnsim.analysis import campaign_info, comparison, comparison_text
-    from wsnsim.base.errors import ResultError
-    from wsnsim.campaign import needs_permission
+    from wsnsim.analysis import comparison, comparison_text
 
     try:
         found = comparison.compare(folder, options.metric, options.by or None, options.baseline)
@@ -102,9 +91,9 @@ def print_comparison(folder: Folder, options: ComparisonOptions, plugins: Plugin
         echo_lines([f"wsnsim: resume with: wsnsim sweep {shlex.quote(str(folder.path))}{allowed}"])
         return INCOMPLETE
     if options.bound:
-        from wsnsim.analysis import comparison_bounds
+        from wsnsim.analysis import error_bounds
 
-        found = comparison_bounds.with_bounds(found, folder, plugins)
+        found = error_bounds.with_bounds(found, folder, plugins)
     if options.csv:
         _write_csv(found.table, options.csv)
     if options.as_json:
@@ -150,18 +139,22 @@ class SessionOptions(NamedTuple):
     comparison: ComparisonOptions
 
 
+def options_of(given: dict[str, Any]) -> tuple[SessionOptions, tuple[str, ...], dict[str, Any]]:
+    """The options of a session, the overrides with the seed, and the changes of the sweep (replicates, timeout)."""
+    overrides, seed = given.pop("overrides"), given.pop("seed")
+    seeded = overrides if seed is None else (*overrides, f"seed={seed}")
+    changes = {name: given.pop(name) for name in ("replicates", "timeout")}
+    comparison = ComparisonOptions(**{name: given.pop(name) for name in ComparisonOptions._fields})
+    return SessionOptions(comparison=comparison, **given), seeded, changes
+
+
 def run_plan(plan: Plan, options: SessionOptions, interrupts: Interrupts, by: tuple[str, ...]) -> int:
     """Prepare the campaign of a sweep, or resume it, run what is missing, and return the exit code."""
-    import wsnsim.campaign as campaign
-    from wsnsim.recording.folder import Folder
-
     path = options.out or Path("results") / plan.name
     shard = _shard(options.shard)
     check_comparison(options.comparison, plan, by)
     _check_engine_options(options)
     if options.dry_run:
-        from wsnsim.campaign.sweeping import estimate_cost
-
         campaign.existing_manifest(Folder(path), plan.name)
         estimate = estimate_cost(plan, Folder(path), _workers(options), shard, options.batch)
         print_estimate(plan.name, estimate, options.comparison.as_json)
@@ -175,8 +168,6 @@ def run_plan(plan: Plan, options: SessionOptions, interrupts: Interrupts, by: tu
 
 def resume(source: str, options: SessionOptions, interrupts: Interrupts) -> int:
     """Resume the campaign in a folder and return the exit code."""
-    import wsnsim.campaign as campaign
-
     if options.dry_run:
         raise UsageError("--dry-run needs a sweep; `wsnsim info DIR` shows the progress of a campaign")
     shard, allowed = _shard(options.shard), _access(of_caller=options.plugins)
@@ -206,8 +197,6 @@ def _run_missing(
     folder: Folder, engine: Engine, shard: Shard, options: SessionOptions, interrupts: Interrupts, allowed: PluginAccess
 ) -> CampaignOutcome:
     """Run what is missing; a signal stops the campaign, a second one at once."""
-    import wsnsim.campaign as campaign
-
     shown = display("none" if options.quiet else options.progress, CAMPAIGN)
     with interrupts.noted() as should_stop, contextlib.closing(shown):
         try:
@@ -222,18 +211,14 @@ def _print_answer(
     allowed: PluginAccess,
 ) -> int:  # fmt: skip
     """Print the comparison and what is still missing; returns the exit code."""
-    import wsnsim.campaign as campaign
-
     code = 0
-    if shard == campaign.WHOLE and not interrupts.number:
+    if shard == WHOLE and not interrupts.number:
         code = print_comparison(folder, options.comparison, allowed.plugins)
     return _report_outcome(folder, outcome, shard, options, interrupts) or code
 
 
 def _access(of_caller: bool) -> PluginAccess:
     """What a campaign's scenarios may import: what they name if they are the caller's, or only what is installed."""
-    from wsnsim.scenario.registry import Plugins, access
-
     return access(Plugins.ANY if of_caller else Plugins.INSTALLED)
 
 
@@ -242,8 +227,6 @@ def _engine(folder: Folder, options: SessionOptions) -> Engine:
         from wsnsim.campaign.dask_engine import DaskEngine
 
         return DaskEngine(folder.path, options.scheduler, options.scheduler_file)
-    from wsnsim.campaign import engines
-
     return engines.LocalEngine(_workers(options))
 
 
@@ -258,17 +241,13 @@ def _check_engine_options(options: SessionOptions) -> None:
 
 
 def _workers(options: SessionOptions) -> int:
-    from wsnsim.campaign.engines import available_cores
-
-    return options.jobs or available_cores()
+    return options.jobs or engines.available_cores()
 
 
 def _report_outcome(
     folder: Folder, outcome: CampaignOutcome, shard: Shard, options: SessionOptions, interrupts: Interrupts
 ) -> int:
     """Print what failed, what is missing and how to resume; return the exit code."""
-    import wsnsim.campaign as campaign
-
     manifest = folder.manifest()
     lines = [] if options.quiet else _surplus(folder, manifest)
     lines += [f"wsnsim: worker {worker} was left out: it {why}" for worker, why in outcome.left_out.items()]
@@ -280,7 +259,7 @@ def _report_outcome(
         lines += [f"wsnsim: {folder.path} is incomplete, runs missing: {count}"]
         lines += campaign.describe_missing(outcome.missing, manifest)
         lines += [f"wsnsim: resume with: {_resume_command(folder, shard, options)}"]
-    elif shard != campaign.WHOLE and not options.quiet:
+    elif shard != WHOLE and not options.quiet:
         counts = f"{outcome.done} runs done, {outcome.found} existed before"
         lines.append(f"wsnsim: shard {shard.number} of {shard.total} is complete: {counts}")
     echo_lines(lines)
@@ -309,8 +288,6 @@ def _failures(folder: Folder, outcome: CampaignOutcome) -> list[str]:
 
 def _resume_command(folder: Folder, shard: Shard, options: SessionOptions) -> str:
     """The command that resumes the campaign."""
-    from wsnsim.campaign import needs_permission
-
     words = ["wsnsim", "sweep", str(folder.path)]
     if shard.total > 1:
         words += ["--shard", f"{shard.number}/{shard.total}"]
@@ -333,8 +310,6 @@ def _resume_command(folder: Folder, shard: Shard, options: SessionOptions) -> st
 
 
 def _shard(text: str | None) -> Shard:
-    from wsnsim.campaign import WHOLE, Shard
-
     if text is None:
         return WHOLE
     number, sign, count = text.partition("/")

@@ -2,83 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import click
 
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.cli.campaign_session import (
-    INCOMPLETE,
-    METRIC,
-    ComparisonOptions,
-    SessionOptions,
-    print_comparison,
-    resume,
-    run_plan,
-)
+from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.shared import (
-    PATH,
-    accept_code_option,
-    batch_option,
-    echo_lines,
-    group,
-    is_campaign,
-    jobs_option,
-    json_option,
-    overrides_option,
-    plugins_option,
-    progress_option,
-    quiet_option,
-    seed_option,
-    timeout_option,
-)
+from wsnsim.cli.shared import INCOMPLETE, METRIC, PATH, echo_lines, group, is_campaign
 
 MAX_NAMED: Final = 5
 """Scenarios that the name of a comparison lists."""
 MAX_NAME: Final = 100
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def _session_options(command: Command) -> Command:
-    """Add the options that sweep and compare share."""
-    options = [
-        overrides_option,
-        click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Monte Carlo runs per point."),
-        seed_option,
-        timeout_option,
-        click.option("--out", "-o", type=PATH, metavar="DIR", help="Folder of the campaign; default results/NAME."),
-        jobs_option,
-        click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of a Dask scheduler: tcp://host:8786."),
-        click.option(
-            "--scheduler-file", type=PATH, metavar="FILE", help="Read the scheduler's address from this file."
-        ),
-        click.option("--shard", metavar="I/N", help="Run shard I of N; `wsnsim collect` merges the shards."),
-        click.option(
-            "--watch", "live", is_flag=True, help="Show the campaign in a browser while it computes, as `wsnsim watch`."
-        ),
-        click.option("--dry-run", is_flag=True, help="Only estimate the number of runs, the time and the size."),
-        click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare."),
-        click.option("--by", multiple=True, metavar="KEY", help="Key whose values are compared; others are fixed."),
-        click.option("--baseline", metavar="VALUE", help="Value that others are compared with; default the first."),
-        click.option("--csv", type=PATH, metavar="FILE", help="Also write the table to this file."),
-        click.option(
-            "--bound/--no-bound",
-            default=None,
-            help="Show the Cramer-Rao bound beside the errors; default only in compare.",
-        ),
-        accept_code_option,
-        plugins_option,
-        batch_option,
-        json_option,
-        quiet_option,
-        progress_option,
-    ]
-    for option in reversed(options):
-        command = option(command)
-    return command
+_session_options = shared.with_options(
+    shared.overrides_option,
+    click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Monte Carlo runs per point."),
+    shared.seed_option,
+    shared.timeout_option,
+    click.option("--out", "-o", type=PATH, metavar="DIR", help="Folder of the campaign; default results/NAME."),
+    shared.jobs_option,
+    click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of a Dask scheduler: tcp://host:8786."),
+    click.option("--scheduler-file", type=PATH, metavar="FILE", help="Read the scheduler's address from this file."),
+    click.option("--shard", metavar="I/N", help="Run shard I of N; `wsnsim collect` merges the shards."),
+    click.option(
+        "--watch", "live", is_flag=True, help="Show the campaign in a browser while it computes, as `wsnsim watch`."
+    ),
+    click.option("--dry-run", is_flag=True, help="Only estimate the number of runs, the time and the size."),
+    click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare."),
+    click.option("--by", multiple=True, metavar="KEY", help="Key whose values are compared; others are fixed."),
+    click.option("--baseline", metavar="VALUE", help="Value that others are compared with; default the first."),
+    click.option("--csv", type=PATH, metavar="FILE", help="Also write the table to this file."),
+    click.option(
+        "--bound/--no-bound",
+        default=None,
+        help="Show the Cramer-Rao bound beside the errors; default only in compare.",
+    ),
+    shared.accept_code_option,
+    shared.plugins_option,
+    shared.batch_option,
+    shared.json_option,
+    shared.quiet_option,
+    shared.progress_option,
+)
+"""The options that sweep and compare share."""
 
 
 @group.command()
@@ -94,11 +64,13 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
     Each point has several Monte Carlo runs. SWEEP is a file with a scenario, axes and the number of runs (`wsnsim list
     sweeps`). A SCENARIO needs axes from --vary. DIR is the folder of a campaign, which is resumed.
     """
-    options, overrides, changes = _options(given)
+    from wsnsim.cli import campaign_session as session
+
+    options, overrides, changes = session.options_of(given)
     if is_campaign(source):
         if vary or overrides or any(changes.values()) or options.out:
             raise UsageError(f"{source} is a campaign, whose sweep is fixed; to change it, give the sweep file instead")
-        return resume(source, options, interrupts)
+        return session.resume(source, options, interrupts)
     from wsnsim.scenario.sweep import is_sweep, load_sweep
 
     if not is_sweep(source):
@@ -106,7 +78,7 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
             raise UsageError(_why_no_sweep(source))
         changes["name"] = _campaign_name(source, vary)
     plan = load_sweep(source, vary, overrides, **changes)
-    return run_plan(plan, options, interrupts, options.comparison.by)
+    return session.run_plan(plan, options, interrupts, options.comparison.by)
 
 
 @group.command()
@@ -127,11 +99,13 @@ def compare(
     In each Monte Carlo run all of them get the same ground truth, network and measurements. DIR is the folder of a
     campaign that exists.
     """
-    options, overrides, changes = _options({**given, "bound": given["bound"] is not False})
+    from wsnsim.cli import campaign_session as session
+
+    options, overrides, changes = session.options_of({**given, "bound": given["bound"] is not False})
     if len(sources) == 1 and is_campaign(sources[0]):
         if trackers or vary or overrides or any(changes.values()):
             raise UsageError(f"{sources[0]} is a campaign, whose comparison is fixed")
-        return resume(sources[0], options, interrupts)
+        return session.resume(sources[0], options, interrupts)
     from wsnsim.scenario.sweep import load_sweep
 
     if len(sources) == 1 and not trackers:
@@ -140,24 +114,25 @@ def compare(
     plan = load_sweep(list(sources), vary, overrides, trackers, **changes, name=name)
     compared = ("tracker" if "tracker" in plan.keys else "tracker.kind",) if trackers else ()
     by = [*(["scenario"] if len(sources) > 1 else []), *compared]
-    return run_plan(plan, options, interrupts, options.comparison.by or tuple(by))
+    return session.run_plan(plan, options, interrupts, options.comparison.by or tuple(by))
 
 
 @group.command()
 @click.argument("shards", metavar="DIR...", nargs=-1, required=True, type=PATH)
 @click.option("--out", "-o", type=PATH, metavar="DIR", help="Folder of the merged campaign; default the first DIR.")
 @click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare.")
-@accept_code_option
-@json_option
+@shared.accept_code_option
+@shared.json_option
 def collect(shards: tuple[Path, ...], out: Path | None, metric: str, accept_code_change: bool, as_json: bool) -> int:
     """Merge the shards of a campaign and list the missing runs."""
     import wsnsim.campaign as campaign
+    from wsnsim.cli import campaign_session as session
     from wsnsim.recording.folder import Folder
 
     into = Folder(out or shards[0])
     manifest = campaign.collect([Folder(shard) for shard in shards], into, accept_code_change)
     missing = campaign.missing(into)
-    code = print_comparison(into, ComparisonOptions(metric, (), None, None, as_json, bound=False))
+    code = session.print_comparison(into, session.ComparisonOptions(metric, (), None, None, as_json, bound=False))
     if missing:
         echo_lines([f"wsnsim: {into.path} is incomplete:", *campaign.describe_missing(missing, manifest)])
     return INCOMPLETE if missing else code
@@ -171,15 +146,6 @@ def _why_no_sweep(source: str) -> str:
     if find_or_none(source) is not None:
         return f"{source} is a scenario: give the axes to vary with --vary KEY=VALUES"
     return f"unknown sweep, scenario or campaign '{source}' ({did_you_mean(source, shipped_sweeps())})"
-
-
-def _options(given: dict[str, Any]) -> tuple[SessionOptions, tuple[str, ...], dict[str, Any]]:
-    """The options of a session, the overrides with the seed, and the changes of the sweep (replicates, timeout)."""
-    overrides, seed = given.pop("overrides"), given.pop("seed")
-    seeded = overrides if seed is None else (*overrides, f"seed={seed}")
-    changes = {name: given.pop(name) for name in ("replicates", "timeout")}
-    comparison = ComparisonOptions(**{name: given.pop(name) for name in ComparisonOptions._fields})
-    return SessionOptions(comparison=comparison, **given), seeded, changes
 
 
 def _campaign_name(source: str, vary: Sequence[str]) -> str:

@@ -5,34 +5,21 @@ from __future__ import annotations
 import importlib.util
 import json
 import keyword
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
 import click
 
-from wsnsim.base.errors import ResultError, UsageError, did_you_mean
-from wsnsim.cli.shared import (
-    PATH,
-    echo,
-    echo_answer,
-    echo_json_text,
-    group,
-    is_campaign,
-    json_option,
-    overrides_option,
-    plugins_option,
-    quiet_option,
-    reading,
-    result_argument,
-)
+from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.cli import shared
+from wsnsim.cli.shared import PATH, echo, echo_answer, echo_json_text, group, reading
 
 
 @group.command()
 @click.argument("sources", metavar="SCENARIO...", nargs=-1, required=True)
-@overrides_option
-@plugins_option
+@shared.overrides_option
+@shared.plugins_option
 @click.option(
     "--timeout",
     type=click.FloatRange(min=0.1),
@@ -41,7 +28,7 @@ from wsnsim.cli.shared import (
     metavar="SECONDS",
     help="Time limit of a scenario's plug-ins, which run in a process of their own.",
 )
-@quiet_option
+@shared.quiet_option
 def check(sources: tuple[str, ...], overrides: tuple[str, ...], plugins: bool, timeout: float, quiet: bool) -> int:
     """Check scenarios without running them, and report every error.
 
@@ -62,7 +49,7 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...], plugins: bool, t
 
 @group.command("list")
 @click.argument("role", required=False)
-@json_option
+@shared.json_option
 def list_(role: str | None, as_json: bool) -> None:
     """List kinds of components, scenarios, sweeps or datasheets.
 
@@ -83,9 +70,9 @@ def schema() -> None:
 
 
 @group.command()
-@result_argument
-@plugins_option
-@json_option
+@shared.result_argument
+@shared.plugins_option
+@shared.json_option
 def verify(result: Path, plugins: bool, as_json: bool) -> int:
     """Run the scenario of a result again and compare all tables.
 
@@ -99,7 +86,7 @@ def verify(result: Path, plugins: bool, as_json: bool) -> int:
 
 
 @group.command()
-@result_argument
+@shared.result_argument
 @click.option("--step", type=click.IntRange(min=0), required=True, metavar="K", help="Step to describe.")
 @click.option(
     "--replicate", type=click.IntRange(min=0), default=0, show_default=True, metavar="R", help="Run to describe."
@@ -113,7 +100,7 @@ def verify(result: Path, plugins: bool, as_json: bool) -> int:
     metavar="N",
     help="Number of similar messages that are shown one by one; more are summed up.",
 )
-@json_option
+@shared.json_option
 def trace(result: Path, step: int, replicate: int, target: int | None, limit: int, as_json: bool) -> None:
     """Describe one step of a run: measurements, frames and energy.
 
@@ -130,7 +117,7 @@ def trace(result: Path, step: int, replicate: int, target: int | None, limit: in
 @group.command()
 @click.argument("a", metavar="A", type=PATH)
 @click.argument("b", metavar="B", type=PATH)
-@json_option
+@shared.json_option
 def diff(a: Path, b: Path, as_json: bool) -> int:
     """Find the first difference between two results.
 
@@ -159,8 +146,8 @@ def recover(unfinished: Path, out: Path | None) -> None:
 
 @group.command()
 @click.argument("words", metavar="[ROLE] KIND|FILE|NAME", nargs=-1)
-@plugins_option
-@json_option
+@shared.plugins_option
+@shared.json_option
 def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
     """Describe a kind: method, parameters, sources and an example.
 
@@ -173,88 +160,9 @@ def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
         raise UsageError(f"expected KIND, ROLE KIND, FILE or NAME (such as: wsnsim info ekf), got {len(words)} words")
     if not all(word.strip() for word in words):
         raise UsageError("the name is empty: expected KIND, ROLE KIND, FILE or NAME (such as: wsnsim info ekf)")
-    if len(words) == 2 and words[0] not in ("scenario", "part"):
-        _kinds(words, as_json)
-    else:
-        _what(words[-1], plugins, as_json, only_files=len(words) == 2)
+    from wsnsim.cli import describe
 
-
-def _what(word: str, plugins: bool, as_json: bool, only_files: bool) -> None:
-    from wsnsim.scenario.texts import is_result
-
-    if is_campaign(word):
-        from wsnsim.analysis import campaign_info
-
-        echo_answer(campaign_info.info(word) if as_json else campaign_info.info_text(word))
-    elif word.endswith(".h5") or is_result(word):
-        from wsnsim.analysis import result_info
-
-        with reading(Path(word)):
-            path = Path(word)
-            answer = result_info.info(path, plugins) if as_json else result_info.info_text(path, plugins)
-        echo_answer(answer)
-    elif only_files or not _kinds((word,), as_json):
-        _file(word, plugins, as_json, only_files)
-
-
-def _kinds(words: tuple[str, ...], as_json: bool) -> bool:
-    """Describe the kinds or the role that words name; False if there are none."""
-    if _is_path(words[-1]):
-        return False
-    from wsnsim.cli import component_info, describe
-
-    if len(words) == 1 and describe.is_role(words[0]):
-        echo_answer(describe.role_text(words[0], as_json))
-        return True
-    found = describe.described(words)
-    if not found:
-        return False
-    other = len(words) == 1 and component_info.is_described(words[0])
-    if as_json:
-        more = component_info.describe(words[0]).as_json() if other else {}
-        echo_answer({"kinds": [kind.as_json() for kind in found]} | more)
-        return True
-    echo(describe.kinds_text(found))
-    if other:
-        what = component_info.what_it_is(words[0])
-        echo(f"\nThere is also a {what} of this name: wsnsim info {what} {words[0]}")
-    return True
-
-
-def _is_path(word: str) -> bool:
-    return "/" in word or word.endswith((".yaml", ".yml"))
-
-
-def _file(word: str, plugins: bool, as_json: bool, only_files: bool) -> None:
-    from wsnsim.cli import component_info, describe
-    from wsnsim.scenario.registry import ROLES, kinds
-    from wsnsim.scenario.texts import shipped, shipped_parts
-
-    if component_info.is_described(word):
-        found = component_info.describe(word, plugins)
-        echo_answer(found.as_json() if as_json else found.text())
-        return
-    if text := "" if _is_path(word) else describe.word_text(word):
-        echo_answer({"word": word, "text": text} if as_json else text)
-        return
-    names = [kind for role in ROLES for kind in kinds(role)]
-    names += [*shipped(), *shipped_parts(), *ROLES, *describe.words_known()]
-    if (known := describe.in_known_case(word, [*names, *_longer_names()])) != word:
-        _what(known, plugins, as_json, only_files)
-        return
-    nearest = did_you_mean(Path(word).stem, names, "see `wsnsim list`")
-    raise UsageError(f"unknown kind, scenario, datasheet or result '{word[:80]}' ({nearest})")
-
-
-def _longer_names() -> Iterator[str]:
-    """Yield the other names of kinds and roles: 'role.kind', the names of classes, and plurals."""
-    from wsnsim.scenario.registry import ROLES, kinds
-
-    for role in ROLES.values():
-        yield role.plural
-        for row in kinds(role.name).values():
-            yield f"{role.name}.{row.kind}"
-            yield row.path.rpartition(":")[2]
+    echo_answer(describe.answer(words, plugins, as_json))
 
 
 PLUGIN_ROLES: Final = ("tracker", "sensor", "motion", "mac")

@@ -1,5 +1,6 @@
-"""What `wsnsim info` prints of a kind, and of a word that names no kind and no file.
+"""What `wsnsim info` prints of a kind, a result, a campaign, a datasheet, and a word that names none of these.
 
+answer(["ekf"], plugins, as_json) -> text or plain values
 described(["coordinated_turn"]) -> [KindInfo]       kinds_text([KindInfo, ...]) -> the text
 word_text("rmse") -> text        word_text("nothing") -> ""
 
@@ -10,16 +11,88 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from wsnsim.base.errors import UsageError
+from wsnsim.analysis import campaign_info
+from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLE_MEANINGS, TABLES, Column
+from wsnsim.cli import component_info
 from wsnsim.cli.listing import listed, paragraph, wrapped_table
-from wsnsim.cli.shared import group
+from wsnsim.cli.shared import every_command, is_campaign, reading
 from wsnsim.scenario.fields import PartError
 from wsnsim.scenario.kind_info import KindInfo, kind_info, kinds_named
 from wsnsim.scenario.parameter_info import ParameterInfo
 from wsnsim.scenario.registry import AT_TOP, ROLES, find, kinds, role_named, search
+from wsnsim.scenario.texts import is_result, shipped, shipped_parts
+
+Answer = str | dict[str, Any]
+
+
+def answer(words: Sequence[str], plugins: bool, as_json: bool) -> Answer:
+    """Return what the words of `wsnsim info` name, as a text or as plain values."""
+    if len(words) == 2 and words[0] not in ("scenario", "part"):
+        return _kinds(words, as_json) or ""
+    return _what(words[-1], plugins, as_json, only_files=len(words) == 2)
+
+
+def _what(word: str, plugins: bool, as_json: bool, only_files: bool) -> Answer:
+    if is_campaign(word):
+        return campaign_info.info(word) if as_json else campaign_info.info_text(word)
+    if word.endswith(".h5") or is_result(word):
+        from wsnsim.analysis import result_info
+
+        with reading(path := Path(word)):
+            return result_info.info(path, plugins) if as_json else result_info.info_text(path, plugins)
+    kinds_found = None if only_files else _kinds((word,), as_json)
+    return _file(word, plugins, as_json, only_files) if kinds_found is None else kinds_found
+
+
+def _kinds(words: Sequence[str], as_json: bool) -> Answer | None:
+    """What the kinds or the role are that words name; None if there are none."""
+    if len(words) == 1 and _is_path(words[0]):
+        return None
+    if len(words) == 1 and _is_role(words[0]):
+        return listed(role_named(words[0]).name, as_json)
+    found = described(words)
+    if not found:
+        return None
+    other = len(words) == 1 and component_info.is_described(words[0])
+    if as_json:
+        more = component_info.describe(words[0]).as_json() if other else {}
+        return {"kinds": [kind.as_json() for kind in found]} | more
+    text = kinds_text(found)
+    if other:
+        what = component_info.what_it_is(words[0])
+        text += f"\n\nThere is also a {what} of this name: wsnsim info {what} {words[0]}"
+    return text
+
+
+def _is_path(word: str) -> bool:
+    return "/" in word or word.endswith((".yaml", ".yml"))
+
+
+def _file(word: str, plugins: bool, as_json: bool, only_files: bool) -> Answer:
+    if component_info.is_described(word):
+        found = component_info.describe(word, plugins)
+        return found.as_json() if as_json else found.text()
+    if text := "" if _is_path(word) else word_text(word):
+        return {"word": word, "text": text} if as_json else text
+    names = [kind for role in ROLES for kind in kinds(role)]
+    names += [*shipped(), *shipped_parts(), *ROLES, *words_known()]
+    if (known := in_known_case(word, [*names, *_longer_names()])) != word:
+        return _what(known, plugins, as_json, only_files)
+    nearest = did_you_mean(Path(word).stem, names, "see `wsnsim list`")
+    raise UsageError(f"unknown kind, scenario, datasheet or result '{word[:80]}' ({nearest})")
+
+
+def _longer_names() -> Iterator[str]:
+    """Yield the other names of kinds and roles: 'role.kind', the names of classes, and plurals."""
+    for role in ROLES.values():
+        yield role.plural
+        for row in kinds(role.name).values():
+            yield f"{role.name}.{row.kind}"
+            yield row.path.rpartition(":")[2]
 
 
 def described(words: Sequence[str]) -> list[KindInfo]:
@@ -50,14 +123,9 @@ def _described(role: str, kind: str) -> KindInfo:
         raise UsageError(str(error.args[0]) if isinstance(error, LookupError) else str(error)) from None
 
 
-def is_role(word: str) -> bool:
-    """Return whether a word is the name of a role, and of no kind."""
+def _is_role(word: str) -> bool:
+    """Whether a word is the name of a role, and of no kind."""
     return any(word in (role.name, role.plural) for role in ROLES.values()) and not kinds_named(word)
-
-
-def role_text(word: str, as_json: bool) -> str | dict[str, Any]:
-    """Return the kinds of the role that a word names, as `wsnsim list` shows them."""
-    return listed(role_named(word).name, as_json)
 
 
 def kinds_text(infos: Sequence[KindInfo]) -> str:
@@ -114,7 +182,7 @@ def _file_name(kind: str) -> str:
 def words_known() -> list[str]:
     """Return the tables, columns and commands. Keys are left out: to find them, every kind is imported."""
     columns = (column.name for columns in TABLES.values() for column in columns)
-    return list(dict.fromkeys([*TABLES, *columns, *group.commands]))
+    return list(dict.fromkeys([*TABLES, *columns, *every_command()]))
 
 
 def word_text(word: str) -> str:
@@ -175,5 +243,5 @@ def _rows_of_key(word: str) -> Iterator[list[str]]:
 
 
 def _command(word: str) -> str:
-    command = group.commands.get(word)
+    command = every_command().get(word)
     return f"{word}: a command: {command.get_short_help_str(100)} See wsnsim {word} --help" if command else ""

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from wsnsim.base.errors import UsageError
-from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option, reading, writable
+from wsnsim.cli import shared
+from wsnsim.cli.shared import PATH, echo, group, not_the_result, reading, writable
 
 if TYPE_CHECKING:
     from wsnsim.analysis.figures import WrittenFigure
@@ -75,7 +76,7 @@ PLOTS: Final = ("all", "track", "states", "error", "consistency", "energy", "par
 @click.option(
     "--out", "-o", type=PATH, metavar="PLOT", help="A .png, .svg or .pdf file; default FILE.png or DIR/figures.png."
 )
-@plugins_option
+@shared.plugins_option
 def plot(
     result: Path,
     what: str,
@@ -145,13 +146,8 @@ def _print_plotted(plotted: WrittenFigure) -> None:
     metavar="MB",
     help="Largest size of the page; replay and figures are reduced to fit.",
 )
-@click.option(
-    "--bound",
-    "bounds",
-    is_flag=True,
-    help="Show the Cramer-Rao bounds for the measurements in range, used and arrived.",
-)
-@plugins_option
+@shared.bounds_option
+@shared.plugins_option
 def report(
     results: tuple[Path, ...],
     out: Path | None,

@@ -9,10 +9,11 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, final
+from typing import TYPE_CHECKING, NamedTuple, final
 
 import click
 
+from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import echo
 
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from wsnsim.watch.campaign_view import CampaignView
     from wsnsim.watch.run_view import RunView
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-
 
 class LiveOptions(NamedTuple):
     """How a live view is served: its port, whether a browser is opened, and whether it ends with what it shows."""
@@ -34,74 +33,43 @@ class LiveOptions(NamedTuple):
     ends: bool = False
 
 
-def live_options(command: Command) -> Command:
-    """Add the options of a live view."""
-    options = [
-        click.option(
-            "--port",
-            type=click.IntRange(0, 65535),
-            default=0,
-            metavar="N",
-            help="Port of the server; default a free one.",
-        ),
-        click.option(
-            "--no-browser", "browser", is_flag=True, flag_value=False, default=True, help="Only print the address."
-        ),
-        click.option(
-            "--exit", "ends", is_flag=True, help="End with the run or the campaign; without it, end at Ctrl-C."
-        ),
-    ]
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
-class LiveRun(Protocol):
-    """What a run needs of its live view."""
-
-    @property
-    def recorder(self) -> Callable[[Recorder], Recorder] | None:
-        """What makes the recorder through which the run is watched, None if nobody watches."""
-        ...
-
-    def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
-        """A function that passes on the progress, also to the view."""
-        ...
-
-    def show_result(self, result: Path, page: Path | None, quiet: bool, interrupts: Interrupts) -> None:
-        """Show the page of the result until the user has seen enough."""
-        ...
-
-
-class _Unseen:
-    """No live view."""
-
-    recorder = None
-
-    def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
-        return step
-
-    def show_result(self, result: Path, page: Path | None, quiet: bool, interrupts: Interrupts) -> None:
-        pass
+live_options = shared.with_options(
+    click.option(
+        "--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="Port of the server; default a free one."
+    ),
+    click.option(
+        "--no-browser", "browser", is_flag=True, flag_value=False, default=True, help="Only print the address."
+    ),
+    click.option("--exit", "ends", is_flag=True, help="End with the run or the campaign; without it, end at Ctrl-C."),
+)
+"""The options of a live view."""
 
 
 @final
-class _Seen:
-    """The live view of a run."""
+class LiveRun:
+    """The live view of a run; without a view, nothing is shown.
 
-    def __init__(self, view: RunView, options: LiveOptions) -> None:
+    Attributes:
+        recorder: what makes the recorder through which the run is watched, None if nobody watches.
+    """
+
+    def __init__(self, view: RunView | None, options: LiveOptions) -> None:
         self._view, self._options = view, options
-        self.recorder: Callable[[Recorder], Recorder] | None = view.recorder
+        self.recorder: Callable[[Recorder], Recorder] | None = view.recorder if view else None
 
     def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
+        """A function that passes on the progress, also to the view."""
+
         def report(progress: Progress) -> None:
-            self._view.report(progress)
+            if self._view:
+                self._view.report(progress)
             step(progress)
 
         return report
 
     def show_result(self, result: Path, page: Path | None, quiet: bool, interrupts: Interrupts) -> None:
-        if self._options.ends and not self._view.has_tab:
+        """Show the page of the result until the user has seen enough."""
+        if self._view is None or (self._options.ends and not self._view.has_tab):
             return
         self._view.finish(page_of(result, page, plugins=True))
         if self._options.ends:
@@ -116,53 +84,36 @@ class _Seen:
 def shown_live(title: str, options: LiveOptions | None) -> Iterator[LiveRun]:
     """The live view of a run, whose server is closed at the end; one that shows nothing without options."""
     if options is None:
-        yield _Unseen()
+        yield LiveRun(None, LiveOptions())
         return
     from wsnsim.watch.run_view import RunView
 
     with RunView(title, options.port) as view:
         say_where(view.url, options)
-        yield _Seen(view, options)
-
-
-class LiveCampaign(Protocol):
-    """What a campaign needs of its live view."""
-
-    def following(self) -> contextlib.AbstractContextManager[None]:
-        """A context in which the view follows the campaign's folder."""
-        ...
-
-    def show_end(self, quiet: bool, interrupts: Interrupts) -> None:
-        """Show the last state until the user has seen enough."""
-        ...
-
-
-class _UnseenCampaign:
-    """No live view."""
-
-    def following(self) -> contextlib.AbstractContextManager[None]:
-        return contextlib.nullcontext()
-
-    def show_end(self, quiet: bool, interrupts: Interrupts) -> None:
-        pass
+        yield LiveRun(view, options)
 
 
 @final
-class _SeenCampaign:
-    """The live view of a campaign that this process runs."""
+class LiveCampaign:
+    """The live view of a campaign that this process runs; without a view, nothing is shown."""
 
-    def __init__(self, view: CampaignView) -> None:
+    def __init__(self, view: CampaignView | None = None) -> None:
         self._view = view
 
     def following(self) -> contextlib.AbstractContextManager[None]:
-        return self._view.following()
+        """A context in which the view follows the campaign's folder."""
+        return self._view.following() if self._view else contextlib.nullcontext()
 
     def show_end(self, quiet: bool, interrupts: Interrupts) -> None:
+        """Show the last state until the user has seen enough."""
+        if self._view is None:
+            return
         if not quiet:
             echo("wsnsim: the address still shows the campaign; Ctrl-C ends the server", err=True)
         stay(interrupts, self._wait)
 
     def _wait(self) -> None:
+        assert self._view, "there is a view"
         self._view.look()
         threading.Event().wait()
 
@@ -171,13 +122,13 @@ class _SeenCampaign:
 def campaign_shown_live(folder: Folder, metric: str, options: LiveOptions | None) -> Iterator[LiveCampaign]:
     """The live view of a campaign, whose server is closed at the end; one that shows nothing without options."""
     if options is None:
-        yield _UnseenCampaign()
+        yield LiveCampaign()
         return
     from wsnsim.watch.campaign_view import CampaignView
 
     with CampaignView(folder, metric, port=options.port) as view:
         say_where(view.url, options)
-        yield _SeenCampaign(view)
+        yield LiveCampaign(view)
 
 
 def show_page(page: str, options: LiveOptions, quiet: bool, interrupts: Interrupts) -> None:

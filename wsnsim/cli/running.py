@@ -3,43 +3,33 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from wsnsim.base.errors import UsageError
 from wsnsim.base.process import gc_disabled
+from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.live import LiveOptions, live_options, page_of, say_where, show_page, shown_live, stay
 from wsnsim.cli.progress import RUN, display
 from wsnsim.cli.shared import (
     PATH,
-    batch_option,
     command_line,
     echo,
     echo_answer,
     group,
     is_campaign,
-    json_option,
     loaded,
-    overrides_option,
-    plugins_option,
-    progress_option,
-    quiet_option,
     reading,
     seconds_of,
-    seed_option,
-    timeout_option,
     writable,
 )
 
 if TYPE_CHECKING:
-    from wsnsim.base.results import Report
     from wsnsim.scenario.schema import Scenario
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 class RunOptions(NamedTuple):
@@ -59,28 +49,21 @@ class RunOptions(NamedTuple):
     timeout: str | None
 
 
-def run_options(command: Command) -> Command:
-    """Add the options that `run` and `watch` share."""
-    options = [
-        overrides_option,
-        click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Number of Monte Carlo runs."),
-        seed_option,
-        click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
-        click.option(
-            "--bound", "bounds", is_flag=True,
-            help="Show the Cramer-Rao bounds for the measurements in range, used and arrived.",
-        ),
-        click.option("--report", "with_page", is_flag=True, help="Also write the HTML page, beside the result."),
-        plugins_option,
-        json_option,
-        batch_option,
-        quiet_option,
-        progress_option,
-        timeout_option,
-    ]  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
+run_options = shared.with_options(
+    shared.overrides_option,
+    click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Number of Monte Carlo runs."),
+    shared.seed_option,
+    click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
+    shared.bounds_option,
+    click.option("--report", "with_page", is_flag=True, help="Also write the HTML page, beside the result."),
+    shared.plugins_option,
+    shared.json_option,
+    shared.batch_option,
+    shared.quiet_option,
+    shared.progress_option,
+    shared.timeout_option,
+)
+"""The options that `run` and `watch` share."""
 
 
 @group.command()
@@ -102,6 +85,8 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
     page = _page_path(path) if options.with_page else None
     with gc_disabled():
         import wsnsim.experiment as experiment
+        from wsnsim.analysis.summary_text import summary_of
+        from wsnsim.papers import published
         from wsnsim.recording.atomic_files import sole_writer
 
     talks = not options.quiet and options.progress not in ("json", "none")
@@ -119,7 +104,7 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
             )  # fmt: skip
         if talks and report.compiled:
             echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)
-        echo_answer(_summary(report, scenario, options.bounds, options.as_json))
+        echo_answer(summary_of(report, published, options.bounds, options.as_json))
         if page:
             _write_page(path, page, options)
         view.show_result(path, page, options.quiet, interrupts)
@@ -137,33 +122,18 @@ def _write_page(result: Path, page: Path, options: RunOptions) -> None:
 
 def _say_notes(scenario: Scenario, replicates: int, batch: bool) -> None:
     """Print, before the runs of a scenario, what is hardly meant in it, and how large they are if that is much."""
-    from wsnsim.analysis import run_size, setup_notes
+    from wsnsim.analysis import notes, run_size
     from wsnsim.scenario import build
 
     setup = build(scenario)
     size = run_size.run_size(setup, replicates, batch)
-    for note in (*setup_notes.before_a_run(setup), run_size.warning(size, run_size.free_memory())):
+    for note in (*notes.before_a_run(setup), run_size.warning(size, run_size.free_memory())):
         if note:
             echo(f"wsnsim: note: {note}", err=True)
 
 
 def _say_compiling() -> None:
     echo("wsnsim: compiling kernels, once ...", err=True)
-
-
-def _summary(report: Report, scenario: Scenario, bounds: bool, as_json: bool) -> str | dict[str, Any]:
-    """The summary of a run, with the values that its paper publishes."""
-    if not report.states:
-        from wsnsim.analysis import beaconing
-
-        return beaconing.as_json(report) if as_json else beaconing.text(report)
-    from wsnsim.analysis import summary, summary_text
-    from wsnsim.papers import published
-    from wsnsim.scenario import resolved
-
-    values, paper = published(resolved(scenario))
-    limit = summary.bounds_of_report(report, bounds)
-    return summary.as_json(report, values, limit) if as_json else summary_text.text(report, values, paper, limit)
 
 
 def _page_path(result: Path) -> Path:

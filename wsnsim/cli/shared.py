@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
@@ -23,15 +24,40 @@ if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
 
 SCHEMA_VERSION: Final = 1
+INCOMPLETE: Final = 3
+"""Exit code of a campaign with missing runs."""
+METRIC: Final = "rmse"
+"""The metric that is compared by default."""
 PATH: Final = click.Path(path_type=Path)
+COMMANDS: Final = {
+    "campaigns": ("sweep", "compare", "collect"),
+    "commands": ("check", "list", "schema", "verify", "trace", "diff", "recover", "info", "new"),
+    "exporting": ("export", "plot", "report"),
+    "importing": ("import", "fit"),
+    "reproducing": ("reproduce",),
+    "running": ("run", "watch"),
+}
+"""The modules of this package, and the commands that each of them adds when it is imported."""
+Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 class _CommandGroup(click.Group):
-    """A group of commands that suggests the nearest command for an unknown one."""
+    """A group that imports a command when it is asked for, and suggests the nearest one for an unknown one."""
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        for module, names in COMMANDS.items():
+            if cmd_name in names:
+                importlib.import_module(f"wsnsim.cli.{module}")
+        return super().get_command(ctx, cmd_name)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(name for names in COMMANDS.values() for name in names)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
-            raise click.UsageError(f"unknown command '{args[0]}' ({did_you_mean(args[0], self.commands)})", ctx)
+            raise click.UsageError(
+                f"unknown command '{args[0]}' ({did_you_mean(args[0], self.list_commands(ctx))})", ctx
+            )
         return super().resolve_command(ctx, args)
 
 
@@ -51,6 +77,24 @@ def group() -> None:
     SCENARIO is a YAML file, the name of a shipped scenario (`wsnsim list scenarios`), or a result, whose scenario is
     used.
     """
+
+
+def every_command() -> Mapping[str, click.Command]:
+    """Return all commands by name."""
+    for module in COMMANDS:
+        importlib.import_module(f"wsnsim.cli.{module}")
+    return group.commands
+
+
+def with_options(*options: Callable[[Any], Any]) -> Callable[[Command], Command]:
+    """Return a decorator that adds several options, the first one first in the help."""
+
+    def add(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
 
 
 overrides_option = click.option(
@@ -79,6 +123,10 @@ progress_option = click.option(
 timeout_option = click.option(
     "--timeout", metavar="TIME",
     help="Time limit of one run, such as '10 min'; standalone runs are then made one by one (campaigns: below 10 s).",
+)  # fmt: skip
+bounds_option = click.option(
+    "--bound", "bounds", is_flag=True,
+    help="Show the Cramer-Rao bounds for the measurements in range, used and arrived.",
 )  # fmt: skip
 plugins_option = click.option(
     "--plugins",

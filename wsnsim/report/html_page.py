@@ -15,11 +15,11 @@ from typing import Any, Final
 from wsnsim.analysis import result_info
 from wsnsim.analysis.figure_style import replacing
 from wsnsim.analysis.replicate_tables import check_replicate, first_replicate
+from wsnsim.analysis.summary_text import PublishedLookup
 from wsnsim.report import page_sections
-from wsnsim.report.page_sections import PageSection
+from wsnsim.report.page_sections import PageSection, summary_table
 from wsnsim.report.page_template import filled, script_of, source_of, static_text
 from wsnsim.report.replay import Replay, encode
-from wsnsim.report.summary_table import PublishedLookup, summary_table
 from wsnsim.report.svg_figures import svg_figures
 
 LIMIT: Final = 2_000_000

@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -20,8 +19,10 @@ from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from wsnsim.analysis import plot_data, plots, recorded_bounds, sweep_plots
+from wsnsim.analysis import error_bounds, plot_data, sweep_plots
 from wsnsim.analysis.figure_style import STYLE
+from wsnsim.analysis.figures import PlotSelection, panels_of
+from wsnsim.analysis.plots import LEGEND
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.runs import tracked
 from wsnsim.recording import read_table
@@ -34,6 +35,8 @@ MARGINS: Final = {"left": 0.15, "right": 0.97, "bottom": 0.13, "top": 0.84}
 """Space for two rows of a legend and a title. It is fixed, because computing it takes as long as drawing."""
 ROW_OF_LEGEND: Final = 0.065
 """Height of a further row of a legend, as a share of the figure's."""
+ORDER: Final = ("track", "error", "consistency", "energy", "particles", "states")
+"""The figures of a result, the most important first."""
 MAX_TARGETS: Final = 4
 """Targets whose tracks get a figure (our choice)."""
 LEGEND_COLUMNS: Final = 3
@@ -71,7 +74,7 @@ def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list
     reasons = {name: plot_data.lacking(path, name) for name in plot_data.NEEDS}
     by_reason = {reason: [n for n, each in reasons.items() if each == reason] for reason in reasons.values() if reason}
     left_out = [f"without {', '.join(names)}: {reason}" for reason, names in by_reason.items()]
-    if why := recorded_bounds.lacking(path, plugins):
+    if why := error_bounds.lacking(path, plugins):
         left_out.append(why)
     figures = []
     possible = {name for name, reason in reasons.items() if not reason}
@@ -90,25 +93,16 @@ def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list
 
 def _panels(path: Path, replicate: int, possible: set[str], targets: list[int], plugins: bool) -> Iterator[_Panel]:
     """The figures to draw."""
-    for target in targets[:MAX_TARGETS]:
-        yield _Panel("track", partial(plots.track, path=path, replicate=replicate, target=target), target)
-    if "error" in possible:
-        yield _Panel("error", partial(plots.error, path=path, plugins=plugins))
-    if "consistency" in possible:
-        yield _Panel("consistency", partial(plots.consistency, path=path))
-    if "energy" in possible:
-        yield _Panel("energy", partial(plots.energy, path=path))
-    if not targets:
-        return
-    first = targets[0]
-    if "particles" in possible:
-        last = plot_data.last_step_with_particles(path, replicate, first)
-        draw = partial(plots.particles, path=path, step=last, replicate=replicate, target=first)
-        yield _Panel("particles", draw, first)
-    layout = plot_data.layout(path)
-    for column in layout.units if tuple(layout.units) != layout.position else ():
-        draw = partial(plots.states, path=path, column=column, replicate=replicate, target=first)
-        yield _Panel(f"state {column}", draw, first)
+    of_targets: dict[str, list[int | None]] = {
+        "track": [*targets[:MAX_TARGETS]],
+        "particles": [*targets[:1]],
+        "states": [*targets[:1]],
+    }
+    for name in (name for name in ORDER if name in possible):
+        for target in of_targets.get(name, [None]):
+            chosen = PlotSelection(replicate=replicate, target=target or 0, plugins=plugins)
+            for title, draw in panels_of(path, name, chosen, among_all=True):
+                yield _Panel(title, draw, target)
 
 
 def _targets(path: Path, replicate: int) -> list[int]:
@@ -155,10 +149,7 @@ def _wrap_legend(axes: Axes) -> None:
     box = axes.get_position()
     axes.set_position((box.x0, box.y0, box.width, box.height - ROW_OF_LEGEND * max(rows - 2, 0)))
     axes.set_title(axes.get_title(loc="left"), loc="left", pad=8 + 12 * rows)
-    axes.legend(
-        handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=LEGEND_COLUMNS, frameon=False,
-        borderaxespad=0.1, borderpad=0.2, handlelength=1.4, columnspacing=1.0, labelspacing=0.2,
-    )  # fmt: skip
+    axes.legend(handles, labels, ncols=LEGEND_COLUMNS, labelspacing=0.2, **LEGEND)
 
 
 def _marks(artist: Any) -> int:

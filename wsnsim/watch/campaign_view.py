@@ -19,8 +19,7 @@ from typing import Any, Final, final
 import numpy as np
 
 from wsnsim.analysis import campaigns
-from wsnsim.analysis.campaign_info import label
-from wsnsim.analysis.stopping import ReplicateCounts
+from wsnsim.analysis.campaign_info import ReplicateCounts, label
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.recording.folder import Folder
 from wsnsim.report.page_template import script_of, static_text

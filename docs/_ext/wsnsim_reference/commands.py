@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import click
 
 import wsnsim.cli  # noqa: F401  (registers the commands)
-from wsnsim.cli.shared import group
+from wsnsim.cli.shared import every_command, group
 from wsnsim_reference.markdown import code, escaped, fence, generated, table
 
 EXIT_CODES = (
@@ -22,7 +22,7 @@ EXIT_CODES = (
 def page() -> str:
     """Return the text of the page."""
     rows = [
-        [f"[{name}](#{name})", escaped(one.get_short_help_str(100))] for name, one in sorted(group.commands.items())
+        [f"[{name}](#{name})", escaped(one.get_short_help_str(100))] for name, one in sorted(every_command().items())
     ]
     return generated(
         "Commands",
@@ -31,7 +31,7 @@ def page() -> str:
         table(("command", "does"), rows),
         "Exit codes:",
         table(("code", "meaning"), EXIT_CODES),
-        *(block for name, one in sorted(group.commands.items()) for block in _command(name, one)),
+        *(block for name, one in sorted(every_command().items()) for block in _command(name, one)),
     )
 
 

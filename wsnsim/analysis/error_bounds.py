@@ -1,6 +1,11 @@
-"""Cramér-Rao bounds beside the errors of a campaign.
+"""Cramér-Rao bounds beside the errors of a result file, and of a campaign.
 
-with_bounds(comparison, folder) -> comparison with the columns `bound` and `bound_unconditional`
+    in_range(path) -> Bound or None        time_averages(path) -> {readings: bound, ...}
+    with_bounds(comparison, folder) -> comparison with the columns `bound` and `bound_unconditional`
+
+The trajectory-conditional CRLBs are tight but not strict bounds, see `wsnsim.bounds`. A file without a scenario, of
+another version, or of a motion model without a bound has none; no error is raised. A file that names a plug-in has
+none either, unless `plugins` allows importing it.
 """
 
 from __future__ import annotations
@@ -11,20 +16,65 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.comparison import Comparison
+from wsnsim.analysis.plot_data import stored_json
+from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import WsnsimError
 from wsnsim.base.files import read_regular
 from wsnsim.base.runs import tracked
-from wsnsim.bounds import bound
+from wsnsim.bounds import READINGS, Bound, bound, bound_of_run
+from wsnsim.recording import read_table, tables
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept import KEPT, KeptAnswers
 from wsnsim.scenario import Plugins, load, plugins
 from wsnsim.scenario.registry import refused
+
+
+def lacking(path: str | Path, plugins: bool = False) -> str:
+    """Why there is no bound, if the result's scenario needs a plug-in that is not imported; '' otherwise."""
+    why = refused(stored_json(path, "scenario/resolved_json"), Plugins.ANY if plugins else Plugins.NONE)
+    return f"the bound {why.partition(': ')[2]}" if why else ""
+
+
+def in_range(path: str | Path, plugins: bool = False) -> Bound | None:
+    """The bound for all readings in range."""
+    return _found(path, "in_range", plugins)
+
+
+def time_averages(path: str | Path, plugins: bool = False) -> dict[str, float]:
+    """The time average of each bound over the steps that have an estimate, in the position's unit.
+
+    Without recorded events, or without a network, the only one is that for all readings in range.
+    """
+    log = tables(path).get("events")
+    known = READINGS if log is not None and log.rows else ("in_range",)
+    found = {readings: bound for readings in known if (bound := _found(path, readings, plugins)) is not None}
+    means = {readings: bound.time_mean_at(_errors(path, bound)) for readings, bound in found.items()}
+    return {readings: mean for readings, mean in means.items() if np.isfinite(mean)}
+
+
+def _found(path: str | Path, readings: str, plugins: bool) -> Bound | None:
+    try:
+        found = bound_of_run(path, readings, plugins=plugins)
+    except WsnsimError:
+        return None
+    return None if found.reason else found
+
+
+def _errors(path: str | Path, found: Bound) -> Floats:
+    """(replicates, targets, steps) errors at the bound's steps, NaN where there is no estimate."""
+    table = read_table(path, "estimates", ["replicate", "target", "step", "error"])
+    errors = np.full(found.each.shape, np.nan)
+    rows = np.searchsorted(found.query.replicates, table["replicate"])
+    errors[rows, table["target"], table["step"] - 1] = table["error"]
+    return errors
+
 
 MOST: Final = 100
 """Runs whose trajectories count at most: more change only the third digit."""

@@ -1,13 +1,11 @@
-"""What answers and summaries are made of: columns of the short tables, arrays, joules by cause, and errors of clocks.
+"""What answers and summaries are made of: short tables, position errors, joules by cause, kinds of workload and faults.
 
-facts_of_file(path)      facts_of_tables(tables, scenario)      facts_of_report(report)
-read_arrays(path) -> ResultArrays        position_unit(path) -> 'm'
-clock_figures(report) -> dict            clock_rows(figures) -> [(name, value)]
+facts_of_file(path)      facts_of_tables(tables, scenario)      facts_of_report(report)      -> ResultFacts
+position_unit(path) -> 'm'
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,85 +14,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.analysis import plot_data
-from wsnsim.analysis.plot_data import stored_json
-from wsnsim.analysis.quantities import QUANTITIES, ResultArrays
+from wsnsim.base import metrics
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.results import Report
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import CAUSES
-from wsnsim.recording import attributes, read_table, tables
-
-
-def read_arrays(path: str | Path) -> ResultArrays:
-    """The arrays of a result file; of the long tables, only the errors are read."""
-    held = tables(path)
-    runs = read_table(path, "runs") if "runs" in held else {}
-    columns = {name: column.astype(np.float64) for name, column in runs.items() if column.dtype.kind in "uif"}
-    errors = plot_data.errors(path).errors if "estimates" in held and held["estimates"].rows else np.empty((0, 0, 0))
-    about = attributes(path)
-    tracks = _tracks(path, len(runs.get("replicate", ())))
-    return ResultArrays(errors, columns, bool(about["states"]), tracks, len(about["position"] or ()))
-
-
-def _tracks(path: str | Path, runs: int) -> dict[str, Floats]:
-    """The columns of the table `tracks`, (runs, targets) each; a row each if runs differ in their tracks."""
-    if "tracks" not in tables(path) or not tables(path)["tracks"].rows:
-        return {}
-    columns = read_table(path, "tracks", _latencies(path))
-    rows = runs if runs and all(column.size % runs == 0 for column in columns.values()) else None
-    return {name: column.astype(np.float64).reshape(rows or column.size, -1) for name, column in columns.items()}
-
-
-def _latencies(path: str | Path) -> list[str]:
-    """The columns of `tracks` that quantities need, as far as the file has them."""
-    needed = [name for quantity in QUANTITIES.values() if quantity.of_tracks for name in quantity.columns]
-    return [name for name in needed if name in tables(path)["tracks"].columns]
-
-
-def position_unit(path: str | Path) -> str:
-    """The unit of the errors; metres in a file without a target."""
-    if not attributes(path)["states"]:
-        return "m"
-    layout = plot_data.layout(path)
-    return layout.units[layout.position[0]]
-
-
-CLOCK_COLUMNS: Final = ("error", "error_max", "spread", "spread_max", "synchronised")
-TIME_UNITS: Final = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
-
-
-def clock_figures(report: Report) -> dict[str, float]:
-    """The columns of `clocks` at the end of runs, mean over runs, with names such as `clock_error`.
-
-    NaN where the table was not recorded.
-    """
-    if not dict(report.scenario.record).get("clocks"):
-        return {f"clock_{name}": math.nan for name in CLOCK_COLUMNS}
-    table = read_table(report.out, "clocks", ["replicate", *CLOCK_COLUMNS])
-    last = np.flatnonzero(np.diff(table["replicate"].astype(np.int64), append=-1))
-    return {f"clock_{name}": float(table[name][last].mean()) if last.size else math.nan for name in CLOCK_COLUMNS}
-
-
-def clock_rows(figures: Mapping[str, float]) -> list[tuple[str, str]]:
-    """The lines of a summary; none where clocks were not recorded or show the true time."""
-    if not figures["clock_error_max"] > 0.0:
-        return []
-    error, spread = (
-        f"{_seconds(figures[f'clock_{name}'])}, at most {_seconds(figures[f'clock_{name}_max'])}"
-        for name in ("error", "spread")
-    )
-    result = [("clocks from true time at the end", error), ("clocks from their mean at the end", spread)]
-    if figures["clock_synchronised"] > 0.0:
-        result.append(("nodes that take their clock for synchronised", f"{figures['clock_synchronised']:.0%}"))
-    return result
-
-
-def _seconds(time: float) -> str:
-    """A time in the largest unit of which it is at least one."""
-    size, unit = next(((size, unit) for size, unit in TIME_UNITS if time >= size), TIME_UNITS[-1])
-    return f"{time / size:.3g} {unit}"
-
+from wsnsim.recording import attributes, read_json, read_table, tables
 
 Table = Mapping[str, Any]
 """Columns by name: a DataFrame, or a mapping to arrays."""
@@ -119,19 +44,29 @@ class RecordedErrors(NamedTuple):
     errors: Floats = np.empty((0, 0, 0))
 
 
+class _Context(NamedTuple):
+    """What is known of a result beside its tables: names and units as in `ResultFacts`."""
+
+    unit: str
+    workload: str
+    faults: tuple[str, ...]
+    position: int
+
+
 @dataclass(frozen=True)
-class AnswerFacts:
+class ResultFacts:
     """What is known of the runs of a result.
 
     Attributes:
         runs: the columns of the table `runs`, (R,) each.
-        tracks: the columns of the table `tracks`.
+        tracks: the columns of the table `tracks`, (R, targets) each; a row each if runs differ in their tracks.
         reports: the columns of the table `reports`; empty if it was not recorded.
         recorded: the position errors.
         joules: energy (J) by cause, mean over the runs; empty without a network, or if it was not recorded.
         unit: unit of the position.
         workload: kind of the workload: `tracking`, `beacons`, `collection` or that of a plug-in.
         faults: kinds of the faults that the runs have.
+        position: the number of position columns; 0 without a target.
     """
 
     runs: Mapping[str, Floats]
@@ -142,11 +77,17 @@ class AnswerFacts:
     unit: str = "m"
     workload: str = "tracking"
     faults: tuple[str, ...] = ()
+    position: int = 2
 
     @property
     def count(self) -> int:
         """The number of finished runs."""
         return next(iter(self.runs.values())).size if self.runs else 0
+
+    @property
+    def consistent(self) -> float:
+        """The median NEES per column of a consistent filter."""
+        return metrics.CONSISTENT_MEDIANS.get(self.position, NAN)
 
     @property
     def has_network(self) -> bool:
@@ -159,9 +100,7 @@ class AnswerFacts:
 
     def mean(self, name: str) -> float:
         """The mean of the known values of a column of `runs`; NaN without one."""
-        known = self.column(name)
-        known = known[np.isfinite(known)]
-        return float(known.mean()) if known.size else NAN
+        return metrics.mean_error(self.column(name))
 
     @property
     def limit(self) -> float:
@@ -195,29 +134,40 @@ class AnswerFacts:
         return np.where(np.isin(self.recorded.replicates, numbers)[:, None, None], NAN, self.recorded.errors)
 
 
-def facts_of_report(report: Report) -> AnswerFacts:
+def facts_of_report(report: Report) -> ResultFacts:
     """The facts of runs that have just been made."""
     rows, tracks = [one.run for one in report.summaries], [row for one in report.summaries for row in one.tracks]
-    causes = {cause for summary in report.summaries for cause in summary.joules}
     steps = max((one.errors.shape[1] for one in report.summaries if one.errors.ndim > 1), default=0)
-    errors = np.full((len(rows), len(report.summaries[0].tracks), steps), NAN)
-    for into, one in zip(errors, report.summaries, strict=True):
-        if one.errors.size:
-            into[:, : one.errors.shape[1]] = one.errors
     recorded = dict(report.scenario.record).get("reports") and report.out.is_file()
-    return AnswerFacts(
-        _columns({name: [row[name] for row in rows] for name in rows[0]}),
-        _columns({name: [row[name] for row in tracks] for name in tracks[0]}) if tracks else {},
+    about = scenarios.resolved(report.scenario)
+    unit = report.states[report.position[0]][1] if report.states else "m"
+    runs = _columns({name: [row[name] for row in rows] for name in rows[0]})
+    return ResultFacts(
+        runs,
+        _by_run({name: [row[name] for row in tracks] for name in tracks[0]} if tracks else {}, len(rows)),
         _columns(read_table(report.out, "reports")) if recorded else {},
-        RecordedErrors(np.array([row["replicate"] for row in rows]), np.arange(1, steps + 1), errors),
-        {cause: float(np.mean([one.joules.get(cause, 0.0) for one in report.summaries])) for cause in causes},
-        report.states[report.position[0]][1] if report.states else "m",
-        _workload(scenarios.resolved(report.scenario)),
-        fault_kinds(scenarios.resolved(report.scenario)),
+        RecordedErrors(np.array([row["replicate"] for row in rows]), np.arange(1, steps + 1), errors_of(report, steps)),
+        joules_of(report),
+        *_Context(unit, _workload(about), fault_kinds(about), len(report.position) if report.states else 0),
     )
 
 
-def facts_of_file(path: str | Path) -> AnswerFacts:
+def errors_of(report: Report, steps: int) -> Floats:
+    """(runs, targets, steps) position errors of a report, NaN after the end of a run."""
+    errors = np.full((len(report.summaries), len(report.summaries[0].tracks), steps), NAN)
+    for into, one in zip(errors, report.summaries, strict=True):
+        if one.errors.size:
+            into[:, : one.errors.shape[1]] = one.errors
+    return errors
+
+
+def joules_of(report: Report) -> dict[str, float]:
+    """Energy (J) by cause, mean over the runs of a report."""
+    causes = sorted({cause for summary in report.summaries for cause in summary.joules})
+    return {cause: float(np.mean([one.joules.get(cause, 0.0) for one in report.summaries])) for cause in causes}
+
+
+def facts_of_file(path: str | Path) -> ResultFacts:
     """The facts of a result file; of its long tables, only the errors and the joules are read."""
     held = {name: size.rows for name, size in tables(path).items() if size.rows}
     found: dict[str, Table] = {name: read_table(path, name) for name in SHORT if name in held}
@@ -228,10 +178,18 @@ def facts_of_file(path: str | Path) -> AnswerFacts:
         energy.sort(key=lambda name: held[name])
     if energy:
         found["energy"] = read_table(path, energy[0], ["replicate", "cause", "joules"])
-    return _of_columns(found, stored_json(path, "scenario/resolved_json"), position_unit(path))
+    about, root = read_json(path, "scenario/resolved_json", optional=True), attributes(path)
+    position = len(root["position"] or ()) if root["states"] else 0
+    return _of_columns(found, _Context(position_unit(path), _workload(about), fault_kinds(about), position))
 
 
-def facts_of_tables(found: Mapping[str, Table], scenario: Any) -> AnswerFacts:
+def position_unit(path: str | Path) -> str:
+    """The unit of the errors; metres in a file without a target."""
+    root = attributes(path)
+    return str(root["states"][(root["position"] or (0,))[0]][1]) if root["states"] else "m"
+
+
+def facts_of_tables(found: Mapping[str, Table], scenario: Any) -> ResultFacts:
     """The facts of tables in memory.
 
     Args:
@@ -239,26 +197,31 @@ def facts_of_tables(found: Mapping[str, Table], scenario: Any) -> AnswerFacts:
             `estimates`, `energy` and `reports` say more.
         scenario: the Scenario of the runs.
     """
-    setup = scenarios.build(scenario)
+    setup, about = scenarios.build(scenario), scenarios.resolved(scenario)
     motion = setup.motions[0] if isinstance(setup, TrackingSetup) else None
-    unit = motion.units[motion.position[0]] if motion else "m"
-    return _of_columns(found, scenarios.resolved(scenario), unit)
+    unit, position = (motion.units[motion.position[0]], len(motion.position)) if motion else ("m", 0)
+    return _of_columns(found, _Context(unit, _workload(about), fault_kinds(about), position))
 
 
-def _of_columns(found: Mapping[str, Table], scenario: Mapping[str, Any], unit: str) -> AnswerFacts:
+def _of_columns(found: Mapping[str, Table], context: _Context) -> ResultFacts:
     runs = _columns(found.get("runs", {}))
-    if not runs or not next(iter(runs.values())).size:
-        return AnswerFacts({})
-    errors = _errors(found.get("estimates", {}))
-    joules = _joules(found.get("energy", {}), next(iter(runs.values())).size)
-    tracks, reports = (_columns(found.get(name, {})) for name in ("tracks", "reports"))
-    return AnswerFacts(runs, tracks, reports, errors, joules, unit, _workload(scenario), fault_kinds(scenario))
+    count = next(iter(runs.values())).size if runs else 0
+    joules = _joules(found.get("energy", {}), count) if count else {}
+    tracks, reports = _by_run(found.get("tracks", {}), count), _columns(found.get("reports", {}))
+    return ResultFacts(runs, tracks, reports, _errors(found.get("estimates", {})), joules, *context)
 
 
 def _columns(table: Table) -> dict[str, Floats]:
     """The columns of a table that hold numbers."""
     columns = {name: np.asarray(table[name]) for name in table}
     return {name: values.astype(np.float64) for name, values in columns.items() if values.dtype.kind in "uifb"}
+
+
+def _by_run(table: Table, runs: int) -> dict[str, Floats]:
+    """The columns of the table `tracks`, (runs, targets) each; a row each if runs differ in their tracks."""
+    columns = {name: column for name, column in _columns(table).items() if column.size}
+    rows = runs if runs and all(column.size % runs == 0 for column in columns.values()) else -1
+    return {name: column.reshape((rows, -1) if rows > 0 else (-1, 1)) for name, column in columns.items()}
 
 
 def _errors(table: Table) -> RecordedErrors:

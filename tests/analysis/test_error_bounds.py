@@ -7,10 +7,10 @@ import json
 import pytest
 
 import wsnsim
-from wsnsim.analysis import comparison_bounds
+from wsnsim.analysis import error_bounds
 from wsnsim.analysis.comparison import compare
-from wsnsim.analysis.comparison_bounds import PointBounds
 from wsnsim.analysis.comparison_text import text
+from wsnsim.analysis.error_bounds import PointBounds
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept import KeptAnswers
 from wsnsim.scenario import Plugins, load, resolved
@@ -22,8 +22,8 @@ def found(tmp_path, monkeypatch):
     place = tmp_path / "kept" / "bounds.json"
 
     def bounds_of(scenario, answer):
-        monkeypatch.setattr(comparison_bounds, "_point_bounds", lambda *_: PointBounds(answer, answer, ""))
-        return comparison_bounds._kept_bounds(KeptAnswers(place), scenario, (0, 1), Plugins.NONE).each
+        monkeypatch.setattr(error_bounds, "_point_bounds", lambda *_: PointBounds(answer, answer, ""))
+        return error_bounds._kept_bounds(KeptAnswers(place), scenario, (0, 1), Plugins.NONE).each
 
     return bounds_of
 
@@ -46,7 +46,7 @@ def test_bounds_are_worked_out_again_if_a_file_of_the_scenario_changed(found, tm
 
 def test_bounds_that_depend_on_a_plug_in_are_not_kept(found, monkeypatch):
     scenario = resolved(load("ungm_pf", ["duration=3 s"]))
-    monkeypatch.setattr(comparison_bounds, "plugins", lambda _: ("sensor mine",))
+    monkeypatch.setattr(error_bounds, "plugins", lambda _: ("sensor mine",))
     assert [found(scenario, 1.0), found(scenario, 2.0)] == [1.0, 2.0]
 
 
@@ -63,10 +63,10 @@ def test_what_a_bound_takes_of_the_readings_is_kept_with_it_and_noted(tmp_path):
     }  # fmt: skip
     kept = KeptAnswers(tmp_path / "bounds.json")
     for _ in range(2):
-        about = comparison_bounds._kept_bounds(kept, resolved(load(scenario)), (0,), Plugins.NONE).about
+        about = error_bounds._kept_bounds(kept, resolved(load(scenario)), (0,), Plugins.NONE).about
         assert "takes them as independent" in about[0] and "takes gains as known" in about[1]
     (tmp_path / "receivers.yaml").write_text(json.dumps(scenario))
     sweep = {"scenario": str(tmp_path / "receivers.yaml"), "grid": {"tracker.kind": ["ekf", "pf"]}, "replicates": 2}
     wsnsim.sweep(sweep, out=tmp_path / "receivers", workers=1)
-    found = comparison_bounds.with_bounds(compare(tmp_path / "receivers"), Folder(tmp_path / "receivers"))
+    found = error_bounds.with_bounds(compare(tmp_path / "receivers"), Folder(tmp_path / "receivers"))
     assert found.of_bounds == "; ".join(about) and f"  of the bound: {found.of_bounds}" in text(found)
