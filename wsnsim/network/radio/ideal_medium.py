@@ -5,24 +5,33 @@ The MAC decides when a burst is sent, and calls `IdealMedium.carry(burst)` at th
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.frames import EVERYONE, SEND, Burst
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.energy.ledger import HopCost
-from wsnsim.network.event_log import UnicastRows, event
+from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.network.event_log import Event, event
 from wsnsim.network.radio.datagrams import Unicasts
 from wsnsim.network.radio.topology import RadioServices
 from wsnsim.network.radio.transmission import UseCounter
 
 RELAY, RECEIVE, DROP = KIND["relay"], KIND["receive"], KIND["drop"]
-TX, RX = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
+TX, RX, RECEIVED = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"], CAUSE["rx"]
 MOST_HOP_COSTS: Final = 20_000
 """Costs of hops that are kept."""
+
+
+class HopCost(NamedTuple):
+    """Bits of a unicast, and joules: the sender's electronics and amplifier, their sum, and the receiver's."""
+
+    bits: int
+    electronics: float
+    amplifier: float
+    sent: float
+    received: float
 
 
 class IdealMedium:
@@ -70,17 +79,20 @@ class IdealMedium:
             for burst in unicasts.split():
                 self.carry(burst)
             return
-        counters, log, parcels = self._counters, self._log, unicasts.parcels
-        self._nodes.ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
-        packets, codes = [parcel.packets for parcel in parcels], [log.code(parcel.what) for parcel in parcels]
-        log.add_unicasts(
-            UnicastRows(
-                self._env.now, log.step, unicasts.target, counters.frames_sent + 1,
-                unicasts.sources, unicasts.destinations, codes, packets, costs,
+        counters, log, ledger, target = self._counters, self._log, self._nodes.ledger, unicasts.target
+        now, step, number, rows = self._env.now, log.step, counters.frames_sent, list[Event]()
+        sends = zip(unicasts.sources, unicasts.destinations, unicasts.parcels, costs, strict=True)
+        for source, to, parcel, (bits, electronics, amplifier, sent, received) in sends:
+            ledger.book_transmission(source, electronics, amplifier)
+            ledger.book(to, RECEIVED, received)
+            number, packets, code = number + 1, parcel.packets, log.code(parcel.what)
+            rows += (
+                (now, step, target, source, SEND, code, number, number, to, packets, bits, sent, TX),
+                (now, step, target, to, RECEIVE, code, number, number, source, packets, bits, received, RX),
             )
-        )  # fmt: skip
-        counters.packets_sent += sum(packets)
-        counters.frames_sent += len(costs)
+            counters.packets_sent += packets
+        log.extend(rows)
+        counters.frames_sent = number
         counters.in_range += len(costs)
         counters.delivered += len(costs)
 
@@ -96,7 +108,7 @@ class IdealMedium:
             bits = parcel.packets * parcel.packet_bits
             cost = known.get((source, to, bits)) or self._hop_cost(source, to, bits)
             costs.append(cost)
-            joules += cost.sent + cost.rx
+            joules += cost.sent + cost.received
             if not bits:
                 return None
         outlast = nodes.all_outlast(unicasts.sources, joules) and nodes.all_outlast(unicasts.destinations, joules)

@@ -146,12 +146,6 @@ class Neighbours:
             self._milliwatts = 10.0 ** (self.powers / 10.0)
         return self._milliwatts
 
-    def common(self, other: Neighbours) -> tuple[Ints, Ints]:
-        """Indices of the common neighbours, in these ids and in those of the other."""
-        at = np.minimum(np.searchsorted(other.ids, self.ids), max(other.ids.size - 1, 0))
-        here = np.flatnonzero(other.ids[at] == self.ids) if other.ids.size else at[:0]
-        return here, at[here]
-
     def index(self, node: int) -> int:
         """The index of a node in `ids`, or -1."""
         at = int(self.ids.searchsorted(node))
