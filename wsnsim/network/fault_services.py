@@ -19,7 +19,7 @@ from wsnsim.base.network_ports import FaultEvent
 from wsnsim.base.rng import derive
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.event_log import EventLog, event
+from wsnsim.network.event_log import EventLog, event, then
 from wsnsim.network.mechanisms import NetworkServices
 from wsnsim.network.nodes import Nodes
 
@@ -72,9 +72,7 @@ class Timeline:
         if time <= self._env.now:
             self._call(action)
             return
-        timer = self._env.timeout(time - self._env.now)
-        assert timer.callbacks is not None
-        timer.callbacks.append(lambda _: self._call(action))
+        then(self._env.timeout(time - self._env.now), self._call, action)
 
     def _call(self, action: Callable[[], None]) -> None:
         """Call an action. At the beginning of a step it belongs to that step, although the world has not begun it."""

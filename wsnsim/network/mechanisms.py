@@ -10,6 +10,7 @@ import simpy
 
 from wsnsim.base.errors import RunError
 from wsnsim.network.clocks import Clocks
+from wsnsim.network.event_log import then
 from wsnsim.network.nodes import Nodes
 
 Services = TypeVar("Services")
@@ -39,9 +40,7 @@ class NetworkServices:
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""
-        timer = self._env.timeout(seconds)
-        assert timer.callbacks is not None
-        timer.callbacks.append(lambda _: action())
+        then(self._env.timeout(seconds), action)
 
 
 def make_mechanism(

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import simpy
 
 from wsnsim.base.radio import Mode
-from wsnsim.network.event_log import ProtocolLog
+from wsnsim.network.event_log import ProtocolLog, then
 from wsnsim.network.nodes import Nodes
 
 TARGET: Final = "target"
@@ -95,9 +95,7 @@ class NodeProcess:
 
     def _check_at(self, target: int, until: float) -> None:
         """Follow the schedule again at a time, unless `keep_awake` was extended by then."""
-        event = self._env.timeout(max(until - self._env.now, 0.0))
-        assert event.callbacks is not None
-        event.callbacks.append(lambda _: self._check(target, until))
+        then(self._env.timeout(max(until - self._env.now, 0.0)), self._check, target, until)
 
     def _check(self, target: int, until: float) -> None:
         known = self.awake_until.get(target)

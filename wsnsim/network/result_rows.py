@@ -22,7 +22,7 @@ from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.base.tables import CAUSES, KIND
 from wsnsim.network.clusters.track import ClusterRecord, Track
-from wsnsim.network.event_log import EventLog, event
+from wsnsim.network.event_log import EventLog, event, then
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
@@ -188,8 +188,7 @@ class ReportRows:
         """Send a report to a sink. Its arrival is logged before the event fires that says that it has ended."""
         self._sent.append((report, target, self._env.now))
         ended = self._transport.carry([report], target)
-        assert ended.callbacks is not None, "a report ends later than it is sent"
-        ended.callbacks.append(lambda _: self._log_arrival(report, target))
+        then(ended, self._log_arrival, report, target)
         return ended
 
     def write(self, replicate: int, recorder: Recorder) -> None:

@@ -22,7 +22,7 @@ from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND
 from wsnsim.models.workloads import Periodic, PeriodicCollection
 from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
-from wsnsim.network.event_log import event
+from wsnsim.network.event_log import event, then
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
 from wsnsim.network.radio.radio_stack import RadioStack
@@ -130,15 +130,13 @@ class WorkloadNetwork(NetworkServices):
         """Send a payload of `bits` to a node over the path of `routing`; `on_end(arrived)` is called at the end."""
         datagram = Datagram(node, to, Parcel(None, 1, bits, what))
         ended = self._transport.carry([datagram], -1)
-        assert ended.callbacks is not None
-        ended.callbacks.append(lambda _: on_end(datagram.arrived))
+        then(ended, lambda: on_end(datagram.arrived))
 
     def collect(self, node: int, bits: int, what: str, on_end: Callable[[int], None]) -> None:
         """Send a report of `bits` to whichever sink; `on_end(sink)` is called at the end, with -1 if it was lost."""
         report = Datagram(node, A_SINK, Parcel(None, 1, bits, what))
         ended = self._reports.send(report, -1)
-        assert ended.callbacks is not None
-        ended.callbacks.append(lambda _: on_end(report.to if report.arrived else -1))
+        then(ended, lambda: on_end(report.to if report.arrived else -1))
 
 
 class WorkloadWorld(BaseNetwork):

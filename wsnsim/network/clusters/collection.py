@@ -17,6 +17,7 @@ from simpy.events import EventPriority
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.requests import Journeys, Parcel, all_arrived
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.datagrams import Datagram, Unicasts
 from wsnsim.network.radio.transport import Transport
 
@@ -152,8 +153,7 @@ class Collection:
                 datagram.arrived = True
                 continue
             event = self._transport.carry([datagram], self._target, self._head, self._one_hop)
-            assert event.callbacks is not None
-            event.callbacks.append(lambda _, datagram=datagram: note(datagram))  # type: ignore[misc]
+            then(event, note, datagram)
         while (left := min(last + quiet, began + longest) - env.now) > ROUNDING:
             yield env.timeout(left)
         self.bits += sum(datagram.bits for datagram in datagrams)

@@ -18,6 +18,7 @@ from wsnsim.network.clusters.collection import Deadline
 from wsnsim.network.clusters.election import Election, waiting_share
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Handover, Track
+from wsnsim.network.event_log import then
 from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.radio.transport import Transport
 
@@ -59,12 +60,9 @@ class Elections:
         setup, clock = network.setup, network.clock
         election = Election(clock.env.event(), clock.step, strengths, setup.clusters, setup.sensor)
         track.election = election
-        assert election.closed.callbacks is not None
-        election.closed.callbacks.append(lambda _: setattr(track, "election", None))
+        then(election.closed, setattr, track, "election", None)
         if setup.waits.closing is not None:
-            closing = Deadline(clock.env, setup.waits.closing)
-            assert closing.callbacks is not None
-            closing.callbacks.append(lambda _: election.close())
+            then(Deadline(clock.env, setup.waits.closing), election.close)
         for node in strengths:
             self.processes.of(node).begin(self._stand(track, election, node, fills_vacancy))
         return election

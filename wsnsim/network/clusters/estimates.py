@@ -19,6 +19,7 @@ from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
 from wsnsim.network.result_rows import ReportRows
 
@@ -46,8 +47,7 @@ class SinkReports:
             return
         report = Datagram(head, A_SINK, Parcel(None, 1, self._bits, "report"))
         ended = self._reports.send(report, target)
-        assert ended.callbacks is not None, "a report ends later than it is sent"
-        ended.callbacks.append(lambda _: self._receive(report, step, target))
+        then(ended, self._receive, report, step, target)
 
     def _receive(self, report: Datagram, step: int, target: int) -> None:
         if report.arrived:

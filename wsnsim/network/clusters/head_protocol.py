@@ -20,6 +20,7 @@ from wsnsim.network.clusters.estimates import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Handover, Track
 from wsnsim.network.clusters.wake_ahead import WakesAhead
+from wsnsim.network.event_log import then
 from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
@@ -51,8 +52,7 @@ class Joins:
     def on_end(self, ended: Callable[[int, bool], None]) -> None:
         """Call `ended` at the end of each pending join, with its node and whether it arrived."""
         for join, event in self.pending:
-            assert event.callbacks is not None, "a join that is under way has not ended"
-            event.callbacks.append(lambda _, join=join: ended(join.source, join.arrived))  # type: ignore[misc]
+            then(event, lambda join=join: ended(join.source, join.arrived))
 
 
 @dataclass(frozen=True, slots=True)

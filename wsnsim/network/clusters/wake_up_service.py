@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import simpy
@@ -25,7 +25,7 @@ from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.clusters.network_view import NetworkView, WakeIntervals
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.event_log import EventLog, event
+from wsnsim.network.event_log import EventLog, event, then
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.node_process import FRAME, NodeProcesses
 from wsnsim.network.radio.transport import Transport
@@ -244,14 +244,13 @@ class WakeUpService(NetworkServices):
         sequence = round.sequence if relayed else 0
         sent, (burst,) = self._transport.broadcast([node], [parcel], copy.target, sequence, relayed)
 
-        def ended(_: Any) -> None:
+        def ended() -> None:
             round.sequence = round.sequence or burst.sequence
             round.forwards += relayed and burst.sent > 0
             for listener in sorted(burst.received):
                 on_heard(listener, copy)
 
-        assert sent.callbacks is not None
-        sent.callbacks.append(ended)
+        then(sent, ended)
 
     def call(
         self, round: WakeUpRound, node: int, sleepers: Sequence[int], bits: int, on_awake: Callable[[list[int]], None]
@@ -297,8 +296,7 @@ class WakeUpService(NetworkServices):
     ) -> None:
         """Occupy the wake-up radio for a call; at its end both sides pay and the called nodes are awake."""
         ended = self._env.timeout(self._protocol.call)
-        assert ended.callbacks is not None
-        ended.callbacks.append(lambda _: on_awake(self._end_call(node, sleepers, target, self._call_bits or bits)))
+        then(ended, lambda: on_awake(self._end_call(node, sleepers, target, self._call_bits or bits)))
 
     def _end_call(self, node: int, sleepers: Iterable[int], target: int, bits: int) -> list[int]:
         """Book a call; return the nodes that it woke."""

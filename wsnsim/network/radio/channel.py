@@ -192,8 +192,8 @@ class Channel:
         if not self._nodes.holds_more(source, joules):
             end = start + costs[3] * self._nodes.residual_energy(source) / joules
         neighbours = self._topology.neighbours(source)
-        transmission = Transmission(source, frame, neighbours, counters.transmissions, start, end, on_end)
-        transmission.costs, transmission.asleep = costs, asleep
+        number = counters.transmissions
+        transmission = Transmission(source, frame, neighbours, number, start, end, on_end, costs, asleep)
         near = self._cells_around.get(source) or self._find_cells(source)
         for cell in near:
             for other in cell:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ import simpy
 
 from wsnsim.base.frames import Burst
 from wsnsim.models.workloads import CollectionTreeProtocol
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.datagrams import A_SINK, Copy, Datagram, Hops, Journey, node_random
 from wsnsim.network.radio.geographic_forwarding import GeographicForwarding, HeardPlaces
 from wsnsim.network.radio.link_estimator import LinkTable
@@ -133,10 +133,7 @@ class TreeQueue:
     def _wait(self, seconds: float) -> None:
         """Resume after some time. Of several such times the last one that was set counts."""
         self._timer += 1
-        wake = partial(self._wake, self._timer)
-        event = self._env.timeout(seconds)
-        assert event.callbacks is not None, "a timeout has not passed yet"
-        event.callbacks.append(lambda _: wake())
+        then(self._env.timeout(seconds), self._wake, self._timer)
 
     def _wake(self, timer: int) -> None:
         if timer == self._timer:
@@ -146,9 +143,7 @@ class TreeQueue:
         to, cost = self._route.parent, self._route.cost
         burst = copy.burst(self._route.node, to)
         self._in_flight = copy
-        event = self._hops.send([burst])
-        assert event.callbacks is not None, "a burst ends later than it is sent"
-        event.callbacks.append(lambda _: self._sent(copy, burst, cost))
+        then(self._hops.send([burst]), self._sent, copy, burst, cost)
 
     def _sent(self, copy: Copy, burst: Burst, cost: float) -> None:
         """Take the result of a burst: go on with the next datagram, or try again."""

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from typing import Generic, Protocol, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
 
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.frames import Burst, Counters, MacFrame, OfferedFrame, Received
+from wsnsim.base.frames import SEND, Burst, Counters, MacFrame, OfferedFrame, Received
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac, Packing
-from wsnsim.base.rng import Streams
+from wsnsim.base.rng import GOLDEN, MASK, Streams, derive, mix
 from wsnsim.base.tables import KIND
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import event
@@ -96,23 +97,49 @@ class NetworkMacServices(NetworkServices):
         )  # fmt: skip
 
 
-class QueueingSender(Protocol):
+@dataclass(slots=True, eq=False)
+class FrameSender:
     """A node with frames to send.
 
     Attributes:
+        node: The node.
         queue: Frames that wait.
         frame: The frame in progress, or None.
         received: Whether the destination has received the frame, even if its acknowledgement was lost.
         stopped: Whether the node died or crashed.
+        state, step: Its random number generator, and the step for which it is seeded.
     """
 
-    queue: deque[MacFrame]
-    frame: MacFrame | None
-    received: bool
-    stopped: bool
+    node: int
+    queue: deque[MacFrame] = field(default_factory=deque)
+    frame: MacFrame | None = None
+    received: bool = False
+    stopped: bool = False
+    state: int = 0
+    step: int = -1
+
+    @property
+    def current(self) -> MacFrame:
+        """The frame in progress."""
+        assert self.frame is not None, "a sender that acts has a frame"
+        return self.frame
+
+    def draw(self, key: int, step: int) -> int:
+        """Return 64 random bits. The generator is seeded for each step, independently of earlier steps."""
+        if self.step != step:
+            self.step, self.state = step, derive(key, self.node, step)
+        self.state = (self.state + GOLDEN) & MASK
+        return mix(self.state)
 
 
-Sender = TypeVar("Sender", bound=QueueingSender)
+def control_frame(about: MacFrame, to: int, bits: int, code: int, owner: Any) -> MacFrame:
+    """Return a frame without packets that a MAC sends for another one, such as an acknowledgement."""
+    frame = MacFrame(to, bits, 0, about.target, code, SEND, about.sequence)
+    frame.owner = owner
+    return frame
+
+
+Sender = TypeVar("Sender", bound=FrameSender)
 
 
 class SenderQueues(Generic[Sender]):

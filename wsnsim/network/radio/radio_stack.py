@@ -23,7 +23,7 @@ from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.local_schedules import LocalSchedules
 from wsnsim.network.energy.power_table import PowerTable
 from wsnsim.network.energy.sleep_states import ScheduledSleepStates, SleepStates
-from wsnsim.network.event_log import EventLog
+from wsnsim.network.event_log import EventLog, then
 from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.channel import LinkCounters, NoLinkCounters
@@ -72,8 +72,7 @@ class IdealMechanism:
         what = self._log.word(code) or "beacon"
         burst = full_burst(node, EVERYONE, Parcel(None, 1, payload_bits, what), -1)
         event = self.send([burst])
-        assert event.callbacks is not None, "a burst ends later than it is sent"
-        event.callbacks.append(lambda _: done(np.array(sorted(burst.received), dtype=np.int64)))
+        then(event, lambda: done(np.array(sorted(burst.received), dtype=np.int64)))
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: what it is sending is lost."""

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any
 
@@ -24,16 +25,17 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received, full_burst
+from wsnsim.base.frames import EVERYONE, Burst, MacFrame, Received, full_burst
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.models.access import Tdma
 from wsnsim.network.radio.csma import CsmaMechanism
-from wsnsim.network.radio.mac_services import ContentionPeriods, NetworkMacServices
+from wsnsim.network.radio.mac_services import ContentionPeriods, NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import Transmission
 
 Round = Generator[simpy.Event, Any, None]
 
 
+@dataclass(slots=True, eq=False)
 class _Slot:
     """The slot of one frame.
 
@@ -45,14 +47,11 @@ class _Slot:
         sent: Fires at the end of its transmission; set when that begins.
     """
 
-    __slots__ = ("acknowledged", "frame", "received", "sent", "source")
-
-    def __init__(self, source: int, frame: MacFrame) -> None:
-        self.source = source
-        self.frame = frame
-        self.received: Received | None = None
-        self.acknowledged = False
-        self.sent: simpy.Event
+    source: int
+    frame: MacFrame
+    received: Received | None = None
+    acknowledged: bool = False
+    sent: simpy.Event = field(init=False)
 
 
 class TdmaMechanism:
@@ -274,8 +273,7 @@ class TdmaMechanism:
         slot.received = bool(slot.received) or bool(received)
         slot.sent.succeed()
         if received and self._mac.acks and not self._channel.is_sending(frame.to):
-            ack = MacFrame(transmission.source, self._mac.ack_bits, 0, frame.target, self._ack, SEND, frame.sequence)
-            ack.owner = slot
+            ack = control_frame(frame, transmission.source, self._mac.ack_bits, self._ack, slot)
             self._channel.transmit(frame.to, ack, _acknowledge)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ FREE: Final = (0.0, 0.0, 0.0, 0.0)
 NOBODY: Final = np.zeros(0, dtype=np.int64)
 
 
+@dataclass(slots=True, eq=False)
 class Transmission:
     """One MAC frame on the air.
 
@@ -38,41 +40,20 @@ class Transmission:
             or lost it to another frame. Ascending. None until its end, and where all radios listen.
     """
 
-    __slots__ = (
-        "asleep",
-        "costs",
-        "cut",
-        "end",
-        "frame",
-        "listeners",
-        "locks",
-        "missed",
-        "neighbours",
-        "number",
-        "on_end",
-        "overlapping",
-        "source",
-        "start",
-    )
-
-    def __init__(
-        self, source: int, frame: MacFrame, neighbours: Neighbours, number: int, start: float, end: float,
-        on_end: OnEnd,
-    ) -> None:  # fmt: skip
-        self.source = source
-        self.frame = frame
-        self.neighbours = neighbours
-        self.number = number
-        self.start = start
-        self.end = end
-        self.on_end = on_end
-        self.overlapping: list[Transmission] | None = None
-        self.cut = False
-        self.missed = False
-        self.asleep: Ints | None = None
-        self.costs = FREE
-        self.locks: Bools | None = None
-        self.listeners: Ints | None = None
+    source: int
+    frame: MacFrame
+    neighbours: Neighbours
+    number: int
+    start: float
+    end: float
+    on_end: OnEnd
+    costs: tuple[float, float, float, float] = FREE
+    asleep: Ints | None = None
+    overlapping: list[Transmission] | None = None
+    cut: bool = False
+    missed: bool = False
+    locks: Bools | None = None
+    listeners: Ints | None = None
 
 
 OnEnd = Callable[[Transmission, Received], None]

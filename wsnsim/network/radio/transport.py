@@ -15,6 +15,7 @@ from wsnsim.base.frames import EVERYONE, Burst, full_burst
 from wsnsim.base.mac_mechanisms import ExpectsMembers, KeepsIdleSlots, MacMechanism
 from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.requests import Parcel
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops, Unicasts
 from wsnsim.network.radio.radio_stack import IdealMechanism
 from wsnsim.network.radio.topology import Neighbours, RadioServices
@@ -140,8 +141,7 @@ class Transport:
             for datagram, burst in zip(datagrams, bursts, strict=True):
                 datagram.hops, datagram.last_hop = 1, burst
             event = self.hops.send(bursts, head)
-        assert event.callbacks is not None, "bursts end later than they are sent"
-        event.callbacks.append(lambda _: _complete(datagrams, unicasts, self._env.now))
+        then(event, lambda: _complete(datagrams, unicasts, self._env.now))
         return event
 
     def _goes_directly(self, source: int, to: int, one_hop: bool) -> bool:

@@ -21,6 +21,7 @@ from typing import Final, NamedTuple
 from wsnsim.base.frames import Received
 from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.network.clocks import Clocks
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.link_estimator import LinkTable
 from wsnsim.network.radio.topology import RadioServices
 
@@ -281,9 +282,7 @@ class RouteBeacons:
     def _set(self, node: int, sender: _BeaconSender, seconds: float) -> None:
         sender.epoch += 1
         timeout = self._env.timeout(self._clocks.lasts(node, seconds))
-        assert timeout.callbacks is not None, "a timeout has not passed yet"
-        due = partial(self._due, node, sender, sender.epoch)
-        timeout.callbacks.append(lambda _: due())
+        then(timeout, self._due, node, sender, sender.epoch)
 
     def _due(self, node: int, sender: _BeaconSender, epoch: int) -> None:
         if self._senders.get(node) is not sender or sender.epoch != epoch:

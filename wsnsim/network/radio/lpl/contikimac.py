@@ -16,12 +16,12 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
+from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.models.low_power_listening import ContikiMac
 from wsnsim.network.radio.capture import HEADER_BITS
 from wsnsim.network.radio.lpl.radios import EXPECTS, NEVER, RECEIVES, ROUNDING, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import CopyCounts, CopyTrain, FrameCopy, RepeatingSender, Senders
-from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.mac_services import NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import OnEnd, Transmission
 
 NONE: Final = (np.zeros(0, dtype=np.int64), np.zeros(0), 0.0)
@@ -324,8 +324,7 @@ class ContikiMacMechanism:
         self._radios.hold_until(node, RECEIVES, self._env.now + answer + more)
         if not self._nodes.alive[node]:
             return False
-        ack = MacFrame(sender.node, mac.ack_bits, 0, sent.frame.target, self._ack, SEND, sent.frame.sequence)
-        ack.owner = sender
+        ack = control_frame(sent.frame, sender.node, mac.ack_bits, self._ack, sender)
         return self._detects(sender.node, self._transmit(node, ack, self._ack_sent))
 
     def _detects(self, node: int, ack: Transmission) -> bool:

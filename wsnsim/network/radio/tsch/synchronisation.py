@@ -189,7 +189,6 @@ class Synchronisation:
 
     def _call(self, seconds: float, node: int, action: Any) -> None:
         timeout = self._env.timeout(seconds, node)
-        assert timeout.callbacks is not None
         timeout.callbacks.append(action)
 
     def _count_hops(self, size: int) -> Ints:
