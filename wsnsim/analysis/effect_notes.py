@@ -13,8 +13,7 @@ from wsnsim.base.initial_conditions import sample_positions
 from wsnsim.base.network_ports import FaultEvent
 from wsnsim.base.rng import Streams, derive
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
-from wsnsim.network.fault_services import ROUNDING
-from wsnsim.network.faults import places_hit
+from wsnsim.network.faults import ROUNDING, places_hit
 
 
 def _if(other: str, *values: Any) -> Callable[[Any, Setup], bool]:

@@ -17,16 +17,16 @@ from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import RunNow, TrackNow, follower_of
 from wsnsim.base.setups import RadioSetup
+from wsnsim.base.synchronisation import SyncMechanism
 from wsnsim.network.event_log import EventLog, StepClock
-from wsnsim.network.fault_services import FaultSite, NodeControl
-from wsnsim.network.faults import FaultSchedule
+from wsnsim.network.faults import FaultSchedule, FaultSite
+from wsnsim.network.mechanisms import NetworkSyncServices, make_mechanism
 from wsnsim.network.node_states import Places
 from wsnsim.network.radio.datagrams import Forwarding, Hops
 from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, sink_nodes
 from wsnsim.network.radio.routing import PathForwarding, Router
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.result_rows import EnergySteps, NetworkOutcome, ReportRows
-from wsnsim.network.synchronisation import ClockErrors, NetworkSyncServices, make_sync
+from wsnsim.network.result_rows import ClockErrors, EnergySteps, NetworkOutcome, ReportRows
 
 Steps = Generator[simpy.Event, Any, None]
 
@@ -71,15 +71,16 @@ class BaseNetwork(ABC):
         self._transport = Transport(stack.radio, stack.mac, hops, self._forwarding)
         self._reports = ReportRows(self._env, log, self._transport)
         self._energy_steps = EnergySteps(self._env, self._nodes, recorder)
-        self._sync = make_sync(setup.sync, NetworkSyncServices(stack, streams.key("sync")))
+        sync = NetworkSyncServices(self._env, self._nodes, stack.clocks, stack.mac, log, streams.key("sync"))
+        self._sync: SyncMechanism = make_mechanism("sync", setup.sync, sync)
         self._clock_errors = ClockErrors(stack.clocks, self._nodes, self._sync, recorder)
 
     def _make_faults(
         self, key: int, head_of: Callable[[int], int | None], defects: dict[int, SensorDefect]
     ) -> FaultSchedule:
         """Return the faults of the scenario; sensor defects are put into `defects`."""
-        control = NodeControl(self._crash, self._restart, head_of)
-        site = FaultSite(self._env, self._nodes, self._event_log, self._stack.clocks, control, defects)
+        actions = self._crash, self._restart, head_of
+        site = FaultSite(self._env, self._nodes, self._event_log, self._stack.clocks, *actions, defects)
         return FaultSchedule(self._setup.faults, site, key, self._setup.dt)
 
     def _start(self) -> None:

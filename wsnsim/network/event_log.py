@@ -129,7 +129,7 @@ def _digest(columns: Mapping[str, np.ndarray[Any, Any]]) -> int:
     return int(sum_of_keys(times.view(np.uint64), *(values.astype(np.int64) for values in others)))
 
 
-def then(event: simpy.Event, action: Callable[..., object], *arguments: Any) -> None:
+def then(event: simpy.Event, action: Callable[..., Any], *arguments: Any) -> None:
     """Call an action with arguments when an event fires, after those that wait for it already."""
     assert event.callbacks is not None, "an event that has fired calls nobody"
     event.callbacks.append(lambda _: action(*arguments))

@@ -17,7 +17,8 @@ import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys, planar
 from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names
-from wsnsim.base.mechanisms import SensorDefect
+from wsnsim.base.mechanisms import SensorDefect, StartsFault
+from wsnsim.base.network_ports import FaultEvent
 from wsnsim.base.ports import Detection, Detects
 from wsnsim.base.rng import HEAD_KEY, Streams, component_noise, derive, derive_all, derive_each, uniforms
 from wsnsim.base.sensing import PathShadowing, is_perfect, path_shadowing
@@ -26,11 +27,12 @@ from wsnsim.base.tables import Memory
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.fault_services import FaultSite, NodeControl
-from wsnsim.network.faults import FaultSchedule, change_readings
+from wsnsim.network.faults import FaultSchedule, FaultSite
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.sensing import Readings, ReplayedReadings, Reports, SensorArray
 
+CHANGE_READINGS: Final = frozenset({"clock_step", "stuck", "bias"})
+"""Built-in mechanisms that change what sensors read."""
 DISTORTION: Final = HEAD_KEY
 """In a random key, stands for a target: for what distorts a node's readings at every step."""
 ALARMS: Final = HEAD_KEY
@@ -204,6 +206,11 @@ def make_search_readings(
     return _readings(setup, trajectories, nodes, between, key)
 
 
+def _change_readings(faults: Iterable[FaultEvent]) -> bool:
+    """Whether any of the faults may change what sensors read. A plug-in may."""
+    return any(fault.mechanism in CHANGE_READINGS or isinstance(fault, StartsFault) for fault in faults)
+
+
 def _readings(
     setup: TrackingSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
@@ -212,7 +219,7 @@ def _readings(
         recordings = setup.recorded.recordings(names, len(setup.motions), steps, imperfections.dt)
         return [ReplayedReadings(recording, imperfections.defects) for recording in recordings]
     sensors = SensorArray(nodes.positions, nodes.traits, setup.sensor, nodes.grid, key)
-    perfect, dt = not imperfections.matter() and not change_readings(setup.faults), imperfections.dt
+    perfect, dt = not imperfections.matter() and not _change_readings(setup.faults), imperfections.dt
     result: list[Readings] = []
     for target, (trajectory, motion) in enumerate(zip(trajectories, setup.motions, strict=True)):
         points = measured_points(motion, setup.sensor, trajectory, dt)
@@ -278,8 +285,8 @@ class StandaloneReports:
         clocks = Clocks(_TrueTime(), 0, nodes.size, env)
         available, imperfections = make_readings(setup, conditions.truths, nodes, clocks, streams.key("sense"))
         self._available = available[target]
-        control = NodeControl(nodes.crash, lambda node: nodes.restart(node, env.now), lambda _: None)
-        site = FaultSite(env, nodes, EventLog(Memory({}), 0), clocks, control, imperfections.defects)
+        log, actions = EventLog(Memory({}), 0), (nodes.crash, lambda node: nodes.restart(node, env.now), lambda _: None)
+        site = FaultSite(env, nodes, log, clocks, *actions, imperfections.defects)
         FaultSchedule(setup.faults, site, streams.key("faults"), setup.dt).start()
         count = len(components_of(setup.sensor))
         self._shape = (nodes.size,) if count == 1 else (nodes.size, count)

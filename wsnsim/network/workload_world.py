@@ -5,15 +5,13 @@ WorkloadWorld(setup, replicate, positions, streams, recorder).run() -> NetworkOu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices
-from wsnsim.base.network_ports import Workload
+from wsnsim.base.mechanisms import WorkloadMechanism, WorkloadServices
 from wsnsim.base.ports import Recorder
 from wsnsim.base.progress import OnTime
 from wsnsim.base.requests import Parcel
@@ -91,22 +89,6 @@ def _ignore(outcome: object) -> None:
     """Take the outcome of a broadcast or a report: nothing waits for it."""
 
 
-MECHANISMS: Final[Mapping[str, Callable[[Any, WorkloadServices], WorkloadMechanism]]] = {
-    "beacons": Beacons,
-    "collection": CollectionReports,
-}
-"""The built-in mechanisms by name. The workload 'tracking' has targets: see `world`."""
-
-
-def make_workload(component: Workload, services: WorkloadServices) -> WorkloadMechanism:
-    """The mechanism of a component: its own, or the built-in one that it names.
-
-    Raises:
-        RunError: there is neither.
-    """
-    return make_mechanism("workload", component, services, StartsWorkload, ("begin",), MECHANISMS, "tracking")
-
-
 class WorkloadNetwork(NetworkServices):
     """What a workload may use of a network (`mechanisms.WorkloadServices`). `key` is the workload's random key."""
 
@@ -151,7 +133,7 @@ class WorkloadWorld(BaseNetwork):
         super().__init__(setup, replicate, sensors, streams, recorder, count_links=recorder.wants("links"))
         self._stack.radio.topology.find_all()
         services = WorkloadNetwork(self._stack, self._transport, self._reports, self._sinks, streams.key("beacons"))
-        self.workload: WorkloadMechanism = make_workload(setup.workload, services)
+        self.workload: WorkloadMechanism = make_mechanism("workload", setup.workload, services)
         self._faults = self._make_faults(streams.key("faults"), lambda target: None, {})
 
     def run(self, progress: OnTime | None = None) -> NetworkOutcome:

@@ -9,7 +9,7 @@ of its neighbours sleep and hear its calls, and hears whom others call (our choi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -17,7 +17,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.mechanisms import HeardMessage, StartsWakeUp, WakeUpMechanism, WakeUpServices
+from wsnsim.base.mechanisms import HeardMessage, WakeUpMechanism, WakeUpServices
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.sleeping import Decision, Point, WakeUp, WakeUpMessage, WakeUpRadio, WakeUpRound
@@ -137,23 +137,6 @@ class InvitationWakeUp(RegionWakeUp):
         return self._services.chance(node, message)
 
 
-MECHANISMS: Final[Mapping[str, Callable[[WakeUp, WakeUpServices], WakeUpMechanism]]] = {
-    "flood": RegionWakeUp,
-    "region": RegionWakeUp,
-    "invite": InvitationWakeUp,
-}
-"""The built-in mechanisms by name."""
-
-
-def make_wake_up(component: WakeUp, services: WakeUpServices) -> WakeUpMechanism:
-    """The mechanism of a component: its own, or the built-in one that it names.
-
-    Raises:
-        RunError: there is neither.
-    """
-    return make_mechanism("wakeup", component, services, StartsWakeUp, ("begin",), MECHANISMS, "none")
-
-
 class WakeUpService(NetworkServices):
     """Starts wake-up rounds, and performs what the mechanism of the scenario's `wakeup` does in them.
 
@@ -181,7 +164,7 @@ class WakeUpService(NetworkServices):
         stronger = 0.0 if self._radio.power is None else self._radio.power - getattr(setup.link, "power", 0.0)
         self._least_power = self._radio.sensitivity - self._radio.path_gain - stronger
         self._calls = 0
-        self._mechanism = make_wake_up(setup.wakeup, self)
+        self._mechanism: WakeUpMechanism = make_mechanism("wakeup", setup.wakeup, self)
 
     def start(self, track: Track, node: int, message: WakeUpMessage, foreseen: bool) -> None:
         """Begin a round; returns at once."""

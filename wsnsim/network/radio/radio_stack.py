@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.frames import EVERYONE, Burst, Counters, Received, full_burst
-from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
-from wsnsim.base.medium_access import DutyCycledMac, Mac
+from wsnsim.base.mac_mechanisms import MacMechanism
+from wsnsim.base.medium_access import DutyCycledMac
 from wsnsim.base.radio import ContinuousPower, Mode, NoPower, continuous_power
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import Streams, derive_all
@@ -94,26 +94,6 @@ class IdealMechanism:
             self._nodes.end_sending(burst.source)
 
 
-MECHANISMS: Final = {
-    "ideal": "wsnsim.network.radio.radio_stack:IdealMechanism",
-    "csma": "wsnsim.network.radio.csma:CsmaMechanism",
-    "tdma": "wsnsim.network.radio.tdma:TdmaMechanism",
-    "xmac": "wsnsim.network.radio.lpl.xmac:XMacMechanism",
-    "contikimac": "wsnsim.network.radio.lpl.contikimac:ContikiMacMechanism",
-    "tsch": "wsnsim.network.radio.tsch.tsch_mechanism:TschMechanism",
-}
-"""The built-in mechanisms by the names that components give: a run imports its own only. A plug-in starts its own."""
-
-
-def make_mac(mac: Mac, services: NetworkMacServices) -> MacMechanism:
-    """Return the mechanism of a MAC component: its own, or the built-in one that it names.
-
-    Raises:
-        RunError: There is neither.
-    """
-    return make_mechanism("mac", mac, services, StartsMac, ("send", "offer", "silence"), MECHANISMS)
-
-
 class RadioStack(NamedTuple):
     """What every network is built on, with targets or without."""
 
@@ -144,7 +124,8 @@ def make_radio_stack(
     links = LinkCounters(nodes.positions, topology) if count_links else NoLinkCounters()
     radio = RadioServices(env, nodes, topology, setup.energy, log, Counters())
     sinks = sink_nodes(setup, nodes)
-    mac = make_mac(setup.mac, NetworkMacServices(radio, setup.packing, clocks, streams, links, sinks=sinks))
+    services = NetworkMacServices(radio, setup.packing, clocks, streams, links, sinks)
+    mac: MacMechanism = make_mechanism("mac", setup.mac, services)
     return RadioStack(radio, clocks, mac, links)
 
 

@@ -8,7 +8,7 @@ pays for the time once. A radio that sends receives nothing.
 
 from __future__ import annotations
 
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -94,7 +94,7 @@ class Reception:
             return ids if everyone else bool(received)
         return order[:received] if sent.overlapping is None else np.sort(order[:received])
 
-    def _book(self, sent: Transmission, order: Ints, groups: list[list[float]], lasting: bool) -> tuple[int, int, int]:
+    def _book(self, sent: Transmission, order: Ints, groups: list[list[Any]], lasting: bool) -> tuple[int, int, int]:
         """Charge and log groups of neighbours; how many received the frame, lost it to another one, and paid."""
         received, collided, paying = 0, 0, 0
         for outcome, begin, end, paid_until in groups:
