@@ -14,7 +14,7 @@ from wsnsim.models.access import IdealMac
 from wsnsim.models.energy import FirstOrder
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram, Hops, Unicasts
-from wsnsim.network.radio.radio_stack import IdealMechanism
+from wsnsim.network.radio.ideal_medium import IdealMechanism
 from wsnsim.network.radio.routing import PathForwarding
 from wsnsim.network.radio.transport import Transport
 

@@ -106,8 +106,7 @@ class BaseNetwork(ABC):
         self._energy_steps.write(self._replicate, self._setup.dt, self._recorder)
         self._clock_errors.write(self._replicate, self._recorder)
         self._reports.write(self._replicate, self._recorder)
-        links = self._stack.links.columns()
-        if links:
+        if self._stack.links is not None and (links := self._stack.links.columns()):
             self._recorder.write("links", {"replicate": self._replicate, **links})
         counters, fingerprint = self._stack.radio.counters, self._event_log.fingerprint()
         return NetworkOutcome(self._nodes, counters, fingerprint, awake, steps=self._clock.step, radio_on=radio_on)

@@ -103,7 +103,7 @@ class Role(NamedTuple):
 LASTING: Final = ("blackout", "link_loss", "clock_step", "stuck", "bias")
 ROLES: Final = {
     "mac": Role(StartsMac, ("send", "offer", "silence"), {
-        "ideal": "radio.radio_stack:IdealMechanism",
+        "ideal": "radio.ideal_medium:IdealMechanism",
         "csma": "radio.csma:CsmaMechanism",
         "tdma": "radio.tdma:TdmaMechanism",
         "xmac": "radio.lpl.xmac:XMacMechanism",

@@ -5,32 +5,27 @@ coordination.fill_vacancy(track, poll)      coordination.remove(node), coordinat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Generator, Sequence
+from importlib import import_module
 from typing import Any, Final
 
 import simpy
 
 from wsnsim.base.errors import RunError, WsnsimError
-from wsnsim.network.clusters.appointing import AppointingProtocol
 from wsnsim.network.clusters.driver import HeadDied
 from wsnsim.network.clusters.head_protocol import HeadProtocol, HeadServices
-from wsnsim.network.clusters.moving_head import MovingHeadProtocol
-from wsnsim.network.clusters.standing_cluster import (
-    ElectingClusterProtocol,
-    OpenClusterProtocol,
-    StandingClusterProtocol,
-)
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 from wsnsim.network.event_log import ProtocolLog, StepClock
 from wsnsim.network.node_process import NodeProcesses
 
-PROTOCOLS: Final[Mapping[str, Callable[[HeadServices], HeadProtocol]]] = {
-    "standing": StandingClusterProtocol,
-    "electing": ElectingClusterProtocol,
-    "open": OpenClusterProtocol,
-    "moving": MovingHeadProtocol,
-    "appointing": AppointingProtocol,
+PROTOCOLS: Final = {
+    "standing": "standing_cluster:StandingClusterProtocol",
+    "electing": "standing_cluster:ElectingClusterProtocol",
+    "open": "standing_cluster:OpenClusterProtocol",
+    "moving": "moving_head:MovingHeadProtocol",
+    "appointing": "appointing:AppointingProtocol",
 }
+"""The head protocols by the names that cluster policies give: a run imports its own only."""
 
 
 class ClusterCoordination:
@@ -127,4 +122,6 @@ def make_head_protocol(services: HeadServices) -> HeadProtocol:
     name = services.network.setup.head_protocol
     if name not in PROTOCOLS:
         raise RunError(f"clusters: no head protocol '{name}' in this network; known: {', '.join(PROTOCOLS)}")
-    return PROTOCOLS[name](services)
+    module, kind = PROTOCOLS[name].split(":")
+    protocol: HeadProtocol = getattr(import_module(f"wsnsim.network.clusters.{module}"), kind)(services)
+    return protocol

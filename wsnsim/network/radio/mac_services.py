@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import simpy
 
@@ -18,10 +18,12 @@ from wsnsim.base.tables import KIND
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import event
 from wsnsim.network.mechanisms import NetworkServices
-from wsnsim.network.radio.channel import Channel, LinkCounters, NoLinkCounters
-from wsnsim.network.radio.fragmentation import Fragmentation
 from wsnsim.network.radio.topology import RadioServices
-from wsnsim.network.radio.transmission import LossSamples, UseCounter
+from wsnsim.network.radio.transmission import LinkCounters, LossSamples, UseCounter
+
+if TYPE_CHECKING:
+    from wsnsim.network.radio.channel import Channel
+    from wsnsim.network.radio.fragmentation import Fragmentation
 
 DROP = KIND["drop"]
 
@@ -34,7 +36,7 @@ class NetworkMacServices(NetworkServices):
 
     def __init__(
         self, radio: RadioServices, packing: Packing, clocks: Clocks, streams: Streams,
-        links: LinkCounters | NoLinkCounters, sinks: tuple[int, ...] = (),
+        links: LinkCounters | None, sinks: tuple[int, ...] = (),
     ) -> None:  # fmt: skip
         super().__init__(radio.env, radio.nodes, clocks)
         self.radio, self.clocks, self.sinks = radio, clocks, sinks
@@ -79,11 +81,15 @@ class NetworkMacServices(NetworkServices):
             assessment: Duration of a clear channel assessment in s.
             listening: Which radios are on; None: those of all nodes that are awake.
         """
+        from wsnsim.network.radio.channel import Channel
+
         losses = LossSamples(self._streams.key("link"), self._uses)
         return Channel(self.radio, mac, assessment, losses, self.links, listening)
 
     def fragmentation(self, mac: FramedMac) -> Fragmentation:
         """Return what splits bursts into the frames of a MAC."""
+        from wsnsim.network.radio.fragmentation import Fragmentation
+
         return Fragmentation(mac, self._packing, self.radio.log)
 
     def log_drop(self, node: int, dropped: Burst | MacFrame, reason: str) -> None:

@@ -17,7 +17,7 @@ from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.requests import Parcel
 from wsnsim.network.event_log import then
 from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops, Unicasts
-from wsnsim.network.radio.radio_stack import IdealMechanism
+from wsnsim.network.radio.ideal_medium import IdealMechanism
 from wsnsim.network.radio.topology import Neighbours, RadioServices
 
 

@@ -88,7 +88,8 @@ class CopyCounts:
             return
         counters, received = self._counters, train.received()
         if frame.to == EVERYONE:
-            self._links.count(sent, received)
+            if self._links is not None:
+                self._links.count(sent, received)
             meant = self._meant(sent)
         else:
             meant = np.array([frame.to] if self._nodes.alive[frame.to] else [], dtype=np.int64)
