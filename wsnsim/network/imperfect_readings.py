@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -29,7 +30,7 @@ from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.faults import FaultSchedule, FaultSite
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.sensing import Readings, ReplayedReadings, Reports, SensorArray
+from wsnsim.network.sensing import Readings, Reports, SensorArray
 
 CHANGE_READINGS: Final = frozenset({"clock_step", "stuck", "bias"})
 """Built-in mechanisms that change what sensors read."""
@@ -61,8 +62,8 @@ class Imperfections:
         return not is_perfect(self.detection) or not self.clocks.perfect
 
 
-class ImperfectReadings(Readings):
-    """The readings of one target as nodes report them. What was read at a step stays, whatever fails later.
+class ImperfectSensors:
+    """What the sensors of all nodes measure of one target, before any of them fails: `take` gives it at a step.
 
     Args:
         sensors: The sensors of all nodes.
@@ -89,16 +90,9 @@ class ImperfectReadings(Readings):
         self._imperfections = imperfections
         self._times = np.arange(len(points)) * imperfections.dt
         self._extent = float(np.hypot(*np.ptp(sensors.positions, axis=0)))
-        self._reports = Reports(self._take, imperfections.defects, components_of(self._sensor))
 
-    def readings(self, step: int) -> dict[int, Reading]:
-        """{node: reading} of the nodes that report one at a step, ascending, whether they are up or not."""
-        return dict(self._reports.at(step))
-
-    def _ids_at(self, step: int) -> Iterable[int]:
-        return self._reports.at(step)
-
-    def _take(self, step: int) -> dict[int, Reading]:
+    def take(self, step: int) -> dict[int, Reading]:
+        """{node: reading} as measured at a step, ascending, false alarms included."""
         detection, at_step = self._imperfections.detection, derive(self._key, step)
         nodes, points = self._in_range(step)
         alarmed = _sampled(at_step, detection.false_alarm, len(self._positions))
@@ -217,7 +211,7 @@ def _readings(
     if setup.recorded is not None:
         steps, names = len(trajectories[0]) - 1, node_names(setup, len(nodes.positions))
         recordings = setup.recorded.recordings(names, len(setup.motions), steps, imperfections.dt)
-        return [ReplayedReadings(recording, imperfections.defects) for recording in recordings]
+        return [Reports(partial(_recorded_at, each.readings), imperfections.defects) for each in recordings]
     sensors = SensorArray(nodes.positions, nodes.traits, setup.sensor, nodes.grid, key)
     perfect, dt = not imperfections.matter() and not _change_readings(setup.faults), imperfections.dt
     result: list[Readings] = []
@@ -225,12 +219,21 @@ def _readings(
         points = measured_points(motion, setup.sensor, trajectory, dt)
         instants, sense = round(setup.dt / dt), derive(imperfections.key, target)
         shadowing = path_shadowing(setup.sensor, points, sense, instants)
-        result.append(
-            Readings(sensors, target, points, shadowing)
-            if perfect
-            else ImperfectReadings(sensors, target, points, imperfections, shadowing)
-        )
+        if perfect:
+            result.append(Readings(sensors, target, points, shadowing))
+        else:
+            take = ImperfectSensors(sensors, target, points, imperfections, shadowing).take
+            result.append(Reports(take, imperfections.defects, components_of(setup.sensor)))
     return result
+
+
+def _recorded_at(recorded: Floats, step: int) -> dict[int, Reading]:
+    """{node: reading} of the nodes that have one at a step of a recording (steps, N), wherever the target is.
+
+    Wrong clocks do not change it: the recording gives the times.
+    """
+    nodes = np.flatnonzero(np.isfinite(recorded[step]))
+    return dict(zip(nodes.tolist(), recorded[step][nodes].tolist(), strict=True))
 
 
 def _sampled(key: int, probability: float, size: int) -> Ints:

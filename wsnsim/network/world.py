@@ -24,9 +24,9 @@ from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.elections import Elections
 from wsnsim.network.clusters.estimates import Estimates, SinkReports
 from wsnsim.network.clusters.head_protocol import HeadMessages, HeadServices
-from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, make_wake_intervals
+from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead, WakeUpCounters
+from wsnsim.network.clusters.wake_ahead import WakeAhead, WakeUpCounters
 from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.event_log import ProtocolLog
 from wsnsim.network.imperfect_readings import make_readings
@@ -76,9 +76,8 @@ class World(BaseNetwork):
         readings: CurrentReadings = [{} for _ in points]
         network = NetworkView(setup, clock, self._log, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counters = WakeUpCounters(network, points)
-        self._intervals = intervals = make_wake_intervals(setup, clock, nodes, self._stack.mac)
-        wakes_ahead = setup.wakeup.mechanism != "none"
-        on_wake = _ignore_wake if wakes_ahead else self._wake_up_counters.count_wake
+        self._intervals = intervals = WakeIntervals(setup, clock, nodes, self._stack.mac)
+        on_wake = self._wake_up_counters.count_wake
         self._processes = NodeProcesses(ProcessServices(self._env, nodes, self._log, on_wake))
         sensing = SensingServices(clock, nodes, self._processes, self._event_log, available, setup.energy.sense())
         self._sensing = make_sensing(sensing, readings, setup.nodes_search)
@@ -92,7 +91,7 @@ class World(BaseNetwork):
                 driver,
                 Elections(network, self._transport, self._processes, self._coordination.appoint),
                 Estimates(network, self._sink_reports, self._recorder, self._replicate),
-                self._make_wake_ahead(network, streams.key("wakeup")) if wakes_ahead else NoWakeAhead(),
+                WakeAhead(network, self._make_wake_up_service(network, streams.key("wakeup"))),
                 self._processes,
                 TargetSearch(network, available, targets.paths or targets.truths, imperfections, streams.key("search")),
             )
@@ -101,14 +100,14 @@ class World(BaseNetwork):
             nodes.keep_awake(sink)
         self._faults = self._make_faults(streams.key("faults"), self._coordination.head_of, imperfections.defects)
 
-    def _make_wake_ahead(self, network: NetworkView, key: int) -> WakesAhead:
-        """Make the service that wakes nodes for heads, and the last node of a datagram's path."""
-        clocks = self._stack.clocks
-        service = WakeUpService(
-            network, self._processes, self._transport, self._intervals, clocks, self._event_log, key
-        )
-        self._transport.hops.wake_neighbour = service.call_one
-        return WakeAhead(network, service)
+    def _make_wake_up_service(self, network: NetworkView, key: int) -> WakeUpService | None:
+        """Make the service that wakes nodes for heads, and the last node of a datagram's path; None: nobody does."""
+        if network.setup.wakeup.mechanism == "none":
+            return None
+        transport, clocks = self._transport, self._stack.clocks
+        service = WakeUpService(network, self._processes, transport, self._intervals, clocks, self._event_log, key)
+        transport.hops.wake_neighbour = service.call_one
+        return service
 
     def run(self, progress: OnTime | None = None) -> NetworkOutcome:
         """Run to the end and return the outcome. Errors name the seed, the run and the simulated time."""
@@ -180,7 +179,3 @@ class World(BaseNetwork):
         self._coordination.withdraw(node)
         self._processes.stop(node)
         self._intervals.forget(node)
-
-
-def _ignore_wake(node: int, target: int, by_frame: bool) -> None:
-    """Do nothing: wake-ups by messages are counted by round."""

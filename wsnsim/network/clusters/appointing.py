@@ -234,7 +234,7 @@ class AppointingProtocol(StandingClusterProtocol):
 
     def _may_be_unheard(self, lead: AppointedLead) -> bool:
         """Whether no member has answered, and none is about to, where radios are mostly off: frames collide there."""
-        silent = not lead.driver.overdue and not lead.driver.answered - {lead.cluster.head}
+        silent = not lead.driver.collection.overdue and not lead.driver.answered - {lead.cluster.head}
         return silent and self._setup.waits.retries_handover
 
     def _hand_on(self, lead: AppointedLead, successor: int) -> HandingOver:

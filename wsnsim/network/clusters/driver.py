@@ -127,6 +127,7 @@ class Driver:
         heard: {node: reading} of those that the head gathered last.
         answered: all nodes of which a parcel that the head gathered has arrived, in whole or in part.
         hops: hops of the last `Send`.
+        collection: sends parcels between the head and its members.
     """
 
     def __init__(
@@ -139,21 +140,11 @@ class Driver:
         self._target = target
         self._head = head
         self._members = members
-        self._collection = Collection(services.env, services.transport, target, head, window, one_hop)
+        self.collection = Collection(services.env, services.transport, target, head, window, one_hop)
         self.readings = 0
         self.heard: dict[int, Reading] = {}
         self.answered: set[int] = set()
         self.hops = 0
-
-    @property
-    def bits(self) -> int:
-        """The bits sent in datagrams so far."""
-        return self._collection.bits
-
-    @property
-    def overdue(self) -> bool:
-        """Whether some parcels were still under way when the head went on."""
-        return self._collection.overdue
 
     def perform(self, flow: Flow[Any]) -> Performance:
         """Perform a flow's requests and return the flow's belief. The flow is closed, however it ends.
@@ -237,7 +228,7 @@ class Driver:
                 if parcel.readings != 0 and (count := parcel.readings_of(member)):
                     assert member.reading is not None, "only a member with a reading sends one"
                     readings[member.id] = member.reading, count
-        masks, journeys = yield from self._collection.gather(nodes, parcels, self._deadline_of(request))
+        masks, journeys = yield from self.collection.gather(nodes, parcels, self._deadline_of(request))
         answer = Gathered(
             {
                 node: (parcel.payload, mask)
@@ -257,7 +248,7 @@ class Driver:
         readings = request.readings_of(self._addressed(request.who))
         form = Parcel(None, 1, request.packet_bits, request.what)
         parcels, deadline = [form] * len(readings), self._deadline_of(request)
-        masks, journeys = yield from self._collection.gather(list(readings), parcels, deadline)
+        masks, journeys = yield from self.collection.gather(list(readings), parcels, deadline)
         arrived = [node for node, mask in zip(readings, masks, strict=True) if mask is not None]
         self.answered.update(arrived)
         if readings:
@@ -269,16 +260,12 @@ class Driver:
     def _deadline_of(self, request: Gather | GatherReadings) -> float | None:
         return self._services.deadline if request.deadline is None else request.deadline
 
-    def collect(self, datagrams: list[Datagram]) -> Generator[simpy.Event, Any, None]:
-        """Send datagrams to the head and wait until all have ended, or for the window; later ones are ignored."""
-        return self._collection.collect(datagrams)
-
     def _scatter(self, request: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         head, parcels = self._head, {node: each for node, each in request.parcels.items() if node in self._members}
         packets = sum([parcel.packets for node, parcel in parcels.items() if node != head])
         what = next(iter(parcels.values())).what if parcels else ""
         self._services.log.add("allocate", self._target, head, what, packets=packets)
-        masks = yield from self._collection.exchange([head] * len(parcels), list(parcels), list(parcels.values()))
+        masks = yield from self.collection.exchange([head] * len(parcels), list(parcels), list(parcels.values()))
         return self._deliver(
             {
                 node: (parcel, mask)
@@ -298,7 +285,7 @@ class Driver:
         if not 0 <= request.to < len(self._alive):  # raised in the flow, which knows its line
             flow.throw(PluginAnswerError(f"Send: expected a node from 0 to {len(self._alive) - 1}, not {request.to}"))
         datagram = Datagram(self._head, request.to, request.parcel)
-        yield from self._collection.carry([datagram])
+        yield from self.collection.carry([datagram])
         self.hops = datagram.hops
         return datagram.mask
 

@@ -19,7 +19,7 @@ from wsnsim.network.clusters.elections import Elections
 from wsnsim.network.clusters.estimates import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Handover, Track
-from wsnsim.network.clusters.wake_ahead import WakesAhead
+from wsnsim.network.clusters.wake_ahead import WakeAhead
 from wsnsim.network.event_log import then
 from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.radio.datagrams import Datagram
@@ -157,7 +157,7 @@ class HeadServices(NamedTuple):
     driver: DriverServices
     elections: Elections
     estimates: Estimates
-    wake_ahead: WakesAhead
+    wake_ahead: WakeAhead
     processes: NodeProcesses
     search: TargetSearch
 

@@ -198,7 +198,7 @@ class StandingClusterProtocol:
             belief=belief,
             acts_now=handover.elected,
             hops=handover.hops + driver.hops,
-            bits=handover.bits + driver.bits,
+            bits=handover.bits + driver.collection.bits,
         )
 
     def _unless_undelivered(self, handing_over: HandingOver) -> Leading:
