@@ -26,6 +26,7 @@ from wsnsim.base.sensing import PathShadowing, is_perfect, path_shadowing
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.base.tables import Memory
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
+from wsnsim.models.hardware import PerfectClock
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.faults import FaultSchedule, FaultSite
@@ -264,14 +265,6 @@ def standalone_reports(
     return StandaloneReports(setup, conditions, streams, target).rows
 
 
-class _TrueTime:
-    """Clocks that are right."""
-
-    def rates(self, keys: Keys) -> Floats:
-        """(n,) ones."""
-        return np.ones(len(keys))
-
-
 class StandaloneReports:
     """The reports on one target of a run, in the order of steps.
 
@@ -285,7 +278,7 @@ class StandaloneReports:
         self._dt, self._last = setup.dt, setup.steps
         self._env = env = simpy.Environment()
         self._nodes = nodes = Nodes(conditions.positions, conditions.traits, math.inf, setup.sensor.reach)
-        clocks = Clocks(_TrueTime(), 0, nodes.size, env)
+        clocks = Clocks(PerfectClock(), 0, nodes.size, env)
         available, imperfections = make_readings(setup, conditions.truths, nodes, clocks, streams.key("sense"))
         self._available = available[target]
         log, actions = EventLog(Memory({}), 0), (nodes.crash, lambda node: nodes.restart(node, env.now), lambda _: None)

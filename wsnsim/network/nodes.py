@@ -19,8 +19,7 @@ from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.battery_watch import EVERYBODY
 from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger, affordable
 from wsnsim.network.energy.power_table import PowerTable
-from wsnsim.network.energy.sleep_states import SleepStates
-from wsnsim.network.node_states import NodeStates
+from wsnsim.network.node_states import NodeStates, SleepStates
 
 RECEIVE, SWITCH = CAUSE["rx"], CAUSE["switch"]
 BELOW_BATTERY: Final = 1.0 - 4e-16

@@ -19,11 +19,10 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.rows import TrackNow, write_readings
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
-from wsnsim.network.clusters.coordination import ClusterCoordination, make_head_protocol
+from wsnsim.network.clusters.coordination import ClusterCoordination, HeadMessages, HeadServices, make_head_protocol
 from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.elections import Elections
 from wsnsim.network.clusters.estimates import Estimates, SinkReports
-from wsnsim.network.clusters.head_protocol import HeadMessages, HeadServices
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_ahead import WakeAhead, WakeUpCounters

@@ -18,8 +18,8 @@ from wsnsim.base.ports import Announces, Scene
 from wsnsim.base.requests import Delivery, Flow, GatheredReadings, GatherReadings, Parcel
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import AppointedCluster
+from wsnsim.network.clusters.coordination import HandingOver, HeadServices, Leading, Waiting
 from wsnsim.network.clusters.driver import Driver
-from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading, Waiting
 from wsnsim.network.clusters.network_view import NodesOnMap, Outlooks
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
@@ -60,7 +60,7 @@ class AppointingProtocol(StandingClusterProtocol):
         self._outlooks = Outlooks(services.network)
         self._nodes_near = NodesOnMap(services.network)
         tracker = self._setup.tracker
-        self._payload_of = tracker.announcement if isinstance(tracker, Announces) else _no_payload
+        self._payload_of = tracker.announcement if isinstance(tracker, Announces) else (lambda belief, scene: None)
 
     def lead(self, track: Track, handover: Handover) -> Leading:
         """Start the track or take it over, and lead it until another node is the better head."""
@@ -254,7 +254,3 @@ def _readings() -> Flow[GatheredReadings]:
     """The readings of all members that sense."""
     answer: GatheredReadings = yield GatherReadings()
     return answer
-
-
-def _no_payload(belief: Any, scene: Scene) -> None:
-    """None: the tracker has nothing to announce."""

@@ -1,8 +1,8 @@
 """Moving heads: the head is chosen again at each step among the nodes that were woken for it.
 
 At the step's instant the woken nodes measure and send their readings to the head. The head waits until none has come
-for a while, estimates, reports, and has nodes woken for the next step; the policy's `main` says which node leads then. A target whose track was
-lost is searched for by the nodes that happen to be awake; the first to detect it becomes head.
+for a while, estimates, reports, and has nodes woken for the next step; the policy's `main` says which node leads then.
+A target whose track was lost is searched for by the nodes that happen to be awake; the first to detect it becomes head.
 
 Li, Jiang, Zhang, Zhang (2012), section 2.2, and our reconstructions of its two rivals. Idealisations, all our choice:
 the woken nodes know which of them is nearest to the prediction, and awake nodes know whether a target is tracked.
@@ -23,9 +23,9 @@ from wsnsim.base.ports import Portable, Scene
 from wsnsim.base.requests import Parcel
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
+from wsnsim.network.clusters.coordination import HeadServices, Leading, Waiting
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.election import strength_of
-from wsnsim.network.clusters.head_protocol import HeadServices, Leading, Waiting
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 from wsnsim.network.radio.datagrams import Datagram
 

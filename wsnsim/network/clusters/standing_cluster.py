@@ -17,8 +17,8 @@ from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Flow
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
+from wsnsim.network.clusters.coordination import HandingOver, HeadServices, Leading
 from wsnsim.network.clusters.driver import Driver, HeadDied
-from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading
 from wsnsim.network.clusters.network_view import Outlooks
 from wsnsim.network.clusters.track import Handover, LastClusterDone, NotDelivered, Track, TrackLost
 

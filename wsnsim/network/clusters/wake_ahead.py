@@ -30,8 +30,8 @@ class WakeAhead:
         self._service = service
         self._sequence = 0
         tracker = network.setup.tracker  # asked once: to check a protocol takes longer than to plan
-        self._foresees = tracker.foresees if isinstance(tracker, Foresees) else _foresees_always
-        self._belief_bits = tracker.belief_bits if isinstance(tracker, Portable) else _no_bits
+        self._foresees = tracker.foresees if isinstance(tracker, Foresees) else (lambda belief: True)
+        self._belief_bits = tracker.belief_bits if isinstance(tracker, Portable) else (lambda belief: 0)
 
     def wake(
         self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, needed: Needed | None = None
@@ -77,16 +77,6 @@ class WakeAhead:
             reach=nodes.reach,
             payload_bits=self._belief_bits(belief),
         )
-
-
-def _foresees_always(belief: Any) -> bool:
-    """True: a tracker that does not say whether it can predict can."""
-    return True
-
-
-def _no_bits(belief: Any) -> int:
-    """0: the belief cannot be carried by a message."""
-    return 0
 
 
 def _heading(mean: Floats, columns: tuple[str, ...]) -> Point:

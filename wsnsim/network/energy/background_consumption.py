@@ -23,7 +23,7 @@ from wsnsim.network.energy.battery_watch import BatteryWatch
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals
 from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable, RadioLevels
-from wsnsim.network.energy.sleep_states import SleepStates
+from wsnsim.network.node_states import SleepStates
 
 
 class BackgroundConsumption:

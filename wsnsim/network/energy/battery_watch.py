@@ -11,8 +11,8 @@ import simpy
 
 from wsnsim.base.radio import Mode
 from wsnsim.network.energy.power_table import ASLEEP, AWAKE, MODES, PowerTable
-from wsnsim.network.energy.sleep_states import SleepStates
 from wsnsim.network.event_log import then
+from wsnsim.network.node_states import SleepStates
 
 NEAR: Final = 1e-2
 """If the predicted lifetime (s) is below this, check at the predicted depletion time; otherwise after half of it."""

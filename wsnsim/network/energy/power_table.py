@@ -18,7 +18,7 @@ from wsnsim.base.medium_access import RadioDuty, SwitchesRadio
 from wsnsim.base.radio import ContinuousPower, Mode
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.network.energy.ledger import Charges
-from wsnsim.network.energy.sleep_states import SleepStates
+from wsnsim.network.node_states import SleepStates
 
 ON: Final = len(CAUSES)
 """Stands for a cause: the seconds in which radios are on are added up as joules are."""

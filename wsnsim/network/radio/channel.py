@@ -33,7 +33,6 @@ from wsnsim.network.radio.transmission import (
     SomeRadiosOn,
     Transmission,
     overlap,
-    received_by_none,
 )
 
 DROP: Final = KIND["drop"]
@@ -179,7 +178,7 @@ class Channel:
             del self._sending[source]
         if transmission.cut or not self._pay(transmission, WHOLE):
             transmission.cut = True
-            received = received_by_none(frame)
+            received = NOBODY if frame.to == EVERYONE else False
             self._radios_on.note(transmission, NOBODY)
         else:
             received = self._reception.resolve(transmission)

@@ -20,9 +20,9 @@ from wsnsim.network.clocks import Clocks
 from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.local_schedules import LocalSchedules
 from wsnsim.network.energy.power_table import PowerTable
-from wsnsim.network.energy.sleep_states import ScheduledSleepStates, SleepStates
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.mechanisms import make_mechanism
+from wsnsim.network.node_states import SleepStates
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.topology import RadioServices, Topology
@@ -82,10 +82,10 @@ def make_nodes(
         key: The random key of sleep schedules.
         clocks: The clocks of the nodes, by which their schedules go.
     """
-    sleep_states: SleepStates = SleepStates(setup.sleep.rest)
+    schedules = None
     if setup.sleep.rest is Mode.SCHEDULED:
         schedules = LocalSchedules(setup.sleep, derive_all(key, np.arange(len(positions))), clocks)
-        sleep_states = ScheduledSleepStates(env, schedules)
+    sleep_states = SleepStates(setup.sleep.rest, env, schedules)
     duties = setup.mac.duties if isinstance(setup.mac, DutyCycledMac) else ()
     model = continuous_power(setup.energy)
     searching = 0.0 if model is None and not duties else _search_power(setup)

@@ -219,7 +219,7 @@ class TdmaMechanism:
         slots = []
         for burst in bursts:
             source = burst.source
-            fragments = self._csma.fragmentation.split(burst, _ignore)
+            fragments = self._csma.fragmentation.split(burst, lambda: None)
             if not fragments or not self._nodes.alive[source]:
                 burst.lose()
             elif source != head and source not in self._schedules.get(head, {}):
@@ -279,7 +279,3 @@ class TdmaMechanism:
 
 def _acknowledge(transmission: Transmission, received: Received) -> None:
     transmission.frame.owner.acknowledged = bool(received)
-
-
-def _ignore() -> None:
-    """The end of a burst is not reported: it ends with its round."""

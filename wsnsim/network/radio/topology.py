@@ -156,7 +156,7 @@ class Topology:
         self._round, self._round_began = 0, 0.0
         self.link = link
         self.distance_only = link.perfect and not link.captures
-        self.on_change: Callable[[], None] = _ignore_change
+        self.on_change: Callable[[], None] = lambda: None
 
     def follow_rounds(self, env: simpy.Environment) -> None:
         """Look up recorded links again at the end of each round; other links do not change."""
@@ -276,10 +276,6 @@ class Topology:
         distances, pairs, directions = np.empty(ids.size), *(np.empty(ids.size, dtype=np.uint64) for _ in range(2))
         find_links(self._nodes.positions, sources, ids, *self._keys, distances, pairs, directions)
         return self.link.powers(distances, pairs, directions)
-
-
-def _ignore_change() -> None:
-    """Do nothing: nobody keeps what follows from the links."""
 
 
 class RadioServices(NamedTuple):

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.frames import EVERYONE, MacFrame, Received
+from wsnsim.base.frames import MacFrame, Received
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.topology import Neighbours, Topology
@@ -67,11 +67,6 @@ def overlap(a: Transmission, b: Transmission) -> None:
         b.overlapping = []
     a.overlapping.append(b)
     b.overlapping.append(a)
-
-
-def received_by_none(frame: MacFrame) -> Received:
-    """The result of a frame that no node received."""
-    return np.zeros(0, dtype=np.int64) if frame.to == EVERYONE else False
 
 
 class RadiosOn:

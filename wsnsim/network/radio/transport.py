@@ -43,7 +43,7 @@ class Transport:
         as_lists = defined_together(type(mac), "send_unicasts", "send")
         self._send_unicasts = cast(IdealMechanism, mac).send_unicasts if as_lists else _send_no_unicasts
         self.keeps_idle_slots = isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots
-        self._expect = mac.expect if isinstance(mac, ExpectsMembers) else _expect_nobody
+        self._expect = mac.expect if isinstance(mac, ExpectsMembers) else (lambda head, members: None)
         self._pairs: set[tuple[int, int]] = set()
 
     def carry(
@@ -133,16 +133,18 @@ class Transport:
         return connected
 
     def _one_hop(self, datagrams: list[Datagram], target: int, head: int | None) -> simpy.Event:
-        sources, destinations = [datagram.source for datagram in datagrams], [datagram.to for datagram in datagrams]
-        unicasts = Unicasts(sources, destinations, [datagram.parcel for datagram in datagrams], target)
-        event = self._send_unicasts(unicasts)
-        if event is None:
-            bursts = unicasts.split()
-            for datagram, burst in zip(datagrams, bursts, strict=True):
-                datagram.hops, datagram.last_hop = 1, burst
-            event = self.hops.send(bursts, head)
-        then(event, lambda: _complete(datagrams, unicasts, self._env.now))
+        bursts = [full_burst(datagram.source, datagram.to, datagram.parcel, target) for datagram in datagrams]
+        for datagram, burst in zip(datagrams, bursts, strict=True):
+            datagram.hops, datagram.last_hop = 1, burst
+        event = self.hops.send(bursts, head)
+        then(event, self._complete, datagrams, bursts)
         return event
+
+    def _complete(self, datagrams: list[Datagram], bursts: list[Burst]) -> None:
+        """Write what arrived over their one hop into datagrams."""
+        for datagram, burst in zip(datagrams, bursts, strict=True):
+            datagram.bits = burst.sent
+            datagram.end(burst.mask, burst.packets > 0, self._env.now)
 
     def _goes_directly(self, source: int, to: int, one_hop: bool) -> bool:
         """Whether a datagram takes one hop, to a destination that is within range and need not be woken."""
@@ -153,23 +155,6 @@ class Transport:
         return one_hop or self._forwarding.is_one_hop(source, to)
 
 
-def _complete(datagrams: list[Datagram], unicasts: Unicasts, now: float) -> None:
-    """Write what arrived over their one hop into datagrams."""
-    if unicasts.bursts is None:
-        for datagram in datagrams:
-            parcel = datagram.parcel
-            datagram.arrived, datagram.arrived_at = True, now
-            datagram.hops, datagram.bits = 1, parcel.packets * parcel.packet_bits
-        return
-    for datagram, burst in zip(datagrams, unicasts.bursts, strict=True):
-        datagram.hops, datagram.bits, datagram.last_hop = 1, burst.sent, burst
-        datagram.end(burst.mask, burst.packets > 0, now)
-
-
 def _send_no_unicasts(unicasts: Unicasts) -> simpy.Event | None:
     """Return None: the MAC sends bursts only."""
     return None
-
-
-def _expect_nobody(head: int, members: Sequence[int]) -> None:
-    """Do nothing: the MAC gives no slots."""

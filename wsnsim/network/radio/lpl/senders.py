@@ -135,19 +135,16 @@ class SendingProtocol(Protocol):
 
     def delay(self, sender: RepeatingSender) -> float:
         """Seconds that a sender waits before it listens to the channel."""
-        ...
 
     def transmit(self, sender: RepeatingSender) -> None:
         """Send the frame: the channel is free, and the radio of the sender is on."""
-        ...
 
-    def find_busy(self, sender: RepeatingSender) -> None:
-        """Let a sender wait that found the channel busy; see `Senders.back_off`."""
-        ...
+    @property
+    def find_busy(self) -> Action:
+        """Lets a sender wait that found the channel busy; see `Senders.back_off`."""
 
     def transmit_next(self, sender: RepeatingSender) -> None:
         """Send a frame to a destination that is known to be awake: it has just received the one before."""
-        ...
 
 
 class Senders(SenderQueues[RepeatingSender]):
@@ -287,6 +284,10 @@ class Senders(SenderQueues[RepeatingSender]):
             self._begin(sender)
         elif sender.frame is None:
             self._radios.end_sending(sender.node)
+
+    def finish_awake(self, sender: RepeatingSender) -> None:
+        """Report that a frame was acknowledged; its destination stays awake for the next one."""
+        self.finish(sender, True, awake=True)
 
     def _take(self, sender: RepeatingSender, frame: MacFrame | None) -> None:
         """Make a frame that of the sender, or none."""

@@ -107,6 +107,7 @@ class XMacMechanism:
         self._senders = senders = Senders(mac, services, radios, channel, self)
         self._countdowns = Countdowns(mac, services, radios)
         self._overhearing = Overhearing(mac, services, radios, channel, senders)
+        self.find_busy = self._overhearing.wait
         code = services.radio.log.code
         code("no_channel")
         self._strobe_code, self._early_ack, self._ack = code("strobe"), code("early_ack"), code("ack")
@@ -144,16 +145,13 @@ class XMacMechanism:
         sender.current.owner = sender
         self.channel.transmit(sender.node, sender.current, self._data_sent)
 
-    def find_busy(self, sender: RepeatingSender) -> None:
-        """A sender that found the channel busy listens for whom the strobes are."""
-        self._overhearing.wait(sender)
-
     def _strobe(self, sender: RepeatingSender) -> None:
         """Send the next strobe; after the last one, end the train."""
         train, frame = sender.train, sender.current
         if train.left == 0:
             if frame.to == EVERYONE:
-                self._send_broadcast(sender)
+                frame.owner = sender
+                self.channel.transmit(sender.node, frame, self._broadcast_sent)
             else:
                 self._senders.fail(sender)
             return
@@ -226,13 +224,10 @@ class XMacMechanism:
         sender: RepeatingSender = sent.frame.owner
         if not sender.stopped:
             if received:
-                self._senders.after(sender, self._mac.spacing(sender.current.bits), self._acknowledged)
+                self._senders.after(sender, self._mac.spacing(sender.current.bits), self._senders.finish_awake)
             else:
                 self._senders.after(sender, self._rest, self._senders.fail)
         self._overhearing.note_acknowledgement(sent)
-
-    def _acknowledged(self, sender: RepeatingSender) -> None:
-        self._senders.finish(sender, True, awake=True)
 
     def _expect(self, sender: RepeatingSender, sent: Transmission, received: Ints) -> None:
         """Nodes that heard a strobe of a broadcast know when it follows, and turn the radio off until then."""
@@ -240,10 +235,6 @@ class XMacMechanism:
         if received.size and not sender.stopped:
             mac = self._mac
             self._countdowns.hear(sent.source, received, sender.train.left * mac.period + mac.gap - mac.turnaround)
-
-    def _send_broadcast(self, sender: RepeatingSender) -> None:
-        sender.current.owner = sender
-        self.channel.transmit(sender.node, sender.current, self._broadcast_sent)
 
     def _broadcast_sent(self, sent: Transmission, received: Received) -> None:
         """A broadcast has ended: the radios that were on for it turn off."""

@@ -84,9 +84,9 @@ class Exchanges:
         self._channels: dict[int, Channel] = {}
         self._busy: dict[int, int] = {}
         """{node: lines with a frame in progress}"""
-        self.on_frame: Callable[[Transmission, Received], None] = _do_nothing
-        self.on_answer: Callable[[int, int], None] = _do_nothing
-        self.on_expiry: Callable[[Line], None] = _do_nothing
+        self.on_frame: Callable[[Transmission, Received], None] = lambda *_: None
+        self.on_answer: Callable[[int, int], None] = lambda *_: None
+        self.on_expiry: Callable[[Line], None] = lambda *_: None
 
     def enqueue(self, line: Line, frame: MacFrame, first: bool = False) -> None:
         """Queue a frame at the end of a line, or before the frames that wait."""
@@ -264,7 +264,3 @@ class Exchanges:
         elif line.frame is None and not line.stopped and line.cells is not None and received:
             line.on_end()
         self._release(line.node)
-
-
-def _do_nothing(*ignored: object) -> None:
-    """Take what nobody waits for."""
