@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator
-from typing import Any, NamedTuple, cast
+from collections.abc import Callable
+from typing import NamedTuple, cast
 
 import numpy as np
 import simpy
@@ -27,8 +27,6 @@ from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, sink_
 from wsnsim.network.radio.routing import PathForwarding, Router
 from wsnsim.network.radio.transport import Transport
 from wsnsim.network.result_rows import ClockErrors, EnergySteps, NetworkOutcome, ReportRows
-
-Steps = Generator[simpy.Event, Any, None]
 
 
 class Sensors(NamedTuple):
@@ -125,7 +123,7 @@ class BaseNetwork(ABC):
         self._event_log.flush(everything=is_due)
         if is_due:
             now = self._env.now
-            scheduled = self._nodes.scheduled_totals(np.array([now]))[0]
+            scheduled = self._nodes.consumption.network.scheduled(np.array([now]))[0]
             joules = [float(sum(each)) for each in zip(self._nodes.totals_now(), scheduled, strict=True)]
             self._follower.follow(RunNow(step, now, self._tracks_now(), joules, self._nodes.residual_energies()))
 

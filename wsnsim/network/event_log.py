@@ -12,10 +12,10 @@ recorded.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import Any, Final
+from typing import Any, Final, TypeAlias, TypeVar
 
 import numpy as np
 import simpy
@@ -127,6 +127,11 @@ def _typed(values: Floats, dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
 def _digest(columns: Mapping[str, np.ndarray[Any, Any]]) -> int:
     times, *others = (columns[name] for name in HASHED)
     return int(sum_of_keys(times.view(np.uint64), *(values.astype(np.int64) for values in others)))
+
+
+Result = TypeVar("Result")
+Acting: TypeAlias = Generator[simpy.Event, Any, Result]
+"""What somebody does in simulated time: a generator of events that it waits for, which returns a result."""
 
 
 def then(event: simpy.Event, action: Callable[..., Any], *arguments: Any) -> None:

@@ -72,14 +72,7 @@ class SiteServices(NetworkServices):
         self._number = number
         self.key = derive(schedule.key, number, 1)
         self.positions: Floats = site.nodes.positions
-
-    def residual_energy(self, node: int) -> float:
-        """Joules left in a node now."""
-        return self._nodes.residual_energy(node)
-
-    def head_of(self, target: int) -> int | None:
-        """The cluster head of a target, or None."""
-        return self._site.head_of(target)
+        self.residual_energy, self.head_of = site.nodes.residual_energy, site.head_of
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time, among the faults of that time in their order."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
@@ -23,7 +23,7 @@ from wsnsim.base.network_ports import FaultEvent
 from wsnsim.base.ports import Detection, Detects
 from wsnsim.base.rng import HEAD_KEY, Streams, component_noise, derive, derive_all, derive_each, uniforms
 from wsnsim.base.sensing import PathShadowing, is_perfect, path_shadowing
-from wsnsim.base.setups import NetworkSetup, TrackingSetup
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import Memory
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.models.hardware import PerfectClock
@@ -185,30 +185,15 @@ def distorted(detection: Detection, readings: Floats, keys: Keys) -> Floats:
     return np.stack([detection.distort(readings[:, m].copy(), each[m]) for m in numbers], axis=1)
 
 
-def make_readings(
-    setup: TrackingSetup, trajectories: Sequence[Floats], nodes: Nodes, clocks: Clocks, key: int
-) -> tuple[list[Readings], Imperfections]:
-    """Return the readings of each target at each step, and the imperfections, to which faults add their defects."""
-    imperfections = Imperfections(setup.detection, clocks, setup.dt, key)
-    return _readings(setup, trajectories, nodes, imperfections, key), imperfections
-
-
-def make_search_readings(
-    setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
-) -> list[Readings]:
-    """Return the readings of each target at the instants at which nodes search, `setup.polls` per step."""
-    between = replace(imperfections, dt=setup.dt / setup.polls)
-    return _readings(setup, trajectories, nodes, between, key)
-
-
 def _change_readings(faults: Iterable[FaultEvent]) -> bool:
     """Whether any of the faults may change what sensors read. A plug-in may."""
     return any(fault.mechanism in CHANGE_READINGS or isinstance(fault, StartsFault) for fault in faults)
 
 
-def _readings(
+def make_readings(
     setup: TrackingSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
+    """Return the readings of each target every `imperfections.dt` s, with noise of a key."""
     if setup.recorded is not None:
         steps, names = len(trajectories[0]) - 1, node_names(setup, len(nodes.positions))
         recordings = setup.recorded.recordings(names, len(setup.motions), steps, imperfections.dt)
@@ -279,8 +264,8 @@ class StandaloneReports:
         self._env = env = simpy.Environment()
         self._nodes = nodes = Nodes(conditions.positions, conditions.traits, math.inf, setup.sensor.reach)
         clocks = Clocks(PerfectClock(), 0, nodes.size, env)
-        available, imperfections = make_readings(setup, conditions.truths, nodes, clocks, streams.key("sense"))
-        self._available = available[target]
+        imperfections = Imperfections(setup.detection, clocks, setup.dt, key := streams.key("sense"))
+        self._available = make_readings(setup, conditions.truths, nodes, imperfections, key)[target]
         log, actions = EventLog(Memory({}), 0), (nodes.crash, lambda node: nodes.restart(node, env.now), lambda _: None)
         site = FaultSite(env, nodes, log, clocks, *actions, imperfections.defects)
         FaultSchedule(setup.faults, site, streams.key("faults"), setup.dt).start()

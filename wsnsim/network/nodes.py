@@ -269,11 +269,11 @@ class Nodes(NodeStates):
         paid = affordable(charges, left)
         self._die(node, paid)
         for (cause, amount), (_, part) in zip(charges, paid, strict=True):
-            self.consumption.correct(cause, part - amount)
+            self.consumption.network.correct(cause, part - amount)
 
     def _die(self, node: int, charges: Charges) -> None:
         """Book the last charges of a node. What remains, less than the price of a bit, is lost: booked as idle."""
-        self.consumption.correct(IDLE, self.ledger.book_last(node, charges, self.battery))
+        self.consumption.network.correct(IDLE, self.ledger.book_last(node, charges, self.battery))
         self._go_down(node)
         self.on_death(node)
 
@@ -317,9 +317,5 @@ class Nodes(NodeStates):
         return self.living & (self.residual_energies() > threshold)
 
     def totals_now(self) -> list[float]:
-        """Joules that the network has spent on each cause until now, without `scheduled_totals`."""
+        """Joules that the network has spent on each cause until now, without `consumption.network.scheduled`."""
         return self.consumption.totals(self.ledger.totals)
-
-    def scheduled_totals(self, times: Floats) -> Floats:
-        """(T, causes) joules that all nodes would have consumed by each time, had they only followed schedules."""
-        return self.consumption.scheduled_totals(times)

@@ -240,7 +240,7 @@ class EnergySteps:
     def end(self, step: int) -> None:
         """Settle all nodes, and close the last step."""
         if self._wanted:
-            scheduled = self._nodes.scheduled_totals(np.array(self._times))
+            scheduled = self._nodes.consumption.network.scheduled(np.array(self._times))
             self._totals = (np.array(self._totals) + scheduled).tolist()
         self._nodes.close()
         self.close(step)

@@ -18,18 +18,18 @@ from wsnsim.base.progress import OnTime
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import TrackNow, write_readings
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
+from wsnsim.network.base_network import BaseNetwork, Sensors
 from wsnsim.network.clusters.coordination import ClusterCoordination, HeadMessages, HeadServices, make_head_protocol
 from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.elections import Elections
-from wsnsim.network.clusters.estimates import Estimates, SinkReports
+from wsnsim.network.clusters.estimates import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_ahead import WakeAhead, WakeUpCounters
 from wsnsim.network.clusters.wake_up_service import WakeUpService
-from wsnsim.network.event_log import ProtocolLog
-from wsnsim.network.imperfect_readings import make_readings
-from wsnsim.network.node_process import NodeProcesses, ProcessServices
+from wsnsim.network.event_log import Acting, ProtocolLog
+from wsnsim.network.imperfect_readings import Imperfections, make_readings
+from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.result_rows import NetworkOutcome
 from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
 
@@ -61,7 +61,6 @@ class World(BaseNetwork):
     ) -> None:
         super().__init__(setup, replicate, sensors, streams, recorder)
         self._log = ProtocolLog(self._clock, self._event_log)
-        self._sink_reports = SinkReports(self._env, self._reports, setup.sink, setup.dt, self._sinks)
         self._processors = Processors(self._clock, self._nodes, self._event_log, setup.energy, setup.cpu)
         self._tracks = tuple(Track(i, prior, self._env.event()) for i, prior in enumerate(targets.priors))
         points = [truth[:, list(motion.position)] for truth, motion in zip(targets.truths, setup.motions, strict=True)]
@@ -71,16 +70,18 @@ class World(BaseNetwork):
     def _assemble(self, targets: Targets, points: Sequence[Floats], streams: Streams) -> None:
         """Give each component the services that it uses."""
         setup, nodes, clock = self._setup, self._nodes, self._clock
-        available, imperfections = make_readings(setup, targets.truths, nodes, self._stack.clocks, streams.key("sense"))
+        imperfections = Imperfections(setup.detection, self._stack.clocks, setup.dt, streams.key("sense"))
+        available = make_readings(setup, targets.truths, nodes, imperfections, imperfections.key)
         readings: CurrentReadings = [{} for _ in points]
         network = NetworkView(setup, clock, self._log, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counters = WakeUpCounters(network, points)
         self._intervals = intervals = WakeIntervals(setup, clock, nodes, self._stack.mac)
         on_wake = self._wake_up_counters.count_wake
-        self._processes = NodeProcesses(ProcessServices(self._env, nodes, self._log, on_wake))
+        self._processes = NodeProcesses(self._env, nodes, self._log, on_wake)
         sensing = SensingServices(clock, nodes, self._processes, self._event_log, available, setup.energy.sense())
         self._sensing = make_sensing(sensing, readings, setup.nodes_search)
         self._coordination = ClusterCoordination(clock, self._log, self._processes, self._tracks)
+        self._estimates = Estimates(network, self._reports, self._sinks, self._recorder, self._replicate)
         deadline, log = setup.waits.gather, self._log
         driver = DriverServices(self._env, nodes, self._transport, self._processors, log, deadline, intervals)
         self._coordination.protocol = make_head_protocol(
@@ -89,7 +90,7 @@ class World(BaseNetwork):
                 HeadMessages(network, self._transport, intervals),
                 driver,
                 Elections(network, self._transport, self._processes, self._coordination.appoint),
-                Estimates(network, self._sink_reports, self._recorder, self._replicate),
+                self._estimates,
                 WakeAhead(network, self._make_wake_up_service(network, streams.key("wakeup"))),
                 self._processes,
                 TargetSearch(network, available, targets.paths or targets.truths, imperfections, streams.key("search")),
@@ -119,10 +120,10 @@ class World(BaseNetwork):
             tracks=self._tracks,
             hurried=self._intervals.share(),
             woken=self._wake_up_counters.woken,
-            received=self._sink_reports.received,
+            received=self._estimates.received,
         )
 
-    def _run_steps(self, progress: OnTime | None) -> Steps:
+    def _run_steps(self, progress: OnTime | None) -> Acting[None]:
         env, setup = self._env, self._setup
         for step in range(setup.steps + 1):
             self._begin_step(step)

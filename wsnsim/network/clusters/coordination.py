@@ -5,10 +5,10 @@ coordination.fill_vacancy(track, poll)      coordination.remove(node), coordinat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import simpy
 
@@ -25,14 +25,10 @@ from wsnsim.network.clusters.estimates import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 from wsnsim.network.clusters.wake_ahead import WakeAhead
-from wsnsim.network.event_log import ProtocolLog, StepClock, then
+from wsnsim.network.event_log import Acting, ProtocolLog, StepClock, then
 from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
-
-Leading = Generator[simpy.Event, Any, Handover | None]
-HandingOver = Generator[simpy.Event, Any, Handover]
-Waiting = Generator[simpy.Event, Any, None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +64,7 @@ class HeadMessages:
     transport: Transport
     intervals: WakeIntervals
 
-    def recruit(self, target: int, head: int) -> Generator[simpy.Event, Any, Joins]:
+    def recruit(self, target: int, head: int) -> Acting[Joins]:
         """Broadcast an announcement; each sensing node that hears it sends a join, with its reading.
 
         The head waits until all joins have ended; where radios are mostly off, at most for `waits.joins` s.
@@ -94,7 +90,7 @@ class HeadMessages:
             network.log.add("join", target, node, peer=head)
         return Joins(step, joined, [each for each in zip(joins, events, strict=bool(events)) if not each[1].processed])
 
-    def ask(self, target: int, head: int, what: str, bits: int) -> Generator[simpy.Event, Any, list[int]]:
+    def ask(self, target: int, head: int, what: str, bits: int) -> Acting[list[int]]:
         """Broadcast a packet; return the living nodes that heard it, ascending.
 
         Raises:
@@ -104,7 +100,7 @@ class HeadMessages:
 
     def announce(
         self, target: int, head: int, appointment: Appointment, payload: Parcel | None
-    ) -> Generator[simpy.Event, Any, dict[int, Bools]]:
+    ) -> Acting[dict[int, Bools]]:
         """Broadcast an appointment, and a tracker's payload in the same burst.
 
         Returns:
@@ -121,15 +117,11 @@ class HeadMessages:
         heard = yield from self._broadcast(target, head, parcel)
         return {node: mask[own:] for node, mask in heard.items() if mask[:own].all()}
 
-    def expect(self, head: int, members: Sequence[int]) -> None:
-        """Have slots arranged for the members of a head, where the MAC has slots."""
-        self.transport.expect(head, members)
-
     def linked(self, head: int, nodes: Iterable[int]) -> list[int]:
         """Those of the nodes that reach the head over one hop."""
         return [node for node in nodes if self.transport.connected(node, head)]
 
-    def _broadcast(self, target: int, head: int, parcel: Parcel) -> Generator[simpy.Event, Any, dict[int, Bools]]:
+    def _broadcast(self, target: int, head: int, parcel: Parcel) -> Acting[dict[int, Bools]]:
         """Broadcast a parcel; return which packets arrived at each living node, ascending."""
         event, (burst,) = self.transport.broadcast([head], [parcel], target)
         yield event
@@ -138,7 +130,7 @@ class HeadMessages:
             raise HeadDied
         return {node: burst.received[node] for node in sorted(burst.received) if alive[node]}
 
-    def readings_of_everyone(self, target: int, head: int) -> Generator[simpy.Event, Any, dict[int, Reading]]:
+    def readings_of_everyone(self, target: int, head: int) -> Acting[dict[int, Reading]]:
         """Let every sensing node send its reading to the head; return {node: reading} of what arrived."""
         readings = self.network.readings[target]
         datagrams = [Datagram(node, head, Parcel(value, 1, PACKET_BITS, "reading")) for node, value in readings.items()]
@@ -147,7 +139,7 @@ class HeadMessages:
         arrived = [datagram.source for datagram in datagrams if datagram.arrived]
         return {node: readings[node] for node in arrived if node in readings}
 
-    def wake(self, target: int, head: int, node: int) -> Generator[simpy.Event, Any, bool]:
+    def wake(self, target: int, head: int, node: int) -> Acting[bool]:
         """Send a node a packet that wakes it; return whether it arrived."""
         datagram = Datagram(head, node, Parcel(None, 1, PACKET_BITS, "wake"))
         yield self.transport.carry([datagram], target)
@@ -178,7 +170,7 @@ class HeadProtocol(Protocol):
             poll: the number of the instant within the step, from 0.
         """
 
-    def lead(self, track: Track, handover: Handover) -> Leading:
+    def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
         """Lead a track from the handover on; return the next handover, None if another head leads already.
 
         Raises:
@@ -245,7 +237,7 @@ class ClusterCoordination:
             if track.cluster is not None:
                 track.cluster.forget(node)
 
-    def _lead(self, track: Track, handover: Handover) -> Generator[simpy.Event, Any, None]:
+    def _lead(self, track: Track, handover: Handover) -> Acting[None]:
         """A head's lead of one track, from taking over until handing over."""
         head = handover.successor
         try:

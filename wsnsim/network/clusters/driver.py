@@ -7,7 +7,7 @@ If the head dies during a flow, the flow is closed and its belief is lost.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -35,7 +35,7 @@ from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.collection import Collection
 from wsnsim.network.clusters.network_view import WakeIntervals
-from wsnsim.network.event_log import EventLog, ProtocolLog, StepClock, event
+from wsnsim.network.event_log import Acting, EventLog, ProtocolLog, StepClock, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
@@ -43,7 +43,6 @@ from wsnsim.network.radio.transport import Transport
 COMPUTE: Final = KIND["compute"]
 CPU_CAUSE: Final = CAUSE["cpu"]
 CPU_EVENT_CAUSE: Final = EVENT_CAUSE["cpu"]
-Performance = Generator[simpy.Event, Any, Any]
 
 
 class Processors:
@@ -146,7 +145,7 @@ class Driver:
         self.answered: set[int] = set()
         self.hops = 0
 
-    def perform(self, flow: Flow[Any]) -> Performance:
+    def perform(self, flow: Flow[Any]) -> Acting[Any]:
         """Perform a flow's requests and return the flow's belief. The flow is closed, however it ends.
 
         Raises:
@@ -216,7 +215,7 @@ class Driver:
     def _compute(self, node: int, operations: float) -> float:
         return self._services.processors.compute(node, operations, self._target)
 
-    def _gather(self, request: Gather) -> Generator[simpy.Event, Any, Gathered]:
+    def _gather(self, request: Gather) -> Acting[Gathered]:
         nodes: list[int] = []
         parcels: list[Parcel] = []
         readings: dict[int, tuple[Reading, int]] = {}
@@ -244,7 +243,7 @@ class Driver:
             self.readings = sum([readings[node][1] for node in arrived])
         return answer
 
-    def _gather_readings(self, request: GatherReadings) -> Generator[simpy.Event, Any, GatheredReadings]:
+    def _gather_readings(self, request: GatherReadings) -> Acting[GatheredReadings]:
         readings = request.readings_of(self._addressed(request.who))
         form = Parcel(None, 1, request.packet_bits, request.what)
         parcels, deadline = [form] * len(readings), self._deadline_of(request)
@@ -260,7 +259,7 @@ class Driver:
     def _deadline_of(self, request: Gather | GatherReadings) -> float | None:
         return self._services.deadline if request.deadline is None else request.deadline
 
-    def _scatter(self, request: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:
+    def _scatter(self, request: Scatter) -> Acting[dict[int, Bools]]:
         head, parcels = self._head, {node: each for node, each in request.parcels.items() if node in self._members}
         packets = sum([parcel.packets for node, parcel in parcels.items() if node != head])
         what = next(iter(parcels.values())).what if parcels else ""
@@ -274,14 +273,14 @@ class Driver:
             }
         )
 
-    def _broadcast(self, request: Broadcast) -> Generator[simpy.Event, Any, dict[int, Bools]]:
+    def _broadcast(self, request: Broadcast) -> Acting[dict[int, Bools]]:
         sent, (burst,) = self._services.transport.broadcast([self._head], [request.parcel], self._target)
         yield sent
         return self._deliver(
             {node: (request.parcel, mask) for node, mask in burst.received.items() if node in self._members}
         )
 
-    def _send(self, request: Send, flow: Flow[Any]) -> Generator[simpy.Event, Any, Bools]:
+    def _send(self, request: Send, flow: Flow[Any]) -> Acting[Bools]:
         if not 0 <= request.to < len(self._alive):  # raised in the flow, which knows its line
             flow.throw(PluginAnswerError(f"Send: expected a node from 0 to {len(self._alive) - 1}, not {request.to}"))
         datagram = Datagram(self._head, request.to, request.parcel)

@@ -10,12 +10,11 @@ the woken nodes know which of them is nearest to the prediction, and awake nodes
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, cast
 
 import numpy as np
-import simpy
 
 from wsnsim.base.clustering import MovingPolicy
 from wsnsim.base.medium_access import window_of
@@ -23,10 +22,11 @@ from wsnsim.base.ports import Portable, Scene
 from wsnsim.base.requests import Parcel
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
-from wsnsim.network.clusters.coordination import HeadServices, Leading, Waiting
+from wsnsim.network.clusters.coordination import HeadServices
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.election import strength_of
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
+from wsnsim.network.event_log import Acting
 from wsnsim.network.radio.datagrams import Datagram
 
 ROUNDING: Final = 1e-9
@@ -79,7 +79,7 @@ class MovingHeadProtocol:
     def release(self, track: Track, cluster: Cluster) -> None:
         """Do nothing: members have no role."""
 
-    def lead(self, track: Track, handover: Handover) -> Leading:
+    def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
         """Initiate the track or take it over, and lead it step by step until another node is head."""
         lead = self._take_over(track, handover)
         if handover.detected is not None:
@@ -108,7 +108,7 @@ class MovingHeadProtocol:
     def _cluster(self, track: Track, head: int, joined: list[int]) -> Cluster:
         return Cluster(self._network, track.target, head, joined, keys_ahead=1)
 
-    def _initiate(self, lead: Lead, detected: Mapping[int, Reading]) -> Waiting:
+    def _initiate(self, lead: Lead, detected: Mapping[int, Reading]) -> Acting[None]:
         """Tell the neighbours of a target without a track; those that sense it answer. The track starts from that.
 
         `detected`: {node: reading} of all nodes that are awake and sense the target at this instant.
@@ -139,7 +139,7 @@ class MovingHeadProtocol:
         if abs(began - step * clock.dt) < ROUNDING:
             estimates.issue(track, step, lead.scene, driver, lead.belief)
 
-    def _step(self, lead: Lead) -> Waiting:
+    def _step(self, lead: Lead) -> Acting[None]:
         """One step at the head: readings in, an estimate out."""
         clock, track, estimates = self._clock, lead.track, self._services.estimates
         began, asked = clock.now, clock.step
@@ -161,7 +161,7 @@ class MovingHeadProtocol:
         elif began - lead.last_sensed > self._policy.patience + ROUNDING:
             raise TrackLost("no_readings")
 
-    def _measuring(self, lead: Lead) -> Generator[simpy.Event, Any, list[int]]:
+    def _measuring(self, lead: Lead) -> Acting[list[int]]:
         """Let nodes measure: those that were woken; without a wake-up protocol, those that hear the head's request.
 
         Measuring takes `sampling` s, and no energy of its own: awake nodes sense all the time.
@@ -192,7 +192,7 @@ class MovingHeadProtocol:
         alive = self._network.nodes.alive
         return [node for node in sorted(round_.tracking) if node != lead.head and alive[node]]
 
-    def _ask(self, lead: Lead, what: str) -> Generator[simpy.Event, Any, list[int]]:
+    def _ask(self, lead: Lead, what: str) -> Acting[list[int]]:
         """Broadcast a question about the target; return the nodes that heard it."""
         bits = self._setup.acquire.detection_bits
         return (yield from self._services.messages.ask(lead.track.target, lead.head, what, bits))
@@ -203,7 +203,7 @@ class MovingHeadProtocol:
     def _wake_nodes(self, lead: Lead) -> None:
         self._services.wake_ahead.wake(lead.track, lead.head, lead.belief, lead.scene, lead.last_sensed)
 
-    def _move_on(self, lead: Lead) -> Leading:
+    def _move_on(self, lead: Lead) -> Acting[Handover | None]:
         """Have nodes woken for the next step and wait for it; the handover, if another node leads from now on."""
         waker = self._waker(lead)
         if waker != lead.head:
@@ -248,7 +248,7 @@ class MovingHeadProtocol:
             raise TrackLost("expired" if round_.expired else "nobody_woken")
         return self._network.nearest(able, np.array(round_.message.centre))
 
-    def _give_way(self, lead: Lead) -> Leading:
+    def _give_way(self, lead: Lead) -> Acting[Handover | None]:
         """The handover at a step's instant, if another of the woken nodes is head now."""
         successor = self._head_at_step(lead)
         if successor == lead.head:
@@ -259,7 +259,7 @@ class MovingHeadProtocol:
         self._log.add("handover", lead.track.target, lead.head, "message", peer=successor)
         return self._next(lead, Handover(successor, lead.belief_step, lead.track.round.tracking[successor].belief))
 
-    def _hand_over(self, lead: Lead, successor: int, wakes_nodes: bool) -> Leading:
+    def _hand_over(self, lead: Lead, successor: int, wakes_nodes: bool) -> Acting[Handover | None]:
         """Send the belief to the next head. If it does not arrive, the track is lost, or the head goes on: None."""
         track = lead.track
         driver = self._driver(track, self._cluster(track, lead.head, []))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -16,7 +16,7 @@ from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.event_log import ProtocolLog, StepClock
-from wsnsim.network.imperfect_readings import Imperfections, make_search_readings
+from wsnsim.network.imperfect_readings import Imperfections, make_readings
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.sensing import Readings
 
@@ -43,6 +43,16 @@ class NetworkView(NamedTuple):
     def who_can_lead(self) -> Bools:
         """(N,) the same of every node."""
         return self.nodes.able(self.threshold)
+
+    def nodes_near(self, point: Floats, radius: float) -> NearNodes:
+        """The nodes whose assumed position is within a radius in m of a point (2,).
+
+        The map that every head has does not tell who is down, but who can lead.
+        """
+        nodes = self.nodes
+        ids = nodes.assumed.grid.within(point, radius)
+        able = np.array([self.can_lead(node) for node in ids.tolist()], dtype=np.bool_)
+        return NearNodes(ids, nodes.assumed.positions[ids], nodes.traits[ids], able)
 
     def predicted_position(self, target: int, belief: Any, scene: Scene) -> Floats:
         """(2,) the position that a belief predicts for the next step: where nodes are woken."""
@@ -83,9 +93,9 @@ class TargetSearch:
         self._available = available
         self._polls = network.setup.polls
         self._key = key
-        self._between = (
-            make_search_readings(network.setup, paths, network.nodes, imperfections, key) if self._polls > 1 else []
-        )
+        setup, nodes = network.setup, network.nodes
+        between = replace(imperfections, dt=setup.dt / setup.polls)
+        self._between = make_readings(setup, paths, nodes, between, key) if self._polls > 1 else []
 
     def first_detection(self, target: int, poll: int) -> tuple[int, dict[int, Reading]] | None:
         """The node that detects a target first at an instant, and the readings of all awake nodes; None: no node."""
@@ -102,20 +112,6 @@ class TargetSearch:
         return int(able[np.argmin(chances)]), awake
 
 
-@dataclass(frozen=True, slots=True)
-class NodesOnMap:
-    """Finds nodes near a point on the map that every head has; it does not tell who is down, but who can lead."""
-
-    network: NetworkView
-
-    def __call__(self, point: Floats, radius: float) -> NearNodes:
-        """The nodes whose assumed position is within a radius in m of a point (2,)."""
-        network, nodes = self.network, self.network.nodes
-        ids = nodes.assumed.grid.within(point, radius)
-        able = np.array([network.can_lead(node) for node in ids.tolist()], dtype=np.bool_)
-        return NearNodes(ids, nodes.assumed.positions[ids], nodes.traits[ids], able)
-
-
 class Outlooks:
     """Puts together what a head foresees, for cluster policies that see the geometry.
 
@@ -124,7 +120,6 @@ class Outlooks:
 
     def __init__(self, network: NetworkView) -> None:
         self._network = network
-        self._nodes_near = NodesOnMap(network)
         self._forecasts_succession = isinstance(network.setup.tracker, ForecastsSuccession)
 
     def of_belief(self, target: int, head: int, members: Sequence[int], belief: Any, scene: Scene) -> Outlook:
@@ -158,7 +153,7 @@ class Outlooks:
             motion=setup.filter_motions[target],
             sensor=setup.filter_sensor,
             reach=nodes.reach,
-            nodes_near=self._nodes_near,
+            nodes_near=network.nodes_near,
         )
 
 

@@ -163,6 +163,8 @@ class WakeUpService(NetworkServices):
         self._radio: WakeUpRadio = getattr(setup.wakeup, "radio", WakeUpRadio())
         stronger = 0.0 if self._radio.power is None else self._radio.power - getattr(setup.link, "power", 0.0)
         self._least_power = self._radio.sensitivity - self._radio.path_gain - stronger
+        self.clock: Callable[[int], float] = clocks.local_time
+        self.nodes_within: Callable[[Point, float], Ints] = network.nodes.assumed.grid.within
         self._calls = 0
         self._mechanism: WakeUpMechanism = make_mechanism("wakeup", setup.wakeup, self)
 
@@ -188,26 +190,18 @@ class WakeUpService(NetworkServices):
         self._call(node, [to], target, PACKET_BITS, awake)
         return done
 
-    def clock(self, node: int) -> float:
-        """What the clock of a node shows now, in s."""
-        return self._clocks.local_time(node)
-
     def place(self, node: int) -> Point:
         """The assumed position of a node."""
         return self._nodes.assumed.x[node], self._nodes.assumed.y[node]
 
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, those included that are down."""
-        return self._transport.neighbours(node).ids
+        return self._transport.topology.neighbours(node).ids
 
     def within_call(self, node: int) -> Ints:
         """(n,) the nodes at which a node's calls arrive with the sensitivity of the wake-up receivers, ascending."""
-        neighbours = self._transport.neighbours(node)
+        neighbours = self._transport.topology.neighbours(node)
         return neighbours.ids[neighbours.powers >= self._least_power]
-
-    def nodes_within(self, centre: Point, radius: float) -> Ints:
-        """(n,) the nodes whose assumed position is within `radius` m of a point, ascending."""
-        return self._nodes.assumed.grid.within(centre, radius)
 
     def sleepers(self, nodes: Ints) -> set[int]:
         """The nodes, out of the given ones, that are up and asleep now."""

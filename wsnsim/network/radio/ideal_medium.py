@@ -5,8 +5,8 @@ The mechanism decides when a burst is sent, and calls `IdealMedium.carry(burst)`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
-from typing import Any, Final, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 import simpy
@@ -17,7 +17,7 @@ from wsnsim.base.requests import Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.models.access import IdealMac
-from wsnsim.network.event_log import Event, event, then
+from wsnsim.network.event_log import Acting, Event, event, then
 from wsnsim.network.radio.datagrams import Unicasts
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.topology import RadioServices
@@ -286,7 +286,7 @@ class IdealMechanism:
         for burst in bursts:
             self._medium.carry(burst)
 
-    def _one_by_one(self, bursts: Sequence[Burst], rate: float) -> Generator[simpy.Event, Any, None]:
+    def _one_by_one(self, bursts: Sequence[Burst], rate: float) -> Acting[None]:
         before = [self._silenced.get(burst.source) for burst in bursts]
         for burst, silenced in zip(bursts, before, strict=True):
             self._nodes.begin_sending(burst.source)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.frames import SEND, Burst, Counters, MacFrame, OfferedFrame, Received
+from wsnsim.base.frames import SEND, Burst, MacFrame, OfferedFrame, Received
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac, Packing
 from wsnsim.base.rng import GOLDEN, MASK, Streams, derive, mix
@@ -42,36 +42,17 @@ class NetworkMacServices(NetworkServices):
         self.radio, self.clocks, self.sinks = radio, clocks, sinks
         self._packing, self._streams, self.links = packing, streams, links
         self._uses = UseCounter()
+        self.counters, self.key = radio.counters, streams.key
+        self.hold_awake, self.release, self.signal = radio.nodes.begin_sending, radio.nodes.end_sending, radio.env.event
 
     @property
     def step(self) -> int:
         """The number of the present step."""
         return self.radio.log.step
 
-    @property
-    def counters(self) -> Counters:
-        """The counters of the run."""
-        return self.radio.counters
-
-    def key(self, stream: str) -> int:
-        """Return the key of a random stream."""
-        return self._streams.key(stream)
-
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, ascending."""
         return self.radio.topology.neighbours(node).ids
-
-    def hold_awake(self, node: int) -> None:
-        """Keep a node awake until `release`, because it has a frame to send."""
-        self.radio.nodes.begin_sending(node)
-
-    def release(self, node: int) -> None:
-        """Let a node follow its schedule again."""
-        self.radio.nodes.end_sending(node)
-
-    def signal(self) -> simpy.Event:
-        """Return a new signal, for the end of bursts."""
-        return self.radio.env.event()
 
     def open_channel(self, mac: FramedMac, assessment: float, listening: Listening | None = None) -> Channel:
         """Return a channel on which the frames of a MAC take time: one for each physical channel.

@@ -6,7 +6,7 @@ transport.broadcast(sources, parcels, target) -> (event, bursts)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import cast
 
 import simpy
@@ -18,7 +18,7 @@ from wsnsim.base.requests import Parcel
 from wsnsim.network.event_log import then
 from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops, Unicasts
 from wsnsim.network.radio.ideal_medium import IdealMechanism
-from wsnsim.network.radio.topology import Neighbours, RadioServices
+from wsnsim.network.radio.topology import RadioServices
 
 
 class Transport:
@@ -32,18 +32,22 @@ class Transport:
 
     Attributes:
         hops: How bursts cross one hop.
+        topology: The links.
+        expect: (head, members): tells the MAC whom a head takes for members, before they have something to send.
         keeps_idle_slots: Whether a gathering takes the time of a round even if no member has something to send.
     """
 
     def __init__(self, radio: RadioServices, mac: MacMechanism, hops: Hops, forwarding: Forwarding) -> None:
         self._env = radio.env
-        self._topology = radio.topology
+        self.topology = radio.topology
         self._forwarding = forwarding
         self.hops = hops
         as_lists = defined_together(type(mac), "send_unicasts", "send")
         self._send_unicasts = cast(IdealMechanism, mac).send_unicasts if as_lists else _send_no_unicasts
         self.keeps_idle_slots = isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots
-        self._expect = mac.expect if isinstance(mac, ExpectsMembers) else (lambda head, members: None)
+        self.expect: Callable[[int, Sequence[int]], None] = (
+            mac.expect if isinstance(mac, ExpectsMembers) else (lambda head, members: None)
+        )
         self._pairs: set[tuple[int, int]] = set()
 
     def carry(
@@ -115,20 +119,12 @@ class Transport:
             burst.sequence, burst.relayed = sequence, relayed
         return self.hops.send(bursts), bursts
 
-    def expect(self, head: int, members: Sequence[int]) -> None:
-        """Tell the MAC whom a head takes for members, before they have something to send."""
-        self._expect(head, members)
-
-    def neighbours(self, node: int) -> Neighbours:
-        """The neighbours of a node, dead nodes included."""
-        return self._topology.neighbours(node)
-
     def connected(self, a: int, b: int) -> bool:
         """Whether two nodes are one hop apart; remembered where distance alone decides, since nodes stand still."""
         if (a, b) in self._pairs:
             return True
-        connected = self._topology.connected(a, b)
-        if connected and self._topology.distance_only:
+        connected = self.topology.connected(a, b)
+        if connected and self.topology.distance_only:
             self._pairs.add((a, b))
         return connected
 

@@ -70,10 +70,9 @@ class TreeNode:
 
     Attributes:
         parent: The next hop; the node itself if it is a sink; NOBODY without a route.
-        changes: How often the parent changed.
     """
 
-    __slots__ = ("_advertised", "_hysteresis", "_largest", "_root", "changes", "links", "node", "parent")
+    __slots__ = ("_advertised", "_hysteresis", "_largest", "_root", "links", "node", "parent")
 
     def __init__(self, node: int, root: bool, links: LinkTable, hysteresis: float, largest: float = inf) -> None:
         self.node = node
@@ -83,7 +82,6 @@ class TreeNode:
         self._largest = largest
         self._advertised: dict[int, tuple[int, float]] = {}
         self.parent = node if root else NOBODY
-        self.changes = 0
 
     @property
     def cost(self) -> float:
@@ -136,7 +134,6 @@ class TreeNode:
         if self.parent != NOBODY and self._advertised.get(self.parent, (NOBODY, inf))[0] != self.parent:
             self.links.unpin(self.parent)
         self.parent = parent
-        self.changes += 1
         if parent != NOBODY:
             self.links.pin(parent)
 
