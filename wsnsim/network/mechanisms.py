@@ -14,7 +14,7 @@ from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
 from wsnsim.base.mechanisms import StartsFault, StartsWakeUp, StartsWorkload
 from wsnsim.base.synchronisation import StartsSync, SyncServices, TimeSync
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.event_log import EventLog, then
+from wsnsim.network.event_log import EventLog
 from wsnsim.network.nodes import Nodes
 
 
@@ -41,7 +41,7 @@ class NetworkServices:
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""
-        then(self._env.timeout(seconds), action)
+        self._env.timeout(seconds).callbacks.append(lambda _: action())
 
 
 class NetworkSyncServices(NetworkServices):

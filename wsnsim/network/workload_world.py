@@ -47,18 +47,18 @@ class _Repeating(ABC):
         services, period = self._services, self._component.period
         phases = (uniforms(derive_all(services.key, np.arange(len(services.positions))), 0) * period).tolist()
         for node in nodes:
-            self._actions[node] = partial(self._act, node)
+            self._actions[node] = partial(self._act, node, services.lasts(node, period))
             services.call_later(start_at + phases[node], self._actions[node])
 
-    def _act(self, node: int) -> None:
-        """Let a node send if it is up and awake, and set its timer again."""
+    def _act(self, node: int, period: float) -> None:
+        """Let a node send if it is up and awake, and set its timer again, to a period in true seconds."""
         services = self._services
         if services.is_dead(node):
             return
         if services.is_awake(node):
             self.sent += 1
             self._send(node)
-        services.call_later(services.lasts(node, self._component.period), self._actions[node])
+        services.call_later(period, self._actions[node])
 
     @abstractmethod
     def _send(self, node: int) -> None: ...

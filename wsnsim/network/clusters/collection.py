@@ -9,6 +9,7 @@ What arrives after the head has gone on is ignored by it, and paid for all the s
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import compress
 from typing import Final, TypeAlias
 
@@ -37,6 +38,7 @@ class Deadline(simpy.Event):
         env.schedule(self, LATE, seconds)
 
 
+@dataclass(slots=True)
 class Collection:
     """Sends parcels between one head and its members.
 
@@ -53,18 +55,14 @@ class Collection:
         overdue: whether some datagrams were still under way when the last deadline had passed.
     """
 
-    def __init__(
-        self, env: simpy.Environment, transport: Transport, target: int, head: int,
-        window: tuple[float, float] | None, one_hop: bool,
-    ) -> None:  # fmt: skip
-        self._env = env
-        self._transport = transport
-        self._target = target
-        self._head = head
-        self._window = window
-        self._one_hop = one_hop
-        self.bits = 0
-        self.overdue = False
+    _env: simpy.Environment
+    _transport: Transport
+    _target: int
+    _head: int
+    _window: tuple[float, float] | None
+    _one_hop: bool
+    bits: int = 0
+    overdue: bool = False
 
     def gather(self, nodes: list[int], parcels: list[Parcel], deadline: float | None) -> Acting[tuple[Masks, Journeys]]:
         """Send a parcel from each node to the head.

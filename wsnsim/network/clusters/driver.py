@@ -8,6 +8,7 @@ If the head dies during a flow, the flow is closed and its belief is lost.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -45,16 +46,16 @@ CPU_CAUSE: Final = CAUSE["cpu"]
 CPU_EVENT_CAUSE: Final = EVENT_CAUSE["cpu"]
 
 
+@dataclass(slots=True)
 class Processors:
     """Books computations. `operations` is the number computed so far in the whole network."""
 
-    def __init__(self, clock: StepClock, nodes: Nodes, event_log: EventLog, energy: EnergyModel, cpu: Cpu) -> None:
-        self._clock = clock
-        self._nodes = nodes
-        self._event_log = event_log
-        self._energy = energy
-        self._cpu = cpu
-        self.operations = 0.0
+    _clock: StepClock
+    _nodes: Nodes
+    _event_log: EventLog
+    _energy: EnergyModel
+    _cpu: Cpu
+    operations: float = 0.0
 
     def compute_all(self, nodes: list[int], operations: Sequence[float], target: int) -> float:
         """Book a computation at each of several nodes; return the simulated seconds of the longest, 0 for none."""

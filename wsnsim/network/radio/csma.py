@@ -132,7 +132,8 @@ class CsmaMechanism(SenderQueues[_Sender]):
 
     def _transmit(self, sender: _Sender) -> None:
         """Send a frame, followed by its acknowledgement."""
-        frame, mac = sender.current, self._mac
+        frame, mac = sender.frame, self._mac
+        assert frame is not None, "a sender that acts has a frame"
         frame.owner = sender
         if self._periods is not None:
             answer = 0.0 if frame.to == EVERYONE else mac.ack_wait
@@ -185,7 +186,8 @@ class CsmaMechanism(SenderQueues[_Sender]):
 
     def _finish(self, sender: _Sender, received: Received | None) -> None:
         """Report the result of a frame; the next one follows after the spacing between frames."""
-        frame = sender.current
+        frame = sender.frame
+        assert frame is not None, "a sender finishes the frame that it has begun"
         sender.free_at = self._env.now + self._mac.spacing(frame.bits)
         sender.frame = None
         frame.finish(received)

@@ -180,21 +180,20 @@ class Reception:
 
     def _broadcast(self, sent: Transmission) -> Received:
         """The result of a broadcast if distance alone decides, and nobody can die of it."""
-        neighbours = sent.neighbours
+        received = ids = sent.neighbours.ids
         collided = {} if sent.overlapping is None else self._collided_until(sent)
-        self._count(sent, len(neighbours.id_list), len(neighbours.id_list) - len(collided), len(collided))
-        groups: dict[float, list[int]] = {}
-        airtime = sent.end - sent.start
-        for node, until in collided.items():
-            groups.setdefault((sent.end - until) / airtime, []).append(node)
-        for share, group in groups.items():
-            self._charge(sent, np.array(group), share, COLLIDE, RX, lasting=True)
-        received = neighbours.ids
+        self._count(sent, ids.size, ids.size - len(collided), len(collided))
         if collided:
-            received = np.array([node for node in neighbours.id_list if node not in collided], dtype=np.int64)
+            groups: dict[float, list[int]] = {}
+            airtime = sent.end - sent.start
+            for node, until in collided.items():
+                groups.setdefault((sent.end - until) / airtime, []).append(node)
+            for share, group in groups.items():
+                self._charge(sent, np.array(group), share, COLLIDE, RX, lasting=True)
+            received = np.array([node for node in sent.neighbours.id_list if node not in collided], dtype=np.int64)
         if received.size:
             self._charge(sent, received, WHOLE, RECEIVE, RX, lasting=True)
-        self._on.note(sent, neighbours.ids)
+        self._on.note(sent, ids)
         return received
 
     def _collided_until(self, sent: Transmission) -> dict[int, float]:
