@@ -41,7 +41,6 @@ from wsnsim.models.coverage import coverage_of_living
 from wsnsim.network.base_network import Sensors
 from wsnsim.network.imperfect_readings import standalone_reports
 from wsnsim.network.result_rows import network_result, write_tables
-from wsnsim.network.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World
 from wsnsim.offline import offers_batch
 from wsnsim.recording.provenance import provenance
@@ -141,6 +140,8 @@ def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime 
 
 def _without_targets(setup: BeaconSetup, replicate: int, recorder: Recorder, progress: OnTime | None) -> RunResult:
     """A run of a network without a target: no tracks, no errors."""
+    from wsnsim.network.workload_world import WorkloadWorld
+
     positions = sample_positions(setup, setup.link.reach, replicate)
     follower_of(recorder).begin(RunStart(setup, replicate, positions, ()))
     outcome = WorkloadWorld(setup, replicate, positions, Streams(setup.seed, replicate), recorder).run(progress)

@@ -21,10 +21,9 @@ from wsnsim.base.frames import EVERYONE, Burst, OfferedFrame
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.fragmentation import Fragment, Fragmentation
-from wsnsim.network.radio.ideal_medium import IdealMedium
+from wsnsim.network.radio.ideal_medium import IdealMechanism, IdealMedium
 from wsnsim.network.radio.lpl.senders import Senders
 from wsnsim.network.radio.mac_services import NetworkMacServices
-from wsnsim.network.radio.radio_stack import IdealMechanism
 from wsnsim.network.radio.tsch.exchanges import Exchanges
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from wsnsim.base.radio import Mode
-from wsnsim.network.energy.sleep_states import ScheduledSleepStates
+from wsnsim.network.node_states import SleepStates
 
 
 class Listening:
@@ -73,17 +73,18 @@ class Listening:
 def watched_schedules() -> Iterator[Listening]:
     """Note which nodes leave their schedules in the run that the block makes."""
     listening = Listening()
-    begin, note = ScheduledSleepStates.__init__, ScheduledSleepStates.note
+    begin, note = SleepStates.__init__, SleepStates.note
 
-    def begun(self: ScheduledSleepStates, env: Any, schedules: Any) -> None:
-        begin(self, env, schedules)
+    def begun(self: SleepStates, rest: Mode = Mode.DORMANT, env: Any = None, schedules: Any = None) -> None:
+        begin(self, rest, env, schedules)
         listening.schedules = schedules
 
-    def noted(self: ScheduledSleepStates, node: int, mode: Mode) -> None:
-        listening.notes.setdefault(node, []).append((float(self._env.now), mode))
+    def noted(self: SleepStates, node: int, mode: Mode) -> None:
+        if self.rest is Mode.SCHEDULED:
+            listening.notes.setdefault(node, []).append((float(self._env.now), mode))
         note(self, node, mode)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ScheduledSleepStates, "__init__", begun)
-        patch.setattr(ScheduledSleepStates, "note", noted)
+        patch.setattr(SleepStates, "__init__", begun)
+        patch.setattr(SleepStates, "note", noted)
         yield listening

@@ -63,7 +63,7 @@ def assert_deaths(energy: Any, schedule: SleepSchedule, awake: float, asleep: fl
         if latest < HORIZON:
             assert earliest - 2e-9 <= died[node] <= latest + 2e-9
         assert node not in died or earliest <= HORIZON
-    totals = network.nodes.totals_now() + network.nodes.scheduled_totals(np.array([HORIZON]))[0]
+    totals = network.nodes.totals_now() + network.nodes.consumption.network.scheduled(np.array([HORIZON]))[0]
     network.nodes.close()
     spent = network.nodes.ledger.spent
     assert (spent <= energy.battery * (1.0 + 1e-9)).all() and network.ledger_adds_up()

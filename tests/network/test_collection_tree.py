@@ -33,7 +33,7 @@ def test_every_node_finds_a_route_of_next_to_the_fewest_hops():
     graph = nx.Graph()
     graph.add_nodes_from(range(40))
     for node in range(40):
-        graph.add_edges_from((node, other) for other in network.transport.neighbours(node).id_list)
+        graph.add_edges_from((node, other) for other in network.transport.topology.neighbours(node).id_list)
     fewest = nx.single_source_shortest_path_length(graph, 0)
     for node in range(40):
         assert network.depth(node) >= fewest.get(node, -1)

@@ -10,7 +10,7 @@ from wsnsim import experiment, scenario
 from wsnsim.base.part import part
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.models.access import IdealMac
-from wsnsim.network.radio.radio_stack import make_mac
+from wsnsim.network.mechanisms import make_mechanism
 
 SWITCHING_KILLS = "energy={kind: first_order, battery: 2 J, switch: 3 J}"
 ASLEEP = "sleep={kind: ris, probability: 0.01}"
@@ -25,7 +25,7 @@ class HoldsOneAwake(IdealMac):
     def start(self, services):
         """Return the mechanism."""
         services.hold_awake(7)
-        return make_mac(IdealMac(), services)
+        return make_mechanism("mac", IdealMac(), services)
 
 
 def deaths(*changes: str) -> tuple[list[tuple[float, int]], np.ndarray]:

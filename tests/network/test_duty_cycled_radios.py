@@ -150,7 +150,7 @@ class Driven:
 def assert_the_same(driven: Driven) -> None:
     """Ledger, totals and the share of time on are those of the account."""
     network, account = driven.network, driven.account
-    totals = network.nodes.totals_now() + network.nodes.scheduled_totals(np.array([network.env.now]))[0]
+    totals = network.nodes.totals_now() + network.nodes.consumption.network.scheduled(np.array([network.env.now]))[0]
     on = network.nodes.consumption.radio_on()
     network.nodes.close()
     ledger = network.nodes.ledger

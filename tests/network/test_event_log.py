@@ -1,12 +1,9 @@
 import random
 
 import numpy as np
-import pytest
 
-from wsnsim.base.frames import SEND
-from wsnsim.base.tables import KIND, Memory
-from wsnsim.network.energy.ledger import HopCost
-from wsnsim.network.event_log import CHUNK, EACH, NAMES, RX, TX, EventLog, UnicastRows, event
+from wsnsim.base.tables import Memory
+from wsnsim.network.event_log import EACH, NAMES, EventLog, event
 
 
 def random_events(count: int) -> list:
@@ -82,45 +79,3 @@ def test_an_event_that_nodes_share_becomes_one_row_for_each_of_them():
     table = memory.table("events")
     assert table["node"].tolist() == [1, 4, 6, 7]
     assert table["kind"].tolist() == [2, 3, 3, 2]
-
-
-@pytest.mark.parametrize("recorded", [True, False])
-def test_unicasts_that_are_logged_together_are_the_events_of_each_in_turn(recorded: bool) -> None:
-    """Between other events, shared ones among them; of unicasts that arrive within the instant."""
-    costs = [HopCost(96, 1.0, 2.0, 3.0, 0.5), HopCost(192, 2.0, 1.5, 3.5, 1.0), HopCost(96, 1.0, 2.0, 3.0, 0.5)]
-    first, last = event(0.0, 0, 0, 1, 2), event(1.0, 1, 0, 7, 2)
-    shared, nodes = event(0.5, 0, 0, EACH, 3), np.array([4, 6])
-
-    def log_of(memory: Memory, together: bool) -> EventLog:
-        log = EventLog(memory, 0)
-        log.add(first)
-        for time, number in ((0.25, 11), (0.75, 14)):
-            if together:
-                lists = [5, 6, 9], [2, 2, 5], [1, 1, 4], [1, 2, 1]
-                log.add_unicasts(UnicastRows(time, 3, 1, number, *lists, costs))
-            else:
-                for k, (source, to, code, packets) in enumerate([(5, 2, 1, 1), (6, 2, 1, 2), (9, 5, 4, 1)]):
-                    frame = code, number + k, number + k
-                    cost = costs[k]
-                    log.add(event(time, 3, 1, source, SEND, *frame, to, packets, cost.bits, cost.sent, TX))
-                    log.add(event(time, 3, 1, to, KIND["receive"], *frame, source, packets, cost.bits, cost.rx, RX))
-            log.add_all(shared, nodes)
-        log.add(last)
-        return log
-
-    one, other = Memory({"events": recorded}), Memory({"events": recorded})
-    assert log_of(one, True).fingerprint() == log_of(other, False).fingerprint()
-    if recorded:
-        columns, twins = one.table("events"), other.table("events")
-        assert columns["node"].size == 18
-        for name, values in columns.items():
-            assert values.tobytes() == twins[name].tobytes(), name
-
-
-def test_unicasts_are_written_before_they_fill_the_memory() -> None:
-    memory = Memory()
-    log = EventLog(memory, 0)
-    many = CHUNK // 2
-    costs = [HopCost(96, 1.0, 2.0, 3.0, 0.5)] * many
-    log.add_unicasts(UnicastRows(0.0, 0, 0, 1, [1] * many, [2] * many, [0] * many, [1] * many, costs))
-    assert memory.table("events")["frame"].tolist() == np.arange(1, many + 1).repeat(2).tolist()

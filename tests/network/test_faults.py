@@ -20,8 +20,7 @@ from wsnsim.models.faults import Bias, Blackout, ClockStep, Crash, Drain, LinkLo
 from wsnsim.models.hardware import PerfectClock, Processor
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.fault_services import FaultSite, NodeControl
-from wsnsim.network.faults import FaultSchedule
+from wsnsim.network.faults import FaultSchedule, FaultSite
 from wsnsim.network.nodes import Nodes
 
 LINE = np.column_stack([np.arange(10.0) * 10.0, np.zeros(10)])
@@ -38,10 +37,10 @@ class FaultyNodes:
         self.clocks = Clocks(PerfectClock(), 1, 10)
         self.heads = heads or {}
         journal = EventLog(self.memory, 0)
-        control = NodeControl(
+        actions = (
             self.sensor_nodes.crash, lambda node: self.sensor_nodes.restart(node, self.env.now), self.heads.get
-        )
-        self.site = FaultSite(self.env, self.sensor_nodes, journal, self.clocks, control)
+        )  # fmt: skip
+        self.site = FaultSite(self.env, self.sensor_nodes, journal, self.clocks, *actions)
         FaultSchedule(script, self.site, key, 0.1).start()
         self.journal = journal
 

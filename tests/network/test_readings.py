@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from wsnsim.base.arrays import components_of
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.rng import derive
@@ -11,7 +12,7 @@ from wsnsim.models.hardware import DriftingClock, ImperfectDetection, PerfectClo
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.imperfect_readings import Imperfections, ImperfectReadings, _sampled
+from wsnsim.network.imperfect_readings import Imperfections, ImperfectSensors, _sampled
 from wsnsim.network.sensing import Readings, Reports, SensorArray
 
 DT = 0.5
@@ -62,7 +63,8 @@ def imperfect(points, positions, sensor=None, detection=None, clock=None, target
     sensor = sensor or AcousticEnergy()
     clocks = Clocks(clock or PerfectClock(), 4, len(positions))
     made = Imperfections(detection or PerfectDetection(), clocks, DT)
-    return ImperfectReadings(sensors(positions, sensor), target, points, made), made
+    take = ImperfectSensors(sensors(positions, sensor), target, points, made).take
+    return Reports(take, made.defects, components_of(sensor)), made
 
 
 def crowd(steps=40, nodes=300, seed=2):

@@ -1,4 +1,4 @@
-"""Every way in which `Reception` finds the result of a frame gives that of the general one, bit by bit."""
+"""`Reception` finds the result of a frame as array operations do, bit by bit."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.network.plain_reception import PlainReception
 from tests.network.radio_network import RadioNetwork
 from wsnsim.base.frames import EVERYONE, MacFrame
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk, LogNormal
 from wsnsim.models.sleep import EventWake, RandomIndependent
-from wsnsim.network.radio.reception import Reception
 from wsnsim.scenario import build, load
 
 NODES = 14
@@ -43,13 +43,12 @@ def played(link, sleep, energy, seed, general, share=None):
     network = RadioNetwork(rng.uniform(0, 90, (NODES, 2)), link=link, sleep=sleep, energy=energy, seed=seed)
     if share is not None:
         network.mac.channel = network.mac._services.open_channel(network.mac._mac, network.mac._mac.cca, Windows(share))
-    reception, results, ways = network.mac.channel._reception, [], []
+    channel, results, ways = network.mac.channel, [], []
     if general:
-        for way in ("_in_one_pass", "_broadcast_alone", "_broadcast_overlapped"):
-            setattr(reception, way, lambda sent, listening=None: Reception._sort_out(reception, sent, listening))
+        channel._reception.__class__ = PlainReception
     else:
-        of = reception._in_one_pass
-        reception._in_one_pass = lambda sent, listening: ways.append(sent) or of(sent, listening)
+        of = channel._reception._book
+        channel._reception._book = lambda sent, *rest: ways.append(sent) or of(sent, *rest)
 
     def send(source, to, code, asleep):
         if network.nodes.alive[source] and not network.mac.channel.is_sending(source):
@@ -82,7 +81,7 @@ def assert_equal(mine, general, ordered):
 
 @pytest.mark.thorough
 @given(st.sampled_from(sorted(LINKS)), st.sampled_from(sorted(SLEEPS)), st.booleans(), st.integers(0, 10_000))
-def test_every_way_to_the_result_of_a_frame_gives_that_of_the_general_one(link, sleep, continuous, seed):
+def test_the_result_of_a_frame_is_that_of_array_operations(link, sleep, continuous, seed):
     energy = STATES if continuous else FirstOrder()
     runs = [played(LINKS[link], SLEEPS[sleep], energy, seed, general) for general in (False, True)]
     assert_equal(*runs, ordered=link != "disk")
@@ -108,15 +107,14 @@ def test_so_it_is_where_radios_are_mostly_off_and_no_radio_that_is_off_pays(link
 
 @settings(max_examples=6)
 @given(st.sampled_from(sorted(LINKS)), st.integers(0, 10_000))
-def test_where_a_battery_may_run_out_the_general_way_is_taken(link, seed):
+def test_so_it_is_where_batteries_run_out(link, seed):
     scarce = FirstOrder(battery=1e-4)
     runs = [played(LINKS[link], EventWake(), scarce, seed, general) for general in (False, True)]
     assert_equal(*runs, ordered=link != "disk")
 
 
 @pytest.mark.parametrize("link", ["log-normal", "sinr"])
-def test_a_fault_that_disturbs_leads_to_the_general_way(link, monkeypatch):
-    monkeypatch.setattr(Reception, "_in_one_pass", lambda *_: pytest.fail("a jammed radio was overlooked"))
+def test_a_radio_that_is_jammed_receives_nothing(link):
     network = RadioNetwork([(0, 0), (10, 0), (20, 0)], link=LINKS[link])
     network.nodes.jammed[1] = network.nodes.disturbed = True
     assert network.broadcast(0).received.keys() <= {2}

@@ -9,7 +9,7 @@ from tests.network.clock_networks import line, network, ran
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import KIND
 from wsnsim.network.ftsp import ReferencePoints
-from wsnsim.network.synchronisation import make_sync
+from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.testing import check_sync
 
 JITTER = 1e-4
@@ -262,6 +262,6 @@ def test_a_mechanism_without_a_member_of_its_port_is_refused():
             return object()
 
     with pytest.raises(RunError, match=r"sync: object, which start.services. returned, lacks begin, forget, is_sync"):
-        make_sync(Lacking(), None)
+        make_mechanism("sync", Lacking(), None)
     with pytest.raises(RunError, match=r"sync: unknown mechanism 'mine'.* known: none, ftsp"):
-        make_sync(SimpleNamespace(mechanism="mine"), None)
+        make_mechanism("sync", SimpleNamespace(mechanism="mine"), None)

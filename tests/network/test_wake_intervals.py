@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ import simpy
 from tests.helpers import late_mac
 from tests.network.late_runs import CALM, LATE, MOVING, played
 from wsnsim.base.tables import KIND
-from wsnsim.network.clusters.network_view import OneInterval, TwoIntervals, make_wake_intervals
+from wsnsim.network.clusters.network_view import WakeIntervals
 from wsnsim.network.event_log import StepClock
 
 
@@ -23,8 +23,12 @@ class Clocked:
         self.env = simpy.Environment()
         self.clock = StepClock(self.env, 2.0)
         self.told: list[tuple[tuple[int, ...], float]] = []
-        nodes = SimpleNamespace(alive=[True] * 9 + [False], size=10)
-        self.intervals = TwoIntervals(self.clock, 3.0, cast(Any, nodes), self)
+        self.nodes: Any = SimpleNamespace(alive=[True] * 9 + [False], size=10)
+        self.intervals = self.intervals_of(late_mac.LateCsma(near=0.03), self)
+
+    def intervals_of(self, mac: Any, mechanism: Any) -> WakeIntervals:
+        setup: Any = SimpleNamespace(mac=mac, wakeup=SimpleNamespace(wait=3.0))
+        return WakeIntervals(setup, self.clock, self.nodes, mechanism)
 
     def use_short_interval(self, nodes: Any, until: float) -> None:
         self.told.append((tuple(nodes.tolist()), until))
@@ -50,12 +54,12 @@ def test_nodes_are_told_to_hurry_once_and_again_only_for_longer_and_never_when_d
 def test_without_a_short_interval_nobody_hurries():
     near, far = late_mac.LateCsma(near=0.03), late_mac.LateCsma()
     at = Clocked()
-    for mac, mechanism, kind in ((near, at, TwoIntervals), (far, at, OneInterval), (near, object(), OneInterval)):
-        setup: Any = SimpleNamespace(mac=mac, wakeup=SimpleNamespace(wait=3.0))
-        made = make_wake_intervals(setup, at.clock, cast(Any, None), cast(Any, mechanism))
-        assert type(made) is kind
-    made.shorten([1], 1.0)
-    made.shorten_for_next_step([1])
+    for mac, mechanism, is_told in ((near, at, True), (far, at, False), (near, object(), False)):
+        made = at.intervals_of(mac, mechanism)
+        made.shorten([1], 1.0)
+        made.shorten_for_next_step([1])
+        assert bool(at.told) == is_told
+        at.told.clear()
     made.forget(1)
     assert np.isnan(made.share())
 

@@ -21,8 +21,7 @@ from wsnsim.base.network_ports import FaultEvent, Field
 from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.rng import Streams, derive, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
-from wsnsim.network.fault_services import ROUNDING
-from wsnsim.network.faults import places_hit
+from wsnsim.network.faults import ROUNDING, places_hit
 
 CROWD: Final = 20
 """Nodes that hear each other, for which beacons are thought to be too many [our choice]."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator
-from typing import Any, NamedTuple, cast
+from collections.abc import Callable
+from typing import NamedTuple, cast
 
 import numpy as np
 import simpy
@@ -12,23 +12,20 @@ import simpy
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, failed_run
 from wsnsim.base.mac_mechanisms import FollowsRestarts
-from wsnsim.base.mechanisms import SensorDefect
+from wsnsim.base.mechanisms import SensorDefect, SyncMechanism
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import RunNow, TrackNow, follower_of
 from wsnsim.base.setups import RadioSetup
 from wsnsim.base.tables import Recorder
 from wsnsim.network.event_log import EventLog, StepClock
-from wsnsim.network.fault_services import FaultSite, NodeControl
-from wsnsim.network.faults import FaultSchedule
+from wsnsim.network.faults import FaultSchedule, FaultSite
+from wsnsim.network.mechanisms import NetworkSyncServices, make_mechanism
 from wsnsim.network.node_states import Places
 from wsnsim.network.radio.datagrams import Forwarding, Hops
 from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, sink_nodes
 from wsnsim.network.radio.routing import PathForwarding, Router
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.result_rows import EnergySteps, NetworkOutcome, ReportRows
-from wsnsim.network.synchronisation import ClockErrors, NetworkSyncServices, make_sync
-
-Steps = Generator[simpy.Event, Any, None]
+from wsnsim.network.result_rows import ClockErrors, EnergySteps, NetworkOutcome, ReportRows
 
 
 class Sensors(NamedTuple):
@@ -71,15 +68,16 @@ class BaseNetwork(ABC):
         self._transport = Transport(stack.radio, stack.mac, hops, self._forwarding)
         self._reports = ReportRows(self._env, log, self._transport)
         self._energy_steps = EnergySteps(self._env, self._nodes, recorder)
-        self._sync = make_sync(setup.sync, NetworkSyncServices(stack, streams.key("sync")))
+        sync = NetworkSyncServices(self._env, self._nodes, stack.clocks, stack.mac, log, streams.key("sync"))
+        self._sync: SyncMechanism = make_mechanism("sync", setup.sync, sync)
         self._clock_errors = ClockErrors(stack.clocks, self._nodes, self._sync, recorder)
 
     def _make_faults(
         self, key: int, head_of: Callable[[int], int | None], defects: dict[int, SensorDefect]
     ) -> FaultSchedule:
         """Return the faults of the scenario; sensor defects are put into `defects`."""
-        control = NodeControl(self._crash, self._restart, head_of)
-        site = FaultSite(self._env, self._nodes, self._event_log, self._stack.clocks, control, defects)
+        actions = self._crash, self._restart, head_of
+        site = FaultSite(self._env, self._nodes, self._event_log, self._stack.clocks, *actions, defects)
         return FaultSchedule(self._setup.faults, site, key, self._setup.dt)
 
     def _start(self) -> None:
@@ -105,8 +103,7 @@ class BaseNetwork(ABC):
         self._energy_steps.write(self._replicate, self._setup.dt, self._recorder)
         self._clock_errors.write(self._replicate, self._recorder)
         self._reports.write(self._replicate, self._recorder)
-        links = self._stack.links.columns()
-        if links:
+        if self._stack.links is not None and (links := self._stack.links.columns()):
             self._recorder.write("links", {"replicate": self._replicate, **links})
         counters, fingerprint = self._stack.radio.counters, self._event_log.fingerprint()
         return NetworkOutcome(self._nodes, counters, fingerprint, awake, steps=self._clock.step, radio_on=radio_on)
@@ -125,7 +122,7 @@ class BaseNetwork(ABC):
         self._event_log.flush(everything=is_due)
         if is_due:
             now = self._env.now
-            scheduled = self._nodes.scheduled_totals(np.array([now]))[0]
+            scheduled = self._nodes.consumption.network.scheduled(np.array([now]))[0]
             joules = [float(sum(each)) for each in zip(self._nodes.totals_now(), scheduled, strict=True)]
             self._follower.follow(RunNow(step, now, self._tracks_now(), joules, self._nodes.residual_energies()))
 

@@ -76,10 +76,10 @@ class Clocks:
         slope = 0.0 if self._slopes is None else float(self._slopes[node])
         return (local - base) / (1.0 + slope)
 
-    def local_time(self, node: int) -> float:
-        """What the clock of a node shows now, in s."""
-        now = self._env.now
-        return now + self._error_of(node, now, self._bases, self._slopes)
+    def local_time(self, node: int, time: float | None = None) -> float:
+        """What the clock of a node shows at a true time, in s; None: now."""
+        time = self._env.now if time is None else time
+        return time + self._error_of(node, time, self._bases, self._slopes)
 
     def raw_time(self, node: int) -> float:
         """What the own clock of a node shows now, in s: its clock, had it never been corrected."""

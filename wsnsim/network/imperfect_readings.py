@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -17,20 +18,23 @@ import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys, Reading, as_readings, components_of, planar
 from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names
-from wsnsim.base.mechanisms import SensorDefect
+from wsnsim.base.mechanisms import SensorDefect, StartsFault
+from wsnsim.base.network_ports import FaultEvent
 from wsnsim.base.optional_ports import Detects
 from wsnsim.base.ports import Detection
 from wsnsim.base.rng import HEAD_KEY, Streams, component_noise, derive, derive_all, derive_each, uniforms
 from wsnsim.base.sensing import PathShadowing, is_perfect, path_shadowing
-from wsnsim.base.setups import NetworkSetup, TrackingSetup
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import Memory
+from wsnsim.models.hardware import PerfectClock
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.fault_services import FaultSite, NodeControl
-from wsnsim.network.faults import FaultSchedule, change_readings
+from wsnsim.network.faults import FaultSchedule, FaultSite
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.sensing import Readings, ReplayedReadings, Reports, SensorArray
+from wsnsim.network.sensing import Readings, Reports, SensorArray
 
+CHANGE_READINGS: Final = frozenset({"clock_step", "stuck", "bias"})
+"""Built-in mechanisms that change what sensors read."""
 DISTORTION: Final = HEAD_KEY
 """In a random key, stands for a target: for what distorts a node's readings at every step."""
 ALARMS: Final = HEAD_KEY
@@ -59,8 +63,8 @@ class Imperfections:
         return not is_perfect(self.detection) or not self.clocks.perfect
 
 
-class ImperfectReadings(Readings):
-    """The readings of one target as nodes report them. What was read at a step stays, whatever fails later.
+class ImperfectSensors:
+    """What the sensors of all nodes measure of one target, before any of them fails: `take` gives it at a step.
 
     Args:
         sensors: The sensors of all nodes.
@@ -87,16 +91,9 @@ class ImperfectReadings(Readings):
         self._imperfections = imperfections
         self._times = np.arange(len(points)) * imperfections.dt
         self._extent = float(np.hypot(*np.ptp(sensors.positions, axis=0)))
-        self._reports = Reports(self._take, imperfections.defects, components_of(self._sensor))
 
-    def readings(self, step: int) -> dict[int, Reading]:
-        """{node: reading} of the nodes that report one at a step, ascending, whether they are up or not."""
-        return dict(self._reports.at(step))
-
-    def _ids_at(self, step: int) -> Iterable[int]:
-        return self._reports.at(step)
-
-    def _take(self, step: int) -> dict[int, Reading]:
+    def take(self, step: int) -> dict[int, Reading]:
+        """{node: reading} as measured at a step, ascending, false alarms included."""
         detection, at_step = self._imperfections.detection, derive(self._key, step)
         nodes, points = self._in_range(step)
         alarmed = _sampled(at_step, detection.false_alarm, len(self._positions))
@@ -188,42 +185,41 @@ def distorted(detection: Detection, readings: Floats, keys: Keys) -> Floats:
     return np.stack([detection.distort(readings[:, m].copy(), each[m]) for m in numbers], axis=1)
 
 
+def _change_readings(faults: Iterable[FaultEvent]) -> bool:
+    """Whether any of the faults may change what sensors read. A plug-in may."""
+    return any(fault.mechanism in CHANGE_READINGS or isinstance(fault, StartsFault) for fault in faults)
+
+
 def make_readings(
-    setup: TrackingSetup, trajectories: Sequence[Floats], nodes: Nodes, clocks: Clocks, key: int
-) -> tuple[list[Readings], Imperfections]:
-    """Return the readings of each target at each step, and the imperfections, to which faults add their defects."""
-    imperfections = Imperfections(setup.detection, clocks, setup.dt, key)
-    return _readings(setup, trajectories, nodes, imperfections, key), imperfections
-
-
-def make_search_readings(
-    setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
-) -> list[Readings]:
-    """Return the readings of each target at the instants at which nodes search, `setup.polls` per step."""
-    between = replace(imperfections, dt=setup.dt / setup.polls)
-    return _readings(setup, trajectories, nodes, between, key)
-
-
-def _readings(
     setup: TrackingSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
+    """Return the readings of each target every `imperfections.dt` s, with noise of a key."""
     if setup.recorded is not None:
         steps, names = len(trajectories[0]) - 1, node_names(setup, len(nodes.positions))
         recordings = setup.recorded.recordings(names, len(setup.motions), steps, imperfections.dt)
-        return [ReplayedReadings(recording, imperfections.defects) for recording in recordings]
+        return [Reports(partial(_recorded_at, each.readings), imperfections.defects) for each in recordings]
     sensors = SensorArray(nodes.positions, nodes.traits, setup.sensor, nodes.grid, key)
-    perfect, dt = not imperfections.matter() and not change_readings(setup.faults), imperfections.dt
+    perfect, dt = not imperfections.matter() and not _change_readings(setup.faults), imperfections.dt
     result: list[Readings] = []
     for target, (trajectory, motion) in enumerate(zip(trajectories, setup.motions, strict=True)):
         points = measured_points(motion, setup.sensor, trajectory, dt)
         instants, sense = round(setup.dt / dt), derive(imperfections.key, target)
         shadowing = path_shadowing(setup.sensor, points, sense, instants)
-        result.append(
-            Readings(sensors, target, points, shadowing)
-            if perfect
-            else ImperfectReadings(sensors, target, points, imperfections, shadowing)
-        )
+        if perfect:
+            result.append(Readings(sensors, target, points, shadowing))
+        else:
+            take = ImperfectSensors(sensors, target, points, imperfections, shadowing).take
+            result.append(Reports(take, imperfections.defects, components_of(setup.sensor)))
     return result
+
+
+def _recorded_at(recorded: Floats, step: int) -> dict[int, Reading]:
+    """{node: reading} of the nodes that have one at a step of a recording (steps, N), wherever the target is.
+
+    Wrong clocks do not change it: the recording gives the times.
+    """
+    nodes = np.flatnonzero(np.isfinite(recorded[step]))
+    return dict(zip(nodes.tolist(), recorded[step][nodes].tolist(), strict=True))
 
 
 def _sampled(key: int, probability: float, size: int) -> Ints:
@@ -254,14 +250,6 @@ def standalone_reports(
     return StandaloneReports(setup, conditions, streams, target).rows
 
 
-class _TrueTime:
-    """Clocks that are right."""
-
-    def rates(self, keys: Keys) -> Floats:
-        """(n,) ones."""
-        return np.ones(len(keys))
-
-
 class StandaloneReports:
     """The reports on one target of a run, in the order of steps.
 
@@ -275,11 +263,11 @@ class StandaloneReports:
         self._dt, self._last = setup.dt, setup.steps
         self._env = env = simpy.Environment()
         self._nodes = nodes = Nodes(conditions.positions, conditions.traits, math.inf, setup.sensor.reach)
-        clocks = Clocks(_TrueTime(), 0, nodes.size, env)
-        available, imperfections = make_readings(setup, conditions.truths, nodes, clocks, streams.key("sense"))
-        self._available = available[target]
-        control = NodeControl(nodes.crash, lambda node: nodes.restart(node, env.now), lambda _: None)
-        site = FaultSite(env, nodes, EventLog(Memory({}), 0), clocks, control, imperfections.defects)
+        clocks = Clocks(PerfectClock(), 0, nodes.size, env)
+        imperfections = Imperfections(setup.detection, clocks, setup.dt, key := streams.key("sense"))
+        self._available = make_readings(setup, conditions.truths, nodes, imperfections, key)[target]
+        log, actions = EventLog(Memory({}), 0), (nodes.crash, lambda node: nodes.restart(node, env.now), lambda _: None)
+        site = FaultSite(env, nodes, log, clocks, *actions, imperfections.defects)
         FaultSchedule(setup.faults, site, streams.key("faults"), setup.dt).start()
         count = len(components_of(setup.sensor))
         self._shape = (nodes.size,) if count == 1 else (nodes.size, count)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, Final, NamedTuple
 
 import simpy
 
+from wsnsim.base.arrays import Ints
 from wsnsim.base.errors import RunError
+from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
+from wsnsim.base.mechanisms import StartsFault, StartsSync, StartsWakeUp, StartsWorkload, SyncServices, TimeSync
 from wsnsim.network.clocks import Clocks
+from wsnsim.network.event_log import EventLog
 from wsnsim.network.nodes import Nodes
-
-Services = TypeVar("Services")
-Mechanism = TypeVar("Mechanism")
 
 
 class NetworkServices:
@@ -39,56 +40,120 @@ class NetworkServices:
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""
-        timer = self._env.timeout(seconds)
-        assert timer.callbacks is not None
-        timer.callbacks.append(lambda _: action())
+        self._env.timeout(seconds).callbacks.append(lambda _: action())
 
 
-def make_mechanism(
-    role: str,
-    component: Any,
-    services: Services,
-    port: type,
-    members: Sequence[str],
-    built_in: Mapping[str, str | Callable[[Any, Services], Mechanism]],
-    *others: str,
-) -> Mechanism:
-    """Return the mechanism of a component.
+class NetworkSyncServices(NetworkServices):
+    """What time synchronisation may use of one network. `key` is its random key."""
+
+    def __init__(
+        self, env: simpy.Environment, nodes: Nodes, clocks: Clocks, mac: MacMechanism, log: EventLog, key: int
+    ) -> None:  # fmt: skip
+        super().__init__(env, nodes, clocks)
+        self._mac = mac
+        self._log = log
+        self.key = key
+        self.size = nodes.size
+        self.next_change: Callable[[int], float] = nodes.sleep_states.next_change
+        self.clock: Callable[[int], float] = clocks.local_time
+        self.own_clock: Callable[[int], float] = clocks.raw_time
+
+    def set_clock(self, node: int, shows: float, rate: float) -> None:
+        """Correct the clock of a node: it shows `shows` now, and its own clock counts `rate` s per second of it."""
+        self._clocks.correct(node, shows - self._clocks.local_time(node), rate)
+
+    def broadcast(self, node: int, bits: int, done: Callable[[Ints | None], None]) -> None:
+        """Broadcast a message; `done` gets the nodes (n,) that received it, or None if it was not sent."""
+        self._mac.offer(node, bits, done, self._log.code("sync"))
+
+
+class NoSyncMechanism:
+    """Nobody keeps clocks together."""
+
+    def __init__(self, component: TimeSync, services: SyncServices) -> None: ...
+
+    def begin(self) -> None:
+        """The simulation starts."""
+
+    def forget(self, node: int) -> None:
+        """A node crashed."""
+
+    def is_synchronised(self, node: int) -> bool:
+        """False: no node is synchronised by this."""
+        return False
+
+
+class Role(NamedTuple):
+    """A role of components that act in simulated time.
+
+    Attributes:
+        port: The protocol of a component that starts its own mechanism.
+        members: What a mechanism must have.
+        built_in: "module:class" of the built-in mechanisms under `wsnsim.network`, by name; a run imports its own only.
+        others: Names of mechanisms that are not made here, for messages.
+    """
+
+    port: type
+    members: tuple[str, ...]
+    built_in: Mapping[str, str]
+    others: tuple[str, ...] = ()
+
+
+LASTING: Final = ("blackout", "link_loss", "clock_step", "stuck", "bias")
+ROLES: Final = {
+    "mac": Role(StartsMac, ("send", "offer", "silence"), {
+        "ideal": "radio.ideal_medium:IdealMechanism",
+        "csma": "radio.csma:CsmaMechanism",
+        "tdma": "radio.tdma:TdmaMechanism",
+        "xmac": "radio.lpl.xmac:XMacMechanism",
+        "contikimac": "radio.lpl.contikimac:ContikiMacMechanism",
+        "tsch": "radio.tsch.tsch_mechanism:TschMechanism",
+    }),
+    "sync": Role(StartsSync, ("begin", "forget", "is_synchronised"), {
+        "none": "mechanisms:NoSyncMechanism",
+        "ftsp": "ftsp:FtspMechanism",
+    }),
+    "faults": Role(StartsFault, ("begin", "end"), {
+        "crash": "faults:Outage", "restart": "faults:Outage", "drain": "faults:Drain",
+        **dict.fromkeys(LASTING, "faults:Lasting"),
+    }),
+    "wakeup": Role(StartsWakeUp, ("begin",), {
+        "flood": "clusters.wake_up_service:RegionWakeUp",
+        "region": "clusters.wake_up_service:RegionWakeUp",
+        "invite": "clusters.wake_up_service:InvitationWakeUp",
+    }, ("none",)),
+    "workload": Role(StartsWorkload, ("begin",), {
+        "beacons": "workload_world:Beacons",
+        "collection": "workload_world:CollectionReports",
+    }, ("tracking",)),
+}  # fmt: skip
+"""The mechanisms of all roles. A new built-in one has a line here; a plug-in starts its own."""
+
+
+def make_mechanism(role: str, component: Any, services: Any) -> Any:
+    """Return the mechanism of a component: its own, or the built-in one that it names.
 
     Args:
-        role: The role of the component, for messages.
+        role: One of the ROLES.
         component: The component.
         services: All of the network that the mechanism may use.
-        port: The protocol of a component that starts its own mechanism.
-        members: What such a mechanism must have.
-        built_in: What makes the built-in mechanisms, by name: the class, or "module:class" if it is imported now only.
-        others: Names of mechanisms that are not made here, for messages.
 
     Raises:
         RunError: There is neither, or the component's own mechanism lacks members of its port.
     """
+    port, members, built_in, others = ROLES[role]
     if isinstance(component, port):
-        own: Mechanism = _started(role, component, services, members)
-        return own
+        mechanism = component.start(services)  # type: ignore[attr-defined]
+        lacking = [name for name in members if not callable(getattr(mechanism, name, None))]
+        if lacking:
+            name = type(mechanism).__name__
+            raise RunError(f"{role}: {name}, which start(services) returned, lacks {', '.join(lacking)}")
+        return mechanism
     if component.mechanism not in built_in:
         known = ", ".join([*others, *built_in])
         raise RunError(
             f"{role}: unknown mechanism '{component.mechanism}', and the component has no start(services); "
             f"known: {known}"
         )
-    makes: Any = built_in[component.mechanism]
-    if isinstance(makes, str):
-        module, name = makes.split(":")
-        makes = getattr(importlib.import_module(module), name)
-    mechanism: Mechanism = makes(component, services)
-    return mechanism
-
-
-def _started(role: str, component: Any, services: Any, members: Sequence[str]) -> Any:
-    mechanism = component.start(services)
-    lacking = [name for name in members if not callable(getattr(mechanism, name, None))]
-    if lacking:
-        raise RunError(
-            f"{role}: {type(mechanism).__name__}, which start(services) returned, lacks {', '.join(lacking)}"
-        )
-    return mechanism
+    module, name = built_in[component.mechanism].split(":")
+    return getattr(importlib.import_module(f"wsnsim.network.{module}"), name)(component, services)

@@ -6,29 +6,19 @@ when it neither senses nor has a role, and dies when its battery is empty, in th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable
-from typing import Any, Final, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, Final
 
 import simpy
 
 from wsnsim.base.radio import Mode
-from wsnsim.network.event_log import ProtocolLog
+from wsnsim.network.event_log import Acting, ProtocolLog, then
 from wsnsim.network.nodes import Nodes
 
 TARGET: Final = "target"
 FRAME: Final = "frame"
 """Why a node wakes or falls asleep."""
-Activity = Generator[simpy.Event, Any, None]
 Change = Callable[[], Any]
-
-
-class ProcessServices(NamedTuple):
-    """What a node process uses. `on_wake(node, target, by_frame)` is called at each wake-up."""
-
-    env: simpy.Environment
-    nodes: Nodes
-    log: ProtocolLog
-    on_wake: Callable[[int, int, bool], None]
 
 
 class NodeProcess:
@@ -38,13 +28,13 @@ class NodeProcess:
     which it stays awake until a time.
     """
 
-    def __init__(self, services: ProcessServices, index: int) -> None:
+    def __init__(self, processes: NodeProcesses, index: int) -> None:
         self.index = index
         self.senses: set[int] = set()
         self.serves: set[int] = set()
         self.awake_until: dict[int, float] = {}
-        self._services = services
-        self._env = services.env
+        self._processes = processes
+        self._env = processes.env
         self._awake = False
         self._changes: list[tuple[int, str, Change]] = []
         self._changed = self._env.event()
@@ -74,15 +64,15 @@ class NodeProcess:
             return
         self.awake_until[target] = until
         if known is None:
-            self._change(target, why, _nothing)
+            self._change(target, why, lambda: None)
             self._check_at(target, until)
 
     def release(self, target: int) -> None:
         """End `keep_awake` for a target."""
         if self.awake_until.pop(target, None) is not None:
-            self._change(target, TARGET, _nothing)
+            self._change(target, TARGET, lambda: None)
 
-    def begin(self, activity: Activity) -> None:
+    def begin(self, activity: Acting[None]) -> None:
         """Run a generator in a process of its own, so that it ends with the node at whatever instant it goes down."""
         self._activities = [process for process in self._activities if process.is_alive]
         self._activities.append(self._env.process(activity))
@@ -95,9 +85,7 @@ class NodeProcess:
 
     def _check_at(self, target: int, until: float) -> None:
         """Follow the schedule again at a time, unless `keep_awake` was extended by then."""
-        event = self._env.timeout(max(until - self._env.now, 0.0))
-        assert event.callbacks is not None
-        event.callbacks.append(lambda _: self._check(target, until))
+        then(self._env.timeout(max(until - self._env.now, 0.0)), self._check, target, until)
 
     def _check(self, target: int, until: float) -> None:
         known = self.awake_until.get(target)
@@ -109,13 +97,13 @@ class NodeProcess:
             self.release(target)
 
     def _change(self, target: int, why: str, change: Change) -> None:
-        if not self._services.nodes.alive[self.index]:
+        if not self._processes.nodes.alive[self.index]:
             return
         self._changes.append((target, why, change))
         if not self._changed.triggered:
             self._changed.succeed()
 
-    def _run(self) -> Activity:
+    def _run(self) -> Acting[None]:
         try:
             while True:
                 yield self._changed
@@ -124,7 +112,7 @@ class NodeProcess:
                 for _, _, change in changes:
                     change()
                 self._wake_or_sleep(*changes[0][:2])
-                if not self._services.nodes.alive[self.index]:
+                if not self._processes.nodes.alive[self.index]:
                     return
         except simpy.Interrupt:
             self._awake = False
@@ -134,29 +122,34 @@ class NodeProcess:
         if busy == self._awake:
             return
         self._awake = busy
-        nodes, log = self._services.nodes, self._services.log
+        nodes, log = self._processes.nodes, self._processes.log
         if nodes.is_scheduled_awake(self.index):
             log.add("stay" if busy else "resume", target, self.index, why if busy else "schedule")
         else:
             why = "schedule" if nodes.follows_schedules and not busy else why
             log.add("wake" if busy else "sleep", target, self.index, why)
             if busy:
-                self._services.on_wake(self.index, target, why != TARGET)
+                self._processes.on_wake(self.index, target, why != TARGET)
         nodes.set_mode(self.index, Mode.AWAKE if busy else nodes.rest_of(self.index))
 
 
 class NodeProcesses:
-    """The processes of all nodes that have been awake, by index."""
+    """The processes of all nodes that have been awake, by index.
 
-    def __init__(self, services: ProcessServices) -> None:
-        self._services = services
+    `on_wake(node, target, by_frame)` is called at each wake-up.
+    """
+
+    def __init__(
+        self, env: simpy.Environment, nodes: Nodes, log: ProtocolLog, on_wake: Callable[[int, int, bool], None]
+    ) -> None:  # fmt: skip
+        self.env, self.nodes, self.log, self.on_wake = env, nodes, log, on_wake
         self._processes: dict[int, NodeProcess] = {}
 
     def of(self, index: int) -> NodeProcess:
         """The process of a node, created at the first call."""
         process = self._processes.get(index)
         if process is None:
-            process = self._processes[index] = NodeProcess(self._services, index)
+            process = self._processes[index] = NodeProcess(self, index)
         return process
 
     def find(self, index: int) -> NodeProcess | None:
@@ -182,7 +175,3 @@ class NodeProcesses:
         """Take the role for a target from nodes."""
         for index in members:
             self.of(index).dismiss(target)
-
-
-def _nothing() -> None:
-    """A change that only makes the node check whether it has something to do."""

@@ -19,8 +19,7 @@ from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.battery_watch import EVERYBODY
 from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger, affordable
 from wsnsim.network.energy.power_table import PowerTable
-from wsnsim.network.energy.sleep_states import SleepStates
-from wsnsim.network.node_states import NodeStates
+from wsnsim.network.node_states import NodeStates, SleepStates
 
 RECEIVE, SWITCH = CAUSE["rx"], CAUSE["switch"]
 BELOW_BATTERY: Final = 1.0 - 4e-16
@@ -270,11 +269,11 @@ class Nodes(NodeStates):
         paid = affordable(charges, left)
         self._die(node, paid)
         for (cause, amount), (_, part) in zip(charges, paid, strict=True):
-            self.consumption.correct(cause, part - amount)
+            self.consumption.network.correct(cause, part - amount)
 
     def _die(self, node: int, charges: Charges) -> None:
         """Book the last charges of a node. What remains, less than the price of a bit, is lost: booked as idle."""
-        self.consumption.correct(IDLE, self.ledger.book_last(node, charges, self.battery))
+        self.consumption.network.correct(IDLE, self.ledger.book_last(node, charges, self.battery))
         self._go_down(node)
         self.on_death(node)
 
@@ -318,9 +317,5 @@ class Nodes(NodeStates):
         return self.living & (self.residual_energies() > threshold)
 
     def totals_now(self) -> list[float]:
-        """Joules that the network has spent on each cause until now, without `scheduled_totals`."""
+        """Joules that the network has spent on each cause until now, without `consumption.network.scheduled`."""
         return self.consumption.totals(self.ledger.totals)
-
-    def scheduled_totals(self, times: Floats) -> Floats:
-        """(T, causes) joules that all nodes would have consumed by each time, had they only followed schedules."""
-        return self.consumption.scheduled_totals(times)

@@ -1,4 +1,4 @@
-"""The outcome of a run of a network, its rows of the result's tables, energy by step, and reports to sinks.
+"""The outcome of a run of a network, its tables: energy by step, reports to sinks and errors of clocks among them.
 
 write_tables(outcome, replicate, setup, recorder)     network_result(outcome, setup, coverage) -> RunResult
 """
@@ -15,19 +15,22 @@ import simpy
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.frames import Counters
+from wsnsim.base.mechanisms import SyncMechanism
 from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResult
 from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.base.tables import CAUSES, KIND, Recorder
+from wsnsim.network.clocks import Clocks
 from wsnsim.network.clusters.track import ClusterRecord, Track
-from wsnsim.network.event_log import EventLog, event
+from wsnsim.network.event_log import EventLog, event, then
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
 
 NAN = float("nan")
 REPORT = KIND["report"]
+CLOCK_COLUMNS = ("step", "time", "error", "error_max", "spread", "spread_max", "synchronised")
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,8 +190,7 @@ class ReportRows:
         """Send a report to a sink. Its arrival is logged before the event fires that says that it has ended."""
         self._sent.append((report, target, self._env.now))
         ended = self._transport.carry([report], target)
-        assert ended.callbacks is not None, "a report ends later than it is sent"
-        ended.callbacks.append(lambda _: self._log_arrival(report, target))
+        then(ended, self._log_arrival, report, target)
         return ended
 
     def write(self, replicate: int, recorder: Recorder) -> None:
@@ -237,7 +239,7 @@ class EnergySteps:
     def end(self, step: int) -> None:
         """Settle all nodes, and close the last step."""
         if self._wanted:
-            scheduled = self._nodes.scheduled_totals(np.array(self._times))
+            scheduled = self._nodes.consumption.network.scheduled(np.array(self._times))
             self._totals = (np.array(self._totals) + scheduled).tolist()
         self._nodes.close()
         self.close(step)
@@ -262,3 +264,28 @@ def _rising(totals: Floats) -> Floats:
     """
     rising: Floats = np.minimum(np.maximum.accumulate(totals, axis=0), totals[-1])
     return rising
+
+
+class ClockErrors:
+    """The table `clocks`: the errors of clocks at the beginnings of steps."""
+
+    def __init__(self, clocks: Clocks, nodes: Nodes, sync: SyncMechanism, recorder: Recorder) -> None:
+        self._wanted = recorder.wants("clocks")
+        self._clocks, self._nodes, self._sync = clocks, nodes, sync
+        self._rows: list[tuple[float, ...]] = []
+
+    def note(self, step: int, now: float) -> None:
+        """Note the errors of the nodes that are up, at the beginning of a step."""
+        if not self._wanted or not self._nodes.living.any():
+            return
+        up = np.flatnonzero(self._nodes.living)
+        errors = self._clocks.error(up, now)
+        sizes, spreads = np.abs(errors), np.abs(errors - errors.mean())
+        synchronised = sum(map(self._sync.is_synchronised, up.tolist())) / len(up)
+        self._rows.append((step, now, sizes.mean(), sizes.max(), spreads.mean(), spreads.max(), synchronised))
+
+    def write(self, replicate: int, recorder: Recorder) -> None:
+        """Write the table if it is wanted."""
+        if self._rows:
+            columns = dict(zip(CLOCK_COLUMNS, np.array(self._rows).T, strict=True))
+            recorder.write("clocks", {"replicate": replicate, **columns})

@@ -15,7 +15,7 @@ import numpy as np
 from wsnsim.base.arrays import SCALAR, Bools, Floats, Ints, Reading, as_readings, components_of, planar
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.mechanisms import SensorDefect
-from wsnsim.base.optional_ports import Detects, Recording
+from wsnsim.base.optional_ports import Detects
 from wsnsim.base.ports import SensorModel
 from wsnsim.base.rng import derive, reading_noise
 from wsnsim.base.sensing import PathShadowing
@@ -106,6 +106,70 @@ def _slices(steps: Ints, count: int) -> Iterator[tuple[int, int]]:
     """The first and the last index, excluded, of each step in an ascending array of steps."""
     cuts: list[int] = np.searchsorted(steps, np.arange(count + 1)).tolist()
     return itertools.pairwise(cuts)
+
+
+class Reports(Readings):
+    """The readings of one target as nodes report them. What was read at a step stays, whatever fails later.
+
+    Args:
+        take: step -> {node: reading} as measured.
+        defects: the sensor defects of this instant, by fault number.
+        components: names of the components of a reading.
+    """
+
+    def __init__(
+        self,
+        take: Callable[[int], dict[int, Reading]],
+        defects: Mapping[int, SensorDefect],
+        components: tuple[str, ...] = SCALAR,
+    ) -> None:
+        self._take, self._defects, self._components = take, defects, components
+        self._taken: dict[int, dict[int, Reading]] = {}
+        self._stuck_at: dict[tuple[int, int], Reading] = {}
+        self._last: dict[int, Reading] = {}
+
+    def at(self, step: int) -> dict[int, Reading]:
+        """{node: reading} of a step, which may be asked for again at the next one; not to be changed."""
+        if step not in self._taken:
+            self._taken.pop(step - 2, None)
+            self._taken[step] = self._with_defects(self._take(step))
+            self._last.update(self._taken[step])
+        return self._taken[step]
+
+    def readings(self, step: int) -> dict[int, Reading]:
+        """{node: reading} of the nodes that report one at a step, ascending, whether they are up or not."""
+        return dict(self.at(step))
+
+    def _ids_at(self, step: int) -> Iterable[int]:
+        return self.at(step)
+
+    def _with_defects(self, readings: dict[int, Reading]) -> dict[int, Reading]:
+        """Readings with the defects of this instant: offsets first, since a sensor that is stuck ignores them."""
+        defects = self._defects
+        for number, node in [key for key in self._stuck_at if key[0] not in defects]:
+            del self._stuck_at[number, node]
+        for number, defect in sorted(defects.items(), key=lambda item: item[1].stuck):
+            for node in defect.nodes.intersection(readings):
+                readings[node] = self._defective(number, defect, node, readings[node])
+        return readings
+
+    def _defective(self, number: int, defect: SensorDefect, node: int, reading: Reading) -> Reading:
+        """The reading of a node that has a defect of this fault number."""
+        before = _numbers(reading)
+        if not defect.stuck:
+            after = tuple([value + defect.offset for value in before])
+        elif defect.value is not None:
+            after = (defect.value,) * len(before)
+        else:
+            after = _numbers(self._stuck_at.setdefault((number, node), self._last.get(node, reading)))
+        concerned = [defect.component in ("", name) for name in self._components]
+        mixed = tuple([new if hit else old for hit, old, new in zip(concerned, before, after, strict=True)])
+        return mixed if isinstance(reading, tuple) else mixed[0]
+
+
+def _numbers(reading: Reading) -> tuple[float, ...]:
+    """The components of a reading."""
+    return reading if isinstance(reading, tuple) else (reading,)
 
 
 CurrentReadings = list[dict[int, Reading]]
@@ -220,89 +284,3 @@ def make_sensing(services: SensingServices, readings: CurrentReadings, nodes_sea
         return ContinuousSensing(services, readings)
     scheduled = services.nodes.follows_schedules
     return ScheduledSensing(services, readings) if scheduled else EventDrivenSensing(services, readings)
-
-
-class Reports:
-    """The readings of one target as nodes report them. What was read at a step stays, whatever fails later.
-
-        Reports(take, defects).at(step) -> {node: reading}
-
-    Args:
-        take: step -> {node: reading} as measured.
-        defects: the sensor defects of this instant, by fault number.
-        components: names of the components of a reading.
-    """
-
-    def __init__(
-        self,
-        take: Callable[[int], dict[int, Reading]],
-        defects: Mapping[int, SensorDefect],
-        components: tuple[str, ...] = SCALAR,
-    ) -> None:
-        self._take, self._defects, self._components = take, defects, components
-        self._taken: dict[int, dict[int, Reading]] = {}
-        self._stuck_at: dict[tuple[int, int], Reading] = {}
-        self._last: dict[int, Reading] = {}
-
-    def at(self, step: int) -> dict[int, Reading]:
-        """{node: reading} of a step, which may be asked for again at the next one; not to be changed."""
-        if step not in self._taken:
-            self._taken.pop(step - 2, None)
-            self._taken[step] = self._with_defects(self._take(step))
-            self._last.update(self._taken[step])
-        return self._taken[step]
-
-    def _with_defects(self, readings: dict[int, Reading]) -> dict[int, Reading]:
-        """Readings with the defects of this instant: offsets first, since a sensor that is stuck ignores them."""
-        defects = self._defects
-        for number, node in [key for key in self._stuck_at if key[0] not in defects]:
-            del self._stuck_at[number, node]
-        for number, defect in sorted(defects.items(), key=lambda item: item[1].stuck):
-            for node in defect.nodes.intersection(readings):
-                readings[node] = self._defective(number, defect, node, readings[node])
-        return readings
-
-    def _defective(self, number: int, defect: SensorDefect, node: int, reading: Reading) -> Reading:
-        """The reading of a node that has a defect of this fault number."""
-        before = _numbers(reading)
-        if not defect.stuck:
-            after = tuple([value + defect.offset for value in before])
-        elif defect.value is not None:
-            after = (defect.value,) * len(before)
-        else:
-            after = _numbers(self._stuck_at.setdefault((number, node), self._last.get(node, reading)))
-        concerned = [defect.component in ("", name) for name in self._components]
-        mixed = tuple([new if hit else old for hit, old, new in zip(concerned, before, after, strict=True)])
-        return mixed if isinstance(reading, tuple) else mixed[0]
-
-
-def _numbers(reading: Reading) -> tuple[float, ...]:
-    """The components of a reading."""
-    return reading if isinstance(reading, tuple) else (reading,)
-
-
-class ReplayedReadings(Readings):
-    """Recorded readings as nodes report them: a node has one at a step if the recording has, wherever the target is.
-
-    A fault of a sensor (`bias`, `stuck`) changes what is reported. Wrong clocks do not: the recording gives the times.
-
-    Args:
-        recording: The readings of the target.
-        defects: The sensor defects of this instant, by fault number.
-    """
-
-    def __init__(self, recording: Recording, defects: Mapping[int, SensorDefect]) -> None:
-        self._recorded = recording.readings
-        self._reports = Reports(self._take, defects)
-
-    def readings(self, step: int) -> dict[int, Reading]:
-        """{node: reading} of the nodes that have one at a step, ascending, whether they are up or not."""
-        return dict(self._reports.at(step))
-
-    def _ids_at(self, step: int) -> Iterable[int]:
-        return self._reports.at(step)
-
-    def _take(self, step: int) -> dict[int, Reading]:
-        row = self._recorded[step]
-        nodes = np.flatnonzero(np.isfinite(row))
-        return dict(zip(nodes.tolist(), row[nodes].tolist(), strict=True))

@@ -5,23 +5,23 @@ WorkloadWorld(setup, replicate, positions, streams, recorder).run() -> NetworkOu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Any, Final
+from typing import cast
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices
-from wsnsim.base.network_ports import Workload
+from wsnsim.base.mechanisms import WorkloadMechanism, WorkloadServices
 from wsnsim.base.requests import Parcel
 from wsnsim.base.rng import Streams, derive_all, uniforms
 from wsnsim.base.runs import OnTime
 from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND, Recorder
 from wsnsim.models.workloads import Periodic, PeriodicCollection
-from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
-from wsnsim.network.event_log import event
+from wsnsim.network.base_network import BaseNetwork, Sensors
+from wsnsim.network.event_log import Acting, event, then
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
 from wsnsim.network.radio.radio_stack import RadioStack
@@ -29,81 +29,69 @@ from wsnsim.network.radio.transport import Transport
 from wsnsim.network.result_rows import NetworkOutcome, ReportRows
 
 
-class Beacons:
-    """The built-in workload of a network without targets. `sent` is the number of beacons that nodes tried to send."""
+class _Repeating(ABC):
+    """Nodes send again and again, each at a phase of its own; one that is down or asleep when it is due does not.
 
-    def __init__(self, component: Periodic, services: WorkloadServices) -> None:
+    `sent` is the number of times that nodes tried to send.
+    """
+
+    def __init__(self, component: Periodic | PeriodicCollection, services: WorkloadServices) -> None:
         self._component = component
         self._services = services
-        self._code = services.code_of("beacon")
-        self._periods: list[float] = []
-        self._actions: list[Callable[[], None]] = []
+        self._actions: dict[int, Callable[[], None]] = {}
         self.sent = 0
 
-    def begin(self) -> None:
-        """Set the timer of every node's first beacon."""
+    def _begin(self, nodes: Iterable[int], start_at: float) -> None:
+        """Set the timers of nodes, at random phases after a time in s."""
         services, period = self._services, self._component.period
-        phases = uniforms(derive_all(services.key, np.arange(len(services.positions))), 0)
-        self._periods = [services.lasts(node, period) for node in range(len(services.positions))]
-        self._actions = [partial(self._send, node) for node in range(len(services.positions))]
-        for action, phase in zip(self._actions, (phases * period).tolist(), strict=True):
-            services.call_later(phase, action)
+        phases = (uniforms(derive_all(services.key, np.arange(len(services.positions))), 0) * period).tolist()
+        for node in nodes:
+            self._actions[node] = partial(self._act, node, services.lasts(node, period))
+            services.call_later(start_at + phases[node], self._actions[node])
 
-    def _send(self, node: int) -> None:
-        """Broadcast a node's beacon if it is up and awake, and set the timer of the next one."""
+    def _act(self, node: int, period: float) -> None:
+        """Let a node send if it is up and awake, and set its timer again, to a period in true seconds."""
         services = self._services
         if services.is_dead(node):
             return
         if services.is_awake(node):
             self.sent += 1
-            services.broadcast(node, self._component.bits, self._code)
-        services.call_later(self._periods[node], self._actions[node])
+            self._send(node)
+        services.call_later(period, self._actions[node])
+
+    @abstractmethod
+    def _send(self, node: int) -> None: ...
 
 
-class CollectionReports:
-    """The workload in which all nodes report. A node that is down or asleep when its report is due leaves it out."""
+class Beacons(_Repeating):
+    """The built-in workload of a network without targets: all nodes broadcast beacons."""
 
-    def __init__(self, component: PeriodicCollection, services: WorkloadServices) -> None:
-        self._component = component
-        self._services = services
-        self._actions: dict[int, Callable[[], None]] = {}
+    def __init__(self, component: Periodic, services: WorkloadServices) -> None:
+        super().__init__(component, services)
+        self._code = services.code_of("beacon")
+
+    def begin(self) -> None:
+        """Set the timer of every node's first beacon."""
+        self._begin(range(len(self._services.positions)), 0.0)
+
+    def _send(self, node: int) -> None:
+        self._services.broadcast(node, self._component.bits, self._code)
+
+
+class CollectionReports(_Repeating):
+    """The workload in which all nodes but the sinks report."""
 
     def begin(self) -> None:
         """Set the timer of every node's first report, at a random phase after `start_at`."""
-        services, component = self._services, self._component
-        phases = uniforms(derive_all(services.key, np.arange(len(services.positions))), 0).tolist()
-        for node, phase in enumerate(phases):
-            if node not in services.sinks:
-                self._actions[node] = partial(self._report, node)
-                services.call_later(component.start_at + phase * component.period, self._actions[node])
+        nodes = [node for node in range(len(self._services.positions)) if node not in self._services.sinks]
+        self._begin(nodes, cast(PeriodicCollection, self._component).start_at)
 
-    def _report(self, node: int) -> None:
-        services = self._services
-        if services.is_dead(node):
-            return
-        if services.is_awake(node):
-            services.collect(node, self._component.bits, "report", _ignore)
-        services.call_later(services.lasts(node, self._component.period), self._actions[node])
+    def _send(self, node: int) -> None:
+        self._services.collect(node, self._component.bits, "report", _ignore)
 
 
 def _ignore(outcome: object) -> None:
     """Take the outcome of a broadcast or a report: nothing waits for it."""
-
-
-MECHANISMS: Final[Mapping[str, Callable[[Any, WorkloadServices], WorkloadMechanism]]] = {
-    "beacons": Beacons,
-    "collection": CollectionReports,
-}
-"""The built-in mechanisms by name. The workload 'tracking' has targets: see `world`."""
-
-
-def make_workload(component: Workload, services: WorkloadServices) -> WorkloadMechanism:
-    """The mechanism of a component: its own, or the built-in one that it names.
-
-    Raises:
-        RunError: there is neither.
-    """
-    return make_mechanism("workload", component, services, StartsWorkload, ("begin",), MECHANISMS, "tracking")
 
 
 class WorkloadNetwork(NetworkServices):
@@ -129,15 +117,13 @@ class WorkloadNetwork(NetworkServices):
         """Send a payload of `bits` to a node over the path of `routing`; `on_end(arrived)` is called at the end."""
         datagram = Datagram(node, to, Parcel(None, 1, bits, what))
         ended = self._transport.carry([datagram], -1)
-        assert ended.callbacks is not None
-        ended.callbacks.append(lambda _: on_end(datagram.arrived))
+        then(ended, lambda: on_end(datagram.arrived))
 
     def collect(self, node: int, bits: int, what: str, on_end: Callable[[int], None]) -> None:
         """Send a report of `bits` to whichever sink; `on_end(sink)` is called at the end, with -1 if it was lost."""
         report = Datagram(node, A_SINK, Parcel(None, 1, bits, what))
         ended = self._reports.send(report, -1)
-        assert ended.callbacks is not None
-        ended.callbacks.append(lambda _: on_end(report.to if report.arrived else -1))
+        then(ended, lambda: on_end(report.to if report.arrived else -1))
 
 
 class WorkloadWorld(BaseNetwork):
@@ -152,7 +138,7 @@ class WorkloadWorld(BaseNetwork):
         super().__init__(setup, replicate, sensors, streams, recorder, count_links=recorder.wants("links"))
         self._stack.radio.topology.find_all()
         services = WorkloadNetwork(self._stack, self._transport, self._reports, self._sinks, streams.key("beacons"))
-        self.workload: WorkloadMechanism = make_workload(setup.workload, services)
+        self.workload: WorkloadMechanism = make_mechanism("workload", setup.workload, services)
         self._faults = self._make_faults(streams.key("faults"), lambda target: None, {})
 
     def run(self, progress: OnTime | None = None) -> NetworkOutcome:
@@ -161,7 +147,7 @@ class WorkloadWorld(BaseNetwork):
         self.workload.begin()
         return self._run_until(self._env.process(self._run_steps(progress)))
 
-    def _run_steps(self, progress: OnTime | None) -> Steps:
+    def _run_steps(self, progress: OnTime | None) -> Acting[None]:
         for step in range(self._setup.steps + 1):
             self._begin_step(step)
             if progress:

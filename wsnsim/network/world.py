@@ -18,19 +18,18 @@ from wsnsim.base.rows import TrackNow, write_readings
 from wsnsim.base.runs import OnTime
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import Recorder
-from wsnsim.network.base_network import BaseNetwork, Sensors, Steps
-from wsnsim.network.clusters.coordination import ClusterCoordination, make_head_protocol
+from wsnsim.network.base_network import BaseNetwork, Sensors
+from wsnsim.network.clusters.coordination import ClusterCoordination, HeadMessages, HeadServices, make_head_protocol
 from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.elections import Elections
-from wsnsim.network.clusters.estimates import Estimates, SinkReports
-from wsnsim.network.clusters.head_protocol import HeadMessages, HeadServices
-from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, make_wake_intervals
+from wsnsim.network.clusters.estimates import Estimates
+from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead, WakeUpCounters
+from wsnsim.network.clusters.wake_ahead import WakeAhead, WakeUpCounters
 from wsnsim.network.clusters.wake_up_service import WakeUpService
-from wsnsim.network.event_log import ProtocolLog
-from wsnsim.network.imperfect_readings import make_readings
-from wsnsim.network.node_process import NodeProcesses, ProcessServices
+from wsnsim.network.event_log import Acting, ProtocolLog
+from wsnsim.network.imperfect_readings import Imperfections, make_readings
+from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.result_rows import NetworkOutcome
 from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
 
@@ -62,7 +61,6 @@ class World(BaseNetwork):
     ) -> None:
         super().__init__(setup, replicate, sensors, streams, recorder)
         self._log = ProtocolLog(self._clock, self._event_log)
-        self._sink_reports = SinkReports(self._env, self._reports, setup.sink, setup.dt, self._sinks)
         self._processors = Processors(self._clock, self._nodes, self._event_log, setup.energy, setup.cpu)
         self._tracks = tuple(Track(i, prior, self._env.event()) for i, prior in enumerate(targets.priors))
         points = [truth[:, list(motion.position)] for truth, motion in zip(targets.truths, setup.motions, strict=True)]
@@ -72,17 +70,18 @@ class World(BaseNetwork):
     def _assemble(self, targets: Targets, points: Sequence[Floats], streams: Streams) -> None:
         """Give each component the services that it uses."""
         setup, nodes, clock = self._setup, self._nodes, self._clock
-        available, imperfections = make_readings(setup, targets.truths, nodes, self._stack.clocks, streams.key("sense"))
+        imperfections = Imperfections(setup.detection, self._stack.clocks, setup.dt, streams.key("sense"))
+        available = make_readings(setup, targets.truths, nodes, imperfections, imperfections.key)
         readings: CurrentReadings = [{} for _ in points]
         network = NetworkView(setup, clock, self._log, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counters = WakeUpCounters(network, points)
-        self._intervals = intervals = make_wake_intervals(setup, clock, nodes, self._stack.mac)
-        wakes_ahead = setup.wakeup.mechanism != "none"
-        on_wake = _ignore_wake if wakes_ahead else self._wake_up_counters.count_wake
-        self._processes = NodeProcesses(ProcessServices(self._env, nodes, self._log, on_wake))
+        self._intervals = intervals = WakeIntervals(setup, clock, nodes, self._stack.mac)
+        on_wake = self._wake_up_counters.count_wake
+        self._processes = NodeProcesses(self._env, nodes, self._log, on_wake)
         sensing = SensingServices(clock, nodes, self._processes, self._event_log, available, setup.energy.sense())
         self._sensing = make_sensing(sensing, readings, setup.nodes_search)
         self._coordination = ClusterCoordination(clock, self._log, self._processes, self._tracks)
+        self._estimates = Estimates(network, self._reports, self._sinks, self._recorder, self._replicate)
         deadline, log = setup.waits.gather, self._log
         driver = DriverServices(self._env, nodes, self._transport, self._processors, log, deadline, intervals)
         self._coordination.protocol = make_head_protocol(
@@ -91,8 +90,8 @@ class World(BaseNetwork):
                 HeadMessages(network, self._transport, intervals),
                 driver,
                 Elections(network, self._transport, self._processes, self._coordination.appoint),
-                Estimates(network, self._sink_reports, self._recorder, self._replicate),
-                self._make_wake_ahead(network, streams.key("wakeup")) if wakes_ahead else NoWakeAhead(),
+                self._estimates,
+                WakeAhead(network, self._make_wake_up_service(network, streams.key("wakeup"))),
                 self._processes,
                 TargetSearch(network, available, targets.paths or targets.truths, imperfections, streams.key("search")),
             )
@@ -101,14 +100,14 @@ class World(BaseNetwork):
             nodes.keep_awake(sink)
         self._faults = self._make_faults(streams.key("faults"), self._coordination.head_of, imperfections.defects)
 
-    def _make_wake_ahead(self, network: NetworkView, key: int) -> WakesAhead:
-        """Make the service that wakes nodes for heads, and the last node of a datagram's path."""
-        clocks = self._stack.clocks
-        service = WakeUpService(
-            network, self._processes, self._transport, self._intervals, clocks, self._event_log, key
-        )
-        self._transport.hops.wake_neighbour = service.call_one
-        return WakeAhead(network, service)
+    def _make_wake_up_service(self, network: NetworkView, key: int) -> WakeUpService | None:
+        """Make the service that wakes nodes for heads, and the last node of a datagram's path; None: nobody does."""
+        if network.setup.wakeup.mechanism == "none":
+            return None
+        transport, clocks = self._transport, self._stack.clocks
+        service = WakeUpService(network, self._processes, transport, self._intervals, clocks, self._event_log, key)
+        transport.hops.wake_neighbour = service.call_one
+        return service
 
     def run(self, progress: OnTime | None = None) -> NetworkOutcome:
         """Run to the end and return the outcome. Errors name the seed, the run and the simulated time."""
@@ -121,10 +120,10 @@ class World(BaseNetwork):
             tracks=self._tracks,
             hurried=self._intervals.share(),
             woken=self._wake_up_counters.woken,
-            received=self._sink_reports.received,
+            received=self._estimates.received,
         )
 
-    def _run_steps(self, progress: OnTime | None) -> Steps:
+    def _run_steps(self, progress: OnTime | None) -> Acting[None]:
         env, setup = self._env, self._setup
         for step in range(setup.steps + 1):
             self._begin_step(step)
@@ -180,7 +179,3 @@ class World(BaseNetwork):
         self._coordination.withdraw(node)
         self._processes.stop(node)
         self._intervals.forget(node)
-
-
-def _ignore_wake(node: int, target: int, by_frame: bool) -> None:
-    """Do nothing: wake-ups by messages are counted by round."""

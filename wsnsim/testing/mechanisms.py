@@ -15,10 +15,9 @@ from wsnsim.base.tables import KIND, RECORDED_BY_DEFAULT, Memory
 from wsnsim.models.hardware import NoSync, PerfectClock
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.fault_services import FaultSite, NodeControl
-from wsnsim.network.faults import FaultSchedule
+from wsnsim.network.faults import FaultSchedule, FaultSite
+from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.synchronisation import make_sync
 from wsnsim.testing.table import demand, demand_same_events, demand_silence_of_the_down, examined, run_with
 
 FEWEST: Final = 10
@@ -72,8 +71,8 @@ class _FaultyNetwork:
         self._nodes = Nodes(positions, np.ones((size, 1)), BATTERY, 75.0)
         self._nodes.on_death = self._note_death
         self._clocks = Clocks(PerfectClock(), 1, size)
-        control = NodeControl(self._crash, self._restart, lambda target: HEAD)
-        self._site = FaultSite(self._env, self._nodes, self._log, self._clocks, control)
+        actions = self._crash, self._restart, lambda target: HEAD
+        self._site = FaultSite(self._env, self._nodes, self._log, self._clocks, *actions)
         self.schedule = FaultSchedule([fault], self._site, 11, STEP)
         self._crashed = False
         self._until = fault.at + (AFTERWARDS if fault.duration is None else fault.duration + STEP)
@@ -206,7 +205,7 @@ class _Watched:
 
     def start(self, services: SyncServices) -> SyncMechanism:
         """The mechanism of the component, watched."""
-        mechanism = make_sync(self._sync, services)
+        mechanism: SyncMechanism = make_mechanism("sync", self._sync, services)
         forget = mechanism.forget
 
         def forget_and_ask(node: int) -> None:

@@ -7,11 +7,9 @@ are woken ahead of the target hear from the wake-up message whom to report to: t
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, cast
-
-import simpy
 
 from wsnsim.base.arrays import Reading
 from wsnsim.base.network_ports import AppointingPolicy, Appointment, Outlook
@@ -19,11 +17,12 @@ from wsnsim.base.optional_ports import Announces
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Delivery, Flow, GatheredReadings, GatherReadings, Parcel
 from wsnsim.network.clusters.cluster import AppointedCluster
+from wsnsim.network.clusters.coordination import HeadServices
 from wsnsim.network.clusters.driver import Driver
-from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading, Waiting
-from wsnsim.network.clusters.network_view import NodesOnMap, Outlooks
+from wsnsim.network.clusters.network_view import Outlooks
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
+from wsnsim.network.event_log import Acting
 
 ROUNDING = 1e-9
 """Times (s) that differ by less than this are equal but for rounding."""
@@ -59,11 +58,10 @@ class AppointingProtocol(StandingClusterProtocol):
         super().__init__(services)
         self._policy = cast(AppointingPolicy, self._setup.clusters)
         self._outlooks = Outlooks(services.network)
-        self._nodes_near = NodesOnMap(services.network)
         tracker = self._setup.tracker
-        self._payload_of = tracker.announcement if isinstance(tracker, Announces) else _no_payload
+        self._payload_of = tracker.announcement if isinstance(tracker, Announces) else (lambda belief, scene: None)
 
-    def lead(self, track: Track, handover: Handover) -> Leading:
+    def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
         """Start the track or take it over, and lead it until another node is the better head."""
         if handover.readings is None:
             lead = yield from self._take_over(track, handover)
@@ -76,9 +74,7 @@ class AppointingProtocol(StandingClusterProtocol):
                 return following
             yield track.tick
 
-    def _initiate(
-        self, track: Track, handover: Handover, readings: Mapping[int, Reading]
-    ) -> Generator[simpy.Event, Any, AppointedLead]:
+    def _initiate(self, track: Track, handover: Handover, readings: Mapping[int, Reading]) -> Acting[AppointedLead]:
         """Start a track from its prior or from readings, and have nodes woken before the first step."""
         services, head, step = self._services, handover.successor, handover.belief_step
         prior, count = yield from self._first_estimate(track, handover, readings)
@@ -94,7 +90,7 @@ class AppointingProtocol(StandingClusterProtocol):
         tentative = 0 < count < self._enough(track)
         return AppointedLead(track, cluster, driver, belief, step, scene.time, scene, tentative)
 
-    def _take_over(self, track: Track, handover: Handover) -> Generator[simpy.Event, Any, AppointedLead]:
+    def _take_over(self, track: Track, handover: Handover) -> Acting[AppointedLead]:
         """Appoint members, in the step in which the belief arrived if there is time, and wait for the next step."""
         network, head, step = self._network, handover.successor, handover.belief_step
         scene = AppointedCluster(network, track.target, head).scene(0)
@@ -109,7 +105,7 @@ class AppointingProtocol(StandingClusterProtocol):
 
     def _appointed(
         self, track: Track, handover: Handover, outlook: Outlook, payload: Parcel | None
-    ) -> Generator[simpy.Event, Any, AppointedCluster]:
+    ) -> Acting[AppointedCluster]:
         """A cluster that the head announces, made the track's own."""
         cluster = AppointedCluster(self._network, track.target, outlook.head)
         yield from self._announce(track, cluster, self._policy.appointment(outlook), payload)
@@ -118,7 +114,7 @@ class AppointingProtocol(StandingClusterProtocol):
 
     def _announce(
         self, track: Track, cluster: AppointedCluster, appointment: Appointment, payload: Parcel | None
-    ) -> Waiting:
+    ) -> Acting[None]:
         """Broadcast an appointment; nodes that hear it, are covered and have a link to the head are members then.
 
         A node whose link can be used in one direction only would report over other nodes, out of turn (our choice).
@@ -132,7 +128,7 @@ class AppointingProtocol(StandingClusterProtocol):
             [head, *(node for node, near in zip(ids, covered, strict=True) if near)]
         )
         cluster.appoint(self._appointed_on_map(head, appointment, target))
-        self._services.messages.expect(head, cluster.known)
+        self._services.messages.transport.expect(head, cluster.known)
         self._admit(track, cluster, [node for node, near in zip(ids, covered, strict=True) if near])
         for node, mask in heard.items():
             if payload is not None and mask.any() and node in cluster.members:
@@ -140,7 +136,7 @@ class AppointingProtocol(StandingClusterProtocol):
 
     def _appointed_on_map(self, head: int, appointment: Appointment, target: int) -> list[int]:
         """The nodes within the head's range that an appointment covers."""
-        near = self._nodes_near(self._network.nodes.assumed.positions[head], self._network.nodes.reach)
+        near = self._network.nodes_near(self._network.nodes.assumed.positions[head], self._network.nodes.reach)
         covered = appointment.covers(near.positions, self._setup.filter_motions[target])
         return [node for node in near.ids[covered].tolist() if node != head]
 
@@ -159,7 +155,7 @@ class AppointingProtocol(StandingClusterProtocol):
             linked = self._services.messages.linked(lead.cluster.head, sorted(round_.tracking))
             self._admit(lead.track, lead.cluster, linked)
 
-    def _step(self, lead: AppointedLead) -> Waiting:
+    def _step(self, lead: AppointedLead) -> Acting[None]:
         """One step at the head: readings in, an estimate out, nodes woken for the next step."""
         track, cluster, driver, services = lead.track, lead.cluster, lead.driver, self._services
         self._admit_woken(lead)
@@ -184,7 +180,7 @@ class AppointingProtocol(StandingClusterProtocol):
         elif lead.scene.time - lead.last_sensed > max(self._policy.patience, self._network.clock.dt) + ROUNDING:
             raise TrackLost("no_readings")
 
-    def _start_anew(self, lead: AppointedLead) -> Waiting:
+    def _start_anew(self, lead: AppointedLead) -> Acting[None]:
         """Start the track from the readings of this step, if enough arrive. Members keep what they have in memory.
 
         A first estimate from one or two readings is a ring or two crossings. What it is good for is to appoint and to
@@ -202,7 +198,7 @@ class AppointingProtocol(StandingClusterProtocol):
         lead.belief = yield from driver.perform(self._setup.tracker.start(estimate, lead.scene))
         driver.readings, lead.tentative = len(readings), False
 
-    def _step_alone(self, lead: AppointedLead, any_heard: bool) -> Waiting:
+    def _step_alone(self, lead: AppointedLead, any_heard: bool) -> Acting[None]:
         """A step of the tracker with what the head itself measured: the others have sent their readings already."""
         track, cluster, driver = lead.track, lead.cluster, lead.driver
         own = {cluster.head: cluster.members[cluster.head]}
@@ -216,7 +212,7 @@ class AppointingProtocol(StandingClusterProtocol):
         """Number of readings that locate the target: one more than it has coordinates."""
         return len(self._setup.filter_motions[track.target].position) + 1
 
-    def _renew(self, lead: AppointedLead) -> Generator[simpy.Event, Any, Handover | None]:
+    def _renew(self, lead: AppointedLead) -> Acting[Handover | None]:
         """Appoint more members or hand over, if the expected information of the members is too small."""
         track, cluster = lead.track, lead.cluster
         outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.known, lead.belief, lead.scene)
@@ -235,10 +231,10 @@ class AppointingProtocol(StandingClusterProtocol):
 
     def _may_be_unheard(self, lead: AppointedLead) -> bool:
         """Whether no member has answered, and none is about to, where radios are mostly off: frames collide there."""
-        silent = not lead.driver.overdue and not lead.driver.answered - {lead.cluster.head}
+        silent = not lead.driver.collection.overdue and not lead.driver.answered - {lead.cluster.head}
         return silent and self._setup.waits.retries_handover
 
-    def _hand_on(self, lead: AppointedLead, successor: int) -> HandingOver:
+    def _hand_on(self, lead: AppointedLead, successor: int) -> Acting[Handover]:
         """Send the belief to the successor, which acts at once."""
         track, head, until = lead.track, lead.cluster.head, self._setup.until_clusters
         if until is not None and len(track.clusters) >= until:
@@ -255,7 +251,3 @@ def _readings() -> Flow[GatheredReadings]:
     """The readings of all members that sense."""
     answer: GatheredReadings = yield GatherReadings()
     return answer
-
-
-def _no_payload(belief: Any, scene: Scene) -> None:
-    """None: the tracker has nothing to announce."""

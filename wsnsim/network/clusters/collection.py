@@ -8,20 +8,21 @@ What arrives after the head has gone on is ignored by it, and paid for all the s
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import compress
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import simpy
 from simpy.events import EventPriority
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.requests import Journeys, Parcel, all_arrived
+from wsnsim.network.event_log import Acting, then
 from wsnsim.network.radio.datagrams import Datagram, Unicasts
 from wsnsim.network.radio.transport import Transport
 
 Masks: TypeAlias = list[Bools | None]
-Exchange: TypeAlias = Generator[simpy.Event, Any, Masks]
 ROUNDING: Final = 1e-12
 """Waiting times (s) shorter than this are rounding error."""
 LATE: Final = EventPriority(2)
@@ -37,6 +38,7 @@ class Deadline(simpy.Event):
         env.schedule(self, LATE, seconds)
 
 
+@dataclass(slots=True)
 class Collection:
     """Sends parcels between one head and its members.
 
@@ -53,22 +55,16 @@ class Collection:
         overdue: whether some datagrams were still under way when the last deadline had passed.
     """
 
-    def __init__(
-        self, env: simpy.Environment, transport: Transport, target: int, head: int,
-        window: tuple[float, float] | None, one_hop: bool,
-    ) -> None:  # fmt: skip
-        self._env = env
-        self._transport = transport
-        self._target = target
-        self._head = head
-        self._window = window
-        self._one_hop = one_hop
-        self.bits = 0
-        self.overdue = False
+    _env: simpy.Environment
+    _transport: Transport
+    _target: int
+    _head: int
+    _window: tuple[float, float] | None
+    _one_hop: bool
+    bits: int = 0
+    overdue: bool = False
 
-    def gather(
-        self, nodes: list[int], parcels: list[Parcel], deadline: float | None
-    ) -> Generator[simpy.Event, Any, tuple[Masks, Journeys]]:
+    def gather(self, nodes: list[int], parcels: list[Parcel], deadline: float | None) -> Acting[tuple[Masks, Journeys]]:
         """Send a parcel from each node to the head.
 
         Returns:
@@ -92,7 +88,7 @@ class Collection:
         }
         return [None if arrived is None else arrived[0] for arrived in found], Journeys(head, each=journeys)
 
-    def exchange(self, sources: list[int], destinations: list[int], parcels: list[Parcel]) -> Exchange:
+    def exchange(self, sources: list[int], destinations: list[int], parcels: list[Parcel]) -> Acting[Masks]:
         """Send parcels between the head and members, and wait until all have ended; the masks as in `gather`."""
         masks = yield from self._exchange_unicasts(sources, destinations, parcels)
         if masks is None:
@@ -103,7 +99,7 @@ class Collection:
 
     def _exchange_unicasts(
         self, sources: list[int], destinations: list[int], parcels: list[Parcel]
-    ) -> Generator[simpy.Event, Any, Masks | None]:
+    ) -> Acting[Masks | None]:
         """As `exchange`, where all arrive within the instant; None, and nothing is sent, where they may not."""
         away = [source != to for source, to in zip(sources, destinations, strict=True)]
         arrived: Iterator[Bools | None] = iter(())
@@ -120,7 +116,7 @@ class Collection:
             for outside, parcel in zip(away, parcels, strict=True)
         ]
 
-    def collect(self, datagrams: list[Datagram], deadline: float | None = None) -> Generator[simpy.Event, Any, None]:
+    def collect(self, datagrams: list[Datagram], deadline: float | None = None) -> Acting[None]:
         """Send datagrams to the head; wait until all have ended, for the window, or for `deadline` s if less."""
         self.overdue = False
         if self._window is not None:
@@ -137,7 +133,7 @@ class Collection:
 
     def _collect_in_window(
         self, datagrams: list[Datagram], quiet: float, cap: float, deadline: float | None
-    ) -> Generator[simpy.Event, Any, None]:
+    ) -> Acting[None]:
         """As `collect`, until nothing arrived for `quiet` s, at most for `cap` s."""
         env = self._env
         began = last = env.now
@@ -152,13 +148,12 @@ class Collection:
                 datagram.arrived = True
                 continue
             event = self._transport.carry([datagram], self._target, self._head, self._one_hop)
-            assert event.callbacks is not None
-            event.callbacks.append(lambda _, datagram=datagram: note(datagram))  # type: ignore[misc]
+            then(event, note, datagram)
         while (left := min(last + quiet, began + longest) - env.now) > ROUNDING:
             yield env.timeout(left)
         self.bits += sum(datagram.bits for datagram in datagrams)
 
-    def carry(self, datagrams: list[Datagram], hub: int | None = None) -> Generator[simpy.Event, Any, None]:
+    def carry(self, datagrams: list[Datagram], hub: int | None = None) -> Acting[None]:
         """Send datagrams and wait until all have ended. `hub`: the head, if all are between it and its members."""
         if self._takes_time(datagrams, hub):
             one_hop = hub is not None and self._one_hop

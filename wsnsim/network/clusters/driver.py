@@ -7,7 +7,8 @@ If the head dies during a flow, the flow is closed and its belief is lost.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -34,7 +35,7 @@ from wsnsim.base.requests import (
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.clusters.collection import Collection
 from wsnsim.network.clusters.network_view import WakeIntervals
-from wsnsim.network.event_log import EventLog, ProtocolLog, StepClock, event
+from wsnsim.network.event_log import Acting, EventLog, ProtocolLog, StepClock, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
@@ -42,19 +43,18 @@ from wsnsim.network.radio.transport import Transport
 COMPUTE: Final = KIND["compute"]
 CPU_CAUSE: Final = CAUSE["cpu"]
 CPU_EVENT_CAUSE: Final = EVENT_CAUSE["cpu"]
-Performance = Generator[simpy.Event, Any, Any]
 
 
+@dataclass(slots=True)
 class Processors:
     """Books computations. `operations` is the number computed so far in the whole network."""
 
-    def __init__(self, clock: StepClock, nodes: Nodes, event_log: EventLog, energy: EnergyModel, cpu: Cpu) -> None:
-        self._clock = clock
-        self._nodes = nodes
-        self._event_log = event_log
-        self._energy = energy
-        self._cpu = cpu
-        self.operations = 0.0
+    _clock: StepClock
+    _nodes: Nodes
+    _event_log: EventLog
+    _energy: EnergyModel
+    _cpu: Cpu
+    operations: float = 0.0
 
     def compute_all(self, nodes: list[int], operations: Sequence[float], target: int) -> float:
         """Book a computation at each of several nodes; return the simulated seconds of the longest, 0 for none."""
@@ -126,6 +126,7 @@ class Driver:
         heard: {node: reading} of those that the head gathered last.
         answered: all nodes of which a parcel that the head gathered has arrived, in whole or in part.
         hops: hops of the last `Send`.
+        collection: sends parcels between the head and its members.
     """
 
     def __init__(
@@ -138,23 +139,13 @@ class Driver:
         self._target = target
         self._head = head
         self._members = members
-        self._collection = Collection(services.env, services.transport, target, head, window, one_hop)
+        self.collection = Collection(services.env, services.transport, target, head, window, one_hop)
         self.readings = 0
         self.heard: dict[int, Reading] = {}
         self.answered: set[int] = set()
         self.hops = 0
 
-    @property
-    def bits(self) -> int:
-        """The bits sent in datagrams so far."""
-        return self._collection.bits
-
-    @property
-    def overdue(self) -> bool:
-        """Whether some parcels were still under way when the head went on."""
-        return self._collection.overdue
-
-    def perform(self, flow: Flow[Any]) -> Performance:
+    def perform(self, flow: Flow[Any]) -> Acting[Any]:
         """Perform a flow's requests and return the flow's belief. The flow is closed, however it ends.
 
         Raises:
@@ -224,7 +215,7 @@ class Driver:
     def _compute(self, node: int, operations: float) -> float:
         return self._services.processors.compute(node, operations, self._target)
 
-    def _gather(self, request: Gather) -> Generator[simpy.Event, Any, Gathered]:
+    def _gather(self, request: Gather) -> Acting[Gathered]:
         nodes: list[int] = []
         parcels: list[Parcel] = []
         readings: dict[int, tuple[Reading, int]] = {}
@@ -236,7 +227,7 @@ class Driver:
                 if parcel.readings != 0 and (count := parcel.readings_of(member)):
                     assert member.reading is not None, "only a member with a reading sends one"
                     readings[member.id] = member.reading, count
-        masks, journeys = yield from self._collection.gather(nodes, parcels, self._deadline_of(request))
+        masks, journeys = yield from self.collection.gather(nodes, parcels, self._deadline_of(request))
         answer = Gathered(
             {
                 node: (parcel.payload, mask)
@@ -252,11 +243,11 @@ class Driver:
             self.readings = sum([readings[node][1] for node in arrived])
         return answer
 
-    def _gather_readings(self, request: GatherReadings) -> Generator[simpy.Event, Any, GatheredReadings]:
+    def _gather_readings(self, request: GatherReadings) -> Acting[GatheredReadings]:
         readings = request.readings_of(self._addressed(request.who))
         form = Parcel(None, 1, request.packet_bits, request.what)
         parcels, deadline = [form] * len(readings), self._deadline_of(request)
-        masks, journeys = yield from self._collection.gather(list(readings), parcels, deadline)
+        masks, journeys = yield from self.collection.gather(list(readings), parcels, deadline)
         arrived = [node for node, mask in zip(readings, masks, strict=True) if mask is not None]
         self.answered.update(arrived)
         if readings:
@@ -268,16 +259,12 @@ class Driver:
     def _deadline_of(self, request: Gather | GatherReadings) -> float | None:
         return self._services.deadline if request.deadline is None else request.deadline
 
-    def collect(self, datagrams: list[Datagram]) -> Generator[simpy.Event, Any, None]:
-        """Send datagrams to the head and wait until all have ended, or for the window; later ones are ignored."""
-        return self._collection.collect(datagrams)
-
-    def _scatter(self, request: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:
+    def _scatter(self, request: Scatter) -> Acting[dict[int, Bools]]:
         head, parcels = self._head, {node: each for node, each in request.parcels.items() if node in self._members}
         packets = sum([parcel.packets for node, parcel in parcels.items() if node != head])
         what = next(iter(parcels.values())).what if parcels else ""
         self._services.log.add("allocate", self._target, head, what, packets=packets)
-        masks = yield from self._collection.exchange([head] * len(parcels), list(parcels), list(parcels.values()))
+        masks = yield from self.collection.exchange([head] * len(parcels), list(parcels), list(parcels.values()))
         return self._deliver(
             {
                 node: (parcel, mask)
@@ -286,18 +273,18 @@ class Driver:
             }
         )
 
-    def _broadcast(self, request: Broadcast) -> Generator[simpy.Event, Any, dict[int, Bools]]:
+    def _broadcast(self, request: Broadcast) -> Acting[dict[int, Bools]]:
         sent, (burst,) = self._services.transport.broadcast([self._head], [request.parcel], self._target)
         yield sent
         return self._deliver(
             {node: (request.parcel, mask) for node, mask in burst.received.items() if node in self._members}
         )
 
-    def _send(self, request: Send, flow: Flow[Any]) -> Generator[simpy.Event, Any, Bools]:
+    def _send(self, request: Send, flow: Flow[Any]) -> Acting[Bools]:
         if not 0 <= request.to < len(self._alive):  # raised in the flow, which knows its line
             flow.throw(PluginAnswerError(f"Send: expected a node from 0 to {len(self._alive) - 1}, not {request.to}"))
         datagram = Datagram(self._head, request.to, request.parcel)
-        yield from self._collection.carry([datagram])
+        yield from self.collection.carry([datagram])
         self.hops = datagram.hops
         return datagram.mask
 

@@ -5,9 +5,9 @@ elections.fill_vacancy(track)      winner = yield from elections.vote(track)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import simpy
@@ -18,6 +18,7 @@ from wsnsim.network.clusters.collection import Deadline
 from wsnsim.network.clusters.election import Election, waiting_share
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Handover, Track
+from wsnsim.network.event_log import Acting, then
 from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.radio.transport import Transport
 
@@ -38,7 +39,7 @@ class Elections:
         """Hold an election whose winner becomes head by itself; none where no node can be a candidate."""
         self._hold(track, fills_vacancy=True)
 
-    def vote(self, track: Track) -> Generator[simpy.Event, Any, int | None]:
+    def vote(self, track: Track) -> Acting[int | None]:
         """Hold a network-wide election for a head that waits for it; the winner, or None where no node can lead."""
         election = self._hold(track, fills_vacancy=False)
         if election is None:
@@ -59,19 +60,14 @@ class Elections:
         setup, clock = network.setup, network.clock
         election = Election(clock.env.event(), clock.step, strengths, setup.clusters, setup.sensor)
         track.election = election
-        assert election.closed.callbacks is not None
-        election.closed.callbacks.append(lambda _: setattr(track, "election", None))
+        then(election.closed, setattr, track, "election", None)
         if setup.waits.closing is not None:
-            closing = Deadline(clock.env, setup.waits.closing)
-            assert closing.callbacks is not None
-            closing.callbacks.append(lambda _: election.close())
+            then(Deadline(clock.env, setup.waits.closing), election.close)
         for node in strengths:
             self.processes.of(node).begin(self._stand(track, election, node, fills_vacancy))
         return election
 
-    def _stand(
-        self, track: Track, election: Election, node: int, fills_vacancy: bool
-    ) -> Generator[simpy.Event, Any, None]:
+    def _stand(self, track: Track, election: Election, node: int, fills_vacancy: bool) -> Acting[None]:
         """A candidate's part: broadcast its strength, unless it has heard that another's is at least as great.
 
         The winner of an election that fills a vacancy takes the lead.
@@ -92,7 +88,7 @@ class Elections:
             readings = election.readings_at(node)
             self.appoint(track, Handover(node, election.step, readings=readings, elected=True, acts_now=True))
 
-    def _keeps_silent(self, track: Track, election: Election, node: int) -> Generator[simpy.Event, Any, bool]:
+    def _keeps_silent(self, track: Track, election: Election, node: int) -> Acting[bool]:
         """Where broadcasts take long, wait: the nearer the target, the shorter. Whether nothing is left to say then."""
         network, setup = self.network, self.network.setup
         if setup.waits.election is None:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Estimate, Reading
-from wsnsim.base.network_ports import Sink
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Parcel
 from wsnsim.base.rows import Issued, wants_belief, write_belief
@@ -20,49 +17,30 @@ from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
 from wsnsim.network.result_rows import ReportRows
 
 
-class SinkReports:
-    """The reports that cluster heads send, each to one of the sinks.
+class Estimates:
+    """Initiates tracks, records their estimates, and has heads report them, each to one of the sinks.
 
     Attributes:
         received: When a sink received each report, in s: {(target, step): time}.
     """
 
     def __init__(
-        self, env: simpy.Environment, reports: ReportRows, sink: Sink, dt: float, sinks: Sequence[int]
+        self, network: NetworkView, reports: ReportRows, sinks: Sequence[int], recorder: Recorder, replicate: int
     ) -> None:  # fmt: skip
-        self._env = env
+        self.network = network
+        self.recorder = recorder
+        self.replicate = replicate
+        self.received: dict[tuple[int, int], float] = {}
         self._reports = reports
+        self._sinks = sinks
+        sink, dt = network.setup.sink, network.clock.dt
         self._bits = sink.bits
         self._interval = 1 if sink.every is None else max(1, round(sink.every / dt))
-        self._sinks = sinks
-        self.received: dict[tuple[int, int], float] = {}
-
-    def send(self, head: int, step: int, target: int) -> None:
-        """Send the estimate of a step to a sink, if a report is due. The head does not wait for its arrival."""
-        if not self._sinks or step % self._interval:
-            return
-        report = Datagram(head, A_SINK, Parcel(None, 1, self._bits, "report"))
-        ended = self._reports.send(report, target)
-        assert ended.callbacks is not None, "a report ends later than it is sent"
-        ended.callbacks.append(lambda _: self._receive(report, step, target))
-
-    def _receive(self, report: Datagram, step: int, target: int) -> None:
-        if report.arrived:
-            self.received[target, step] = self._env.now
-
-
-@dataclass(frozen=True, slots=True)
-class Estimates:
-    """Initiates tracks and records their estimates."""
-
-    network: NetworkView
-    reports: SinkReports
-    recorder: Recorder
-    replicate: int
 
     def initial(self, track: Track, readings: Mapping[int, Reading]) -> Estimate:
         """The estimate from which a track is initiated, given {node: reading}."""
@@ -96,7 +74,7 @@ class Estimates:
         track.estimates[step] = Issued(
             step, self.network.clock.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
         )
-        self.reports.send(scene.head, step, track.target)
+        self._report(scene.head, step, track.target)
 
     def snapshot(self, track: Track, cluster: Cluster, belief: Any, step: int) -> None:
         """Record the particles and the tracker's state, if their tables are wanted."""
@@ -106,3 +84,14 @@ class Estimates:
         members = [cluster.members[node] for node in cluster.roster()]
         key = {"replicate": self.replicate, "target": track.target, "step": step}
         write_belief(self.recorder, key, setup.tracker, belief, members, setup.motions[track.target].columns)
+
+    def _report(self, head: int, step: int, target: int) -> None:
+        """Send the estimate of a step to a sink, if a report is due. The head does not wait for its arrival."""
+        if not self._sinks or step % self._interval:
+            return
+        report = Datagram(head, A_SINK, Parcel(None, 1, self._bits, "report"))
+        then(self._reports.send(report, target), self._receive, report, step, target)
+
+    def _receive(self, report: Datagram, step: int, target: int) -> None:
+        if report.arrived:
+            self.received[target, step] = self.network.clock.now

@@ -1,8 +1,8 @@
 """Moving heads: the head is chosen again at each step among the nodes that were woken for it.
 
 At the step's instant the woken nodes measure and send their readings to the head. The head waits until none has come
-for a while, estimates, reports, and has nodes woken for the next step; `Succession` says which node leads then. A
-target whose track was lost is searched for by the nodes that happen to be awake; the first to detect it becomes head.
+for a while, estimates, reports, and has nodes woken for the next step; the policy's `main` says which node leads then.
+A target whose track was lost is searched for by the nodes that happen to be awake; the first to detect it becomes head.
 
 Li, Jiang, Zhang, Zhang (2012), section 2.2, and our reconstructions of its two rivals. Idealisations, all our choice:
 the woken nodes know which of them is nearest to the prediction, and awake nodes know whether a target is tracked.
@@ -10,12 +10,11 @@ the woken nodes know which of them is nearest to the prediction, and awake nodes
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Protocol, cast
+from typing import Any, Final, cast
 
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Reading
 from wsnsim.base.medium_access import window_of
@@ -24,11 +23,11 @@ from wsnsim.base.optional_ports import Portable
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Parcel
 from wsnsim.network.clusters.cluster import Cluster
+from wsnsim.network.clusters.coordination import HeadServices
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.election import strength_of
-from wsnsim.network.clusters.head_protocol import HeadServices, Leading, Waiting
-from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
+from wsnsim.network.event_log import Acting
 from wsnsim.network.radio.datagrams import Datagram
 
 ROUNDING: Final = 1e-9
@@ -56,83 +55,6 @@ class Lead:
     heard: Mapping[int, Reading] = field(default_factory=dict)
 
 
-class Succession(Protocol):
-    """Who leads next."""
-
-    def waker(self, lead: Lead) -> int:
-        """The node that wakes others for the next step: it gets the belief at once, if it is not the head.
-
-        Raises:
-            TrackLost: there is no such node.
-        """
-
-    def head_at_step(self, lead: Lead) -> int:
-        """The head at the step's instant, once nodes have been woken for it.
-
-        Raises:
-            TrackLost: no node that was woken can lead.
-        """
-
-
-@dataclass(frozen=True, slots=True)
-class ByDetection:
-    """The node that measured the target nearest at the last step; the head itself if no reading arrived."""
-
-    network: NetworkView
-
-    def waker(self, lead: Lead) -> int:
-        """The node with the strongest reading; of equal ones the lowest id."""
-        sensor = self.network.setup.sensor
-        able = {node: reading for node, reading in lead.heard.items() if self.network.can_lead(node)}
-        return min(able, key=lambda node: (-strength_of(sensor, able[node]), node), default=lead.head)
-
-    def head_at_step(self, lead: Lead) -> int:
-        """The head: it took over after the last step."""
-        return lead.head
-
-
-@dataclass(frozen=True, slots=True)
-class ByPrediction:
-    """The node nearest to the predicted position among those woken for the step; until then the head wakes them."""
-
-    network: NetworkView
-
-    def waker(self, lead: Lead) -> int:
-        """The head."""
-        return lead.head
-
-    def head_at_step(self, lead: Lead) -> int:
-        """The able node nearest to the predicted position; the head if no node was woken for this step."""
-        round_ = lead.track.round
-        if round_ is None or round_.message.step != self.network.clock.step:
-            return lead.head
-        able = [node for node in sorted(round_.tracking) if self.network.can_lead(node)]
-        if not able:
-            raise TrackLost("expired" if round_.expired else "nobody_woken")
-        return self.network.nearest(able, np.array(round_.message.centre))
-
-
-class ByAnnouncedPrediction(ByPrediction):
-    """As `ByPrediction`, but the node nearest to the prediction gets the belief at once and wakes the others."""
-
-    def waker(self, lead: Lead) -> int:
-        """The able node nearest to the predicted position, within sensing range of it."""
-        network = self.network
-        point = network.successor_position(lead.track.target, lead.belief, lead.scene)
-        near = network.nodes.assumed.grid.within(point, network.setup.sensor.reach)
-        able = [node for node in near.tolist() if network.can_lead(node)]
-        if not able:
-            raise TrackLost("empty_region")
-        return network.nearest(able, point)
-
-
-def make_succession(network: NetworkView, main: str) -> Succession:
-    """The rule of a policy whose `main` is 'prediction' or 'detection'."""
-    if main == "detection":
-        return ByDetection(network)
-    return ByAnnouncedPrediction(network) if network.setup.wakeup.mechanism == "region" else ByPrediction(network)
-
-
 class MovingHeadProtocol:
     """A head that leads until another node takes over, at most from one step to the next."""
 
@@ -144,7 +66,7 @@ class MovingHeadProtocol:
         self._log = services.network.log
         self._policy = cast(MovingPolicy, self._setup.clusters)
         self._window = window_of(self._policy, self._setup.waits)
-        self._succession = make_succession(services.network, self._policy.main)
+        self._by_detection = self._policy.main == "detection"
         self._message_carries_belief = self._setup.wakeup.carries_belief and isinstance(self._setup.tracker, Portable)
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
@@ -158,7 +80,7 @@ class MovingHeadProtocol:
     def release(self, track: Track, cluster: Cluster) -> None:
         """Do nothing: members have no role."""
 
-    def lead(self, track: Track, handover: Handover) -> Leading:
+    def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
         """Initiate the track or take it over, and lead it step by step until another node is head."""
         lead = self._take_over(track, handover)
         if handover.detected is not None:
@@ -187,7 +109,7 @@ class MovingHeadProtocol:
     def _cluster(self, track: Track, head: int, joined: list[int]) -> Cluster:
         return Cluster(self._network, track.target, head, joined, keys_ahead=1)
 
-    def _initiate(self, lead: Lead, detected: Mapping[int, Reading]) -> Waiting:
+    def _initiate(self, lead: Lead, detected: Mapping[int, Reading]) -> Acting[None]:
         """Tell the neighbours of a target without a track; those that sense it answer. The track starts from that.
 
         `detected`: {node: reading} of all nodes that are awake and sense the target at this instant.
@@ -202,7 +124,7 @@ class MovingHeadProtocol:
         self._services.messages.intervals.shorten_for_next_step([head, *(answer.source for answer in answers)])
         cluster = self._cluster(track, head, [answer.source for answer in answers])
         driver = self._driver(track, cluster)
-        yield from driver.collect(answers)
+        yield from driver.collection.collect(answers)
         readings = {
             head: detected[head],
             **{answer.source: detected[answer.source] for answer in answers if answer.arrived},
@@ -218,7 +140,7 @@ class MovingHeadProtocol:
         if abs(began - step * clock.dt) < ROUNDING:
             estimates.issue(track, step, lead.scene, driver, lead.belief)
 
-    def _step(self, lead: Lead) -> Waiting:
+    def _step(self, lead: Lead) -> Acting[None]:
         """One step at the head: readings in, an estimate out."""
         clock, track, estimates = self._clock, lead.track, self._services.estimates
         began, asked = clock.now, clock.step
@@ -240,7 +162,7 @@ class MovingHeadProtocol:
         elif began - lead.last_sensed > self._policy.patience + ROUNDING:
             raise TrackLost("no_readings")
 
-    def _measuring(self, lead: Lead) -> Generator[simpy.Event, Any, list[int]]:
+    def _measuring(self, lead: Lead) -> Acting[list[int]]:
         """Let nodes measure: those that were woken; without a wake-up protocol, those that hear the head's request.
 
         Measuring takes `sampling` s, and no energy of its own: awake nodes sense all the time.
@@ -271,7 +193,7 @@ class MovingHeadProtocol:
         alive = self._network.nodes.alive
         return [node for node in sorted(round_.tracking) if node != lead.head and alive[node]]
 
-    def _ask(self, lead: Lead, what: str) -> Generator[simpy.Event, Any, list[int]]:
+    def _ask(self, lead: Lead, what: str) -> Acting[list[int]]:
         """Broadcast a question about the target; return the nodes that heard it."""
         bits = self._setup.acquire.detection_bits
         return (yield from self._services.messages.ask(lead.track.target, lead.head, what, bits))
@@ -282,9 +204,9 @@ class MovingHeadProtocol:
     def _wake_nodes(self, lead: Lead) -> None:
         self._services.wake_ahead.wake(lead.track, lead.head, lead.belief, lead.scene, lead.last_sensed)
 
-    def _move_on(self, lead: Lead) -> Leading:
+    def _move_on(self, lead: Lead) -> Acting[Handover | None]:
         """Have nodes woken for the next step and wait for it; the handover, if another node leads from now on."""
-        waker = self._succession.waker(lead)
+        waker = self._waker(lead)
         if waker != lead.head:
             following = yield from self._hand_over(lead, waker, wakes_nodes=True)
             if following is not None:
@@ -293,9 +215,43 @@ class MovingHeadProtocol:
         yield lead.track.tick
         return (yield from self._give_way(lead))
 
-    def _give_way(self, lead: Lead) -> Leading:
+    def _waker(self, lead: Lead) -> int:
+        """The node that wakes others for the next step: it gets the belief at once, if it is not the head.
+
+        By detection, the node with the strongest reading; of equal ones the lowest id. By prediction, the head, or
+        where the wake-up is announced by region the able node nearest to the prediction, within sensing range of it.
+        """
+        network = self._network
+        if self._by_detection:
+            able = [node for node in lead.heard if network.can_lead(node)]
+            sensor = self._setup.sensor
+            return min(able, key=lambda node: (-strength_of(sensor, lead.heard[node]), node), default=lead.head)
+        if self._setup.wakeup.mechanism != "region":
+            return lead.head
+        point = network.successor_position(lead.track.target, lead.belief, lead.scene)
+        near = network.nodes.assumed.grid.within(point, self._setup.sensor.reach)
+        able = [node for node in near.tolist() if network.can_lead(node)]
+        if not able:
+            raise TrackLost("empty_region")
+        return network.nearest(able, point)
+
+    def _head_at_step(self, lead: Lead) -> int:
+        """The head at the step's instant, once nodes have been woken for it.
+
+        By detection, the head: it took over after the last step. By prediction, the able node nearest to the predicted
+        position; the head if no node was woken for this step.
+        """
+        round_ = lead.track.round
+        if self._by_detection or round_ is None or round_.message.step != self._clock.step:
+            return lead.head
+        able = [node for node in sorted(round_.tracking) if self._network.can_lead(node)]
+        if not able:
+            raise TrackLost("expired" if round_.expired else "nobody_woken")
+        return self._network.nearest(able, np.array(round_.message.centre))
+
+    def _give_way(self, lead: Lead) -> Acting[Handover | None]:
         """The handover at a step's instant, if another of the woken nodes is head now."""
-        successor = self._succession.head_at_step(lead)
+        successor = self._head_at_step(lead)
         if successor == lead.head:
             return None
         if not self._message_carries_belief:
@@ -304,7 +260,7 @@ class MovingHeadProtocol:
         self._log.add("handover", lead.track.target, lead.head, "message", peer=successor)
         return self._next(lead, Handover(successor, lead.belief_step, lead.track.round.tracking[successor].belief))
 
-    def _hand_over(self, lead: Lead, successor: int, wakes_nodes: bool) -> Leading:
+    def _hand_over(self, lead: Lead, successor: int, wakes_nodes: bool) -> Acting[Handover | None]:
         """Send the belief to the next head. If it does not arrive, the track is lost, or the head goes on: None."""
         track = lead.track
         driver = self._driver(track, self._cluster(track, lead.head, []))
@@ -316,7 +272,7 @@ class MovingHeadProtocol:
         if belief is None or not self._network.nodes.alive[successor]:
             raise TrackLost("handover_lost")
         handover = Handover(
-            successor, lead.belief_step, belief, hops=driver.hops, bits=driver.bits, wakes_nodes=wakes_nodes
+            successor, lead.belief_step, belief, hops=driver.hops, bits=driver.collection.bits, wakes_nodes=wakes_nodes
         )
         return self._next(lead, handover)
 

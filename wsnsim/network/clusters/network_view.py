@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from dataclasses import replace
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from wsnsim.base.ports import MotionModel, Scene
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.event_log import ProtocolLog, StepClock
-from wsnsim.network.imperfect_readings import Imperfections, make_search_readings
+from wsnsim.network.imperfect_readings import Imperfections, make_readings
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.sensing import Readings
 
@@ -43,6 +43,16 @@ class NetworkView(NamedTuple):
     def who_can_lead(self) -> Bools:
         """(N,) the same of every node."""
         return self.nodes.able(self.threshold)
+
+    def nodes_near(self, point: Floats, radius: float) -> NearNodes:
+        """The nodes whose assumed position is within a radius in m of a point (2,).
+
+        The map that every head has does not tell who is down, but who can lead.
+        """
+        nodes = self.nodes
+        ids = nodes.assumed.grid.within(point, radius)
+        able = np.array([self.can_lead(node) for node in ids.tolist()], dtype=np.bool_)
+        return NearNodes(ids, nodes.assumed.positions[ids], nodes.traits[ids], able)
 
     def predicted_position(self, target: int, belief: Any, scene: Scene) -> Floats:
         """(2,) the position that a belief predicts for the next step: where nodes are woken."""
@@ -83,9 +93,9 @@ class TargetSearch:
         self._available = available
         self._polls = network.setup.polls
         self._key = key
-        self._between = (
-            make_search_readings(network.setup, paths, network.nodes, imperfections, key) if self._polls > 1 else []
-        )
+        setup, nodes = network.setup, network.nodes
+        between = replace(imperfections, dt=setup.dt / setup.polls)
+        self._between = make_readings(setup, paths, nodes, between, key) if self._polls > 1 else []
 
     def first_detection(self, target: int, poll: int) -> tuple[int, dict[int, Reading]] | None:
         """The node that detects a target first at an instant, and the readings of all awake nodes; None: no node."""
@@ -102,20 +112,6 @@ class TargetSearch:
         return int(able[np.argmin(chances)]), awake
 
 
-@dataclass(frozen=True, slots=True)
-class NodesOnMap:
-    """Finds nodes near a point on the map that every head has; it does not tell who is down, but who can lead."""
-
-    network: NetworkView
-
-    def __call__(self, point: Floats, radius: float) -> NearNodes:
-        """The nodes whose assumed position is within a radius in m of a point (2,)."""
-        network, nodes = self.network, self.network.nodes
-        ids = nodes.assumed.grid.within(point, radius)
-        able = np.array([network.can_lead(node) for node in ids.tolist()], dtype=np.bool_)
-        return NearNodes(ids, nodes.assumed.positions[ids], nodes.traits[ids], able)
-
-
 class Outlooks:
     """Puts together what a head foresees, for cluster policies that see the geometry.
 
@@ -124,7 +120,6 @@ class Outlooks:
 
     def __init__(self, network: NetworkView) -> None:
         self._network = network
-        self._nodes_near = NodesOnMap(network)
         self._forecasts_succession = isinstance(network.setup.tracker, ForecastsSuccession)
 
     def of_belief(self, target: int, head: int, members: Sequence[int], belief: Any, scene: Scene) -> Outlook:
@@ -158,7 +153,7 @@ class Outlooks:
             motion=setup.filter_motions[target],
             sensor=setup.filter_sensor,
             reach=nodes.reach,
-            nodes_near=self._nodes_near,
+            nodes_near=network.nodes_near,
         )
 
 
@@ -170,59 +165,33 @@ def _one_step_on(estimate: Estimate, motion: MotionModel, dt: float, time: float
     return Estimate(motion.advance(point, dt, time)[:, 0], 0.5 * (cov + cov.T))
 
 
-class WakeIntervals(Protocol):
-    """The wake intervals of nodes."""
-
-    def shorten(self, nodes: Iterable[int], until: float) -> None:
-        """Have nodes wake up at the short interval until a time in s at least."""
-
-    def shorten_for_next_step(self, nodes: Iterable[int]) -> None:
-        """The same until the next step, and for as long after it as woken nodes wait, but for a step at least."""
-
-    def forget(self, node: int) -> None:
-        """A node went down: it restarts at the long interval."""
-
-    def share(self) -> float:
-        """Share of the nodes' time so far that was at the short interval; NaN where there is one interval."""
-
-
-class OneInterval:
-    """The radios listen always, or at one interval."""
-
-    def shorten(self, nodes: Iterable[int], until: float) -> None:
-        """Do nothing."""
-
-    def shorten_for_next_step(self, nodes: Iterable[int]) -> None:
-        """Do nothing."""
-
-    def forget(self, node: int) -> None:
-        """Do nothing."""
-
-    def share(self) -> float:
-        """NaN."""
-        return float("nan")
-
-
-class TwoIntervals:
-    """A short interval for nodes that were told of a target, a long one for all others.
+class WakeIntervals:
+    """The wake intervals of nodes: a short one for those that were told of a target, a long one for all others.
 
         intervals.shorten(nodes, until)      intervals.shorten_for_next_step(nodes)
 
     Who is told decides: nodes that heard an announcement, a wake-up message or a call of the wake-up radio, or a parcel
-    of their head, and the head itself. Where the target is plays no part.
+    of their head, and the head itself. Where the target is plays no part. There are two intervals where `mac.near`
+    exists and is set; elsewhere radios listen always, or at one interval.
     """
 
-    def __init__(self, clock: StepClock, wait: float, nodes: Nodes, mechanism: UsesShortInterval) -> None:
-        """`wait`: s for which woken nodes wait for the target."""
+    def __init__(self, setup: NetworkSetup, clock: StepClock, nodes: Nodes, mechanism: MacMechanism) -> None:
+        """`mechanism`: that of the MAC."""
+        two = getattr(setup.mac, "near", None) is not None and isinstance(mechanism, UsesShortInterval)
+        self._mechanism = cast(UsesShortInterval, mechanism) if two else None
         self._clock = clock
-        self._after = max(wait, clock.dt)
+        self._after = max(setup.wakeup.wait, clock.dt)
         self._nodes = nodes
-        self._mechanism = mechanism
         self._until: dict[int, float] = {}
         self._seconds = 0.0
 
     def shorten(self, nodes: Iterable[int], until: float) -> None:
-        """Tell the MAC about those nodes that are up, and that have not been told for as long."""
+        """Have nodes wake up at the short interval until a time in s at least.
+
+        The MAC is told about those nodes that are up, and that have not been told for as long.
+        """
+        if self._mechanism is None:
+            return
         now, alive = self._clock.now, self._nodes.alive
         known = {node: self._until.get(node, now) for node in nodes if alive[node]}
         longer = [node for node, before in known.items() if until > max(before, now)]
@@ -233,22 +202,17 @@ class TwoIntervals:
         self._mechanism.use_short_interval(np.array(longer, dtype=np.int64), until)
 
     def shorten_for_next_step(self, nodes: Iterable[int]) -> None:
-        """`shorten` until the next step and a while after it."""
+        """The same until the next step, and for as long after it as woken nodes wait, but for a step at least."""
         self.shorten(nodes, self._clock.next_step + self._after)
 
     def forget(self, node: int) -> None:
-        """Take back the time that a node that went down had left."""
+        """A node went down: it restarts at the long interval. The time that it had left is taken back."""
         self._seconds -= max(self._until.pop(node, 0.0) - self._clock.now, 0.0)
 
     def share(self) -> float:
-        """The mean over nodes; the time that some have left is not counted."""
+        """Share of the nodes' time so far that was at the short interval; NaN where there is one interval."""
+        if self._mechanism is None:
+            return float("nan")
         now = self._clock.now
         left = sum([max(until - now, 0.0) for until in self._until.values()])
         return (self._seconds - left) / (self._nodes.size * now) if now else 0.0
-
-
-def make_wake_intervals(setup: NetworkSetup, clock: StepClock, nodes: Nodes, mechanism: MacMechanism) -> WakeIntervals:
-    """The wake intervals of a scenario and its MAC's mechanism: two where `mac.near` exists and is set."""
-    if getattr(setup.mac, "near", None) is None or not isinstance(mechanism, UsesShortInterval):
-        return OneInterval()
-    return TwoIntervals(clock, setup.wakeup.wait, nodes, mechanism)

@@ -5,22 +5,22 @@ Jiang (2013), section 2.3.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Estimate, Reading
 from wsnsim.base.network_ports import SeesGeometry
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Flow
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
+from wsnsim.network.clusters.coordination import HeadServices
 from wsnsim.network.clusters.driver import Driver, HeadDied
-from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading
 from wsnsim.network.clusters.network_view import Outlooks
 from wsnsim.network.clusters.track import Handover, LastClusterDone, NotDelivered, Track, TrackLost
+from wsnsim.network.event_log import Acting
 
 
 class StandingClusterProtocol:
@@ -40,7 +40,7 @@ class StandingClusterProtocol:
         self._services.elections.fill_vacancy(track)
         return None
 
-    def lead(self, track: Track, handover: Handover) -> Leading:
+    def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
         """Form a cluster, track step by step, and hand over when too few members sense."""
         formed = yield from self._form(track, handover)
         if isinstance(formed, Handover):
@@ -77,7 +77,7 @@ class StandingClusterProtocol:
         """Dismiss the members."""
         self._services.processes.dismiss(cluster.roster(), track.target)
 
-    def _form(self, track: Track, handover: Handover) -> Generator[simpy.Event, Any, Cluster | Handover]:
+    def _form(self, track: Track, handover: Handover) -> Acting[Cluster | Handover]:
         """Announce the cluster and let those that sense join; a handover if an election gave the lead to another."""
         target, head, network = track.target, handover.successor, self._network
         joins = yield from self._services.messages.recruit(target, head)
@@ -118,7 +118,7 @@ class StandingClusterProtocol:
 
     def _first_estimate(
         self, track: Track, handover: Handover, readings: Mapping[int, Reading]
-    ) -> Generator[simpy.Event, Any, tuple[Estimate, int]]:
+    ) -> Acting[tuple[Estimate, int]]:
         """What the track starts from and from how many readings: the prior at step 0, later the readings."""
         if not track.started and handover.belief_step == 0:
             return track.prior, 0
@@ -135,18 +135,18 @@ class StandingClusterProtocol:
 
     def _known_readings(
         self, track: Track, head: int, readings: Mapping[int, Reading]
-    ) -> Generator[simpy.Event, Any, Mapping[int, Reading]]:
+    ) -> Acting[Mapping[int, Reading]]:
         """The readings that a new head knows: those of the candidates that it heard."""
         yield from ()  # a generator, as others of this protocol take time here
         return readings
 
-    def _pass_on(self, track: Track, cluster: Cluster, handover: Handover) -> HandingOver:
+    def _pass_on(self, track: Track, cluster: Cluster, handover: Handover) -> Acting[Handover]:
         """Send a belief that was not yet distributed to the winner of an election; it acts in this step."""
         scene = cluster.scene(self._network.clock.step - handover.belief_step)
         flow = self._setup.tracker.hand_over(handover.belief, scene, handover.successor)
         return (yield from self._send_belief(self._driver(track, cluster), flow, handover))
 
-    def _hand_over(self, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> HandingOver:
+    def _hand_over(self, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> Acting[Handover]:
         """Choose the successor and send it the belief; it leads from the next tick on."""
         setup, target = self._setup, track.target
         if setup.until_clusters is not None and len(track.clusters) >= setup.until_clusters:
@@ -179,14 +179,12 @@ class StandingClusterProtocol:
         point = network.successor_position(track.target, belief, scene)
         return self._setup.clusters.successor(point, network.nodes.assumed.positions, network.who_can_lead())
 
-    def _successor(
-        self, track: Track, head: int, nearest: int | None
-    ) -> Generator[simpy.Event, Any, tuple[int | None, bool]]:
+    def _successor(self, track: Track, head: int, nearest: int | None) -> Acting[tuple[int | None, bool]]:
         """The next head, and whether an election chose it: the node nearest to the forecast."""
         yield from ()  # a generator, as others of this protocol take time here
         return nearest, False
 
-    def _send_belief(self, driver: Driver, flow: Flow[Any], handover: Handover) -> HandingOver:
+    def _send_belief(self, driver: Driver, flow: Flow[Any], handover: Handover) -> Acting[Handover]:
         """Send a belief to the successor; the handover with what arrived there."""
         belief = yield from driver.perform(flow)
         if belief is None:
@@ -198,10 +196,10 @@ class StandingClusterProtocol:
             belief=belief,
             acts_now=handover.elected,
             hops=handover.hops + driver.hops,
-            bits=handover.bits + driver.bits,
+            bits=handover.bits + driver.collection.bits,
         )
 
-    def _unless_undelivered(self, handing_over: HandingOver) -> Leading:
+    def _unless_undelivered(self, handing_over: Acting[Handover]) -> Acting[Handover | None]:
         """A handover; None if the belief did not arrive, and the head goes on with it (see `HeadWaits`)."""
         try:
             return (yield from handing_over)
@@ -226,9 +224,7 @@ class StandingClusterProtocol:
 class ElectingClusterProtocol(StandingClusterProtocol):
     """As `StandingClusterProtocol`, but the node nearest to the predicted position calls an election."""
 
-    def _successor(
-        self, track: Track, head: int, nearest: int | None
-    ) -> Generator[simpy.Event, Any, tuple[int | None, bool]]:
+    def _successor(self, track: Track, head: int, nearest: int | None) -> Acting[tuple[int | None, bool]]:
         """Wake the node nearest to the forecast; at the next tick it calls an election, for which the head waits.
 
         The paper leaves open how the head learns of the winner: here it does, without a frame (our choice).
@@ -261,7 +257,7 @@ class OpenClusterProtocol(StandingClusterProtocol):
     def release(self, track: Track, cluster: Cluster) -> None:
         """Do nothing: members have no role."""
 
-    def _form(self, track: Track, handover: Handover) -> Generator[simpy.Event, Any, Cluster | Handover]:
+    def _form(self, track: Track, handover: Handover) -> Acting[Cluster | Handover]:
         """A cluster that costs no frame."""
         yield from ()  # a generator, as others of this protocol take time here
         cluster = OpenCluster(self._network, track.target, handover.successor, [])
@@ -270,7 +266,7 @@ class OpenClusterProtocol(StandingClusterProtocol):
 
     def _known_readings(
         self, track: Track, head: int, readings: Mapping[int, Reading]
-    ) -> Generator[simpy.Event, Any, Mapping[int, Reading]]:
+    ) -> Acting[Mapping[int, Reading]]:
         """The readings of all nodes that sense, sent to the head."""
         return (yield from self._services.messages.readings_of_everyone(track.target, head))
 

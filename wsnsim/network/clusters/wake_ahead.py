@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,12 +19,20 @@ from wsnsim.network.clusters.wake_up_service import WakeUpService
 Needed: TypeAlias = Callable[[Sequence[int]], bool]
 
 
-class WakesAhead(Protocol):
-    """How a head has nodes woken for the next step."""
+class WakeAhead:
+    """Starts a wake-up round for every step, unless no node is woken in this scenario: then there is no `service`.
 
-    @property
-    def wakes_nodes(self) -> bool:
-        """Whether nodes are woken at all."""
+    `wakes_nodes`: whether nodes are woken at all.
+    """
+
+    def __init__(self, network: NetworkView, service: WakeUpService | None) -> None:
+        self.wakes_nodes = service is not None
+        self._network = network
+        self._service = service
+        self._sequence = 0
+        tracker = network.setup.tracker  # asked once: to check a protocol takes longer than to plan
+        self._foresees = tracker.foresees if isinstance(tracker, Foresees) else (lambda belief: True)
+        self._belief_bits = tracker.belief_bits if isinstance(tracker, Portable) else (lambda belief: 0)
 
     def wake(
         self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, needed: Needed | None = None
@@ -40,38 +48,8 @@ class WakesAhead(Protocol):
             needed: asked whether a message must be sent, given the nodes of its region to which the head has a link.
                 None: one is sent in any case.
         """
-
-
-class NoWakeAhead:
-    """No node is woken."""
-
-    wakes_nodes = False
-
-    def wake(
-        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, needed: Needed | None = None
-    ) -> None:
-        """Do nothing."""
-
-
-class WakeAhead:
-    """Starts a wake-up round for every step."""
-
-    wakes_nodes = True
-
-    def __init__(self, network: NetworkView, service: WakeUpService) -> None:
-        self._network = network
-        self._service = service
-        self._sequence = 0
-        tracker = network.setup.tracker  # asked once: to check a protocol takes longer than to plan
-        self._foresees = tracker.foresees if isinstance(tracker, Foresees) else _foresees_always
-        self._belief_bits = tracker.belief_bits if isinstance(tracker, Portable) else _no_bits
-
-    def wake(
-        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, needed: Needed | None = None
-    ) -> None:
-        """Have nodes woken for the next step, if there is one; see `WakesAhead`."""
         setup = self._network.setup
-        if self._network.clock.step >= setup.steps:
+        if self._service is None or self._network.clock.step >= setup.steps:
             return
         self._sequence += 1
         plan = self._plan(track.target, head, belief, scene, last_sensed)
@@ -102,16 +80,6 @@ class WakeAhead:
         )
 
 
-def _foresees_always(belief: Any) -> bool:
-    """True: a tracker that does not say whether it can predict can."""
-    return True
-
-
-def _no_bits(belief: Any) -> int:
-    """0: the belief cannot be carried by a message."""
-    return 0
-
-
 def _heading(mean: Floats, columns: tuple[str, ...]) -> Point:
     """The velocity of the target; (0, 0) where the state has none."""
     if "vx" not in columns or "vy" not in columns:
@@ -139,8 +107,10 @@ class WakeUpCounters:
     def count_wake(self, node: int, target: int, by_frame: bool) -> None:
         """Count a wake-up at its step: it is unnecessary if a frame caused it and the node does not sense the target.
 
-        For networks that wake no nodes ahead.
+        Where nodes are woken ahead, wake-ups are counted by round instead.
         """
+        if self._network.setup.wakeup.mechanism != "none":
+            return
         unnecessary = by_frame and node not in self._network.readings[target]
         self.woken[target, self._network.clock.step] += (1, unnecessary)
 

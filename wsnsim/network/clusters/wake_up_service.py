@@ -9,15 +9,15 @@ of its neighbours sleep and hear its calls, and hears whom others call (our choi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.mechanisms import HeardMessage, StartsWakeUp, WakeUpMechanism, WakeUpServices
+from wsnsim.base.mechanisms import HeardMessage, WakeUpMechanism, WakeUpServices
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.sleeping import Decision, Point, WakeUp, WakeUpMessage, WakeUpRadio, WakeUpRound
@@ -25,7 +25,7 @@ from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.clusters.network_view import NetworkView, WakeIntervals
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.event_log import EventLog, event
+from wsnsim.network.event_log import EventLog, event, then
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.node_process import FRAME, NodeProcesses
 from wsnsim.network.radio.transport import Transport
@@ -137,23 +137,6 @@ class InvitationWakeUp(RegionWakeUp):
         return self._services.chance(node, message)
 
 
-MECHANISMS: Final[Mapping[str, Callable[[WakeUp, WakeUpServices], WakeUpMechanism]]] = {
-    "flood": RegionWakeUp,
-    "region": RegionWakeUp,
-    "invite": InvitationWakeUp,
-}
-"""The built-in mechanisms by name."""
-
-
-def make_wake_up(component: WakeUp, services: WakeUpServices) -> WakeUpMechanism:
-    """The mechanism of a component: its own, or the built-in one that it names.
-
-    Raises:
-        RunError: there is neither.
-    """
-    return make_mechanism("wakeup", component, services, StartsWakeUp, ("begin",), MECHANISMS, "none")
-
-
 class WakeUpService(NetworkServices):
     """Starts wake-up rounds, and performs what the mechanism of the scenario's `wakeup` does in them.
 
@@ -180,8 +163,10 @@ class WakeUpService(NetworkServices):
         self._radio: WakeUpRadio = getattr(setup.wakeup, "radio", WakeUpRadio())
         stronger = 0.0 if self._radio.power is None else self._radio.power - getattr(setup.link, "power", 0.0)
         self._least_power = self._radio.sensitivity - self._radio.path_gain - stronger
+        self.clock: Callable[[int], float] = clocks.local_time
+        self.nodes_within: Callable[[Point, float], Ints] = network.nodes.assumed.grid.within
         self._calls = 0
-        self._mechanism = make_wake_up(setup.wakeup, self)
+        self._mechanism: WakeUpMechanism = make_mechanism("wakeup", setup.wakeup, self)
 
     def start(self, track: Track, node: int, message: WakeUpMessage, foreseen: bool) -> None:
         """Begin a round; returns at once."""
@@ -205,26 +190,18 @@ class WakeUpService(NetworkServices):
         self._call(node, [to], target, PACKET_BITS, awake)
         return done
 
-    def clock(self, node: int) -> float:
-        """What the clock of a node shows now, in s."""
-        return self._clocks.local_time(node)
-
     def place(self, node: int) -> Point:
         """The assumed position of a node."""
         return self._nodes.assumed.x[node], self._nodes.assumed.y[node]
 
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, those included that are down."""
-        return self._transport.neighbours(node).ids
+        return self._transport.topology.neighbours(node).ids
 
     def within_call(self, node: int) -> Ints:
         """(n,) the nodes at which a node's calls arrive with the sensitivity of the wake-up receivers, ascending."""
-        neighbours = self._transport.neighbours(node)
+        neighbours = self._transport.topology.neighbours(node)
         return neighbours.ids[neighbours.powers >= self._least_power]
-
-    def nodes_within(self, centre: Point, radius: float) -> Ints:
-        """(n,) the nodes whose assumed position is within `radius` m of a point, ascending."""
-        return self._nodes.assumed.grid.within(centre, radius)
 
     def sleepers(self, nodes: Ints) -> set[int]:
         """The nodes, out of the given ones, that are up and asleep now."""
@@ -244,14 +221,13 @@ class WakeUpService(NetworkServices):
         sequence = round.sequence if relayed else 0
         sent, (burst,) = self._transport.broadcast([node], [parcel], copy.target, sequence, relayed)
 
-        def ended(_: Any) -> None:
+        def ended() -> None:
             round.sequence = round.sequence or burst.sequence
             round.forwards += relayed and burst.sent > 0
             for listener in sorted(burst.received):
                 on_heard(listener, copy)
 
-        assert sent.callbacks is not None
-        sent.callbacks.append(ended)
+        then(sent, ended)
 
     def call(
         self, round: WakeUpRound, node: int, sleepers: Sequence[int], bits: int, on_awake: Callable[[list[int]], None]
@@ -297,8 +273,7 @@ class WakeUpService(NetworkServices):
     ) -> None:
         """Occupy the wake-up radio for a call; at its end both sides pay and the called nodes are awake."""
         ended = self._env.timeout(self._protocol.call)
-        assert ended.callbacks is not None
-        ended.callbacks.append(lambda _: on_awake(self._end_call(node, sleepers, target, self._call_bits or bits)))
+        then(ended, lambda: on_awake(self._end_call(node, sleepers, target, self._call_bits or bits)))
 
     def _end_call(self, node: int, sleepers: Iterable[int], target: int, bits: int) -> list[int]:
         """Book a call; return the nodes that it woke."""

@@ -23,7 +23,7 @@ from wsnsim.network.energy.battery_watch import BatteryWatch
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals
 from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable, RadioLevels
-from wsnsim.network.energy.sleep_states import SleepStates
+from wsnsim.network.node_states import SleepStates
 
 
 class BackgroundConsumption:
@@ -35,6 +35,7 @@ class BackgroundConsumption:
     Attributes:
         most: Joules that one node can consume at most in the whole run.
         timers: The battery timers.
+        network: The totals of the network.
     """
 
     def __init__(
@@ -64,8 +65,8 @@ class BackgroundConsumption:
         self._state, self._since = scalars(self._states), scalars(self._settled_at)
         self._radio_busy_of, self._computed_of = scalars(self._radio_busy), scalars(self._computed)
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
-        self._network = NetworkTotals(table, sleep_states, size, self._per_switch)
-        self._grand_totals, self._grand = self._network.array, self._network.joules
+        self.network = NetworkTotals(table, sleep_states, size, self._per_switch)
+        self._grand_totals, self._grand = self.network.array, self.network.joules
         self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon)
         self.most = self._watch.most
         self._free = not (self.most or self._per_switch or table.duties)
@@ -137,7 +138,7 @@ class BackgroundConsumption:
         self._since[node] = self._env.now
         self._radio_busy_of[node] = max(self._radio_busy_of[node] - self._share[state] * passed, 0.0)
         self._computed_of[node] = max(self._computed_of[node] - passed, 0.0)
-        self._network.note_booked(charges)
+        self.network.note_booked(charges)
         return charges
 
     def mark_radio_busy(self, node: int, seconds: float) -> None:
@@ -201,7 +202,7 @@ class BackgroundConsumption:
     def _enter(self, node: int, after: int) -> None:
         """A settled node is in another state from now on."""
         busy, computed = self._radio_busy_of[node], self._computed_of[node]
-        self._network.change_state(self._state[node], after, busy, computed, self._env.now)
+        self.network.change_state(self._state[node], after, busy, computed, self._env.now)
         self._state[node] = after
         self._since[node] = self._env.now
         if self._duty_cycled:
@@ -262,13 +263,9 @@ class BackgroundConsumption:
         """Joules that the MAC added since the node was settled."""
         return sum(self._levels.of(node))
 
-    def correct(self, cause: int, joules: float) -> None:
-        """Add to the network's total of a cause: a node that died could not pay what it consumed, or lost a rest."""
-        self._network.correct(cause, joules)
-
     def totals(self, settled: list[float]) -> list[float]:
-        """The network's totals by cause until now, given the settled ones, without `scheduled_totals`."""
-        return settled if self._free else self._network.until(self._env.now, settled, self._awake_at())
+        """The network's totals by cause until now, given the settled ones, without `network.scheduled`."""
+        return settled if self._free else self.network.until(self._env.now, settled, self._awake_at())
 
     def close(self) -> None:
         """The end of a run: everything is booked, and nothing is consumed from now on."""
@@ -276,15 +273,11 @@ class BackgroundConsumption:
 
     def radio_on(self) -> float | None:
         """Share of the time of all nodes until now in which radios were on: sent, received or listened."""
-        return self._network.radio_on(self._env.now, self._awake_at()) if self._duty_cycled else None
+        return self.network.radio_on(self._env.now, self._awake_at()) if self._duty_cycled else None
 
     def _awake_at(self) -> list[float]:
         """Seconds for which nodes with schedules were awake, by the level of their radios."""
         return self._levels.awake(self._sleep_states, self._settled_at, self._env.now)
-
-    def scheduled_totals(self, times: Floats) -> Floats:
-        """(T, causes) what all nodes would have consumed by each time, had they only followed their schedules."""
-        return self._network.scheduled(times)
 
     def watch(self, node: int, left: float) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""

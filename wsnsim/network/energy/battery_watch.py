@@ -11,7 +11,8 @@ import simpy
 
 from wsnsim.base.radio import Mode
 from wsnsim.network.energy.power_table import ASLEEP, AWAKE, MODES, PowerTable
-from wsnsim.network.energy.sleep_states import SleepStates
+from wsnsim.network.event_log import then
+from wsnsim.network.node_states import SleepStates
 
 NEAR: Final = 1e-2
 """If the predicted lifetime (s) is below this, check at the predicted depletion time; otherwise after half of it."""
@@ -53,9 +54,7 @@ class BatteryTimers:
         heapq.heappush(self._heap, (time, node))
         if time < self._fires_at:
             self._fires_at = time
-            timer = self._env.timeout(max(time - self._env.now, 0.0))
-            assert timer.callbacks is not None
-            timer.callbacks.append(lambda _: self._fired(time))
+            then(self._env.timeout(max(time - self._env.now, 0.0)), self._fired, time)
 
     def _fired(self, time: float) -> None:
         """Check the nodes that are due, and schedule the next event. An event that an earlier one replaced is void."""

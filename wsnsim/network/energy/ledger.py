@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,17 +14,7 @@ from wsnsim.kernels.nodes import book
 Charges: TypeAlias = Sequence[tuple[int, float]]
 """Pairs of cause and joules."""
 ELECTRONICS, AMPLIFIER, IDLE = CAUSE["tx_electronics"], CAUSE["tx_amplifier"], CAUSE["idle"]
-RECEIVED, SWITCH = CAUSE["rx"], CAUSE["switch"]
-
-
-class HopCost(NamedTuple):
-    """Bits of a unicast, and joules: the sender's electronics and amplifier, their sum, and the receiver's."""
-
-    bits: int
-    electronics: float
-    amplifier: float
-    sent: float
-    rx: float
+SWITCH = CAUSE["switch"]
 
 
 def affordable(charges: Charges, left: float) -> Charges:
@@ -87,24 +77,6 @@ class EnergyLedger:
             self.ceiling = spent
         self.totals[ELECTRONICS] += electronics
         self.totals[AMPLIFIER] += amplifier
-
-    def book_unicasts(self, sources: list[int], destinations: list[int], costs: list[HopCost]) -> None:
-        """Book transmissions and receptions in turn, in the order in which `book` would have summed them."""
-        spent, totals = self.spent_by, self.totals
-        by_electronics, by_amplifier = self._by_cause[ELECTRONICS], self._by_cause[AMPLIFIER]
-        by_reception = self._by_cause[RECEIVED]
-        electronic, amplified, received = totals[ELECTRONICS], totals[AMPLIFIER], totals[RECEIVED]
-        for source, to, (_, electronics, amplifier, sent, rx) in zip(sources, destinations, costs, strict=True):
-            by_electronics[source] += electronics
-            by_amplifier[source] += amplifier
-            spent[source] += sent
-            by_reception[to] += rx
-            spent[to] += rx
-            electronic += electronics
-            amplified += amplifier
-            received += rx
-        totals[ELECTRONICS], totals[AMPLIFIER], totals[RECEIVED] = electronic, amplified, received
-        self.ceiling = max(self.ceiling, *[spent[node] for node in {*sources, *destinations}])
 
     def book_charges(self, node: int, charges: Charges) -> None:
         """Book joules on several causes of one node."""

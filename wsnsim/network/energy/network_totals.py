@@ -17,7 +17,7 @@ from wsnsim.base.radio import Mode
 from wsnsim.base.tables import CAUSES
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.power_table import AWAKE, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable
-from wsnsim.network.energy.sleep_states import SleepStates
+from wsnsim.network.node_states import SleepStates
 
 OVER_TIME: Final = (IDLE, SLEEP, SENSE, SWITCH)
 """Causes on which background consumption is booked."""

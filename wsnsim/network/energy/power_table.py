@@ -9,7 +9,7 @@ such a MAC, the radio listens at level HELD, and follows one of the other duties
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from wsnsim.base.medium_access import RadioDuty, SwitchesRadio
 from wsnsim.base.radio import ContinuousPower, Mode
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.network.energy.ledger import Charges
-from wsnsim.network.energy.sleep_states import SleepStates
+from wsnsim.network.node_states import SleepStates
 
 ON: Final = len(CAUSES)
 """Stands for a cause: the seconds in which radios are on are added up as joules are."""
@@ -79,23 +79,13 @@ class PowerTable:
         self._off = float(model.radio_off()) if hasattr(model, "radio_off") else asleep
         self.off_power = self._off + standby
         self.listen = float(model.mode_power(Mode.AWAKE).radio)
-        self.radio: list[float] = []
-        self.share: list[float] = []
-        self.listening: list[float] = []
-        self.switching: list[float] = []
-        self.processor: list[float] = []
-        self.sensor: list[float] = []
-        self.on: list[float] = []
-        self.off: list[float] = []
-        self.radio_cause: list[int] = []
-        self.processor_cause: list[int] = []
-        self.scheduled: list[bool] = []
-        for duty in levels:
-            for mode in Mode:
-                self._add(mode, duty, searching, standby)
+        states = [self._state(mode, duty, searching, standby) for duty in levels for mode in Mode]
+        columns = [list(column) for column in zip(*states, strict=True)]
+        self.radio, self.radio_cause, self.share, self.listening, self.switching = columns[:5]
+        self.processor, self.processor_cause, self.sensor, self.on, self.off, self.scheduled = columns[5:]
 
-    def _add(self, mode: Mode, duty: RadioDuty | None, searching: float, standby: float) -> None:
-        """Add the state of a mode and a duty; None: the radio listens."""
+    def _state(self, mode: Mode, duty: RadioDuty | None, searching: float, standby: float) -> tuple[Any, ...]:
+        """The state of a mode and a duty, in the order of the attributes; None: the radio listens."""
         power = self.model.mode_power(Mode.AWAKE if mode is Mode.SCHEDULED else mode)
         radio, cause = float(power.radio), SLEEP if power.radio_sleeps else IDLE
         if mode is Mode.ASLEEP:
@@ -107,17 +97,11 @@ class PowerTable:
             share = max(1.0 - on - rate * self._switch_time, 0.0)
             listening, switching = radio * on, rate * (self.start + self.stop)
             radio, cause = self._off if share else 0.0, SLEEP
-        self.radio.append(radio)
-        self.radio_cause.append(cause)
-        self.share.append(share)
-        self.listening.append(listening)
-        self.switching.append(switching)
-        self.processor.append(float(power.processor))
-        self.processor_cause.append(SLEEP if power.processor_sleeps else IDLE)
-        self.sensor.append(searching if mode in (Mode.AWAKE, Mode.SCHEDULED) else 0.0)
-        self.on.append(on)
-        self.off.append(1.0 if on < 1.0 else 0.0)
-        self.scheduled.append(mode is Mode.SCHEDULED)
+        processor, processor_cause = float(power.processor), SLEEP if power.processor_sleeps else IDLE
+        sensor = searching if mode in (Mode.AWAKE, Mode.SCHEDULED) else 0.0
+        off, scheduled = 1.0 if on < 1.0 else 0.0, mode is Mode.SCHEDULED
+        of_radio = radio, cause, share, listening, switching
+        return *of_radio, processor, processor_cause, sensor, on, off, scheduled
 
     def powers(self, state: int) -> list[tuple[int, float]]:
         """(cause, W) of a state other than SCHEDULED, with ON if the MAC is duty-cycled."""
@@ -132,8 +116,10 @@ class PowerTable:
 
     def total(self, state: int) -> float:
         """W of a state other than SCHEDULED."""
-        power = self.radio[state] * self.share[state] + self.processor[state] + self.sensor[state]
-        return power + self.listening[state] + self.switching[state] if self.duties else power
+        power: float = self.radio[state] * self.share[state] + self.processor[state] + self.sensor[state]
+        if self.duties:
+            power = power + self.listening[state] + self.switching[state]
+        return power
 
     def largest(self) -> float:
         """W of the dearest state."""

@@ -12,10 +12,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, MacFrame
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac
@@ -24,99 +23,21 @@ from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.event_log import event
 from wsnsim.network.radio.capture import HEADER_BITS, CapturingReceivers
 from wsnsim.network.radio.reception import Reception
-from wsnsim.network.radio.topology import Neighbours, RadioServices, Topology
+from wsnsim.network.radio.topology import RadioServices
 from wsnsim.network.radio.transmission import (
     NOBODY,
+    LinkCounters,
     LossSamples,
     OnEnd,
     RadiosOn,
     SomeRadiosOn,
     Transmission,
     overlap,
-    received_by_none,
 )
 
 DROP: Final = KIND["drop"]
 WHOLE: Final = 1.0
 TX, SWITCH = EVENT_CAUSE["tx"], CAUSE["switch"]
-
-
-class NoLinkCounters:
-    """Counts nothing: the table `links` is not recorded."""
-
-    def count(self, transmission: Transmission, received: Ints) -> None:
-        """Ignore a broadcast."""
-
-    def columns(self) -> dict[str, Any]:
-        """Return no columns."""
-        return {}
-
-
-class _Counts:
-    """The broadcasts of one sender over one set of links: how many were sent, and `received` (n,) of them arrived."""
-
-    __slots__ = ("neighbours", "received", "sent")
-
-    def __init__(self, neighbours: Neighbours) -> None:
-        self.neighbours = neighbours
-        self.received = np.zeros(neighbours.ids.size, dtype=np.int64)
-        self.sent = 0
-
-
-class LinkCounters:
-    """How many broadcasts were sent over each link, and how many arrived; `chance` is for the size of the last one.
-
-    Where links change, a link's row is about all broadcasts of its sender: `chance` is their mean, 0 in rounds without
-    the link, and `power` that of the last round in which it was heard.
-    """
-
-    def __init__(self, positions: Floats, topology: Topology) -> None:
-        self._positions = positions
-        self._topology = topology
-        self._last_bits = 0
-        self._counts: dict[int, list[_Counts]] = {}
-
-    def count(self, transmission: Transmission, received: Ints) -> None:
-        """Count a broadcast on each link of its sender."""
-        neighbours, self._last_bits = transmission.neighbours, transmission.frame.bits
-        counts = self._counts.setdefault(transmission.source, [])
-        if not counts or counts[-1].neighbours is not neighbours:
-            counts.append(_Counts(neighbours))
-        row = counts[-1]
-        row.sent += 1
-        if received is neighbours.ids:
-            row.received += 1
-        else:
-            row.received[np.searchsorted(neighbours.ids, received)] += 1
-
-    def columns(self) -> dict[str, Any]:
-        """Return the columns of the table: one row for every link of a node that sent; none if no node sent."""
-        sources = sorted(self._counts)
-        if not sources:
-            return {}
-        found = [self._of_sender(self._counts[source]) for source in sources]
-        repeats = [columns["node"].size for columns in found]
-        source = np.repeat(np.array(sources, dtype=np.int64), repeats)
-        joined = {name: np.concatenate([columns[name] for columns in found]) for name in found[0]}
-        offsets = self._positions[source] - self._positions[joined["node"]]
-        return {"source": source, "distance": np.sqrt((offsets**2).sum(axis=1)), **joined}
-
-    def _of_sender(self, counts: list[_Counts]) -> dict[str, Any]:
-        """The columns of one sender, over all sets of links that it had."""
-        chances = [self._topology.probabilities(each.neighbours, self._last_bits) for each in counts]
-        last, sent = counts[-1], sum(each.sent for each in counts)
-        if len(counts) == 1:
-            ids, powers, chance, received = last.neighbours.ids, last.neighbours.powers, chances[0], last.received
-        else:
-            ids = np.unique(np.concatenate([each.neighbours.ids for each in counts]))
-            powers, chance, received = np.zeros(ids.size), np.zeros(ids.size), np.zeros(ids.size, dtype=np.int64)
-            for each, probabilities in zip(counts, chances, strict=True):
-                at = np.searchsorted(ids, each.neighbours.ids)
-                powers[at] = each.neighbours.powers
-                chance[at] += probabilities * (each.sent / sent)
-                received[at] += each.received
-        sent_over_each = np.full(ids.size, sent, dtype=np.int64)
-        return {"node": ids, "power": powers, "chance": chance, "sent": sent_over_each, "received": received}
 
 
 class Channel:
@@ -127,13 +48,13 @@ class Channel:
         mac: The MAC component, which knows airtime and turnaround.
         assessment: Duration of a clear channel assessment, in s.
         losses: The random losses, shared by all channels.
-        links: Counts broadcasts per link.
+        links: Counts broadcasts per link; None: nobody does.
         listening: Which radios are on; None: those of all nodes that are awake.
     """
 
     def __init__(
         self, radio: RadioServices, mac: FramedMac, assessment: float, losses: LossSamples,
-        links: LinkCounters | NoLinkCounters, listening: Listening | None = None,
+        links: LinkCounters | None, listening: Listening | None = None,
     ) -> None:  # fmt: skip
         energy = radio.energy
         self._env = radio.env
@@ -192,8 +113,8 @@ class Channel:
         if not self._nodes.holds_more(source, joules):
             end = start + costs[3] * self._nodes.residual_energy(source) / joules
         neighbours = self._topology.neighbours(source)
-        transmission = Transmission(source, frame, neighbours, counters.transmissions, start, end, on_end)
-        transmission.costs, transmission.asleep = costs, asleep
+        number = counters.transmissions
+        transmission = Transmission(source, frame, neighbours, number, start, end, on_end, costs, asleep)
         near = self._cells_around.get(source) or self._find_cells(source)
         for cell in near:
             for other in cell:
@@ -257,12 +178,12 @@ class Channel:
             del self._sending[source]
         if transmission.cut or not self._pay(transmission, WHOLE):
             transmission.cut = True
-            received = received_by_none(frame)
+            received = NOBODY if frame.to == EVERYONE else False
             self._radios_on.note(transmission, NOBODY)
         else:
             received = self._reception.resolve(transmission)
             if frame.to == EVERYONE:
-                if frame.packets and not frame.is_copy:
+                if self._links is not None and frame.packets and not frame.is_copy:
                     self._links.count(transmission, received)
             elif received:
                 frame.note_arrival(self._env.now)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,6 +17,8 @@ import simpy
 
 from wsnsim.base.frames import Burst
 from wsnsim.models.workloads import CollectionTreeProtocol
+from wsnsim.network.clocks import Clocks
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.datagrams import A_SINK, Copy, Datagram, Hops, Journey, node_random
 from wsnsim.network.radio.geographic_forwarding import GeographicForwarding, HeardPlaces
 from wsnsim.network.radio.link_estimator import LinkTable
@@ -40,15 +41,6 @@ STRONG: Final = 0.9
 """Reception probability from which on a frame came in strong, as the radio's link quality indicator tells (ours)."""
 
 
-class QueueRules(NamedTuple):
-    """Retransmissions, length of the queue, time of a packet in s, and time in s that a datagram waits for a route."""
-
-    retries: int
-    size: int
-    packet_time: float
-    patience: float
-
-
 class TreeQueue:
     """The datagrams that one node sends on.
 
@@ -62,18 +54,15 @@ class TreeQueue:
     retransmissions of the MAC count, and a datagram waits for a route for a limited time.
     """
 
-    __slots__ = (
-        "_copies", "_env", "_free_at", "_hops", "_in_flight", "_network", "_recent", "_route", "_rules", "_stopped",
-        "_timer", "_uniform",
-    )  # fmt: skip
-
     def __init__(
-        self, env: simpy.Environment, route: TreeNode, rules: QueueRules, network: CollectionTree, hops: Hops,
-        uniform: Callable[[], float],
+        self, env: simpy.Environment, route: TreeNode, routing: CollectionTreeProtocol, network: CollectionTree,
+        hops: Hops, clocks: Clocks, uniform: Callable[[], float],
     ) -> None:  # fmt: skip
         self._env = env
         self._route = route
-        self._rules = rules
+        self._routing = routing
+        self._packet_time = clocks.lasts(route.node, routing.packet_time)
+        self._patience = clocks.lasts(route.node, routing.patience)
         self._network = network
         self._hops = hops
         self._uniform = uniform
@@ -95,7 +84,7 @@ class TreeQueue:
     def add(self, copy: Copy) -> None:
         """Put a copy in the queue, or drop it."""
         copy.journey.add_copy()
-        if len(self._copies) >= self._rules.size:
+        if len(self._copies) >= self._routing.queue:
             self._drop(copy, "queue_full")
         elif copy.hops >= MOST_HOPS:
             self._drop(copy, "hop_limit")
@@ -111,7 +100,7 @@ class TreeQueue:
         """Send the first datagram, now or after the pause; without a route, wait for one."""
         while self._copies and not self._stopped and self._in_flight is None:
             now, first = self._env.now, self._copies[0]
-            given_up = first.since + self._rules.patience
+            given_up = first.since + self._patience
             if now < self._free_at:
                 self._wait(self._free_at - now)
             elif self._route.has_route:
@@ -133,10 +122,7 @@ class TreeQueue:
     def _wait(self, seconds: float) -> None:
         """Resume after some time. Of several such times the last one that was set counts."""
         self._timer += 1
-        wake = partial(self._wake, self._timer)
-        event = self._env.timeout(seconds)
-        assert event.callbacks is not None, "a timeout has not passed yet"
-        event.callbacks.append(lambda _: wake())
+        then(self._env.timeout(seconds), self._wake, self._timer)
 
     def _wake(self, timer: int) -> None:
         if timer == self._timer:
@@ -146,9 +132,7 @@ class TreeQueue:
         to, cost = self._route.parent, self._route.cost
         burst = copy.burst(self._route.node, to)
         self._in_flight = copy
-        event = self._hops.send([burst])
-        assert event.callbacks is not None, "a burst ends later than it is sent"
-        event.callbacks.append(lambda _: self._sent(copy, burst, cost))
+        then(self._hops.send([burst]), self._sent, copy, burst, cost)
 
     def _sent(self, copy: Copy, burst: Burst, cost: float) -> None:
         """Take the result of a burst: go on with the next datagram, or try again."""
@@ -166,14 +150,14 @@ class TreeQueue:
             self._copies.popleft()
             self.remember(copy)
             copy.journey.end_copy()
-        elif copy.tries > self._rules.retries:
+        elif copy.tries > self._routing.retries:
             self._drop(self._copies.popleft(), "retry_limit")
         self._pause(SHORT if burst.attempts else LONG)
         self.resume()
 
     def _pause(self, packet_times: float) -> None:
         """Do not send for one to two times this number of packet times."""
-        seconds = packet_times * self._rules.packet_time * (1.0 + self._uniform())
+        seconds = packet_times * self._packet_time * (1.0 + self._uniform())
         self._free_at = max(self._free_at, self._env.now + seconds)
 
     def _drop(self, copy: Copy, reason: str) -> None:
@@ -183,15 +167,12 @@ class TreeQueue:
         journey.end_copy()
 
 
-class _TreeMember:
+class _TreeMember(NamedTuple):
     """What one node that is up knows and does."""
 
-    __slots__ = ("places", "queue", "route")
-
-    def __init__(self, route: TreeNode, queue: TreeQueue, places: HeardPlaces) -> None:
-        self.route = route
-        self.queue = queue
-        self.places = places
+    route: TreeNode
+    queue: TreeQueue
+    places: HeardPlaces
 
 
 class CollectionTree:
@@ -218,7 +199,6 @@ class CollectionTree:
         self._clocks = stack.clocks
         self._hops = hops
         self._routing = routing
-        self._rules = QueueRules(routing.retries, routing.queue, routing.packet_time, routing.patience)
         self._sinks = frozenset(sinks)
         self._key = key
         self._journeys = 0
@@ -309,17 +289,10 @@ class CollectionTree:
         route = TreeNode(
             node, node in self._sinks, LinkTable(routing.table, uniform), routing.hysteresis, routing.largest_cost
         )
-        queue = TreeQueue(self._env, route, self._rules_of(node), self, self._hops, uniform)
+        queue = TreeQueue(self._env, route, routing, self, self._hops, self._clocks, uniform)
         places = self._places[node] = HeardPlaces(routing.places, uniform)
         self._members[node] = _TreeMember(route, queue, places)
         self.beacons.begin(node, TrickleTimer(routing.i_min, routing.i_max, uniform))
-
-    def _rules_of(self, node: int) -> QueueRules:
-        """The rules of a node's queue, whose times its clock counts."""
-        rules, lasts = self._rules, self._clocks.lasts
-        return rules._replace(
-            packet_time=lasts(node, rules.packet_time), patience=lasts(node, rules.patience)
-        )  # fmt: skip
 
     def _compose(self, node: int, number: int) -> RouteBeacon:
         """The beacon that a node sends now: it first chooses its route again."""

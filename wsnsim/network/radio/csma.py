@@ -7,60 +7,38 @@ acknowledged, and sent again if no acknowledgement comes.
 
 from __future__ import annotations
 
-from collections import deque
+from dataclasses import dataclass
 from typing import Any
 
 import simpy
 
-from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
-from wsnsim.base.rng import GOLDEN, MASK, derive, mix
+from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.models.access import Csma
-from wsnsim.network.radio.mac_services import ContentionPeriods, NetworkMacServices, SenderQueues
+from wsnsim.network.radio.mac_services import (
+    ContentionPeriods,
+    FrameSender,
+    NetworkMacServices,
+    SenderQueues,
+    control_frame,
+)
 from wsnsim.network.radio.transmission import Transmission
 
 
-class _Sender:
+@dataclass(slots=True, eq=False)
+class _Sender(FrameSender):
     """The channel access of one node.
 
     Attributes:
         clock_scale: True seconds in one second of the node's clock.
-        state: State of its random number generator, seeded for each step, independently of earlier steps.
-        step: The step for which the generator is seeded.
-        queue: Frames that wait.
-        frame: The frame in progress, or None.
         attempts: Backoffs of this frame after the first (NB of the standard).
         exponent: Backoff exponent (BE).
-        received: Whether the destination has received the frame, even if its acknowledgement was lost.
         free_at: The end of the spacing after the last frame, in s.
-        stopped: Whether the node died or crashed.
     """
 
-    __slots__ = (
-        "attempts",
-        "clock_scale",
-        "exponent",
-        "frame",
-        "free_at",
-        "node",
-        "queue",
-        "received",
-        "state",
-        "step",
-        "stopped",
-    )
-
-    def __init__(self, node: int, clock_scale: float) -> None:
-        self.node = node
-        self.clock_scale = clock_scale
-        self.state = 0
-        self.step = -1
-        self.queue: deque[MacFrame] = deque()
-        self.frame: MacFrame | None = None
-        self.attempts = 0
-        self.exponent = 0
-        self.received = False
-        self.free_at = 0.0
-        self.stopped = False
+    clock_scale: float = 1.0
+    attempts: int = 0
+    exponent: int = 0
+    free_at: float = 0.0
 
 
 class CsmaMechanism(SenderQueues[_Sender]):
@@ -94,7 +72,7 @@ class CsmaMechanism(SenderQueues[_Sender]):
     def _enqueue(self, node: int, frame: MacFrame) -> None:
         sender = self._senders.get(node)
         if sender is None:
-            sender = self._senders[node] = _Sender(node, self._services.clocks.lasts(node, 1.0))
+            sender = self._senders[node] = _Sender(node, clock_scale=self._services.clocks.lasts(node, 1.0))
         if sender.frame is None:
             self._begin(sender, frame)
         else:
@@ -118,11 +96,8 @@ class CsmaMechanism(SenderQueues[_Sender]):
     def _back_off(self, sender: _Sender, pause: float = 0.0) -> None:
         """Wait for a random number of backoff periods below 2^BE, then assess the channel."""
         mac = self._mac
-        if sender.step != self._log.step:
-            sender.step = self._log.step
-            sender.state = derive(self._key, sender.node, sender.step)
-        sender.state = (sender.state + GOLDEN) & MASK
-        periods = mix(sender.state) >> (64 - sender.exponent) if sender.exponent else 0
+        number = sender.draw(self._key, self._log.step)
+        periods = number >> (64 - sender.exponent) if sender.exponent else 0
         timeout = self._env.timeout(pause + periods * mac.backoff * sender.clock_scale + mac.cca, sender)
         timeout.callbacks.append(self._assess)
 
@@ -158,7 +133,7 @@ class CsmaMechanism(SenderQueues[_Sender]):
     def _transmit(self, sender: _Sender) -> None:
         """Send a frame, followed by its acknowledgement."""
         frame, mac = sender.frame, self._mac
-        assert frame is not None
+        assert frame is not None, "a sender that acts has a frame"
         frame.owner = sender
         if self._periods is not None:
             answer = 0.0 if frame.to == EVERYONE else mac.ack_wait
@@ -175,8 +150,7 @@ class CsmaMechanism(SenderQueues[_Sender]):
             self._finish(sender, received)
         elif received and not self.channel.is_sending(frame.to):
             sender.received = True
-            ack = MacFrame(transmission.source, self._mac.ack_bits, 0, frame.target, self._ack, SEND, frame.sequence)
-            ack.owner = sender
+            ack = control_frame(frame, transmission.source, self._mac.ack_bits, self._ack, sender)
             self.channel.transmit(frame.to, ack, self._ack_sent)
         else:
             sender.received = sender.received or bool(received)
@@ -187,8 +161,7 @@ class CsmaMechanism(SenderQueues[_Sender]):
         if sender.stopped:
             return
         if received:
-            assert sender.frame is not None, "a sender awaits the acknowledgement of its frame"
-            sender.frame.acknowledged = True
+            sender.current.acknowledged = True
             self._finish(sender, True)
         else:
             airtime = transmission.end - transmission.start

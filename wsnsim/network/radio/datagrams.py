@@ -197,6 +197,7 @@ class Journey:
         self.ended.succeed()
 
 
+@dataclass(slots=True, eq=False)
 class Copy:
     """A copy of a datagram at one node, which is to send it on.
 
@@ -210,16 +211,13 @@ class Copy:
         since: When the node got it, in s.
     """
 
-    __slots__ = ("hops", "journey", "mask", "packets", "sequence", "since", "tries")
-
-    def __init__(self, journey: Journey, hops: int, mask: Bools, packets: int, sequence: int, since: float) -> None:
-        self.journey = journey
-        self.hops = hops
-        self.mask = mask
-        self.packets = packets
-        self.sequence = sequence
-        self.tries = 0
-        self.since = since
+    journey: Journey
+    hops: int
+    mask: Bools
+    packets: int
+    sequence: int
+    since: float
+    tries: int = 0
 
     @property
     def key(self) -> tuple[int, int]:

@@ -15,12 +15,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Generator
-from typing import Any, Final
-
-import simpy
+from collections.abc import Callable
+from typing import Final
 
 from wsnsim.base.frames import Burst
+from wsnsim.network.event_log import Acting
 from wsnsim.network.radio.datagrams import Copy, Hops, Journey
 from wsnsim.network.radio.link_estimator import LinkTable
 from wsnsim.network.radio.topology import RadioServices
@@ -87,7 +86,7 @@ class GeographicForwarding:
         copy.journey.add_copy()
         self._env.process(self._pass_on(copy, node))
 
-    def _pass_on(self, copy: Copy, node: int) -> Generator[simpy.Event, Any, None]:
+    def _pass_on(self, copy: Copy, node: int) -> Acting[None]:
         """Try one neighbour after another, until one acknowledges the copy."""
         journey, heard = copy.journey, self._heard.get(node)
         tried: set[int] = set()

@@ -1,28 +1,42 @@
-"""The ideal medium: bursts without contention or collisions. It charges sender and receivers, and logs each event.
+"""The ideal channel: bursts without contention or collisions. It charges sender and receivers, and logs each event.
 
-The MAC decides when a burst is sent, and calls `IdealMedium.carry(burst)` at the end of its airtime.
+The mechanism decides when a burst is sent, and calls `IdealMedium.carry(burst)` at the end of its airtime.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
+import simpy
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.frames import EVERYONE, SEND, Burst
+from wsnsim.base.frames import EVERYONE, SEND, Burst, Received, full_burst
+from wsnsim.base.requests import Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.energy.ledger import HopCost
-from wsnsim.network.event_log import UnicastRows, event
+from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.models.access import IdealMac
+from wsnsim.network.event_log import Acting, Event, event, then
 from wsnsim.network.radio.datagrams import Unicasts
+from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.topology import RadioServices
 from wsnsim.network.radio.transmission import UseCounter
 
 RELAY, RECEIVE, DROP = KIND["relay"], KIND["receive"], KIND["drop"]
-TX, RX = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
+TX, RX, RECEIVED = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"], CAUSE["rx"]
 MOST_HOP_COSTS: Final = 20_000
 """Costs of hops that are kept."""
+
+
+class HopCost(NamedTuple):
+    """Bits of a unicast, and joules: the sender's electronics and amplifier, their sum, and the receiver's."""
+
+    bits: int
+    electronics: float
+    amplifier: float
+    sent: float
+    received: float
 
 
 class IdealMedium:
@@ -70,17 +84,20 @@ class IdealMedium:
             for burst in unicasts.split():
                 self.carry(burst)
             return
-        counters, log, parcels = self._counters, self._log, unicasts.parcels
-        self._nodes.ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
-        packets, codes = [parcel.packets for parcel in parcels], [log.code(parcel.what) for parcel in parcels]
-        log.add_unicasts(
-            UnicastRows(
-                self._env.now, log.step, unicasts.target, counters.frames_sent + 1,
-                unicasts.sources, unicasts.destinations, codes, packets, costs,
+        counters, log, ledger, target = self._counters, self._log, self._nodes.ledger, unicasts.target
+        now, step, number, rows = self._env.now, log.step, counters.frames_sent, list[Event]()
+        sends = zip(unicasts.sources, unicasts.destinations, unicasts.parcels, costs, strict=True)
+        for source, to, parcel, (bits, electronics, amplifier, sent, received) in sends:
+            ledger.book_transmission(source, electronics, amplifier)
+            ledger.book(to, RECEIVED, received)
+            number, packets, code = number + 1, parcel.packets, log.code(parcel.what)
+            rows += (
+                (now, step, target, source, SEND, code, number, number, to, packets, bits, sent, TX),
+                (now, step, target, to, RECEIVE, code, number, number, source, packets, bits, received, RX),
             )
-        )  # fmt: skip
-        counters.packets_sent += sum(packets)
-        counters.frames_sent += len(costs)
+            counters.packets_sent += packets
+        log.extend(rows)
+        counters.frames_sent = number
         counters.in_range += len(costs)
         counters.delivered += len(costs)
 
@@ -96,7 +113,7 @@ class IdealMedium:
             bits = parcel.packets * parcel.packet_bits
             cost = known.get((source, to, bits)) or self._hop_cost(source, to, bits)
             costs.append(cost)
-            joules += cost.sent + cost.rx
+            joules += cost.sent + cost.received
             if not bits:
                 return None
         outlast = nodes.all_outlast(unicasts.sources, joules) and nodes.all_outlast(unicasts.destinations, joules)
@@ -218,3 +235,64 @@ class IdealMedium:
             event(self._env.now, self._log.step, burst.target, node, DROP, code, number, burst.sequence, burst.source,
                   burst.packets)
         )  # fmt: skip
+
+
+class IdealMechanism:
+    """The ideal channel of the papers: no contention, no collision, no loss of its own.
+
+    Without a rate, bursts are delivered within the instant. With a rate (bit/s), the bursts of one batch follow one
+    another; different batches do not disturb each other. A burst is delivered at its end, to whom listens then: a node
+    that wakes in the middle of it receives it, and a node that falls asleep in the middle does not. On a channel with
+    frames (`reception`) it is the other way round: a radio must have listened from the beginning, and then receives the
+    frame to its end.
+    """
+
+    def __init__(self, mac: IdealMac, services: NetworkMacServices) -> None:
+        self._env = services.radio.env
+        self._nodes = services.radio.nodes
+        self._log = services.radio.log
+        self._rate = mac.rate
+        self._medium = IdealMedium(services.radio, services.key("link"), mac.rate)
+        self._silenced: dict[int, int] = {}
+
+    def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
+        """Send bursts: one event for all of them, or one per burst if sending takes time."""
+        if self._rate is not None:
+            return self._env.process(self._one_by_one(bursts, self._rate))
+        event = self._env.event()
+        event.callbacks.append(lambda _: self._carry_each(bursts))
+        return event.succeed()
+
+    def send_unicasts(self, unicasts: Unicasts) -> simpy.Event | None:
+        """Send unicasts at this instant, by one event; None if sending takes time."""
+        if self._rate is not None:
+            return None
+        event = self._env.event()
+        event.callbacks.append(lambda _: self._medium.carry_all(unicasts))
+        return event.succeed()
+
+    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
+        """Broadcast one payload, now or after its airtime."""
+        what = self._log.word(code) or "beacon"
+        burst = full_burst(node, EVERYONE, Parcel(None, 1, payload_bits, what), -1)
+        event = self.send([burst])
+        then(event, lambda: done(np.array(sorted(burst.received), dtype=np.int64)))
+
+    def silence(self, node: int) -> None:
+        """Stop a node that died or crashed: what it is sending is lost."""
+        self._silenced[node] = self._silenced.get(node, 0) + 1
+
+    def _carry_each(self, bursts: Sequence[Burst]) -> None:
+        for burst in bursts:
+            self._medium.carry(burst)
+
+    def _one_by_one(self, bursts: Sequence[Burst], rate: float) -> Acting[None]:
+        before = [self._silenced.get(burst.source) for burst in bursts]
+        for burst, silenced in zip(bursts, before, strict=True):
+            self._nodes.begin_sending(burst.source)
+            yield self._env.timeout(burst.bits / rate)
+            if self._silenced.get(burst.source) == silenced:
+                self._medium.carry(burst)
+            else:
+                burst.lose()
+            self._nodes.end_sending(burst.source)

@@ -10,12 +10,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from heapq import heappop, heappush
 from itertools import count, pairwise
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+SMALL: Final = 2000
+"""Nodes up to which a `LinkGraph` is searched; the graph of more is a sparse matrix, which needs less memory."""
 REMOVED: Final = -1.0
 """Stands for the cost of a path to a node that is no longer there: no path is cheaper."""
 Neighbours = list[tuple[list[int], list[float]]]
@@ -110,3 +115,27 @@ def _lists(size: int, owners: Ints, ends: Ints, costs: Floats) -> Neighbours:
     cuts = np.searchsorted(owners, np.arange(size + 1)).tolist()
     to, cost = ends.tolist(), costs.tolist()
     return [(to[first:last], cost[first:last]) for first, last in pairwise(cuts)]
+
+
+def matrix_of(links: Links) -> csr_array:
+    """The costs as a sparse matrix. A zero would mean no link there, so that costs are at least the smallest float."""
+    from scipy.sparse import csr_array
+
+    costs = np.maximum(links.costs, np.finfo(np.float64).tiny)
+    return csr_array((costs, (links.sources, links.ends)), shape=(links.nodes.size, links.nodes.size))
+
+
+def cheapest_of(links: Links, source: int, to: int) -> tuple[float, list[int]] | None:
+    """(cost, path) over links that are used for one search only, or None without a path."""
+    if links.nodes.size <= SMALL:
+        return LinkGraph(links).cheapest(source, to)
+    from scipy.sparse.csgraph import dijkstra
+
+    first, last = np.searchsorted(links.nodes, (source, to)).tolist()
+    costs, before = dijkstra(matrix_of(links), indices=first, return_predecessors=True)
+    if not np.isfinite(costs[last]):
+        return None
+    backwards = [last]
+    while backwards[-1] != first:
+        backwards.append(int(before[backwards[-1]]))
+    return float(costs[last]), links.nodes[backwards[::-1]].tolist()

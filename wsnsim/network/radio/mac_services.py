@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from typing import Generic, Protocol, TypeVar
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.frames import Burst, Counters, MacFrame, OfferedFrame, Received
+from wsnsim.base.frames import SEND, Burst, MacFrame, OfferedFrame, Received
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac, Packing
-from wsnsim.base.rng import Streams
+from wsnsim.base.rng import GOLDEN, MASK, Streams, derive, mix
 from wsnsim.base.tables import KIND
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import event
 from wsnsim.network.mechanisms import NetworkServices
-from wsnsim.network.radio.channel import Channel, LinkCounters, NoLinkCounters
-from wsnsim.network.radio.fragmentation import Fragmentation
 from wsnsim.network.radio.topology import RadioServices
-from wsnsim.network.radio.transmission import LossSamples, UseCounter
+from wsnsim.network.radio.transmission import LinkCounters, LossSamples, UseCounter
+
+if TYPE_CHECKING:
+    from wsnsim.network.radio.channel import Channel
+    from wsnsim.network.radio.fragmentation import Fragmentation
 
 DROP = KIND["drop"]
 
@@ -33,42 +36,23 @@ class NetworkMacServices(NetworkServices):
 
     def __init__(
         self, radio: RadioServices, packing: Packing, clocks: Clocks, streams: Streams,
-        links: LinkCounters | NoLinkCounters, sinks: tuple[int, ...] = (),
+        links: LinkCounters | None, sinks: tuple[int, ...] = (),
     ) -> None:  # fmt: skip
         super().__init__(radio.env, radio.nodes, clocks)
         self.radio, self.clocks, self.sinks = radio, clocks, sinks
         self._packing, self._streams, self.links = packing, streams, links
         self._uses = UseCounter()
+        self.counters, self.key = radio.counters, streams.key
+        self.hold_awake, self.release, self.signal = radio.nodes.begin_sending, radio.nodes.end_sending, radio.env.event
 
     @property
     def step(self) -> int:
         """The number of the present step."""
         return self.radio.log.step
 
-    @property
-    def counters(self) -> Counters:
-        """The counters of the run."""
-        return self.radio.counters
-
-    def key(self, stream: str) -> int:
-        """Return the key of a random stream."""
-        return self._streams.key(stream)
-
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, ascending."""
         return self.radio.topology.neighbours(node).ids
-
-    def hold_awake(self, node: int) -> None:
-        """Keep a node awake until `release`, because it has a frame to send."""
-        self.radio.nodes.begin_sending(node)
-
-    def release(self, node: int) -> None:
-        """Let a node follow its schedule again."""
-        self.radio.nodes.end_sending(node)
-
-    def signal(self) -> simpy.Event:
-        """Return a new signal, for the end of bursts."""
-        return self.radio.env.event()
 
     def open_channel(self, mac: FramedMac, assessment: float, listening: Listening | None = None) -> Channel:
         """Return a channel on which the frames of a MAC take time: one for each physical channel.
@@ -78,11 +62,15 @@ class NetworkMacServices(NetworkServices):
             assessment: Duration of a clear channel assessment in s.
             listening: Which radios are on; None: those of all nodes that are awake.
         """
+        from wsnsim.network.radio.channel import Channel
+
         losses = LossSamples(self._streams.key("link"), self._uses)
         return Channel(self.radio, mac, assessment, losses, self.links, listening)
 
     def fragmentation(self, mac: FramedMac) -> Fragmentation:
         """Return what splits bursts into the frames of a MAC."""
+        from wsnsim.network.radio.fragmentation import Fragmentation
+
         return Fragmentation(mac, self._packing, self.radio.log)
 
     def log_drop(self, node: int, dropped: Burst | MacFrame, reason: str) -> None:
@@ -96,23 +84,49 @@ class NetworkMacServices(NetworkServices):
         )  # fmt: skip
 
 
-class QueueingSender(Protocol):
+@dataclass(slots=True, eq=False)
+class FrameSender:
     """A node with frames to send.
 
     Attributes:
+        node: The node.
         queue: Frames that wait.
         frame: The frame in progress, or None.
         received: Whether the destination has received the frame, even if its acknowledgement was lost.
         stopped: Whether the node died or crashed.
+        state, step: Its random number generator, and the step for which it is seeded.
     """
 
-    queue: deque[MacFrame]
-    frame: MacFrame | None
-    received: bool
-    stopped: bool
+    node: int
+    queue: deque[MacFrame] = field(default_factory=deque)
+    frame: MacFrame | None = None
+    received: bool = False
+    stopped: bool = False
+    state: int = 0
+    step: int = -1
+
+    @property
+    def current(self) -> MacFrame:
+        """The frame in progress."""
+        assert self.frame is not None, "a sender that acts has a frame"
+        return self.frame
+
+    def draw(self, key: int, step: int) -> int:
+        """Return 64 random bits. The generator is seeded for each step, independently of earlier steps."""
+        if self.step != step:
+            self.step, self.state = step, derive(key, self.node, step)
+        self.state = (self.state + GOLDEN) & MASK
+        return mix(self.state)
 
 
-Sender = TypeVar("Sender", bound=QueueingSender)
+def control_frame(about: MacFrame, to: int, bits: int, code: int, owner: Any) -> MacFrame:
+    """Return a frame without packets that a MAC sends for another one, such as an acknowledgement."""
+    frame = MacFrame(to, bits, 0, about.target, code, SEND, about.sequence)
+    frame.owner = owner
+    return frame
+
+
+Sender = TypeVar("Sender", bound=FrameSender)
 
 
 class SenderQueues(Generic[Sender]):

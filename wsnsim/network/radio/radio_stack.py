@@ -2,117 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
-from typing import Any, Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.frames import EVERYONE, Burst, Counters, Received, full_burst
-from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
-from wsnsim.base.medium_access import DutyCycledMac, Mac
+from wsnsim.base.frames import Counters
+from wsnsim.base.mac_mechanisms import MacMechanism
+from wsnsim.base.medium_access import DutyCycledMac
 from wsnsim.base.radio import ContinuousPower, Mode, NoPower, continuous_power
-from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRadio
-from wsnsim.models.access import IdealMac
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.local_schedules import LocalSchedules
 from wsnsim.network.energy.power_table import PowerTable
-from wsnsim.network.energy.sleep_states import ScheduledSleepStates, SleepStates
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.mechanisms import make_mechanism
+from wsnsim.network.node_states import SleepStates
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.channel import LinkCounters, NoLinkCounters
-from wsnsim.network.radio.datagrams import Unicasts
-from wsnsim.network.radio.ideal_medium import IdealMedium
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.topology import RadioServices, Topology
-
-
-class IdealMechanism:
-    """The ideal channel of the papers: no contention, no collision, no loss of its own.
-
-    Without a rate, bursts are delivered within the instant. With a rate (bit/s), the bursts of one batch follow one
-    another; different batches do not disturb each other. A burst is delivered at its end, to whom listens then: a node
-    that wakes in the middle of it receives it, and a node that falls asleep in the middle does not. On a channel with
-    frames (`reception`) it is the other way round: a radio must have listened from the beginning, and then receives the
-    frame to its end.
-    """
-
-    def __init__(self, mac: IdealMac, services: NetworkMacServices) -> None:
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
-        self._log = services.radio.log
-        self._rate = mac.rate
-        self._medium = IdealMedium(services.radio, services.key("link"), mac.rate)
-        self._silenced: dict[int, int] = {}
-
-    def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
-        """Send bursts: one event for all of them, or one per burst if sending takes time."""
-        if self._rate is not None:
-            return self._env.process(self._one_by_one(bursts, self._rate))
-        event = self._env.event()
-        event.callbacks.append(lambda _: self._carry_each(bursts))
-        return event.succeed()
-
-    def send_unicasts(self, unicasts: Unicasts) -> simpy.Event | None:
-        """Send unicasts at this instant, by one event; None if sending takes time."""
-        if self._rate is not None:
-            return None
-        event = self._env.event()
-        event.callbacks.append(lambda _: self._medium.carry_all(unicasts))
-        return event.succeed()
-
-    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
-        """Broadcast one payload, now or after its airtime."""
-        what = self._log.word(code) or "beacon"
-        burst = full_burst(node, EVERYONE, Parcel(None, 1, payload_bits, what), -1)
-        event = self.send([burst])
-        assert event.callbacks is not None, "a burst ends later than it is sent"
-        event.callbacks.append(lambda _: done(np.array(sorted(burst.received), dtype=np.int64)))
-
-    def silence(self, node: int) -> None:
-        """Stop a node that died or crashed: what it is sending is lost."""
-        self._silenced[node] = self._silenced.get(node, 0) + 1
-
-    def _carry_each(self, bursts: Sequence[Burst]) -> None:
-        for burst in bursts:
-            self._medium.carry(burst)
-
-    def _one_by_one(self, bursts: Sequence[Burst], rate: float) -> Generator[simpy.Event, Any, None]:
-        before = [self._silenced.get(burst.source) for burst in bursts]
-        for burst, silenced in zip(bursts, before, strict=True):
-            self._nodes.begin_sending(burst.source)
-            yield self._env.timeout(burst.bits / rate)
-            if self._silenced.get(burst.source) == silenced:
-                self._medium.carry(burst)
-            else:
-                burst.lose()
-            self._nodes.end_sending(burst.source)
-
-
-MECHANISMS: Final = {
-    "ideal": "wsnsim.network.radio.radio_stack:IdealMechanism",
-    "csma": "wsnsim.network.radio.csma:CsmaMechanism",
-    "tdma": "wsnsim.network.radio.tdma:TdmaMechanism",
-    "xmac": "wsnsim.network.radio.lpl.xmac:XMacMechanism",
-    "contikimac": "wsnsim.network.radio.lpl.contikimac:ContikiMacMechanism",
-    "tsch": "wsnsim.network.radio.tsch.tsch_mechanism:TschMechanism",
-}
-"""The built-in mechanisms by the names that components give: a run imports its own only. A plug-in starts its own."""
-
-
-def make_mac(mac: Mac, services: NetworkMacServices) -> MacMechanism:
-    """Return the mechanism of a MAC component: its own, or the built-in one that it names.
-
-    Raises:
-        RunError: There is neither.
-    """
-    return make_mechanism("mac", mac, services, StartsMac, ("send", "offer", "silence"), MECHANISMS)
+from wsnsim.network.radio.transmission import LinkCounters
 
 
 class RadioStack(NamedTuple):
@@ -121,7 +35,7 @@ class RadioStack(NamedTuple):
     radio: RadioServices
     clocks: Clocks
     mac: MacMechanism
-    links: LinkCounters | NoLinkCounters
+    links: LinkCounters | None
 
 
 def make_radio_stack(
@@ -142,10 +56,11 @@ def make_radio_stack(
     nodes = make_nodes(env, setup, positions, traits, streams.key("sleep"), clocks)
     topology = Topology(nodes, setup.link, streams.key("shadowing"), PACKET_BITS)
     topology.follow_rounds(env)
-    links = LinkCounters(nodes.positions, topology) if count_links else NoLinkCounters()
+    links = LinkCounters(nodes.positions, topology) if count_links else None
     radio = RadioServices(env, nodes, topology, setup.energy, log, Counters())
     sinks = sink_nodes(setup, nodes)
-    mac = make_mac(setup.mac, NetworkMacServices(radio, setup.packing, clocks, streams, links, sinks=sinks))
+    services = NetworkMacServices(radio, setup.packing, clocks, streams, links, sinks)
+    mac: MacMechanism = make_mechanism("mac", setup.mac, services)
     return RadioStack(radio, clocks, mac, links)
 
 
@@ -167,10 +82,10 @@ def make_nodes(
         key: The random key of sleep schedules.
         clocks: The clocks of the nodes, by which their schedules go.
     """
-    sleep_states: SleepStates = SleepStates(setup.sleep.rest)
+    schedules = None
     if setup.sleep.rest is Mode.SCHEDULED:
         schedules = LocalSchedules(setup.sleep, derive_all(key, np.arange(len(positions))), clocks)
-        sleep_states = ScheduledSleepStates(env, schedules)
+    sleep_states = SleepStates(setup.sleep.rest, env, schedules)
     duties = setup.mac.duties if isinstance(setup.mac, DutyCycledMac) else ()
     model = continuous_power(setup.energy)
     searching = 0.0 if model is None and not duties else _search_power(setup)

@@ -19,9 +19,9 @@ neighbours know each other's schedules is our choice: they exchange a seed once.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final
 
 import numpy as np
 import simpy
@@ -30,16 +30,11 @@ from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.frames import Burst
 from wsnsim.base.requests import PACKET_BITS
+from wsnsim.network.event_log import Acting
 from wsnsim.network.radio.datagrams import A_SINK, Datagram, Hops
-from wsnsim.network.radio.link_graph import LinkGraph, Links
+from wsnsim.network.radio.link_graph import SMALL, LinkGraph, Links, cheapest_of, matrix_of
 from wsnsim.network.radio.topology import RadioServices
 
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
-
-SMALL: Final = 2000
-"""Nodes up to which a `LinkGraph` is searched; the graph of more is a sparse matrix, which needs less memory."""
 WIDEST: Final = 2.0
 """The second search is left out if its corridor would be longer by more than this factor (our choice). This happens
 with the fewest hops over random links, where one strong link in thousands spans several ranges, and where electronics
@@ -143,7 +138,7 @@ class Router:
         nodes = np.arange(network.size)
         awake = network.hears(nodes, self._env.now)
         awake[[source, to]] = True
-        found = _cheapest_of(self._links(nodes[awake]), source, to)
+        found = cheapest_of(self._links(nodes[awake]), source, to)
         return None if found is None else found[1]
 
     def _greedy(self, source: int, to: int) -> list[int] | None:
@@ -177,7 +172,7 @@ class Router:
         while found is None:
             nodes, detours = self._corridor(source, to, length)
             links = self._links(nodes)
-            found = _cheapest_of(links, source, to)
+            found = cheapest_of(links, source, to)
             if found is None and self._is_cut_off(links, detours, length, source, to):
                 return None
             length *= 2.0
@@ -187,7 +182,7 @@ class Router:
         needed = cost / least * (1.0 + ROUNDING) if least else np.inf
         if length < needed <= WIDEST * length:
             nodes, _ = self._corridor(source, to, needed)
-            wider = _cheapest_of(self._links(nodes), source, to)
+            wider = cheapest_of(self._links(nodes), source, to)
             assert wider is not None, "a longer corridor holds every path of a shorter one"
             path = wider[1]
         return path
@@ -213,7 +208,7 @@ class Router:
             return True
         from scipy.sparse.csgraph import connected_components
 
-        _, component = connected_components(_matrix(links), directed=False)
+        _, component = connected_components(matrix_of(links), directed=False)
         edge = detours + 2.0 * self._longest > length
         return any(not edge[component == component[np.searchsorted(links.nodes, end)]].any() for end in (source, to))
 
@@ -267,30 +262,6 @@ class Router:
         return self._least_per_metre
 
 
-def _matrix(links: Links) -> csr_array:
-    """The costs as a sparse matrix. A zero would mean no link there, so that costs are at least the smallest float."""
-    from scipy.sparse import csr_array
-
-    costs = np.maximum(links.costs, np.finfo(np.float64).tiny)
-    return csr_array((costs, (links.sources, links.ends)), shape=(links.nodes.size, links.nodes.size))
-
-
-def _cheapest_of(links: Links, source: int, to: int) -> tuple[float, list[int]] | None:
-    """(cost, path) over links that are used for one search only, or None without a path."""
-    if links.nodes.size <= SMALL:
-        return LinkGraph(links).cheapest(source, to)
-    from scipy.sparse.csgraph import dijkstra
-
-    first, last = np.searchsorted(links.nodes, (source, to)).tolist()
-    costs, before = dijkstra(_matrix(links), indices=first, return_predecessors=True)
-    if not np.isfinite(costs[last]):
-        return None
-    backwards = [last]
-    while backwards[-1] != first:
-        backwards.append(int(before[backwards[-1]]))
-    return float(costs[last]), links.nodes[backwards[::-1]].tolist()
-
-
 def _lengths(apart: Floats) -> Floats:
     """(n,) lengths of vectors (n, 2)."""
     result: Floats = np.sqrt((apart**2).sum(axis=1))
@@ -342,7 +313,7 @@ class PathForwarding:
     def start(self) -> None:
         """Do nothing: nothing is sent to find paths."""
 
-    def _relay(self, datagram: Datagram, target: int) -> Generator[simpy.Event, Any, None]:
+    def _relay(self, datagram: Datagram, target: int) -> Acting[None]:
         """Send a datagram over several hops; each hop sends what arrived over the one before."""
         assert datagram.to != A_SINK, "the sink of a datagram is chosen before it is sent"
         source, parcel = datagram.source, datagram.parcel

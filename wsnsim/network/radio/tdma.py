@@ -16,24 +16,24 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received, full_burst
+from wsnsim.base.frames import EVERYONE, Burst, MacFrame, Received, full_burst
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.models.access import Tdma
+from wsnsim.network.event_log import Acting
 from wsnsim.network.radio.csma import CsmaMechanism
-from wsnsim.network.radio.mac_services import ContentionPeriods, NetworkMacServices
+from wsnsim.network.radio.mac_services import ContentionPeriods, NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import Transmission
 
-Round = Generator[simpy.Event, Any, None]
 
-
+@dataclass(slots=True, eq=False)
 class _Slot:
     """The slot of one frame.
 
@@ -45,14 +45,11 @@ class _Slot:
         sent: Fires at the end of its transmission; set when that begins.
     """
 
-    __slots__ = ("acknowledged", "frame", "received", "sent", "source")
-
-    def __init__(self, source: int, frame: MacFrame) -> None:
-        self.source = source
-        self.frame = frame
-        self.received: Received | None = None
-        self.acknowledged = False
-        self.sent: simpy.Event
+    source: int
+    frame: MacFrame
+    received: Received | None = None
+    acknowledged: bool = False
+    sent: simpy.Event = field(init=False)
 
 
 class TdmaMechanism:
@@ -99,7 +96,7 @@ class TdmaMechanism:
             schedule.pop(node, None)
         self._csma.silence(node)
 
-    def _round(self, head: int, bursts: Sequence[Burst], previous: simpy.Event | None) -> Round:
+    def _round(self, head: int, bursts: Sequence[Burst], previous: simpy.Event | None) -> Acting[None]:
         """One round: after the one before, its contention period, and the schedule if a member does not know it."""
         if previous is not None and not previous.processed:
             yield previous
@@ -128,7 +125,7 @@ class TdmaMechanism:
         earlier = self._orders.get(head, ()) if expected is None else ()
         return members.union(expected or (), earlier)
 
-    def _all_slots(self, slots: deque[_Slot], scheduled: Ints) -> Round:
+    def _all_slots(self, slots: deque[_Slot], scheduled: Ints) -> Acting[None]:
         """One slot per frame; a frame without acknowledgement gets another slot at the end."""
         length = self._slot_length([slot.frame for slot in slots])
         while slots:
@@ -137,7 +134,7 @@ class TdmaMechanism:
             if self._goes_again(slot):
                 slots.append(slot)
 
-    def _full_rounds(self, head: int, slots: Sequence[_Slot]) -> Round:
+    def _full_rounds(self, head: int, slots: Sequence[_Slot]) -> Acting[None]:
         """One slot for each member in the order of the schedule, used or not.
 
         Frames of the head stand in the slot of their destination. A member has one frame in a round: its next ones, and
@@ -167,7 +164,7 @@ class TdmaMechanism:
             if not waiting:
                 return
 
-    def _idle_slots(self, head: int, members: Sequence[int], length: float, listens: bool) -> Round:
+    def _idle_slots(self, head: int, members: Sequence[int], length: float, listens: bool) -> Acting[None]:
         """Slots of members that have nothing to send: the head listens, the others have the radio off.
 
         `listens`: whether the head sends in this round, so that those members listen, too.
@@ -192,7 +189,7 @@ class TdmaMechanism:
         frame.finish(slot.received)
         return False
 
-    def _announce(self, head: int, members: set[int]) -> Round:
+    def _announce(self, head: int, members: set[int]) -> Acting[None]:
         """Broadcast the schedule; the members that receive it set their clocks by it."""
         bits = self._mac.schedule_bits * max(len(members), 1)
         burst = full_burst(head, EVERYONE, Parcel(None, 1, bits, "schedule"), -1)
@@ -220,7 +217,7 @@ class TdmaMechanism:
         slots = []
         for burst in bursts:
             source = burst.source
-            fragments = self._csma.fragmentation.split(burst, _ignore)
+            fragments = self._csma.fragmentation.split(burst, lambda: None)
             if not fragments or not self._nodes.alive[source]:
                 burst.lose()
             elif source != head and source not in self._schedules.get(head, {}):
@@ -248,7 +245,7 @@ class TdmaMechanism:
         packet = self._mac.slot_needed(self._mac.bits(PACKET_BITS)) if self.keeps_idle_slots else 0.0
         return max((self._mac.slot_needed(frame.bits) for frame in frames), default=packet)
 
-    def _slot(self, slot: _Slot, scheduled: Ints, length: float) -> Round:
+    def _slot(self, slot: _Slot, scheduled: Ints, length: float) -> Acting[None]:
         """One slot, or several for a frame that is longer; the other members have the radio off."""
         seconds = length * math.ceil(self._mac.slot_needed(slot.frame.bits) / length - 1e-9)
         if not self._nodes.alive[slot.source]:
@@ -274,14 +271,9 @@ class TdmaMechanism:
         slot.received = bool(slot.received) or bool(received)
         slot.sent.succeed()
         if received and self._mac.acks and not self._channel.is_sending(frame.to):
-            ack = MacFrame(transmission.source, self._mac.ack_bits, 0, frame.target, self._ack, SEND, frame.sequence)
-            ack.owner = slot
+            ack = control_frame(frame, transmission.source, self._mac.ack_bits, self._ack, slot)
             self._channel.transmit(frame.to, ack, _acknowledge)
 
 
 def _acknowledge(transmission: Transmission, received: Received) -> None:
     transmission.frame.owner.acknowledged = bool(received)
-
-
-def _ignore() -> None:
-    """The end of a burst is not reported: it ends with its round."""

@@ -12,6 +12,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -78,6 +80,7 @@ class LinkStates:
         return self._ratios
 
 
+@dataclass(eq=False)
 class Neighbours:
     """The nodes that the transmissions of one node may reach, dead nodes included.
 
@@ -91,66 +94,35 @@ class Neighbours:
         states: The states of links whose losses come in bursts; None: losses are independent.
     """
 
-    __slots__ = (
-        "_id_list",
-        "_members",
-        "_milliwatts",
-        "_sensing",
-        "ids",
-        "powers",
-        "probabilities",
-        "ratios",
-        "senses",
-        "states",
-        "thresholds",
-    )
+    ids: Ints
+    powers: Floats
+    senses: Bools
+    ratios: Floats | None = None
+    states: LinkStates | None = None
+    probabilities: dict[int, Floats] = field(default_factory=dict)
+    thresholds: dict[int, tuple[Floats, Bools]] = field(default_factory=dict)
 
-    def __init__(self, ids: Ints, powers: Floats, senses: Bools) -> None:
-        self.ids = ids
-        self.powers = powers
-        self.senses = senses
-        self.ratios: Floats | None = None
-        self.states: LinkStates | None = None
-        self.probabilities: dict[int, Floats] = {}
-        self.thresholds: dict[int, tuple[Floats, Bools]] = {}
-        self._id_list: list[int] | None = None
-        self._members: frozenset[int] | None = None
-        self._sensing: frozenset[int] | None = None
-        self._milliwatts: Floats | None = None
-
-    @property
+    @cached_property
     def id_list(self) -> list[int]:
         """The ids as a list."""
-        if self._id_list is None:
-            self._id_list = self.ids.tolist()
-        return self._id_list
+        result: list[int] = self.ids.tolist()
+        return result
 
-    @property
+    @cached_property
     def members(self) -> frozenset[int]:
         """The ids as a set."""
-        if self._members is None:
-            self._members = frozenset(self.id_list)
-        return self._members
+        return frozenset(self.id_list)
 
-    @property
+    @cached_property
     def sensing(self) -> frozenset[int]:
         """The nodes that take the channel for busy, as a set."""
-        if self._sensing is None:
-            self._sensing = self.members if self.senses.all() else frozenset(self.ids[self.senses].tolist())
-        return self._sensing
+        return self.members if self.senses.all() else frozenset(self.ids[self.senses].tolist())
 
-    @property
+    @cached_property
     def milliwatts(self) -> Floats:
         """(n,) received power in mW."""
-        if self._milliwatts is None:
-            self._milliwatts = 10.0 ** (self.powers / 10.0)
-        return self._milliwatts
-
-    def common(self, other: Neighbours) -> tuple[Ints, Ints]:
-        """Indices of the common neighbours, in these ids and in those of the other."""
-        at = np.minimum(np.searchsorted(other.ids, self.ids), max(other.ids.size - 1, 0))
-        here = np.flatnonzero(other.ids[at] == self.ids) if other.ids.size else at[:0]
-        return here, at[here]
+        result: Floats = 10.0 ** (self.powers / 10.0)
+        return result
 
     def index(self, node: int) -> int:
         """The index of a node in `ids`, or -1."""
@@ -184,7 +156,7 @@ class Topology:
         self._round, self._round_began = 0, 0.0
         self.link = link
         self.distance_only = link.perfect and not link.captures
-        self.on_change: Callable[[], None] = _ignore_change
+        self.on_change: Callable[[], None] = lambda: None
 
     def follow_rounds(self, env: simpy.Environment) -> None:
         """Look up recorded links again at the end of each round; other links do not change."""
@@ -294,8 +266,7 @@ class Topology:
     def _look_up(self, node: int, recorded: RecordsLinks) -> Neighbours:
         """The neighbours of a node in the present round of a recording."""
         ids, powers, ratios = recorded.heard(self._round, node)
-        found = Neighbours(ids, powers, self.link.senses(powers))
-        found.ratios = ratios
+        found = Neighbours(ids, powers, self.link.senses(powers), ratios)
         if recorded.losses is not None:
             keys = derive_all(derive(self._key, BURSTS, self._round, node), ids)
             found.states = LinkStates(keys, ratios, recorded.losses, self._round_began)
@@ -305,10 +276,6 @@ class Topology:
         distances, pairs, directions = np.empty(ids.size), *(np.empty(ids.size, dtype=np.uint64) for _ in range(2))
         find_links(self._nodes.positions, sources, ids, *self._keys, distances, pairs, directions)
         return self.link.powers(distances, pairs, directions)
-
-
-def _ignore_change() -> None:
-    """Do nothing: nobody keeps what follows from the links."""
 
 
 class RadioServices(NamedTuple):

@@ -1,22 +1,24 @@
-"""A transmission: one MAC frame on the air, who has the radio on for it, and the number that its losses derive from."""
+"""A transmission: one MAC frame on the air, who has the radio on for it, its number in a step, and counts by link."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from typing import Final, NamedTuple
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Ints
-from wsnsim.base.frames import EVERYONE, MacFrame, Received
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.frames import MacFrame, Received
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.topology import Neighbours
+from wsnsim.network.radio.topology import Neighbours, Topology
 
 FREE: Final = (0.0, 0.0, 0.0, 0.0)
 NOBODY: Final = np.zeros(0, dtype=np.int64)
 
 
+@dataclass(slots=True, eq=False)
 class Transmission:
     """One MAC frame on the air.
 
@@ -38,41 +40,20 @@ class Transmission:
             or lost it to another frame. Ascending. None until its end, and where all radios listen.
     """
 
-    __slots__ = (
-        "asleep",
-        "costs",
-        "cut",
-        "end",
-        "frame",
-        "listeners",
-        "locks",
-        "missed",
-        "neighbours",
-        "number",
-        "on_end",
-        "overlapping",
-        "source",
-        "start",
-    )
-
-    def __init__(
-        self, source: int, frame: MacFrame, neighbours: Neighbours, number: int, start: float, end: float,
-        on_end: OnEnd,
-    ) -> None:  # fmt: skip
-        self.source = source
-        self.frame = frame
-        self.neighbours = neighbours
-        self.number = number
-        self.start = start
-        self.end = end
-        self.on_end = on_end
-        self.overlapping: list[Transmission] | None = None
-        self.cut = False
-        self.missed = False
-        self.asleep: Ints | None = None
-        self.costs = FREE
-        self.locks: Bools | None = None
-        self.listeners: Ints | None = None
+    source: int
+    frame: MacFrame
+    neighbours: Neighbours
+    number: int
+    start: float
+    end: float
+    on_end: OnEnd
+    costs: tuple[float, float, float, float] = FREE
+    asleep: Ints | None = None
+    overlapping: list[Transmission] | None = None
+    cut: bool = False
+    missed: bool = False
+    locks: Bools | None = None
+    listeners: Ints | None = None
 
 
 OnEnd = Callable[[Transmission, Received], None]
@@ -86,11 +67,6 @@ def overlap(a: Transmission, b: Transmission) -> None:
         b.overlapping = []
     a.overlapping.append(b)
     b.overlapping.append(a)
-
-
-def received_by_none(frame: MacFrame) -> Received:
-    """The result of a frame that no node received."""
-    return np.zeros(0, dtype=np.int64) if frame.to == EVERYONE else False
 
 
 class RadiosOn:
@@ -155,3 +131,70 @@ class LossSamples(NamedTuple):
 
     key: int
     uses: UseCounter
+
+
+class _Counts:
+    """The broadcasts of one sender over one set of links: how many were sent, and `received` (n,) of them arrived."""
+
+    __slots__ = ("neighbours", "received", "sent")
+
+    def __init__(self, neighbours: Neighbours) -> None:
+        self.neighbours = neighbours
+        self.received = np.zeros(neighbours.ids.size, dtype=np.int64)
+        self.sent = 0
+
+
+class LinkCounters:
+    """How many broadcasts were sent over each link, and how many arrived; `chance` is for the size of the last one.
+
+    Where links change, a link's row is about all broadcasts of its sender: `chance` is their mean, 0 in rounds without
+    the link, and `power` that of the last round in which it was heard.
+    """
+
+    def __init__(self, positions: Floats, topology: Topology) -> None:
+        self._positions = positions
+        self._topology = topology
+        self._last_bits = 0
+        self._counts: dict[int, list[_Counts]] = {}
+
+    def count(self, transmission: Transmission, received: Ints) -> None:
+        """Count a broadcast on each link of its sender."""
+        neighbours, self._last_bits = transmission.neighbours, transmission.frame.bits
+        counts = self._counts.setdefault(transmission.source, [])
+        if not counts or counts[-1].neighbours is not neighbours:
+            counts.append(_Counts(neighbours))
+        row = counts[-1]
+        row.sent += 1
+        if received is neighbours.ids:
+            row.received += 1
+        else:
+            row.received[np.searchsorted(neighbours.ids, received)] += 1
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns of the table: one row for every link of a node that sent; none if no node sent."""
+        sources = sorted(self._counts)
+        if not sources:
+            return {}
+        found = [self._of_sender(self._counts[source]) for source in sources]
+        repeats = [columns["node"].size for columns in found]
+        source = np.repeat(np.array(sources, dtype=np.int64), repeats)
+        joined = {name: np.concatenate([columns[name] for columns in found]) for name in found[0]}
+        offsets = self._positions[source] - self._positions[joined["node"]]
+        return {"source": source, "distance": np.sqrt((offsets**2).sum(axis=1)), **joined}
+
+    def _of_sender(self, counts: list[_Counts]) -> dict[str, Any]:
+        """The columns of one sender, over all sets of links that it had."""
+        chances = [self._topology.probabilities(each.neighbours, self._last_bits) for each in counts]
+        last, sent = counts[-1], sum(each.sent for each in counts)
+        if len(counts) == 1:
+            ids, powers, chance, received = last.neighbours.ids, last.neighbours.powers, chances[0], last.received
+        else:
+            ids = np.unique(np.concatenate([each.neighbours.ids for each in counts]))
+            powers, chance, received = np.zeros(ids.size), np.zeros(ids.size), np.zeros(ids.size, dtype=np.int64)
+            for each, probabilities in zip(counts, chances, strict=True):
+                at = np.searchsorted(ids, each.neighbours.ids)
+                powers[at] = each.neighbours.powers
+                chance[at] += probabilities * (each.sent / sent)
+                received[at] += each.received
+        sent_over_each = np.full(ids.size, sent, dtype=np.int64)
+        return {"node": ids, "power": powers, "chance": chance, "sent": sent_over_each, "received": received}

@@ -6,7 +6,7 @@ transport.broadcast(sources, parcels, target) -> (event, bursts)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import cast
 
 import simpy
@@ -15,9 +15,10 @@ from wsnsim.base.frames import EVERYONE, Burst, full_burst
 from wsnsim.base.mac_mechanisms import ExpectsMembers, KeepsIdleSlots, MacMechanism
 from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.requests import Parcel
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops, Unicasts
-from wsnsim.network.radio.radio_stack import IdealMechanism
-from wsnsim.network.radio.topology import Neighbours, RadioServices
+from wsnsim.network.radio.ideal_medium import IdealMechanism
+from wsnsim.network.radio.topology import RadioServices
 
 
 class Transport:
@@ -31,18 +32,22 @@ class Transport:
 
     Attributes:
         hops: How bursts cross one hop.
+        topology: The links.
+        expect: (head, members): tells the MAC whom a head takes for members, before they have something to send.
         keeps_idle_slots: Whether a gathering takes the time of a round even if no member has something to send.
     """
 
     def __init__(self, radio: RadioServices, mac: MacMechanism, hops: Hops, forwarding: Forwarding) -> None:
         self._env = radio.env
-        self._topology = radio.topology
+        self.topology = radio.topology
         self._forwarding = forwarding
         self.hops = hops
         as_lists = defined_together(type(mac), "send_unicasts", "send")
         self._send_unicasts = cast(IdealMechanism, mac).send_unicasts if as_lists else _send_no_unicasts
         self.keeps_idle_slots = isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots
-        self._expect = mac.expect if isinstance(mac, ExpectsMembers) else _expect_nobody
+        self.expect: Callable[[int, Sequence[int]], None] = (
+            mac.expect if isinstance(mac, ExpectsMembers) else (lambda head, members: None)
+        )
         self._pairs: set[tuple[int, int]] = set()
 
     def carry(
@@ -114,35 +119,28 @@ class Transport:
             burst.sequence, burst.relayed = sequence, relayed
         return self.hops.send(bursts), bursts
 
-    def expect(self, head: int, members: Sequence[int]) -> None:
-        """Tell the MAC whom a head takes for members, before they have something to send."""
-        self._expect(head, members)
-
-    def neighbours(self, node: int) -> Neighbours:
-        """The neighbours of a node, dead nodes included."""
-        return self._topology.neighbours(node)
-
     def connected(self, a: int, b: int) -> bool:
         """Whether two nodes are one hop apart; remembered where distance alone decides, since nodes stand still."""
         if (a, b) in self._pairs:
             return True
-        connected = self._topology.connected(a, b)
-        if connected and self._topology.distance_only:
+        connected = self.topology.connected(a, b)
+        if connected and self.topology.distance_only:
             self._pairs.add((a, b))
         return connected
 
     def _one_hop(self, datagrams: list[Datagram], target: int, head: int | None) -> simpy.Event:
-        sources, destinations = [datagram.source for datagram in datagrams], [datagram.to for datagram in datagrams]
-        unicasts = Unicasts(sources, destinations, [datagram.parcel for datagram in datagrams], target)
-        event = self._send_unicasts(unicasts)
-        if event is None:
-            bursts = unicasts.split()
-            for datagram, burst in zip(datagrams, bursts, strict=True):
-                datagram.hops, datagram.last_hop = 1, burst
-            event = self.hops.send(bursts, head)
-        assert event.callbacks is not None, "bursts end later than they are sent"
-        event.callbacks.append(lambda _: _complete(datagrams, unicasts, self._env.now))
+        bursts = [full_burst(datagram.source, datagram.to, datagram.parcel, target) for datagram in datagrams]
+        for datagram, burst in zip(datagrams, bursts, strict=True):
+            datagram.hops, datagram.last_hop = 1, burst
+        event = self.hops.send(bursts, head)
+        then(event, self._complete, datagrams, bursts)
         return event
+
+    def _complete(self, datagrams: list[Datagram], bursts: list[Burst]) -> None:
+        """Write what arrived over their one hop into datagrams."""
+        for datagram, burst in zip(datagrams, bursts, strict=True):
+            datagram.bits = burst.sent
+            datagram.end(burst.mask, burst.packets > 0, self._env.now)
 
     def _goes_directly(self, source: int, to: int, one_hop: bool) -> bool:
         """Whether a datagram takes one hop, to a destination that is within range and need not be woken."""
@@ -153,23 +151,6 @@ class Transport:
         return one_hop or self._forwarding.is_one_hop(source, to)
 
 
-def _complete(datagrams: list[Datagram], unicasts: Unicasts, now: float) -> None:
-    """Write what arrived over their one hop into datagrams."""
-    if unicasts.bursts is None:
-        for datagram in datagrams:
-            parcel = datagram.parcel
-            datagram.arrived, datagram.arrived_at = True, now
-            datagram.hops, datagram.bits = 1, parcel.packets * parcel.packet_bits
-        return
-    for datagram, burst in zip(datagrams, unicasts.bursts, strict=True):
-        datagram.hops, datagram.bits, datagram.last_hop = 1, burst.sent, burst
-        datagram.end(burst.mask, burst.packets > 0, now)
-
-
 def _send_no_unicasts(unicasts: Unicasts) -> simpy.Event | None:
     """Return None: the MAC sends bursts only."""
     return None
-
-
-def _expect_nobody(head: int, members: Sequence[int]) -> None:
-    """Do nothing: the MAC gives no slots."""

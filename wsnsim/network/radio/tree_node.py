@@ -21,6 +21,7 @@ from typing import Final, NamedTuple
 from wsnsim.base.frames import Received
 from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.network.clocks import Clocks
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.link_estimator import LinkTable
 from wsnsim.network.radio.topology import RadioServices
 
@@ -69,10 +70,9 @@ class TreeNode:
 
     Attributes:
         parent: The next hop; the node itself if it is a sink; NOBODY without a route.
-        changes: How often the parent changed.
     """
 
-    __slots__ = ("_advertised", "_hysteresis", "_largest", "_root", "changes", "links", "node", "parent")
+    __slots__ = ("_advertised", "_hysteresis", "_largest", "_root", "links", "node", "parent")
 
     def __init__(self, node: int, root: bool, links: LinkTable, hysteresis: float, largest: float = inf) -> None:
         self.node = node
@@ -82,7 +82,6 @@ class TreeNode:
         self._largest = largest
         self._advertised: dict[int, tuple[int, float]] = {}
         self.parent = node if root else NOBODY
-        self.changes = 0
 
     @property
     def cost(self) -> float:
@@ -135,7 +134,6 @@ class TreeNode:
         if self.parent != NOBODY and self._advertised.get(self.parent, (NOBODY, inf))[0] != self.parent:
             self.links.unpin(self.parent)
         self.parent = parent
-        self.changes += 1
         if parent != NOBODY:
             self.links.pin(parent)
 
@@ -151,29 +149,22 @@ class TrickleTimer:
 
         timer.begin() -> s until `advance`      timer.advance() -> (transmit now?, s until the next `advance`)
 
-    It knows no clock: the caller counts the seconds. Names in brackets are those of the RFC, section 4.
+    It knows no clock: the caller counts the seconds. No transmission is suppressed (k is infinite). Names in brackets
+    are those of the RFC, section 4.
 
     Args:
         shortest: The shortest interval in s (Imin).
         longest: The longest interval in s (Imax; the RFC gives it as a number of doublings).
         uniform: Returns a random number in [0, 1).
-        redundancy: A transmission is suppressed if this many consistent ones were heard in the interval (k); None: no
-            transmission is.
 
     Attributes:
         interval: The present interval in s (I).
     """
 
-    __slots__ = ("_heard", "_longest", "_redundancy", "_rest", "_shortest", "_transmits", "_uniform", "interval")
-
-    def __init__(
-        self, shortest: float, longest: float, uniform: Callable[[], float], redundancy: int | None = None
-    ) -> None:  # fmt: skip
+    def __init__(self, shortest: float, longest: float, uniform: Callable[[], float]) -> None:
         self._shortest = shortest
         self._longest = longest
         self._uniform = uniform
-        self._redundancy = redundancy
-        self._heard = 0
         self._rest = 0.0
         self._transmits = False
         self.interval = shortest
@@ -191,13 +182,9 @@ class TrickleTimer:
         """
         if self._transmits:
             self._transmits = False
-            return self._redundancy is None or self._heard < self._redundancy, self._rest
+            return True, self._rest
         self.interval = min(2.0 * self.interval, self._longest)
         return False, self._start()
-
-    def hear_consistent(self) -> None:
-        """Count a transmission of another node that agrees with what this one knows."""
-        self._heard += 1
 
     def reset(self) -> float | None:
         """Start the shortest interval because something is inconsistent, unless the timer is in one.
@@ -209,7 +196,6 @@ class TrickleTimer:
 
     def _start(self) -> float:
         """Begin an interval: transmit at a random time of its second half (t)."""
-        self._heard = 0
         until = 0.5 * self.interval * (1.0 + self._uniform())
         self._rest, self._transmits = self.interval - until, True
         return until
@@ -281,9 +267,7 @@ class RouteBeacons:
     def _set(self, node: int, sender: _BeaconSender, seconds: float) -> None:
         sender.epoch += 1
         timeout = self._env.timeout(self._clocks.lasts(node, seconds))
-        assert timeout.callbacks is not None, "a timeout has not passed yet"
-        due = partial(self._due, node, sender, sender.epoch)
-        timeout.callbacks.append(lambda _: due())
+        then(timeout, self._due, node, sender, sender.epoch)
 
     def _due(self, node: int, sender: _BeaconSender, epoch: int) -> None:
         if self._senders.get(node) is not sender or sender.epoch != epoch:

@@ -16,12 +16,12 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
+from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.models.low_power_listening import ContikiMac
 from wsnsim.network.radio.capture import HEADER_BITS
 from wsnsim.network.radio.lpl.radios import EXPECTS, NEVER, RECEIVES, ROUNDING, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import CopyCounts, CopyTrain, FrameCopy, RepeatingSender, Senders
-from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.mac_services import NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import OnEnd, Transmission
 
 NONE: Final = (np.zeros(0, dtype=np.int64), np.zeros(0), 0.0)
@@ -197,7 +197,7 @@ class PhaseLocks:
 
     def learn(self, node: int, to: int, start: float, period: float) -> None:
         """Note which copy a destination has acknowledged."""
-        self._known[node, to] = self._local(node, start), period
+        self._known[node, to] = self._clocks.local_time(node, start), period
 
     def forget(self, node: int, to: int) -> None:
         """Forget when a destination wakes: it did not answer."""
@@ -214,13 +214,10 @@ class PhaseLocks:
         if known is None:
             return None
         start, period = known
-        local = self._local(node, now)
+        local = self._clocks.local_time(node, now)
         turns = ceil((local + lead + period - start) / self._interval)
         expected = now + (start + turns * self._interval - local)
         return expected - period, expected
-
-    def _local(self, node: int, time: float) -> float:
-        return float(self._clocks.local_times(np.array([node]), time)[0])
 
 
 class ContikiMacMechanism:
@@ -241,7 +238,8 @@ class ContikiMacMechanism:
         self._senders = senders = Senders(mac, services, radios, self.channel, self)
         services.radio.log.code("no_channel")
         self._ack = services.radio.log.code("ack")
-        self.send, self.offer, self.use_short_interval = senders.send, senders.offer, radios.use_short_interval
+        self.send, self.offer, self.find_busy = senders.send, senders.offer, senders.back_off
+        self.use_short_interval = radios.use_short_interval
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: its frames are lost, and it forgets when others wake."""
@@ -261,21 +259,15 @@ class ContikiMacMechanism:
         self._ends[node] = wakes[1] + mac.period(sender.current.bits) + mac.guard
         return wakes[0] - early - self._env.now
 
-    def find_busy(self, sender: RepeatingSender) -> None:
-        """A sender that found the channel busy waits for a random time."""
-        self._senders.back_off(sender)
-
     def transmit(self, sender: RepeatingSender) -> None:
         """Begin with the copies of a frame."""
         copies = self._mac.copies(sender.current.bits)
-        self._start(sender, CopyTrain(copies, self._ends.pop(sender.node, np.inf), wakes=True))
+        sender.train = CopyTrain(copies, self._ends.pop(sender.node, np.inf), wakes=True)
+        self._copy(sender)
 
     def transmit_next(self, sender: RepeatingSender) -> None:
         """Begin with the copies of a frame for a destination that waits for it."""
-        self._start(sender, CopyTrain(AWAKE_COPIES, np.inf, wakes=False))
-
-    def _start(self, sender: RepeatingSender, train: CopyTrain) -> None:
-        sender.train = train
+        sender.train = CopyTrain(AWAKE_COPIES, np.inf, wakes=False)
         self._copy(sender)
 
     def _copy(self, sender: RepeatingSender) -> None:
@@ -324,8 +316,7 @@ class ContikiMacMechanism:
         self._radios.hold_until(node, RECEIVES, self._env.now + answer + more)
         if not self._nodes.alive[node]:
             return False
-        ack = MacFrame(sender.node, mac.ack_bits, 0, sent.frame.target, self._ack, SEND, sent.frame.sequence)
-        ack.owner = sender
+        ack = control_frame(sent.frame, sender.node, mac.ack_bits, self._ack, sender)
         return self._detects(sender.node, self._transmit(node, ack, self._ack_sent))
 
     def _detects(self, node: int, ack: Transmission) -> bool:
@@ -349,13 +340,10 @@ class ContikiMacMechanism:
                 self._locks.learn(sender.node, sent.source, train.start, self._mac.period(sender.current.bits))
             self._counts.count(sender.current, train)
             spacing = self._mac.spacing(sender.current.bits)
-            self._senders.after(sender, spacing, self._acknowledged)
+            self._senders.after(sender, spacing, self._senders.finish_awake)
         elif self._detects(sender.node, sent):
             self._counts.count(sender.current, train)
             self._senders.fail(sender)
-
-    def _acknowledged(self, sender: RepeatingSender) -> None:
-        self._senders.finish(sender, True, awake=True)
 
     def _end_without_answer(self, sender: RepeatingSender) -> None:
         """All copies have been sent: that was it for a broadcast; a destination that did not answer is not known."""

@@ -9,6 +9,8 @@ Source: Buettner and others (2006), section 3.3: a waiting sender backs off, and
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from wsnsim.base.frames import EVERYONE
 from wsnsim.models.low_power_listening import XMac
 from wsnsim.network.radio.channel import Channel
@@ -18,13 +20,11 @@ from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
 
 
+@dataclass(slots=True)
 class Waiting:
     """What a sender keeps that waits for an exchange of others to end. `direct`: its destination is awake."""
 
-    __slots__ = ("direct",)
-
-    def __init__(self) -> None:
-        self.direct = False
+    direct: bool = False
 
 
 class Overhearing:

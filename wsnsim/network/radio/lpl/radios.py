@@ -48,8 +48,8 @@ class LowPowerRadios:
         self._phases = interval * uniforms(derive_all(services.key("wake_up"), np.arange(size)), 0)
         self._on_since = np.full(size, NEVER)
         self._near_until = np.zeros(size)
-        self.on_hold: Callable[[int], float] = _never
-        self.on_release: Callable[[int], None] = _do_nothing
+        self.on_hold: Callable[[int], float] = lambda node: NEVER
+        self.on_release: Callable[[int], None] = lambda node: None
         self._reasons: dict[int, int] = {}
         self._held_from: dict[int, float] = {}
         self._busy: set[int] = set()
@@ -166,12 +166,3 @@ class LowPowerRadios:
         node: Any = timeout.value
         if 0.0 < self._near_until[node] <= self._env.now + ROUNDING and self._nodes.alive[node]:
             self._nodes.set_duty(node, 0)
-
-
-def _do_nothing(node: int) -> None:
-    """Do nothing: nobody wants to know when radios are turned off."""
-
-
-def _never(node: int) -> float:
-    """Return infinity: the radio is off."""
-    return NEVER

@@ -9,8 +9,8 @@ send its frame if the channel was free. X-MAC and ContikiMAC differ in what they
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -19,11 +19,10 @@ import simpy
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.base.medium_access import off_time
-from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.models.low_power_listening import ContikiMac, XMac
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.lpl.radios import SENDS, LowPowerRadios
-from wsnsim.network.radio.mac_services import NetworkMacServices, SenderQueues
+from wsnsim.network.radio.mac_services import FrameSender, NetworkMacServices, SenderQueues
 from wsnsim.network.radio.transmission import Transmission
 
 RESOLUTION: Final = 2.0**-53
@@ -48,6 +47,7 @@ class FrameCopy(MacFrame):
         self.original.note_arrival(now)
 
 
+@dataclass(slots=True, eq=False)
 class CopyTrain:
     """The copies of a frame in one try.
 
@@ -60,15 +60,12 @@ class CopyTrain:
         last: The last transmission; None before the first.
     """
 
-    __slots__ = ("last", "left", "reached", "start", "until", "wakes")
-
-    def __init__(self, left: int, until: float, wakes: bool) -> None:
-        self.left = left
-        self.until = until
-        self.wakes = wakes
-        self.start = 0.0
-        self.reached: set[int] = set()
-        self.last: Transmission | None = None
+    left: int
+    until: float
+    wakes: bool
+    start: float = 0.0
+    reached: set[int] = field(default_factory=set)
+    last: Transmission | None = None
 
     def received(self) -> Ints:
         """(n,) the nodes that received a copy, ascending."""
@@ -91,7 +88,8 @@ class CopyCounts:
             return
         counters, received = self._counters, train.received()
         if frame.to == EVERYONE:
-            self._links.count(sent, received)
+            if self._links is not None:
+                self._links.count(sent, received)
             meant = self._meant(sent)
         else:
             meant = np.array([frame.to] if self._nodes.alive[frame.to] else [], dtype=np.int64)
@@ -109,40 +107,19 @@ class CopyCounts:
         return neighbours.ids[reliable & self._nodes.hears(neighbours.ids, sent.start)]
 
 
-class RepeatingSender:
+@dataclass(slots=True, eq=False)
+class RepeatingSender(FrameSender):
     """A node with frames to send.
 
     Attributes:
-        node: The node.
-        queue: Frames that wait.
-        frame: The frame in progress, or None.
         attempts: How often the channel was busy for this frame since it was last sent.
-        received: Whether the destination has received the frame, even if its acknowledgement was lost.
-        stopped: Whether the node died or crashed.
         turn: Number of the action that the sender waits for: earlier ones are void.
-        state, step: Its random number generator, seeded for each step, and the step for which it is.
         train: What the protocol keeps while it sends the frame; None while the sender waits for the channel.
     """
 
-    __slots__ = ("attempts", "frame", "node", "queue", "received", "state", "step", "stopped", "train", "turn")
-
-    def __init__(self, node: int) -> None:
-        self.node = node
-        self.queue: deque[MacFrame] = deque()
-        self.frame: MacFrame | None = None
-        self.attempts = 0
-        self.received = False
-        self.stopped = False
-        self.turn = 0
-        self.state = 0
-        self.step = -1
-        self.train: Any = None
-
-    @property
-    def current(self) -> MacFrame:
-        """The frame in progress."""
-        assert self.frame is not None, "a sender that acts has a frame"
-        return self.frame
+    attempts: int = 0
+    turn: int = 0
+    train: Any = None
 
     @property
     def has_more(self) -> bool:
@@ -158,19 +135,16 @@ class SendingProtocol(Protocol):
 
     def delay(self, sender: RepeatingSender) -> float:
         """Seconds that a sender waits before it listens to the channel."""
-        ...
 
     def transmit(self, sender: RepeatingSender) -> None:
         """Send the frame: the channel is free, and the radio of the sender is on."""
-        ...
 
-    def find_busy(self, sender: RepeatingSender) -> None:
-        """Let a sender wait that found the channel busy; see `Senders.back_off`."""
-        ...
+    @property
+    def find_busy(self) -> Action:
+        """Lets a sender wait that found the channel busy; see `Senders.back_off`."""
 
     def transmit_next(self, sender: RepeatingSender) -> None:
         """Send a frame to a destination that is known to be awake: it has just received the one before."""
-        ...
 
 
 class Senders(SenderQueues[RepeatingSender]):
@@ -210,11 +184,7 @@ class Senders(SenderQueues[RepeatingSender]):
 
     def uniform(self, sender: RepeatingSender) -> float:
         """Return a random number in [0, 1) of a sender."""
-        if sender.step != self._log.step:
-            sender.step = self._log.step
-            sender.state = derive(self._key, sender.node, sender.step)
-        sender.state = (sender.state + GOLDEN) & MASK
-        return float((mix(sender.state) >> 11) * RESOLUTION)
+        return (sender.draw(self._key, self._log.step) >> 11) * RESOLUTION
 
     def after(self, sender: RepeatingSender, seconds: float, action: Action) -> None:
         """Call an action of a sender later, unless it has another one by then or its node goes down."""
@@ -314,6 +284,10 @@ class Senders(SenderQueues[RepeatingSender]):
             self._begin(sender)
         elif sender.frame is None:
             self._radios.end_sending(sender.node)
+
+    def finish_awake(self, sender: RepeatingSender) -> None:
+        """Report that a frame was acknowledged; its destination stays awake for the next one."""
+        self.finish(sender, True, awake=True)
 
     def _take(self, sender: RepeatingSender, frame: MacFrame | None) -> None:
         """Make a frame that of the sender, or none."""

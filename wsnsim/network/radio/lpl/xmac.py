@@ -10,19 +10,20 @@ networks", SenSys 2006. See `models.xmac.XMac` for what is ours.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
+from wsnsim.base.frames import EVERYONE, Received
 from wsnsim.base.medium_access import off_time
 from wsnsim.models.low_power_listening import XMac
 from wsnsim.network.radio.lpl.overhearing import Overhearing
 from wsnsim.network.radio.lpl.radios import EXPECTS, RECEIVES, ROUNDING, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import RepeatingSender, Senders
-from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.mac_services import NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import Transmission
 
 
@@ -79,13 +80,11 @@ class Countdowns:
         self._expected.pop(node, None)
 
 
+@dataclass(slots=True)
 class _Train:
     """The strobes of a frame under way. `left`: strobes that may still be sent."""
 
-    __slots__ = ("left",)
-
-    def __init__(self, left: int) -> None:
-        self.left = left
+    left: int
 
 
 class XMacMechanism:
@@ -108,6 +107,7 @@ class XMacMechanism:
         self._senders = senders = Senders(mac, services, radios, channel, self)
         self._countdowns = Countdowns(mac, services, radios)
         self._overhearing = Overhearing(mac, services, radios, channel, senders)
+        self.find_busy = self._overhearing.wait
         code = services.radio.log.code
         code("no_channel")
         self._strobe_code, self._early_ack, self._ack = code("strobe"), code("early_ack"), code("ack")
@@ -145,23 +145,19 @@ class XMacMechanism:
         sender.current.owner = sender
         self.channel.transmit(sender.node, sender.current, self._data_sent)
 
-    def find_busy(self, sender: RepeatingSender) -> None:
-        """A sender that found the channel busy listens for whom the strobes are."""
-        self._overhearing.wait(sender)
-
     def _strobe(self, sender: RepeatingSender) -> None:
         """Send the next strobe; after the last one, end the train."""
         train, frame = sender.train, sender.current
         if train.left == 0:
             if frame.to == EVERYONE:
-                self._send_broadcast(sender)
+                frame.owner = sender
+                self.channel.transmit(sender.node, frame, self._broadcast_sent)
             else:
                 self._senders.fail(sender)
             return
         train.left -= 1
         self._nodes.begin_sending(sender.node)  # its schedule may end during a long train
-        strobe = MacFrame(frame.to, self._mac.strobe_bits, 0, frame.target, self._strobe_code, SEND, frame.sequence)
-        strobe.owner = sender
+        strobe = control_frame(frame, frame.to, self._mac.strobe_bits, self._strobe_code, sender)
         self.channel.transmit(sender.node, strobe, self._strobe_sent)
 
     def _strobe_sent(self, sent: Transmission, received: Received) -> None:
@@ -190,8 +186,7 @@ class XMacMechanism:
         self._radios.hold_until(node, RECEIVES, now + answer + mac.turnaround, since=now)
         if not self._nodes.alive[node]:
             return False
-        ack = MacFrame(sender.node, mac.ack_bits, 0, sent.frame.target, self._early_ack, SEND, sent.frame.sequence)
-        ack.owner = sender
+        ack = control_frame(sent.frame, sender.node, mac.ack_bits, self._early_ack, sender)
         self.channel.transmit(node, ack, self._early_ack_sent)
         return True
 
@@ -218,8 +213,7 @@ class XMacMechanism:
         if received and self._nodes.alive[node] and not self.channel.is_sending(node):
             self._radios.hold_until(node, RECEIVES, self._env.now + mac.linger)
             if self._nodes.alive[node]:
-                ack = MacFrame(sent.source, mac.ack_bits, 0, sent.frame.target, self._ack, SEND, sent.frame.sequence)
-                ack.owner = sender
+                ack = control_frame(sent.frame, sent.source, mac.ack_bits, self._ack, sender)
                 self.channel.transmit(node, ack, self._ack_sent)
                 return
         if not sender.stopped:
@@ -230,13 +224,10 @@ class XMacMechanism:
         sender: RepeatingSender = sent.frame.owner
         if not sender.stopped:
             if received:
-                self._senders.after(sender, self._mac.spacing(sender.current.bits), self._acknowledged)
+                self._senders.after(sender, self._mac.spacing(sender.current.bits), self._senders.finish_awake)
             else:
                 self._senders.after(sender, self._rest, self._senders.fail)
         self._overhearing.note_acknowledgement(sent)
-
-    def _acknowledged(self, sender: RepeatingSender) -> None:
-        self._senders.finish(sender, True, awake=True)
 
     def _expect(self, sender: RepeatingSender, sent: Transmission, received: Ints) -> None:
         """Nodes that heard a strobe of a broadcast know when it follows, and turn the radio off until then."""
@@ -244,10 +235,6 @@ class XMacMechanism:
         if received.size and not sender.stopped:
             mac = self._mac
             self._countdowns.hear(sent.source, received, sender.train.left * mac.period + mac.gap - mac.turnaround)
-
-    def _send_broadcast(self, sender: RepeatingSender) -> None:
-        sender.current.owner = sender
-        self.channel.transmit(sender.node, sender.current, self._broadcast_sent)
 
     def _broadcast_sent(self, sent: Transmission, received: Received) -> None:
         """A broadcast has ended: the radios that were on for it turn off."""

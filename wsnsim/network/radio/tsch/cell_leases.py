@@ -216,7 +216,7 @@ class CellLeases:
             ):
                 self._share((pair[0], frame) for frame in frames)
                 continue
-            line = self._lines[pair] = Line(pair[0], own, last)
+            line = self._lines[pair] = Line(pair[0], cells=own, last=last)
             line.on_end = lambda line=line, to=pair[1]: self._end(line, to)  # type: ignore[misc]
             for frame in frames:
                 self._exchanges.enqueue(line, frame)

@@ -10,56 +10,43 @@ Source: IEEE 802.15.4-2015, 6.2.5.3 (back-off in shared cells) and 6.5.4.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 import simpy
 
-from wsnsim.base.frames import EVERYONE, SEND, MacFrame, Received
-from wsnsim.base.rng import GOLDEN, MASK, derive, mix
+from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.models.tsch import Tsch
 from wsnsim.network.radio.channel import Channel
-from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.mac_services import FrameSender, NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import Transmission
 from wsnsim.network.radio.tsch.slots import ROUNDING, ListeningTime, SlotRadios, Slots
 
 
-class Line:
+@dataclass(slots=True, eq=False)
+class Line(FrameSender):
     """Frames of one node that are sent in the same cells.
 
+    It is stopped, too, if its node lost the time, or its cells were taken back.
+
     Attributes:
-        node: The sender.
         cells: {slot: channel offset} the cells; None: the shared ones.
         last: The last ASN of the cells.
-        queue: Frames that wait.
-        frame: The frame in progress, or None.
-        asn: The slot in which it is sent next, or was last.
+        asn: The slot in which the frame is sent next, or was last.
         exponent: Back-off exponent (BE).
-        received: Whether the destination has received the frame, even if its acknowledgement was lost.
-        state, step: State of the random numbers, and the step for which they are seeded.
-        stopped: Whether the line has ended: its node is down or lost the time, or its cells were taken back.
         on_end: Called when the last frame of the line was acknowledged.
     """
 
-    __slots__ = (
-        "asn", "cells", "exponent", "frame", "last", "node", "on_end", "queue", "received", "slots", "state", "step",
-        "stopped",
-    )  # fmt: skip
+    cells: dict[int, int] | None = None
+    last: int = 0
+    asn: int = -1
+    exponent: int = 0
+    on_end: Callable[[], None] = lambda: None
+    slots: list[int] = field(init=False)
 
-    def __init__(self, node: int, cells: dict[int, int] | None = None, last: int = 0) -> None:
-        self.node = node
-        self.cells = cells
-        self.slots = sorted(cells or ())
-        self.last = last
-        self.queue: deque[MacFrame] = deque()
-        self.frame: MacFrame | None = None
-        self.asn = -1
-        self.exponent = 0
-        self.received = False
-        self.state, self.step = 0, -1
-        self.stopped = False
-        self.on_end: Callable[[], None] = _do_nothing
+    def __post_init__(self) -> None:
+        self.slots = sorted(self.cells or ())
 
     def waiting(self) -> list[MacFrame]:
         """The frames of the line, the one in progress first."""
@@ -97,9 +84,9 @@ class Exchanges:
         self._channels: dict[int, Channel] = {}
         self._busy: dict[int, int] = {}
         """{node: lines with a frame in progress}"""
-        self.on_frame: Callable[[Transmission, Received], None] = _do_nothing
-        self.on_answer: Callable[[int, int], None] = _do_nothing
-        self.on_expiry: Callable[[Line], None] = _do_nothing
+        self.on_frame: Callable[[Transmission, Received], None] = lambda *_: None
+        self.on_answer: Callable[[int, int], None] = lambda *_: None
+        self.on_expiry: Callable[[Line], None] = lambda *_: None
 
     def enqueue(self, line: Line, frame: MacFrame, first: bool = False) -> None:
         """Queue a frame at the end of a line, or before the frames that wait."""
@@ -219,8 +206,7 @@ class Exchanges:
         if not self._nodes.alive[frame.to]:
             self._await_in_vain(line)
             return
-        ack = MacFrame(transmission.source, self._mac.ack_bits, 0, frame.target, self._ack, SEND, frame.sequence)
-        ack.owner = line
+        ack = control_frame(frame, transmission.source, self._mac.ack_bits, self._ack, line)
         self._channel(self._channel_of(line)).transmit(frame.to, ack, self._answered)
 
     def _answered(self, transmission: Transmission, received: Received) -> None:
@@ -264,17 +250,12 @@ class Exchanges:
 
     def _draw(self, line: Line) -> int:
         """The number of shared cells that a line skips: uniform, below 2^BE."""
-        if line.step != self._log.step:
-            line.step = self._log.step
-            line.state = derive(self._key, line.node, line.step)
-        line.state = (line.state + GOLDEN) & MASK
-        return mix(line.state) >> (64 - line.exponent) if line.exponent else 0
+        number = line.draw(self._key, self._log.step)
+        return number >> (64 - line.exponent) if line.exponent else 0
 
     def _finish(self, line: Line, received: Received | None) -> None:
         """Report the result of a frame; the next one of its line follows."""
-        frame = line.frame
-        assert frame is not None, "a line finishes the frame that it has begun"
-        line.frame = None
+        frame, line.frame = line.current, None
         frame.finish(received)
         if line.cells is not None and received and line.queue:  # A frame says whether more are pending.
             line.last = max(line.last, line.asn + self._mac.lease * self._mac.slotframe)
@@ -283,7 +264,3 @@ class Exchanges:
         elif line.frame is None and not line.stopped and line.cells is not None and received:
             line.on_end()
         self._release(line.node)
-
-
-def _do_nothing(*ignored: object) -> None:
-    """Take what nobody waits for."""

@@ -39,7 +39,7 @@ class Slots:
 
     def local(self, node: int, time: float) -> float:
         """What the clock of a node shows at a time, in s."""
-        return float(self._clocks.local_times(np.array([node]), time)[0]) if not self._clocks.perfect else time
+        return self._clocks.local_time(node, time)
 
     def current(self, node: int, time: float) -> int:
         """The ASN of a node's slot at a time."""

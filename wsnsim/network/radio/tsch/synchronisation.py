@@ -49,35 +49,24 @@ AGAIN: Final = 0.2
 BEACONS, SCANS, RATES = 0, 1, 2
 
 
-class _Beacon(MacFrame):
-    """An enhanced beacon. `hops` of its sender to the coordinator are written into it when it is queued."""
+class _SyncFrame(MacFrame):
+    """An enhanced beacon, or an empty frame to the time parent of a node; `on_end` gets its result.
+
+    `hops` of its sender to the coordinator are written into a beacon when it is queued.
+    """
 
     __slots__ = ("_on_end", "hops")
 
-    def __init__(self, bits: int, code: int, hops: int, on_end: Callable[[], None]) -> None:
-        super().__init__(EVERYONE, bits, packets=0, code=code)
+    def __init__(
+        self, to: int, bits: int, code: int, on_end: Callable[[Received | None], None], hops: int = 0
+    ) -> None:  # fmt: skip
+        super().__init__(to, bits, packets=0, code=code)
         self.hops = hops
         self._on_end = on_end
 
     def finish(self, received: Received | None) -> None:
-        """Say that it was sent, or never will be."""
-        self._on_end()
-
-
-class _KeepAlive(MacFrame):
-    """An empty frame to the time parent of a node."""
-
-    __slots__ = ("_node", "_sync")
-
-    def __init__(self, sync: Synchronisation, node: int, to: int, bits: int, code: int) -> None:
-        super().__init__(to, bits, packets=0, code=code)
-        self._node, self._sync = node, sync
-
-    def finish(self, received: Received | None) -> None:
-        """Forget a time parent that does not answer; `received` is None if the node is down."""
-        if received is False:
-            self._sync.drop_parent(self._node, self.to)
-        self._sync.asked.discard(self._node)
+        """Take the result: whether it was received, or None if it was not sent."""
+        self._on_end(received)
 
 
 class Synchronisation:
@@ -189,7 +178,6 @@ class Synchronisation:
 
     def _call(self, seconds: float, node: int, action: Any) -> None:
         timeout = self._env.timeout(seconds, node)
-        assert timeout.callbacks is not None
         timeout.callbacks.append(action)
 
     def _count_hops(self, size: int) -> Ints:
@@ -226,8 +214,8 @@ class Synchronisation:
         may_send = self._services.is_awake(node) and not self._radios.is_scanning(node) and node not in self._beaconing
         if may_send and self._hops[node] < FARTHEST:
             self._beaconing.add(node)
-            ended = partial(self._beaconing.discard, node)
-            frame = _Beacon(self._mac.bits(8 * self._mac.eb_bytes), self._beacon, int(self._hops[node]), ended)
+            bits, hops = self._mac.bits(8 * self._mac.eb_bytes), int(self._hops[node])
+            frame = _SyncFrame(EVERYONE, bits, self._beacon, lambda _: self._beaconing.discard(node), hops)
             self._exchanges.enqueue(self._leases.shared_line(node), frame, first=True)
 
     def _ask(self, timeout: simpy.Event) -> None:
@@ -253,8 +241,14 @@ class Synchronisation:
         parent = int(self._parents[node])
         if parent != NOBODY and self._services.is_awake(parent):
             self.asked.add(node)
-            frame = _KeepAlive(self, node, parent, self._mac.bits(0), self._keep_alive)
+            frame = _SyncFrame(parent, self._mac.bits(0), self._keep_alive, partial(self._note_answer, node, parent))
             self._exchanges.enqueue(self._leases.shared_line(node), frame, first=True)
+
+    def _note_answer(self, node: int, parent: int, received: Received | None) -> None:
+        """Note whether a time parent has answered; None: the node is down."""
+        if received is False:
+            self.drop_parent(node, parent)
+        self.asked.discard(node)
 
     def _on_frame(self, sent: Transmission, received: Received) -> None:
         """Correct the nodes that received a frame from their time parent; learn from a beacon."""
@@ -263,7 +257,7 @@ class Synchronisation:
             if received:
                 self._correct(frame.to, source)
             return
-        if isinstance(frame, _Beacon):
+        if isinstance(frame, _SyncFrame):
             for node in received.tolist():
                 self._learn(node, source, frame.hops)
         for node in received.tolist():
