@@ -175,7 +175,8 @@ def kind_info(role: str, kind: str) -> KindInfo:
     return KindInfo(
         role=role, kind=kind, purpose=known.purpose, idea=idea, paper=row.paper,
         method=(summary, *method), notes=notes, citations=tuple(cited_in(text)),
-        parameters=tuple(_parameters(part, role)), facts=tuple(_facts(part, row.state, row.messages)),
+        parameters=(*parameters_of(part), *(assumptions() if role == "tracker" else ())),
+        facts=tuple(_facts(part, row.state, row.messages)),
         import_line=_import_line(role, row, part), example=example_of(known, kind, tuple(_required(part))),
         default=kind == known.default, plugin=row.plugin,
     )  # fmt: skip
@@ -250,9 +251,3 @@ def _required(part: type[Any]) -> Iterator[str]:
     for field in dataclasses.fields(part):
         if field.init and has_no_default(field):
             yield field.name
-
-
-def _parameters(part: type[Any], role: str) -> Iterator[ParameterInfo]:
-    yield from parameters_of(part)
-    if role == "tracker":
-        yield from assumptions()

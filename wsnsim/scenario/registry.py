@@ -268,8 +268,7 @@ def demand_class(role: str, kind: str, plugins: Plugins, folder: Path, of_file: 
     Raises:
         PluginRefused: the text may not name it.
         LookupError: there is no such kind.
-        ImportError: it cannot be imported, or another module of the same name would be than that beside the text,
-            which is `of_file`.
+        ImportError: it cannot be imported, or another module would be than that beside the text (`of_file`).
     """
     needed, module = _needed(role, kind)
     if needed > plugins:

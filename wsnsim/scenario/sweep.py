@@ -60,7 +60,7 @@ from wsnsim.scenario.texts import (
     find_sweep,
     in_order,
 )
-from wsnsim.scenario.tracker_choices import TrackerChoice, choices_of, tracker_choices, with_trackers
+from wsnsim.scenario.tracker_choices import choices_of, with_trackers
 
 KEPT: Final = ("runs", "tracks")
 """The tables that a campaign records by default."""
@@ -119,7 +119,7 @@ def load_sweep(
     settings = combined(tree, written, found)
     names: list[PointName] | None = None
     with found.collected():
-        settings, names = with_trackers(_choices(trackers), settings)
+        settings, names = with_trackers(choices_of(trackers or ()), settings)
         demand_few(len(bases) * len(settings), tree)
         demand_no_axis(assignments, settings)
         points = points_of(bases, common, settings, names)
@@ -128,7 +128,8 @@ def load_sweep(
     most = written.until.at_most if written.until else written.replicates
     if most is None:
         most = max(json.loads(point.resolved)["replicates"] for point in points)
-    _demand_few_runs(tree, len(points) * most)
+    if (runs := len(points) * most) > MOST_RUNS:
+        raise ScenarioError([tree.spot.issue((), f"makes {runs:,} runs; at most {MOST_RUNS:,} are allowed")])
     return Plan(
         name=written.name or name,
         keys=keys_of_points(points),
@@ -139,12 +140,6 @@ def load_sweep(
         timeout=written.timeout,
         source=text,
     )
-
-
-def _choices(trackers: str | Sequence[Any] | Mapping[str, Any] | None) -> list[TrackerChoice]:
-    if not trackers:
-        return []
-    return tracker_choices(trackers) if isinstance(trackers, str) else choices_of(trackers)
 
 
 def _own_scenario(source: Any) -> ScenarioText | None:
@@ -285,8 +280,3 @@ def _with_given(tree: LocatedValue, given: Mapping[str, Any], name: str) -> Loca
 
 def _record(spot: Spot) -> list[Assignment]:
     return [(("record", table), LocatedValue(table in KEPT, spot)) for table in TABLES]
-
-
-def _demand_few_runs(tree: LocatedValue, runs: int) -> None:
-    if runs > MOST_RUNS:
-        raise ScenarioError([tree.spot.issue((), f"makes {runs:,} runs; at most {MOST_RUNS:,} are allowed")])

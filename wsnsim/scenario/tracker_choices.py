@@ -68,12 +68,14 @@ def tracker_choices(text: str) -> list[TrackerChoice]:
     return [_choice(text, kind, parameters) for kind, parameters in groups]
 
 
-def choices_of(trackers: Sequence[Any] | Mapping[str, Any]) -> list[TrackerChoice]:
-    """Return the trackers that a caller gives in Python: texts, components and mappings, or a mapping by their names.
+def choices_of(trackers: str | Sequence[Any] | Mapping[str, Any]) -> list[TrackerChoice]:
+    """Return the trackers of a text, or those that a caller gives in Python: texts, components, mappings, by name.
 
     Raises:
         ScenarioError: one of them is no tracker.
     """
+    if isinstance(trackers, str):
+        return tracker_choices(trackers)
     named = list(trackers.items()) if isinstance(trackers, Mapping) else [("", tracker) for tracker in trackers]
     found: list[TrackerChoice] = []
     for number, (name, tracker) in enumerate(named):
