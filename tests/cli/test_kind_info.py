@@ -245,3 +245,8 @@ def test_citations_are_found_in_every_form_in_which_the_code_cites() -> None:
 ])  # fmt: skip
 def test_keys_at_the_top_and_dotted_keys_are_described(word, shown):
     assert shown in word_text(word)
+
+
+def test_a_path_after_a_role_is_an_unknown_kind(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", "tracker", "x.yaml"]) == 2
+    assert "unknown tracker 'x.yaml'" in capsys.readouterr().err

@@ -265,7 +265,9 @@ def _followed(facts: ResultFacts, crlb: float) -> str:
     lost, (name, value) = int(facts.ever_lost.sum()), _error(facts)
     error = f"a {name} of {figure(value)} {facts.unit}".rstrip()
     if 0 < lost < facts.count:
-        error += f" ({figure(_error_of_all(facts))} {facts.unit}".rstrip() + " over all runs)"
+        errors = facts.recorded.errors
+        every = time_averaged_rmse(errors) if errors.size else metrics.median_error(facts.column("rmse"))
+        error += f" ({figure(every)} {facts.unit}".rstrip() + " over all runs)"
     measured = facts.tracked_shares.any()
     judged = measured and math.isfinite(crlb) and crlb > 0.0 and (2 * lost <= facts.count or lost == facts.count)
     if judged:
@@ -337,13 +339,6 @@ def _middle_of_kept(facts: ResultFacts) -> float:
     lost = facts.ever_lost
     kept = facts.column("rmse")[~lost] if lost.any() and not lost.all() else facts.column("rmse")
     return metrics.median_error(kept)
-
-
-def _error_of_all(facts: ResultFacts) -> float:
-    """The error over all runs, those in which a track was lost included."""
-    if facts.recorded.errors.size:
-        return time_averaged_rmse(facts.recorded.errors)
-    return metrics.median_error(facts.column("rmse"))
 
 
 def _ratio(value: float) -> str:

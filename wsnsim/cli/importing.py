@@ -166,8 +166,7 @@ def _format(kind: str) -> TraceFormat:
     """The module of a format."""
     from wsnsim.interop import ns3, sumo
 
-    formats: dict[str, TraceFormat] = {"ns3": ns3, "sumo": sumo}
-    return formats[kind]
+    return ns3 if kind == "ns3" else sumo
 
 
 def _placement(options: dict[str, Any], as_scenario: bool) -> Placement:
