@@ -58,7 +58,7 @@ def test_readings_are_counted_without_a_network_by_declaration(form):
             yield request
         return Estimate(np.zeros(4), np.eye(4))
 
-    perform(flow(), members, 0, costs.carry, costs.before, lambda asked, got: costs.after(asked, got, members))
+    perform(flow(), members, 0, answer_of=costs.answer)
     assert costs.readings == count and request.parcel_of is parcel_of
 
 
@@ -88,7 +88,7 @@ def test_readings_that_come_as_arrays_are_counted_without_a_network():
     def flow():
         yield GatherReadings()
 
-    perform(flow(), members, 0, costs.carry, costs.before, None, costs.answer)
+    perform(flow(), members, 0, answer_of=costs.answer)
     assert (costs.readings, costs.frames, costs.packets) == (3, 2, 2)
 
 
@@ -115,5 +115,5 @@ def test_members_that_only_decide_and_send_nothing_have_no_reading_in_the_estima
     def flow():
         yield local
 
-    perform(flow(), members, 0, costs.carry, costs.before, lambda asked, got: costs.after(asked, got, members))
+    perform(flow(), members, 0, answer_of=costs.answer)
     assert costs.readings == count

@@ -17,7 +17,7 @@ from wsnsim.models.mobility import CoordinatedTurn
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy, Coordinate
-from wsnsim.offline.loopback import perfect, perform, silent
+from wsnsim.offline.loopback import answer_to, perfect, perform, silent
 from wsnsim.testing import Table, check_tracker
 from wsnsim.testing.table import FIRST
 from wsnsim.trackers import information_driven
@@ -63,7 +63,13 @@ class Network:
     def run(self, flow, silent_log=False, lose=None):
         seen = []
         options = {} if lose is None else {"lose": lose}
-        self.belief = perform(flow, self.members, FIRST[0], after=lambda r, a: seen.append((r, a)), **options)
+
+        def noted(request, *others):
+            answer = answer_to(request, *others)
+            seen.append((request, answer))
+            return answer
+
+        self.belief = perform(flow, self.members, FIRST[0], answer_of=noted, **options)
         self.requests = [] if silent_log else seen
         return self.belief
 

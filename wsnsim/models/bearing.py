@@ -22,12 +22,11 @@ from wsnsim.base.arrays import Bools, Floats, Ints, Reading, planar
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models.bounds import LENGTH
+from wsnsim.models.bounds import LENGTH, LOG_TWO_PI
 from wsnsim.models.ranging import REACH, reach_issues
 from wsnsim.models.sensing import OfPosition, coordinates, fisher
 
 TURN: Final = 2.0 * math.pi
-LOG_TWO_PI: Final = math.log(TURN)
 HEADING: Final = "heading"
 """The trait of a node that is the direction of its own axis in rad, anticlockwise from the x-axis."""
 ANGLE_ERROR: Final = Quantity("rad", ge=1e-6, le=0.5)

@@ -15,6 +15,7 @@ from wsnsim.base.errors import RunError
 from wsnsim.base.part import Quantity
 from wsnsim.base.rng import normals
 
+LOG_TWO_PI: Final = math.log(2.0 * math.pi)
 MOST_NODES: Final = 10_000_000
 LENGTH: Final = Quantity("m", ge=1e-3, le=1e7)
 """A side of the field, or a range."""

@@ -17,13 +17,12 @@ from wsnsim.base.arrays import Floats, Keys, stateful
 from wsnsim.base.errors import RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.rng import normals
-from wsnsim.models.bounds import PLACE, STATE
+from wsnsim.models.bounds import LOG_TWO_PI, PLACE, STATE
 from wsnsim.models.linear import LinearProcess, mean_reverting, near_constant_velocity
 from wsnsim.models.motion import FARTHEST, InPlane
 
 SMALL = 1e-4
 """rad: below this angle a series is used, since the quotient loses digits."""
-LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
 @part

@@ -16,7 +16,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Ints, planar
 from wsnsim.base.part import Quantity, part
 from wsnsim.kernels import acoustic as kernels
-from wsnsim.models.bounds import LENGTH, POWER_OF_SOUND
+from wsnsim.models.bounds import LENGTH, LOG_TWO_PI, POWER_OF_SOUND
 
 LEAST_DISTANCE = 1.0
 """m: shorter distances are taken as this, since d^-α is unbounded (our choice)."""
@@ -186,9 +186,6 @@ class OfPosition:
     def assumed(self, gains: str, inflate: bool) -> Any:
         """The sensor itself: it has no gains that a filter might not know."""
         return self
-
-
-LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
 @part

@@ -22,9 +22,8 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Flow, Send
 from wsnsim.trackers.shared.moments import symmetric
-from wsnsim.trackers.shared.readings import Evidence, parcel
+from wsnsim.trackers.shared.readings import Evidence, parcel, weight_packets
 
-NUMBERS_A_PACKET = 4
 SMALLEST = 1e-10
 """Of the greatest eigenvalue of the state's covariance: smaller ones count as zero in its inverse (our choice)."""
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
@@ -144,7 +143,7 @@ def gains_before(gains: Gains, scene: Scene, mean: Floats) -> Gains:
 def gain_packets(count: int, columns: int) -> int:
     """Packets of `count` gains beside a state of D columns: nodes, means, covariances and those with the state."""
     numbers = count * (2 + columns) + count * (count + 1) // 2
-    return -(-numbers // NUMBERS_A_PACKET)
+    return weight_packets(numbers)
 
 
 def send_gains(gains: Gains, scene: Scene, successor: int) -> Flow[Gains | None]:

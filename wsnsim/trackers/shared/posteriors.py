@@ -11,9 +11,8 @@ depends on the position alone, so that the other columns follow by their regress
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import lru_cache
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -22,9 +21,8 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.sensing import informations
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.trackers.shared.stacks import Score
 
-Score: TypeAlias = Callable[[Floats], Floats]
-Information: TypeAlias = Callable[[Floats], Floats]
 ITERATIONS: Final = 20
 """At most, of Fisher scoring."""
 NEAR: Final = 0.7
@@ -111,7 +109,7 @@ def is_wide(spread: Floats, at: Floats, positions: Floats) -> bool:
     return bool(np.trace(spread) > at.size * WIDE**2 * squares.mean())
 
 
-def _mode(score: Score, information: Information, start: Floats) -> Moments:
+def _mode(score: Score, information: Score, start: Floats) -> Moments:
     """A point near the mode, and the root of the inverse information there or a last short step before."""
     point, size = start, start.size
     for _ in range(ITERATIONS):

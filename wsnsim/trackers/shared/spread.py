@@ -54,17 +54,10 @@ from wsnsim.trackers.shared.stacks import (
     snapshot,
 )
 
+Energies: TypeAlias = tuple[Floats, Floats, Floats, tuple[float, float, float, float, float]]
+"""Readings (M,) of an energy, one a member, positions (M, 2) and gains (M,) of the sensors, and their law.
 
-class Energies(NamedTuple):
-    """Readings (M,) of an energy, one a member, with the positions (M, 2) and gains (M,) of the sensors and their law.
-
-    The law is that of `kernels.acoustic`.
-    """
-
-    readings: Floats
-    positions: Floats
-    gains: Floats
-    law: tuple[float, float, float, float, float]
+The law is that of `kernels.acoustic`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +91,7 @@ class OwnReadings:
             return None
         seen = self.evidence
         law, gains = cast(MeasuresEnergy, self.sensor).energy_law(seen.traits)
-        return Energies(seen.readings, np.ascontiguousarray(seen.positions), gains, law)
+        return seen.readings, np.ascontiguousarray(seen.positions), gains, law
 
     def among(self, rows: Ints) -> OwnReadings:
         """The likelihood of some of the members."""
