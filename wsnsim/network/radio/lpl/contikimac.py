@@ -77,7 +77,7 @@ class ChannelChecks:
             self._awake_from[ids] = times - self._mac.cca
 
     def _end_wake_up(self, node: int) -> float:
-        """A node begins to send in its wake-up, and pays until now. Return since when it has been on; infinity: it is off."""
+        """A node begins to send in its wake-up, and pays until now. Return since when it is on; infinity: it is off."""
         since = float(self._awake_from[node])
         if since + self._mac.cca > self._env.now:
             return NEVER
