@@ -146,7 +146,7 @@ class SiteServices(NetworkServices):
         log.add(event(self.now, log.step, self._target, node, KIND[kind], log.code(what), joules=joules, cause=cause))
 
 
-class Outage:
+class OutageMechanism:
     """The nodes are down for the duration; a `restart` ends what other faults do to them, too."""
 
     def __init__(self, fault: Any, services: FaultServices) -> None:
@@ -163,7 +163,7 @@ class Outage:
         self._services.bring_up()
 
 
-class Drain:
+class DrainMechanism:
     """Nodes lose energy: `joules`, or a `share` of what is left; nodes that are down lose none (our choice)."""
 
     def __init__(self, fault: Any, services: FaultServices) -> None:
@@ -189,7 +189,7 @@ class Drain:
         return self._services.residual_energy(node) * self._share if self._share < 1.0 else np.inf
 
 
-class Lasting:
+class LastingMechanism:
     """A change to the nodes that is undone after the duration. Both are logged."""
 
     def __init__(self, fault: Any, services: FaultServices) -> None:

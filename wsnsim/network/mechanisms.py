@@ -83,7 +83,7 @@ class NoSyncMechanism:
         return False
 
 
-class Role(NamedTuple):
+class MechanismRole(NamedTuple):
     """A role of components that act in simulated time.
 
     Attributes:
@@ -101,7 +101,7 @@ class Role(NamedTuple):
 
 LASTING: Final = ("blackout", "link_loss", "clock_step", "stuck", "bias")
 ROLES: Final = {
-    "mac": Role(StartsMac, ("send", "offer", "silence"), {
+    "mac": MechanismRole(StartsMac, ("send", "offer", "silence"), {
         "ideal": "radio.ideal_medium:IdealMechanism",
         "csma": "radio.csma:CsmaMechanism",
         "tdma": "radio.tdma:TdmaMechanism",
@@ -109,20 +109,20 @@ ROLES: Final = {
         "contikimac": "radio.lpl.contikimac:ContikiMacMechanism",
         "tsch": "radio.tsch.tsch_mechanism:TschMechanism",
     }),
-    "sync": Role(StartsSync, ("begin", "forget", "is_synchronised"), {
+    "sync": MechanismRole(StartsSync, ("begin", "forget", "is_synchronised"), {
         "none": "mechanisms:NoSyncMechanism",
         "ftsp": "ftsp:FtspMechanism",
     }),
-    "faults": Role(StartsFault, ("begin", "end"), {
-        "crash": "faults:Outage", "restart": "faults:Outage", "drain": "faults:Drain",
-        **dict.fromkeys(LASTING, "faults:Lasting"),
+    "faults": MechanismRole(StartsFault, ("begin", "end"), {
+        "crash": "faults:OutageMechanism", "restart": "faults:OutageMechanism", "drain": "faults:DrainMechanism",
+        **dict.fromkeys(LASTING, "faults:LastingMechanism"),
     }),
-    "wakeup": Role(StartsWakeUp, ("begin",), {
+    "wakeup": MechanismRole(StartsWakeUp, ("begin",), {
         "flood": "clusters.wake_up_service:RegionWakeUp",
         "region": "clusters.wake_up_service:RegionWakeUp",
         "invite": "clusters.wake_up_service:InvitationWakeUp",
     }, ("none",)),
-    "workload": Role(StartsWorkload, ("begin",), {
+    "workload": MechanismRole(StartsWorkload, ("begin",), {
         "beacons": "workload_world:Beacons",
         "collection": "workload_world:CollectionReports",
     }, ("tracking",)),

@@ -3,14 +3,13 @@
 A sender that knows when its destination wakes (`PhaseLocks`) begins shortly before. A broadcast is repeated for a
 whole interval. How nodes wake up is in `ChannelChecks`.
 
-Source: Dunkels (2011), "The ContikiMAC radio duty cycling protocol", SICS T2011:13. See
-`models.contikimac.ContikiMac` for what is ours.
+Source: Dunkels (2011), "The ContikiMAC radio duty cycling protocol", SICS T2011:13. `ContikiMac` says what is ours.
 """
 
 from __future__ import annotations
 
 from math import ceil
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import simpy
@@ -43,8 +42,7 @@ class ChannelChecks:
     channel is busy for longer than the longest frame, or silent for longer than the gap between copies, or what follows
     the silence is not for the node.
 
-    Source: Dunkels (2011), "The ContikiMAC radio duty cycling protocol", SICS T2011:13, section 2.2 and figures 3 and
-    4.
+    Source: Dunkels (2011), SICS T2011:13, section 2.2 and figures 3 and 4.
     """
 
     def __init__(self, mac: ContikiMac, services: NetworkMacServices, radios: LowPowerRadios) -> None:
@@ -79,10 +77,7 @@ class ChannelChecks:
             self._awake_from[ids] = times - self._mac.cca
 
     def _end_wake_up(self, node: int) -> float:
-        """A node that hears a transmission in its wake-up begins to send: it pays until now; since when it has been on.
-
-        Infinity if its radio is off.
-        """
+        """A node begins to send in its wake-up, and pays until now. Return since when it is on; infinity: it is off."""
         since = float(self._awake_from[node])
         if since + self._mac.cca > self._env.now:
             return NEVER
@@ -146,8 +141,7 @@ class ChannelChecks:
         waiting = [node for node in self._busy_until if node in sent.neighbours.sensing]
         silent = [node for node in waiting if not self._sleeps(node, sent)]
         if silent:
-            wait = self._mac.frame_gap + self._mac.cca
-            self._env.timeout(wait, silent).callbacks.append(self._check_silence)
+            self._env.timeout(self._mac.frame_gap + self._mac.cca, silent).callbacks.append(self._check_silence)
 
     def _sleeps(self, node: int, sent: Transmission) -> bool:
         """Whether a waiting node turns the radio off at the end of a transmission that it heard."""
@@ -161,8 +155,7 @@ class ChannelChecks:
 
     def _check_silence(self, timeout: simpy.Event) -> None:
         """Nodes that have heard nothing for longer than the gap between two copies turn the radio off."""
-        nodes: Any = timeout.value
-        for node in nodes:
+        for node in timeout.value or ():
             if self._busy_until.get(node, NEVER) <= self._env.now:
                 self._let_sleep(node)
 
@@ -205,8 +198,7 @@ class PhaseLocks:
 
     def forget_all(self, node: int) -> None:
         """Forget what a node knows: it crashed."""
-        for pair in [pair for pair in self._known if pair[0] == node]:
-            del self._known[pair]
+        self._known = {pair: known for pair, known in self._known.items() if pair[0] != node}
 
     def next(self, node: int, to: int, now: float, lead: float) -> tuple[float, float] | None:
         """Return between which times (s) a destination wakes next, the first of them at least `lead` after now."""
@@ -261,8 +253,8 @@ class ContikiMacMechanism:
 
     def transmit(self, sender: RepeatingSender) -> None:
         """Begin with the copies of a frame."""
-        copies = self._mac.copies(sender.current.bits)
-        sender.train = CopyTrain(copies, self._ends.pop(sender.node, np.inf), wakes=True)
+        until = self._ends.pop(sender.node, np.inf)
+        sender.train = CopyTrain(self._mac.copies(sender.current.bits), until, wakes=True)
         self._copy(sender)
 
     def transmit_next(self, sender: RepeatingSender) -> None:
@@ -339,8 +331,7 @@ class ContikiMacMechanism:
             if train.wakes:
                 self._locks.learn(sender.node, sent.source, train.start, self._mac.period(sender.current.bits))
             self._counts.count(sender.current, train)
-            spacing = self._mac.spacing(sender.current.bits)
-            self._senders.after(sender, spacing, self._senders.finish_awake)
+            self._senders.after(sender, self._mac.spacing(sender.current.bits), self._senders.finish_awake)
         elif self._detects(sender.node, sent):
             self._counts.count(sender.current, train)
             self._senders.fail(sender)
