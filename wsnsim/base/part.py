@@ -14,12 +14,13 @@ paths of these issues start at the name of a role.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar, dataclass_transform
+from typing import TypeVar, dataclass_transform
 
 T = TypeVar("T")
 
 
-class Quantity(NamedTuple):
+@dataclass(frozen=True)
+class Quantity:
     """The unit and the bounds of a field of a component: `Annotated[float, Quantity("m", gt=0), "sensing range"]`.
 
     Attributes:
@@ -40,7 +41,8 @@ class Quantity(NamedTuple):
     label: str = ""
 
 
-class OfRole(NamedTuple):
+@dataclass(frozen=True)
+class OfRole:
     """Says that a field holds a component of a role, of any of its kinds: `Annotated[SensorModel, OfRole("sensor")]`.
 
     In YAML it is a mapping with a key `kind`, as the role itself. A field that is a tuple of them is a list of such
