@@ -18,7 +18,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 HOME = Path(__file__).parents[1]
-DATA = (".table", ".yaml", ".json", ".csv", ".css", ".js", ".html")
+DATA = (".pyi", ".table", ".yaml", ".json", ".csv", ".css", ".js", ".html")
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
