@@ -1,49 +1,25 @@
 """The figures of docs/low_power_listening.md are those of runs."""
 
-from pathlib import Path
-
-import numpy as np
 import pytest
 
-from tests.network.low_power import LISTEN, SEND, joules, low_power
+from tests.bench.page import spliced
+from tests.documentation.low_power_page import HORIZON, MACS, PAGE, blocks, radio_on
+from tests.network.low_power import low_power
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import States
 from wsnsim.models.low_power_listening import ContikiMac, XMac
 
-PAGE = Path(__file__).parents[2] / "docs" / "low_power_listening.md"
-MACS = (XMac(), ContikiMac(), ContikiMac(phase_lock=False))
-COUNT, EVERY = 40, 1.37
+
+@pytest.mark.parametrize("name", MACS)
+def test_radios_are_on_for_the_share_of_time_that_the_run_states(name):
+    on, share = radio_on(MACS[name], 3)
+    assert on.sum() / (2.0 * HORIZON) == pytest.approx(share, rel=1e-9)
 
 
-def table():
-    """{row: its three values} of the page."""
-    rows = [line.strip("|").split("|") for line in PAGE.read_text(encoding="utf-8").splitlines() if line[:2] == "| "]
-    return {row[0].strip(): [float(value) for value in row[1:]] for row in rows[2:]}
-
-
-def measured(mac, unicasts):
-    """(2,) s of radio on and (2,) J of two nodes, after unicasts from the first to the second."""
-    network = low_power(mac, horizon=COUNT * EVERY + 5.0)
-    for i in range(unicasts):
-        network.env.run(until=1.0 + EVERY * i)
-        assert network.unicast(0, 1).packets == 1
-    network.env.run(until=COUNT * EVERY + 5.0)
-    network.nodes.close()
-    heard = ("idle", "rx", "overhear")
-    on = [sum(joules(network, cause, node) for cause in heard) / LISTEN for node in (0, 1)]
-    on = [seconds + joules(network, "tx_electronics", node) / SEND for node, seconds in enumerate(on)]
-    return np.array(on), network.nodes.ledger.spent.copy()
-
-
-@pytest.mark.parametrize("column", range(3))
-def test_the_table_is_that_of_runs(column):
-    shown = [values[column] for values in table().values()]
-    quiet, active = measured(MACS[column], 0), measured(MACS[column], COUNT)
-    seconds = COUNT * EVERY + 5.0
-    on, spent = (active[0] - quiet[0]) / COUNT, (active[1] - quiet[1]) / COUNT
-    found = [100.0 * quiet[0][0] / seconds, 1e6 * quiet[1][0] / seconds, *(1e3 * on), *(1e6 * spent)]
-    for value, text, digits in zip(found, shown, (3, 0, 1, 1, 0, 0), strict=True):
-        assert value == pytest.approx(text, abs=0.51 * 10.0**-digits)
+def test_the_page_is_made_from_runs():
+    text = PAGE.read_text(encoding="utf-8")
+    for name, block in blocks().items():
+        assert spliced(text, name, block) == text, "python -m tests.documentation.low_power_page writes it"
 
 
 def test_an_idle_radio_is_off_for_as_long_as_contiki_says():
