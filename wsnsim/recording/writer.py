@@ -125,7 +125,7 @@ class ResultFile:
             raise cannot_write(self.path, error) from error
 
     def set_text(self, name: str, text: str) -> None:
-        """Store one of `layout.TEXTS`. The end of the run is added to `provenance_json` when the file is closed."""
+        """Store one of `rows.TEXTS`. The end of the run is added to `provenance_json` when the file is closed."""
         assert name in TEXTS, f"unknown text: {name}"
         if name == "provenance_json":
             self._provenance = text
@@ -276,7 +276,7 @@ class MemoryResult:
             self._pieces[table].append({name: array.copy() for name, array in equally_long(fitted).items()})
 
     def set_text(self, name: str, text: str) -> None:
-        """Keep one of `layout.TEXTS`."""
+        """Keep one of `rows.TEXTS`."""
         assert name in TEXTS, f"unknown text: {name}"
         self._texts[name] = text
 

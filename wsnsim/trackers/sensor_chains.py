@@ -96,7 +96,7 @@ class RelayKalman(SensorChain):
         return ChainBelief(mean, cov, scene.head, ids=scene.ids, probabilities=chances)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
-        """All steps of many standalone runs: `base.standalone.WholeRuns`."""
+        """All steps of many standalone runs: `WholeRuns`."""
         outcome, motion, dt = Outcome(block), block.motion, block.dt
         place = np.array(motion.position)
         (means, covs), ids = priors(block), [heard.ids(0) for heard in outcome.heard]

@@ -82,7 +82,7 @@ class Outcome:
 
         Angles are those nearest to what is expected.
 
-        Runs with the same sensors at all steps are linearised in one call, as `sensors.linearised` does one.
+        Runs with the same sensors at all steps are linearised in one call, as `readings.linearised` does one.
         """
         if self.alike:
             _, positions, traits = self.heard[0].at(step)
