@@ -227,7 +227,7 @@ class ClusterCoordination:
     def withdraw(self, node: int) -> None:
         """Withdraw a node that is no longer up from elections."""
         for track in self._tracks:
-            if track.election is not None and node in track.election.strengths:
+            if track.election is not None and node in track.election.readings:
                 track.election.withdraw(node)
 
     def forget(self, node: int) -> None:
