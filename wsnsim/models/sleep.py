@@ -110,8 +110,8 @@ class _PeriodicSchedule:
             ended = np.searchsorted(starts + self.awake_part, asked, side="right")
             spells, start_sums = _prefixes(on), _prefixes((starts - starts[0]) * on)
             under_way = spells[begun] - spells[ended]
-            since_start = under_way * (asked - starts[0]) - (start_sums[begun] - start_sums[ended])
-            awake += spells[ended] * self.awake_part + since_start
+            since_first, begun_after = under_way * (asked - starts[0]), start_sums[begun] - start_sums[ended]
+            awake += spells[ended] * self.awake_part + since_first - begun_after
             # a node that is awake for whole periods switches only if the period before was different
             switches += (
                 spells[begun] + spells[ended] if self.awake_part < self.period else _prefixes(on != before)[begun]
