@@ -380,7 +380,7 @@ def test_all_readings_are_refused_where_their_number_cannot_count(tmp_path: Path
     wide = repeated(tmp_path, 2) | {"tracker": {"kind": "ekf", "assumes": {"gains": "unknown", "inflate": True}}}
     wide["sensor"]["law"] = {"kind": "rssi", "gain_spread": 3}
     (tmp_path / "readings.csv").write_text("time,node,reading\n0.5,east,-60\n0.6,east,-61\n")
-    assert "tracker.assumes.inflate: error: what widens the noise is common" in issues(wide)
+    assert "tracker.assumes.inflate: error: the variance that inflate adds is common" in issues(wide)
 
 
 def rssi_world(folder: Path, **assumes: Any) -> dict[str, Any]:

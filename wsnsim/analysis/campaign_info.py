@@ -1,11 +1,11 @@
-"""What a campaign's folder says of itself: progress, settings, baseline, how many runs a point gets, which code ran.
+"""Information from a campaign's folder: progress, settings, baseline, the runs that points need, and code changes.
 
 info(path) -> dict        info_text(path) -> str        as `wsnsim info DIR` shows them
 demand_baseline(plan, by, wanted)      baseline_point(manifest, by, wanted) -> its label      label(values) -> text
-code_json(folder) -> dict        code_lines(folder) -> [str, ...], empty unless a change of the code was accepted
+code_json(folder) -> dict        code_lines(folder) -> [str, ...], both empty unless a change of the code was accepted
 ReplicateCounts(folder, manifest): a fixed number of runs, or until the median of a metric is precise enough
 
-A baseline is the point that differences are from. Nothing heavy is imported here.
+A baseline is the point with which others are compared. Modules that are slow to import are imported where needed.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def _point_line(point: dict[str, Any]) -> str:
 PATIENCE: Final = 60.0
 """Seconds to wait for a file that another machine wrote; network file systems may take tens of seconds."""
 POLL: Final = 0.5
-"""Seconds between two looks for it."""
+"""Seconds between two attempts to find it."""
 
 
 @final
@@ -197,9 +197,9 @@ class ReplicateCounts:
         return self._rule.at_least if self._rule else point.replicates
 
     def next(self, point: str, replicates: int) -> int:
-        """The number of runs that the point is to have, given that it has `replicates`; the same number is enough.
+        """The number of runs that the point is to have, given that it has `replicates`; if equal, these are enough.
 
-        Runs that failed do not count. If they are more than half, the number is enough: the rest would fail as well.
+        The metric of failed runs does not count. If more than half failed, no more are made: they would fail as well.
 
         Raises:
             ResultError: a run cannot be read.
@@ -212,14 +212,15 @@ class ReplicateCounts:
         from wsnsim.analysis import statistics  # slow to import, and only a rule needs it
 
         values = self._values(point, replicates, failed)
-        middle = float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
+        median = float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
         low, high = statistics.interval_of_median(values)
-        known = 0.5 * (high - low) <= self._rule.half_width * abs(middle)
-        return replicates if known else self._rule.next_look(replicates)
+        is_precise = 0.5 * (high - low) <= self._rule.half_width * abs(median)
+        return replicates if is_precise else self._rule.next_look(replicates)
 
     def wanted(self, point: PointOnDisk) -> int:
         """The number of runs that the point is to have, as far as the files on disk decide it."""
         target = self.first(point)
+        # only when all runs up to the target are done or have failed can the rule decide on more
         while self._folder.given_up(point.id).issuperset(self._folder.missing(point.id, target)):
             more = self.next(point.id, target)
             if more == target:
@@ -233,7 +234,7 @@ class ReplicateCounts:
 
     def _values(self, point: str, replicates: int, failed: Set[int]) -> Floats:
         """The metric of every run that did not fail, once all of their files are visible."""
-        from wsnsim.analysis import campaigns  # as above
+        from wsnsim.analysis import campaigns  # slow to import, and only a rule needs it
 
         assert self._rule is not None
         until = time.monotonic() + PATIENCE

@@ -2,7 +2,7 @@
 
 rows_at(path, replicate, step) -> [LoggedEvent]        rows_in(path, slice) -> [LoggedEvent]
 ranges(path, table) -> {replicate: slice}
-in_other_steps(path, replicate, step, rows) -> {sequence: OtherSteps}  the messages that have events in other steps
+in_other_steps(path, replicate, step, rows) -> {sequence: OtherSteps}  for messages with events in other steps
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from wsnsim.recording import attributes, meanings, read_table, row_count
 BLOCK: Final = 1 << 22
 """Rows that are read at once in the search for the rows of a step."""
 ACK: Final = "ack"
+"""Content of acknowledgements: they have the sequence number of the message, but do not tell what it carried."""
 
 
 class LoggedEvent(NamedTuple):
-    """One row of the event log; the fields are its columns. A category is a word, '' for none."""
+    """One row of the event log; the fields are its columns. Fields of categories hold words, '' for none."""
 
     time: float
     step: int

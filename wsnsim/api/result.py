@@ -148,7 +148,7 @@ class Result:
             path: the file, with the suffix .h5. Its folder must exist.
 
         Raises:
-            UsageError: it is no path of such a file.
+            UsageError: `path` is not the path of such a file.
             ResultError: the result's own file is missing.
             StorageError: the file cannot be written.
         """
@@ -175,7 +175,7 @@ class Result:
             megabytes: largest size of the page; replay and figures are reduced to fit.
 
         Raises:
-            UsageError: there is no such run, or it is no path of a page.
+            UsageError: there is no such run, or `path` is not the path of a page.
             ResultError: the page cannot be written.
         """
         import wsnsim.report as pages
@@ -183,7 +183,7 @@ class Result:
 
         page = file_given("path", path, ".html", ".htm")
         with self._file() as file:
-            return pages.write([file], page, replicate, int(1e6 * megabytes), published, True).path
+            return pages.write([file], page, replicate, int(1e6 * megabytes), published, plugins=True).path
 
     def answer(self) -> str:
         """Return one sentence: whether the target was followed, how well against the bound, and for how many joules."""
@@ -199,6 +199,7 @@ class Result:
             bounds: whether to compare the error with all three bounds, as `wsnsim run --bound` does.
         """
         with self._file() as file:
+            # a temporary file's name says nothing to the reader
             return str(self._summary(file, bounds, False)).replace(str(file), str(self.out or "in memory"))
 
     def to_dict(self, *, bounds: bool = False) -> dict[str, Any]:
@@ -244,6 +245,7 @@ class Result:
     def __getstate__(self) -> dict[str, Any]:
         from wsnsim.scenario import resolved
 
+        # the class of a scenario is made at run time and cannot be pickled: its values can
         return {
             "report": replace(self._report, scenario=resolved(self._report.scenario)),
             "memory": self._memory,
@@ -302,12 +304,12 @@ def _html(report: Report, answer: str, place: str, tables: tuple[str, ...]) -> s
 def _quantities(report: Report) -> Iterator[tuple[str, str, str]]:
     """Yield (key, name, value with unit) of the quantities that have a value."""
     facts = facts_of_report(report)
-    middles = medians(facts)
+    run_medians = medians(facts)
     for key in SHOWN:
         value = QUANTITIES[key].value(facts)
         if math.isfinite(value) and (value or key not in ONLY_IF_NOT_ZERO):
-            more = beside(key, middles, facts.consistent, facts.unit)
-            yield key, QUANTITIES[key].name, QUANTITIES[key].text(value, facts.unit) + (f" ({more})" if more else "")
+            note = beside(key, run_medians, facts.consistent, facts.unit)
+            yield key, QUANTITIES[key].name, QUANTITIES[key].text(value, facts.unit) + (f" ({note})" if note else "")
 
 
 def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = None, **options: Any) -> Axes:

@@ -1,4 +1,4 @@
-"""Sensors of nodes: their traits, errors of detection, shadowed readings, and readings that were not taken yet."""
+"""Sensors of nodes: gains, detection, the information in readings, and shadowing along the path of a target."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ def gain_factors(names: tuple[str, ...], traits: Floats) -> Floats:
 
 
 def recorded_traits(law: Any, nodes: int, rng: np.random.Generator) -> Floats:
-    """(nodes, T) the traits of nodes whose readings were recorded: as the law, but for gains that it would sample.
+    """(nodes, T) the traits of nodes whose readings were recorded: those of the law, without the gains that it samples.
 
-    The true gains are not known, and a sample says nothing of them: they are 1, or 0 dB, as filters take unknown gains.
+    The true gains are unknown, and samples would not be theirs: they are set to 1 or 0 dB, which filters assume of
+    unknown gains.
     """
     traits: Floats = law.draw_traits(nodes, rng)
     if samples_gains(law):
@@ -71,7 +72,7 @@ def gain_column(names: tuple[str, ...]) -> int | None:
 
 def is_perfect(detection: Detection) -> bool:
     """Whether all readings are reported as they are taken."""
-    probe = np.ones(1)
+    probe = np.ones(1)  # a model without errors returns the very array that it gets
     return detection.missed == detection.false_alarm == 0 and (
         detection.distort(probe, np.zeros(1, dtype=np.uint64)) is probe
     )
@@ -82,7 +83,7 @@ def detected(sensor: Any, points: Floats, positions: Floats) -> Bools:
 
     Without the port `Detects`, those in sensing range have a reading.
     """
-    detects = getattr(sensor, "detects", None)  # to check a protocol takes longer than to detect
+    detects = getattr(sensor, "detects", None)  # isinstance() with a protocol would take longer than the detection
     if detects is not None:
         found: Bools = detects(points, positions)
         return found
@@ -95,7 +96,7 @@ def informations(sensor: Any, points: Floats, positions: Floats, traits: Floats)
     """(S, P, P, n) Fisher information about the position in a reading of each sensor, at points (P, n).
 
     The variance's dependence on the position is included where the sensor model states it (port `Informs`). The
-    components of a reading are independent. Whether a sensor has a reading is not asked: see `detected`.
+    components of a reading are independent. It is that of a reading, whether a sensor has one or not: see `detected`.
     """
     information = getattr(sensor, "information", None)
     if information is not None:
@@ -109,17 +110,17 @@ def informations(sensor: Any, points: Floats, positions: Floats, traits: Floats)
     return summed
 
 
-WHITE: Final = 3
-"""The draw of the key of (target, step, node) that shadowing takes; noise and detection take earlier ones."""
+SHADOWING_COUNTER: Final = 3
+"""The random number of the key of (target, step, node) that shadowing uses; noise and detection use lower ones."""
 
 
 class PathShadowing:
     """What shadowing adds to the readings of one target: a Gauss-Markov process per node along the target's path.
 
-    Its variance is σ², and the correlation of two steps exp(-d/δ), with the length d of the path between them. While
-    the target rests it stays as it is. A target that returns to a place does not find the same shadowing there: this is
-    a process, not a map. The draws of a node are a function of (key, step, node): they depend neither on the other
-    nodes nor on who is awake. Between steps it is interpolated linearly (our choice), where nodes search more often.
+    Its variance is σ², and the correlation of two steps exp(-d/δ), with the length d of the path between them. It does
+    not change while the target rests. A target that returns to a place does not find the same shadowing there: this is
+    a process, not a map. The samples of a node are a function of (key, step, node): they depend neither on other nodes
+    nor on which nodes are awake. At instants between steps, it is interpolated linearly (our choice).
 
     Source: Gudmundson (1991), whose correlation is a power of the distance; the rest is our choice.
 
@@ -133,7 +134,7 @@ class PathShadowing:
     def __init__(self, sensor: IsShadowed, points: Floats, key: int, instants: int = 1) -> None:
         steps = points[::instants]
         moved = np.linalg.norm(np.diff(steps, axis=0), axis=1) / sensor.decorrelation
-        self._kept, self._new = np.exp(-moved), np.sqrt(-np.expm1(-2.0 * moved))
+        self._correlations, self._new_shares = np.exp(-moved), np.sqrt(-np.expm1(-2.0 * moved))
         self._sd, self._instants = sensor.shadowing, instants
         self._keys = derive_all(key, np.arange(len(steps)))
         self._columns: dict[int, int] = {}
@@ -141,25 +142,25 @@ class PathShadowing:
 
     def at(self, instants: Ints, nodes: Ints) -> Floats:
         """(n,) what is added to the reading of each node at each instant, both (n,)."""
-        self._add(nodes)
+        self._extend(nodes)
         columns = np.array([self._columns[node] for node in nodes.tolist()], dtype=np.int64)
-        steps, part = np.divmod(instants, self._instants)
+        steps, offsets = np.divmod(instants, self._instants)
         now: Floats = self._values[steps, columns]
         if self._instants == 1:
             return now
-        share, later = part / self._instants, np.minimum(steps + 1, len(self._values) - 1)
+        share, later = offsets / self._instants, np.minimum(steps + 1, len(self._values) - 1)
         between: Floats = now + share * (self._values[later, columns] - now)
         return between
 
-    def _add(self, nodes: Ints) -> None:
-        """Compute the process of nodes that were not asked for yet."""
+    def _extend(self, nodes: Ints) -> None:
+        """Compute the process of nodes for which `at` was not called yet."""
         new = [node for node in np.unique(nodes).tolist() if node not in self._columns]
         if not new:
             return
         keys = derive_each(self._keys[:, None], np.array(new, dtype=np.uint64)[None, :])
-        values = self._sd * normals(keys, WHITE)
+        values = self._sd * normals(keys, SHADOWING_COUNTER)
         for step in range(1, len(values)):
-            values[step] = self._kept[step - 1] * values[step - 1] + self._new[step - 1] * values[step]
+            values[step] = self._correlations[step - 1] * values[step - 1] + self._new_shares[step - 1] * values[step]
         self._columns.update({node: len(self._columns) + place for place, node in enumerate(new)})
         self._values = np.concatenate([self._values, values], axis=1)
 

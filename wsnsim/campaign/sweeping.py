@@ -1,4 +1,4 @@
-"""A sweep run from Python, and what one would cost: tasks, time and size, from its results or from trial runs."""
+"""Sweeps run from Python, and the estimated cost of a sweep: tasks, time and size, by its results or trial runs."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def sweep(  # noqa: PLR0913
         replicates: Monte Carlo runs per point, if not those of the sweep.
         workers: number of processes, all cores by default; 0: the runs are made in this process.
         scheduler: address of a Dask scheduler, on whose workers to run instead.
-        batch: whether standalone runs are made many at once where the tracker offers it.
+        batch: whether many standalone runs are computed at once, if the tracker offers it.
         progress: called with the progress several times a second.
         accept_code_change: whether runs may be added to those that other code made; the folder's manifest notes it.
 
@@ -87,7 +87,7 @@ def sweep(  # noqa: PLR0913
 
 
 def needs_main_guard() -> bool:
-    """Whether a script calls this function where a worker process that imports the script would call it, too."""
+    """Whether a script calls this function where a worker process that imports the script would also call it."""
     try:
         _demand_main_guard()
     except UsageError:
@@ -96,7 +96,7 @@ def needs_main_guard() -> bool:
 
 
 def _demand_main_guard() -> None:
-    """Raise UsageError if a script calls `sweep` where a worker process that imports the script would call it, too."""
+    """Raise UsageError if a script calls `sweep` where a worker process that imports the script would also call it."""
     frame = inspect.currentframe()
     while frame is not None:
         name, file = frame.f_globals.get("__name__"), frame.f_globals.get("__file__")
@@ -113,10 +113,10 @@ def _demand_main_guard() -> None:
 def is_guarded(script: str, line: int) -> bool:
     """Whether a script tests `__name__` at or before a line, outside of functions; also if it cannot be read."""
     try:
-        found = [one for one in statements(script.encode()) if one[0].start[0] <= line]
+        before = [tokens for tokens in statements(script.encode()) if tokens[0].start[0] <= line]
     except NOT_PYTHON:
         return True
-    tests = [one for one in found if one[0].string == "if" and one[0].start[1] == 0]
+    tests = [tokens for tokens in before if tokens[0].string == "if" and tokens[0].start[1] == 0]
     return any(token.string == "__name__" for test in tests for token in test)
 
 
@@ -124,7 +124,7 @@ def _text(file: str) -> str:
     try:
         return Path(file).read_text(encoding="utf-8")
     except (OSError, ValueError):
-        return "("  # no script: nothing is known
+        return "("  # not Python, which `is_guarded` takes for guarded
 
 
 def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
@@ -142,6 +142,7 @@ def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
 
 
 MAX_TRIALS: Final = 3
+"""Points at which trial runs are made."""
 MAX_SAMPLES: Final = 20
 """Result files from which the cost is estimated."""
 TRIAL_TIMEOUT: Final = 10.0
@@ -152,7 +153,7 @@ BLOCK_TIME: Final = 10.0
 
 @dataclass(frozen=True)
 class CostEstimate:
-    """The estimated cost of what is missing of a shard.
+    """The estimated cost of the missing runs of a shard.
 
     Attributes:
         points: number of points.
@@ -186,9 +187,9 @@ class _TrialCut(BaseException):  # an Exception would be reported as a failed ru
 
 
 def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE, batch: bool = True) -> CostEstimate:
-    """The estimated cost of what is missing of a shard. Nothing is written to the campaign's folder.
+    """The estimated cost of the missing runs of a shard. Nothing is written to the campaign's folder.
 
-    `batch` says whether standalone runs may be made many at once.
+    `batch` says whether many standalone runs may be computed at once.
     """
     count = plan.until.at_least if plan.until else plan.replicates
     block = folder.manifest().block if folder.holds_campaign() else plan.block
@@ -199,7 +200,7 @@ def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE
     missing = {point: sorted(set(numbers) - folder.done(point)) for point, numbers in wanted.items()}
     left = sum(map(len, missing.values()))
     tasks = sum(1 for numbers in missing.values() for _ in consecutive(numbers, block))
-    seconds, size, source = _unit_cost(plan, folder, batch) if left else (0.0, 0.0, "nothing is missing")
+    seconds, file_size, source = _unit_cost(plan, folder, batch) if left else (0.0, 0.0, "nothing is missing")
     total = sum(map(len, wanted.values()))
     cpu = seconds * left
     return CostEstimate(
@@ -210,7 +211,7 @@ def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE
         tasks=tasks,
         cpu_seconds=cpu,
         wall_seconds=cpu / max(1, min(workers, tasks)) if tasks else 0.0,
-        size=size * tasks,
+        size=file_size * tasks,
         source=source,
     )
 

@@ -13,9 +13,10 @@ from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import INCOMPLETE, METRIC, PATH, echo_lines, group, is_campaign
 
-MAX_NAMED: Final = 5
-"""Scenarios that the name of a comparison lists."""
-MAX_NAME: Final = 100
+MAX_NAMED_SCENARIOS: Final = 5
+"""Number of scenarios that the default name of a comparison contains."""
+MAX_NAME_LENGTH: Final = 100
+"""Number of characters of a default name, which is also that of a folder."""
 
 
 _session_options = shared.with_options(
@@ -102,6 +103,7 @@ def compare(
     """
     from wsnsim.cli import campaign_session as session
 
+    # without --no-bound, a comparison shows the bounds
     options, overrides, changes = session.options_of({**given, "bound": given["bound"] is not False})
     if len(sources) == 1 and is_campaign(sources[0]):
         if trackers or vary or overrides or any(changes.values()):
@@ -111,10 +113,11 @@ def compare(
 
     if len(sources) == 1 and not trackers:
         raise UsageError("give trackers to compare (--trackers pso_mhpf,ipf,ppf) or several scenarios")
-    name = _file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED])]))
+    name = _file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED_SCENARIOS])]))
     plan = load_sweep(list(sources), vary, overrides, trackers, **changes, name=name)
-    compared = ("tracker" if "tracker" in plan.keys else "tracker.kind",) if trackers else ()
-    by = [*(["scenario"] if len(sources) > 1 else []), *compared]
+    # trackers with parameters are swept as whole blocks, those without by their kind
+    tracker_key = ("tracker" if "tracker" in plan.keys else "tracker.kind",) if trackers else ()
+    by = [*(["scenario"] if len(sources) > 1 else []), *tracker_key]
     return session.run_plan(plan, options, interrupts, options.comparison.by or tuple(by))
 
 
@@ -140,6 +143,7 @@ def collect(shards: tuple[Path, ...], out: Path | None, metric: str, accept_code
 
 
 def _why_no_sweep(source: str) -> str:
+    """The message about a source that is neither a sweep nor a campaign, given without axes."""
     from wsnsim.scenario.texts import find_or_none, shipped_sweeps
 
     if Path(source).is_dir():
@@ -151,4 +155,4 @@ def _why_no_sweep(source: str) -> str:
 
 def _file_name(text: str) -> str:
     """The text with every unsafe character replaced by '_'."""
-    return "".join(c if c.isalnum() or c in "_-." else "_" for c in text)[:MAX_NAME]
+    return "".join(c if c.isalnum() or c in "_-." else "_" for c in text)[:MAX_NAME_LENGTH]

@@ -1,4 +1,4 @@
-"""Laws are fitted to recorded readings, and a link model to recorded links.
+"""Fits of laws to recorded readings, and of a link model to recorded links.
 
     found = wsnsim.fit(["straight_01.csv.gz", "straight_02.csv.gz"], nodes="receivers.csv", test=["straight_04.csv.gz"])
     found.sensor        the block `sensor` of a scenario: {"kind": "rssi", "z0": -62.4, ...}
@@ -26,6 +26,7 @@ __all__ = [
 
 Paths: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 LINKS: Final = "log_normal"
+"""The `law` that stands for a fit of links."""
 
 
 @overload
@@ -57,8 +58,8 @@ def fit(
     Args:
         files: CSV files with the columns time (s), node, reading, x, y and perhaps z (m); for links, K7 files. They may
             be compressed (.gz).
-        nodes: CSV file with the columns id, x, y and perhaps z (m) of the nodes, in the order of the deployment. Links
-            can be fitted without; then their path loss is not.
+        nodes: CSV file with the columns id, x, y and perhaps z (m) of the nodes, in the order of the deployment. For
+            links it may be left out: then no path loss is fitted.
         law: `rssi` (dBm), `range` (m) or `log_normal`, the link.
         test: files on which the fitted law is judged.
         **options: for readings, fields of `FitOptions` (gains, heights, noise, block, seed, in_sample) and of
@@ -70,28 +71,29 @@ def fit(
         intervals, and `test` has the held-out figures.
 
     Raises:
-        UsageError: an option is unknown, or a test file is one of the fitted files and `in_sample` is not said.
+        UsageError: an option is unknown, or a test file is one of the fitted files and `in_sample` is not set.
         RunError: a file cannot be used, or the readings do not determine the law; the message names file and line.
     """
     paths = _paths(files)
     if not paths:
         raise UsageError("fit needs at least one file")
-    place = None if nodes is None else os.fspath(nodes)
+    nodes_path = None if nodes is None else os.fspath(nodes)
     if law == LINKS:
-        (how,) = _split(options, LinkOptions)
-        return fit_links(paths, place, _paths(test), how)
+        (link_options,) = _split(options, LinkOptions)
+        return fit_links(paths, nodes_path, _paths(test), link_options)
     if law in UNFITTED:
         raise UsageError(f"law {law} cannot be fitted: {UNFITTED[law]}; these can: {', '.join([*LAWS, LINKS])}")
     if law not in LAWS:
         raise UsageError(f"unknown law '{law}' ({did_you_mean(law, [*LAWS, LINKS])})")
-    if place is None:
+    if nodes_path is None:
         raise UsageError(f"law {law} needs the file of the nodes: nodes")
-    reading, wanted = _split(options | {"tracks": _paths(options.get("tracks", ()))}, ReadingOptions, FitOptions)
-    return fit_readings(paths, place, LAWS[law], _paths(test), reading, wanted)
+    options |= {"tracks": _paths(options.get("tracks", ()))}
+    reading_options, fit_options = _split(options, ReadingOptions, FitOptions)
+    return fit_readings(paths, nodes_path, LAWS[law], _paths(test), reading_options, fit_options)
 
 
 def _split(options: dict[str, Any], *kinds: type[Any]) -> tuple[Any, ...]:
-    """The options as objects of these classes, each option in the class that has it."""
+    """The options as objects of these classes: each object gets the options that are fields of its class."""
     known = [{field.name for field in dataclasses.fields(kind)} for kind in kinds]
     names = set().union(*known)
     for name in options:

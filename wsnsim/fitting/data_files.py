@@ -31,7 +31,7 @@ NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     "y": ("y",),
     "z": ("z",),
 }
-"""Our columns, and the names in a file that are taken for them unless `columns` names another."""
+"""{our name of a column: its usual names in files}; `columns` can give another."""
 
 REMEDY: Final = "--skip-bad-rows leaves them out and counts them"
 
@@ -41,7 +41,7 @@ class ReadingOptions:
     """How the files are read.
 
     Attributes:
-        columns: the file's name of each of our columns that is named otherwise.
+        columns: {our name of a column: its name in the files}, where it is not one of NAMES.
         tracks: files of trajectories with time, x, y and perhaps z: one for all files of readings, or one for each;
             without any, x and y are columns of the readings.
         skip_bad_rows: whether rows that cannot be used are left out and counted, instead of refused.
@@ -99,6 +99,7 @@ def read_sample(files: Sequence[str], nodes: NodeTable, form: LawForm, options: 
         raise UsageError(
             f"{len(options.tracks)} trajectories for {len(files)} files: give one for all, or one for each"
         )
+    # one trajectory stands for all files; '' for none
     tracks = list(options.tracks) * (len(files) if len(options.tracks) == 1 else 1) or [""] * len(files)
     read = [_read_file(file, track, nodes, form, options) for file, track in zip(files, tracks, strict=True)]
     numbers = np.concatenate([np.full(len(rows.times), index) for index, rows in enumerate(read)])
@@ -125,15 +126,15 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
         ("target", "z"),
     )
     rows = read_rows(path, wanted, "readings")
-    points, known, skipped = _places_of(rows, track, options)
+    points, located, skipped = _places_of(rows, track, options)
     index = {name: number for number, name in enumerate(nodes.ids)}
     ids, codes = rows.texts["node"]
-    found = np.array([index.get(name, -1) for name in ids], dtype=np.int64)[codes]
-    every = limited(path, chain(rows.bad, _unusable(rows, found, nodes, form, known)))
-    good = ~np.isin(rows.lines, [row.line for row in every])
+    row_nodes = np.array([index.get(name, -1) for name in ids], dtype=np.int64)[codes]
+    bad = limited(path, chain(rows.bad, _unusable(rows, row_nodes, nodes, form, located)))
+    good = ~np.isin(rows.lines, [row.line for row in bad])
     total = len(rows.lines) + len(rows.bad)
-    if every and not options.skip_bad_rows:
-        raise RunError(bad_rows_text(path, every, total, REMEDY))
+    if bad and not options.skip_bad_rows:
+        raise RunError(bad_rows_text(path, bad, total, REMEDY))
     if not good.any():
         raise RunError(f"{path}: none of its {total} rows can be used")
     named = rows.texts.get("target")
@@ -142,39 +143,39 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
         raise RunError(
             f"{path}: has readings of {len(targets)} targets, such as '{first}' and '{second}': give a file for each"
         )
-    notes = tuple(f"{name}:{row.line}: {row.reason}" for name, own in ((path, every), (track, skipped)) for row in own)
+    notes = tuple(f"{name}:{row.line}: {row.reason}" for name, own in ((path, bad), (track, skipped)) for row in own)
     file = DataFile(path, digest_of(path), int(good.sum()), notes)
     numbers = rows.numbers
-    return _Rows(numbers["time"][good], found[good], numbers["reading"][good], points[good], file)
+    return _Rows(numbers["time"][good], row_nodes[good], numbers["reading"][good], points[good], file)
 
 
-def _unusable(rows: CsvRows, found: Ints, nodes: NodeTable, form: LawForm, known: Bools) -> Iterator[BadRow]:
+def _unusable(rows: CsvRows, row_nodes: Ints, nodes: NodeTable, form: LawForm, located: Bools) -> Iterator[BadRow]:
     """Yield the rows that cannot be used.
 
     Args:
         rows: The rows of the file.
-        found: (n,) the number of each row's node; -1 for an unknown one.
+        row_nodes: (n,) the number of each row's node; -1 for an unknown one.
         nodes: The nodes.
         form: The form of the law.
-        known: (n,) whether the place of the target is known.
+        located: (n,) whether the place of the target is known.
     """
     times, readings, lines = rows.numbers["time"], rows.numbers["reading"], rows.lines
     names, codes = rows.texts["node"]
     within = (form.least <= readings) & (readings <= form.greatest)
-    good = (found >= 0) & within & known
+    good = (row_nodes >= 0) & within & located
     targets = rows.texts["target"].codes if "target" in rows.texts else np.zeros_like(codes)
     first = first_of_equal(good, times, codes, targets)
     hints: dict[str, str] = {}
     for row in np.flatnonzero(~good | (first != np.arange(len(lines)))).tolist():
         name, time = names[codes[row]], f"{times[row]:g} s"
-        if found[row] < 0:
-            if name not in hints and len(hints) < MOST_PRINTED:  # those that are printed
+        if row_nodes[row] < 0:
+            if name not in hints and len(hints) < MOST_PRINTED:  # only for those that are printed: it is slow
                 hints[name] = f" ({did_you_mean(name, nodes.ids)})"
             reason = f"unknown node '{name}'{hints.get(name, '')}"
         elif not within[row]:
             allowed = f"between {form.least:g} and {form.greatest:g}"
             reason = f"reading {readings[row]:g} {form.reading_unit} must be {allowed}"
-        elif not known[row]:
+        elif not located[row]:
             reason = f"the trajectory does not reach {time}"
         else:
             reason = f"node '{name}' has a reading at {time} in line {lines[first[row]]} already"
@@ -182,21 +183,21 @@ def _unusable(rows: CsvRows, found: Ints, nodes: NodeTable, form: LawForm, known
 
 
 def _places_of(rows: CsvRows, track: str, options: ReadingOptions) -> tuple[Floats, Bools, tuple[BadRow, ...]]:
-    """Places (n, 3) of the target at the readings, whether each is known, and rows of the trajectory that are skipped.
+    """Places (n, 3) of the target at the readings, whether each is known (n,), and skipped rows of the trajectory.
 
-    Places are linear between rows of a trajectory.
+    Places are interpolated linearly between the rows of a trajectory.
     """
     count = len(rows.lines)
     if not track:
         return _points(rows), np.ones(count, dtype=np.bool_), ()
     names = names_in(track, options.columns, ())
     wanted = {name: names[name] for name in ("time", "x", "y", "z")}
-    times, path, bad = recorded_points(track, wanted, options.skip_bad_rows, REMEDY)
-    now = rows.numbers["time"]
+    times, track_points, bad = recorded_points(track, wanted, options.skip_bad_rows, REMEDY)
+    wanted_times = rows.numbers["time"]
     points = np.full((count, 3), np.nan)
-    for axis, values in enumerate(path.T):
-        points[:, axis] = np.interp(now, times, values)
-    return points, (now >= times[0]) & (now <= times[-1]), bad
+    for axis, values in enumerate(track_points.T):
+        points[:, axis] = np.interp(wanted_times, times, values)
+    return points, (wanted_times >= times[0]) & (wanted_times <= times[-1]), bad
 
 
 def _points(rows: CsvRows) -> Floats:
@@ -223,7 +224,7 @@ def names_in(path: str, columns: Mapping[str, str], reading: tuple[str, ...]) ->
 
 
 def digest_of(path: str) -> str:
-    """The digest of a file that was just read."""
+    """The digest of a file that was just read. Raises RunError if it cannot be read again."""
     try:
         return content_digest(path)
     except OSError as error:

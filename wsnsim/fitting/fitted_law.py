@@ -1,4 +1,4 @@
-"""Laws that can be fitted to readings, and what a fit has found: values with intervals, the block of the scenario.
+"""Laws that can be fitted to readings, and fitted laws: values with intervals, and their block in a scenario.
 
 LAWS["rssi"].design(distances (n,)) -> (n, C)      expectation = offset + design @ coefficients (+ gain of the node)
 """
@@ -19,7 +19,7 @@ from wsnsim.models.ranging import GREATEST_RANGE
 from wsnsim.models.rssi import Rssi
 
 LEAST_RANGE: Final = -100.0
-"""Least range (m) that is fitted (our choice): that of the sensor `range` with sd = 10 m; sd is not known yet."""
+"""Least range (m) in a file (our choice): the sensor `range` has it if sd = 10 m; before a fit, sd is unknown."""
 
 
 class Coefficient(NamedTuple):
@@ -34,9 +34,9 @@ class LawForm(NamedTuple):
     """A law whose expected reading is linear in its coefficients.
 
     Attributes:
-        kind: of the sensor in a scenario.
-        unit: of the residuals.
-        reading_unit: of the readings.
+        kind: kind of the sensor in a scenario.
+        unit: unit of the residuals.
+        reading_unit: unit of the readings.
         coefficients: one for each column of the design; the first is a constant.
         design: (n,) distances -> (n, C) columns.
         offset: (n,) distances -> (n,) the part of the expectation that has no coefficient.
@@ -57,7 +57,7 @@ class LawForm(NamedTuple):
 
 
 def _log_distance(distances: Floats) -> Floats:
-    """z0 - 10 η log10(d / 1 m); shorter distances are taken as the floor of the sensor `rssi`."""
+    """The columns of z0 - 10 η log10(d / 1 m); d is at least the floor of the sensor `rssi`."""
     return np.column_stack([np.ones(len(distances)), -10.0 * np.log10(np.maximum(distances, Rssi.floor))])
 
 
@@ -77,7 +77,7 @@ DIRECTIONS: Final = "a bearing is an angle, and no linear function of coefficien
 UNFITTED: Final = {
     "bearing": DIRECTIONS,
     "range_bearing": f"{DIRECTIONS}; a file has one number in a row",
-    "acoustic_energy": "its readings are a power of the distance, whose exponent they are not linear in",
+    "acoustic_energy": "its readings are a power of the distance, and not linear in its exponent",
 }
 """Sensors that cannot be fitted, and why."""
 
@@ -100,14 +100,14 @@ class FittedValue(NamedTuple):
     about: str
 
 
-def resampled(units: int, draws: int, seed: int) -> Floats:
-    """(draws + 1, units) one for each unit, then how often each is in a resample of the bootstrap."""
-    drawn = np.random.default_rng(seed).multinomial(units, np.full(units, 1.0 / units), draws)
-    return np.concatenate([np.ones((1, units)), drawn])
+def resampled(units: int, resamples: int, seed: int) -> Floats:
+    """(resamples + 1, units) weights of units: ones, then how often each unit is in each resample of a bootstrap."""
+    counts = np.random.default_rng(seed).multinomial(units, np.full(units, 1.0 / units), resamples)
+    return np.concatenate([np.ones((1, units)), counts])
 
 
 def percentiles(values: Floats, unit: str, about: str) -> FittedValue:
-    """The estimate, which is the first value, with the interval of the others, those of resamples."""
+    """The first value as estimate, with the 95 % interval of the other values, which are those of resamples."""
     known = values[1:][np.isfinite(values[1:])]
     low, high = np.quantile(known, [0.025, 0.975]).tolist() if known.size else (math.nan, math.nan)
     return FittedValue(float(values[0]), low, high, unit, about)
@@ -139,7 +139,7 @@ class FittedModel(NamedTuple):
         coefficients: (C,) of the law.
         gains: (S,) of the nodes; empty if all have the same.
         noise: of a reading.
-        heights: whether distances are those in space.
+        heights: whether distances are three-dimensional.
     """
 
     form: LawForm
@@ -168,7 +168,7 @@ class ResidualFigures(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """How the law does on a file.
+    """Figures of the law on a file.
 
     Attributes:
         file: the file.
@@ -184,7 +184,7 @@ class Evaluation(NamedTuple):
 
 
 class FitBasis(NamedTuple):
-    """What intervals and the family of noise were decided from.
+    """The basis of the intervals and of the choice of the family of noise.
 
     Attributes:
         aic: Akaike's criterion of each family of noise, with readings taken as independent.
@@ -206,9 +206,9 @@ class FittedLaw:
         values: estimates by the key of the scenario, with intervals: coefficients, sd, dof, shadowing, decorrelation.
         gains: of the nodes, in the order of the deployment; empty if none were fitted.
         sample: the readings that were fitted.
-        basis: what intervals and the family of noise were decided from.
+        basis: the basis of the intervals and of the choice of the family of noise.
         plain: the law without gains and with one normal noise, fitted to the same readings.
-        test: how both do on other files, or on the same ones where that was asked for.
+        test: figures of both on other files, or on the same ones if that was requested.
     """
 
     model: FittedModel
@@ -245,6 +245,7 @@ class FittedLaw:
         names = [column.name for column in self.model.form.coefficients]
         block: dict[str, Any] = {"kind": self.model.form.kind}
         if self.model.form.kind == "range":
+            # the sensor `range` has no bias: its sd includes it
             spread = math.hypot(self.model.noise.total, float(self.model.coefficients[0]))
             return block | {"sd": _rounded(spread), "fitted_on": self.digests}
         block |= {name: _rounded(self.values[name].value) for name in names} | {"d0": 1.0}

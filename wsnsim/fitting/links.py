@@ -1,13 +1,14 @@
-"""The log-normal link is fitted to recorded links: sensitivity and asymmetry, and path loss where positions are known.
+"""The fit of the link `log_normal` to recorded links: sensitivity, asymmetry, and path loss if positions are known.
 
 - Sensitivity: the delivery ratio of a burst, as a function of its mean power, is fitted by least squares.
 - Asymmetry: root mean square of the difference between both directions of a pair.
 - Path loss: maximum likelihood of the mean powers of pairs. A pair whose power is below the least one that is always
-  received, or that was not heard at all, enters as below it (censored regression: Tobin 1958, "Estimation of
-  relationships for limited dependent variables"); without this, far links seem too good.
+  received, or that was not heard at all, counts as being below that power (censored regression: Tobin 1958,
+  "Estimation of relationships for limited dependent variables"); without this, far links seem too good.
 
-Intervals come from a bootstrap of nodes, since all pairs of a node share its antenna: a pair counts as often as its
-nodes are drawn, multiplied (Davison, Hinkley 1997, "Bootstrap methods and their application", for resampled units).
+Intervals come from a bootstrap of nodes, since all pairs of a node share its antenna: the weight of a pair is the
+product of how often its two nodes were sampled (Davison, Hinkley 1997, "Bootstrap methods and their application", for
+resampled units).
 
 fit_links(files, nodes, test, options) -> LinkFit
 """
@@ -32,20 +33,20 @@ from wsnsim.fitting.link_sample import LinkRows, delivery, margin, mean_power, r
 from wsnsim.fitting.located_readings import DataFile, shared_with
 from wsnsim.fitting.result import bad_row_notes, block_lines, file_json, file_text, one_line, value_lines
 
-LEVELS: Final = (0.1, 0.5, 0.9)
+STATED_RATIOS: Final = (0.1, 0.5, 0.9)
 """Delivery ratios at which powers are stated."""
-WIDTH: Final = 1.0
+CURVE_BIN: Final = 1.0
 """Width (dB) of the bins in which these powers are found."""
 
 
 class LinkEvaluation(NamedTuple):
-    """How the fitted link does on a file.
+    """Errors of the fitted link on a file.
 
     Attributes:
         file: the file.
         in_sample: whether the link was fitted to it.
-        ratio_rmse: of delivery ratios, given the powers of the bursts.
-        power_rmse: of the mean powers (dB) of pairs that were heard, given their distance; NaN without positions.
+        ratio_rmse: RMSE of delivery ratios, given the powers of the bursts.
+        power_rmse: RMSE (dB) of the mean powers of pairs that were heard, given their distance; NaN without positions.
     """
 
     file: DataFile
@@ -63,7 +64,7 @@ class LinkFit:
         values: estimates by the key of the scenario, with intervals.
         power: transmit power (dBm) of the recording, as it was stated.
         frame: length (bytes) of its packets, as it was stated.
-        test: how the link does on other files, or on the same ones where that was asked for.
+        test: errors on other files, or on the same ones if that was requested.
     """
 
     rows: LinkRows
@@ -85,12 +86,12 @@ class LinkFit:
     @property
     def curve(self) -> tuple[Floats, Floats]:
         """Powers (K,) in dBm and mean delivery ratios (K,) of the bursts around them."""
-        bins = np.floor(self.rows.powers / WIDTH).astype(np.int64)
+        bins = np.floor(self.rows.powers / CURVE_BIN).astype(np.int64)
         found, index = np.unique(bins, return_inverse=True)
         counts = np.bincount(index.ravel())
-        many = counts >= 20
+        many = counts >= 20  # the mean of fewer bursts is mostly chance
         ratios = np.bincount(index.ravel(), self.rows.ratios) / counts
-        return (found[many].astype(np.float64) + 0.5) * WIDTH, ratios[many].astype(np.float64)
+        return (found[many].astype(np.float64) + 0.5) * CURVE_BIN, ratios[many].astype(np.float64)
 
     def yaml(self) -> str:
         """The block `link` as text that a scenario can extend, with its origin in comments."""
@@ -139,7 +140,7 @@ class LinkFit:
         """How intervals came about, what the model cannot express, and the figures on test files."""
         yield "Intervals come from a bootstrap of nodes: all pairs of a node share its antenna."
         powers, ratios = self.curve
-        reached = [(level, powers[np.argmax(ratios >= level)]) for level in LEVELS if (ratios >= level).any()]
+        reached = [(level, powers[np.argmax(ratios >= level)]) for level in STATED_RATIOS if (ratios >= level).any()]
         yield "Recorded delivery ratio: " + ", ".join(f"{level:g} at {power:.1f} dBm" for level, power in reached) + "."
         if "exponent" not in self.values:
             yield "Without positions (--nodes), path loss and shadowing cannot be fitted."
@@ -157,10 +158,11 @@ def _test_text(row: LinkEvaluation) -> str:
 
 RESAMPLES: Final = 200
 LOSS_RESAMPLES: Final = 60
+"""Resamples for the path loss, whose fit takes longer."""
 STEP: Final = 0.05
 TRIED: Final = -110.0 + STEP * np.arange(1001)
 """Sensitivities (dBm) that are tried; the best one and its neighbours are joined by a parabola."""
-BIN: Final = 0.1
+FIT_BIN: Final = 0.1
 """Width (dB) of the bins of power in which delivery ratios are summed."""
 FEWEST_PAIRS: Final = 10
 
@@ -174,7 +176,7 @@ class LinkOptions:
         frame: length (bytes) of the recorded packets, headers included, which its files do not state reliably.
         columns: names of the columns id, x, y and z of the file of places, where they differ.
         skip_bad_rows: whether rows that cannot be used are left out and counted, instead of refused.
-        seed: of the bootstrap.
+        seed: seed of the bootstrap.
         in_sample: whether the links may be judged on files that they were fitted to.
     """
 
@@ -193,10 +195,10 @@ def fit_links(files: Sequence[str], nodes: str | None, test: Sequence[str], opti
         files: K7 files, also .gz.
         nodes: CSV file with id, x, y and perhaps z of the nodes; None: no path loss is fitted.
         test: K7 files on which the fitted link is judged.
-        options: how.
+        options: how links are fitted.
 
     Raises:
-        UsageError: a test file shares rows with a fitted file, and `in_sample` is not said.
+        UsageError: a test file shares rows with a fitted file, and `in_sample` is not set.
         RunError: a file cannot be used, or too few links were recorded.
     """
     rows = read_link_rows(files, nodes, options.columns, options.skip_bad_rows)
@@ -236,15 +238,16 @@ def fit_link_rows(rows: LinkRows, options: LinkOptions) -> LinkFit:
 
 
 def _sensitivities(rows: LinkRows, weights: Floats, frame: int) -> Floats:
-    """(R,) the sensitivity with the least squares between delivery ratios and the model, for weightings of nodes."""
-    cells, cell = np.unique(np.rint(rows.powers / BIN), return_inverse=True)
-    expected = delivery(cells * BIN - TRIED[:, None], frame)
-    numbers, sums = np.empty((len(cells), len(weights))), np.empty((len(cells), len(weights)))
+    """(R,) the least-squares sensitivity, given delivery ratios, for each of the weightings (R, nodes) of nodes."""
+    cells, cell = np.unique(np.rint(rows.powers / FIT_BIN), return_inverse=True)
+    expected = delivery(cells * FIT_BIN - TRIED[:, None], frame)
+    weight_sums, ratio_sums = np.empty((len(cells), len(weights))), np.empty((len(cells), len(weights)))
     for column, weight in enumerate(weights):
         each = weight[rows.sources] * weight[rows.receivers]
-        numbers[:, column] = np.bincount(cell.ravel(), each, len(cells))
-        sums[:, column] = np.bincount(cell.ravel(), each * rows.ratios, len(cells))
-    costs = expected**2 @ numbers - 2.0 * expected @ sums
+        weight_sums[:, column] = np.bincount(cell.ravel(), each, len(cells))
+        ratio_sums[:, column] = np.bincount(cell.ravel(), each * rows.ratios, len(cells))
+    # Σ w (expected - ratio)² without Σ w ratio², which is the same for all sensitivities
+    costs = expected**2 @ weight_sums - 2.0 * expected @ ratio_sums
     best = np.clip(np.argmin(costs, axis=0), 1, len(TRIED) - 2)
     before, least, after = (costs[best + step, np.arange(len(weights))] for step in (-1, 0, 1))
     bend = before - 2.0 * least + after
@@ -279,28 +282,34 @@ def _losses(rows: LinkRows, weights: Floats, clear: float) -> Floats:
     found: list[Floats] = []
     for weight in weights:
         solution = optimize.minimize(data.cost, start, weight[first] * weight[second], method="BFGS", jac=True)
-        start = solution.x if not found else start
+        start = solution.x if not found else start  # resamples begin at the estimate
         found.append(solution.x)
     return np.array(found)
 
 
 class _Censored(NamedTuple):
-    """Pairs: 10 log10 of their distances (P,), their powers or the limit that these are below (P,), and which it is."""
+    """The pairs of the path-loss fit.
+
+    Attributes:
+        logs: (P,) 10 log10 of their distances.
+        powers: (P,) their mean powers in dBm; of a pair that is not `seen`, the limit below which its power is.
+        seen: (P,) whether the power of the pair is known.
+    """
 
     logs: Floats
     powers: Floats
     seen: Bools
 
     def cost(self, values: Floats, weights: Floats) -> tuple[float, Floats]:
-        """The negative log-likelihood of level, exponent and log of the spread, and its gradient (3,)."""
-        spread = math.exp(min(max(float(values[2]), -5.0), 5.0))
-        apart = (self.powers - values[0] + values[1] * self.logs) / spread
-        below = special.log_ndtr(apart)
-        density = np.exp(-0.5 * apart**2 - below) / math.sqrt(2.0 * math.pi)
-        terms = np.where(self.seen, -0.5 * apart**2 - math.log(spread), below)
-        slopes = weights * np.where(self.seen, -apart, density)  # by `apart`
-        by_spread = -float(slopes @ apart) - float(weights @ self.seen)
-        gradient = np.array([-slopes.sum() / spread, slopes @ self.logs / spread, by_spread])
+        """The negative log-likelihood of (power at 1 m, exponent, log of the shadowing), and its gradient (3,)."""
+        shadowing = math.exp(min(max(float(values[2]), -5.0), 5.0))
+        deviations = (self.powers - values[0] + values[1] * self.logs) / shadowing
+        below = special.log_ndtr(deviations)
+        density = np.exp(-0.5 * deviations**2 - below) / math.sqrt(2.0 * math.pi)
+        terms = np.where(self.seen, -0.5 * deviations**2 - math.log(shadowing), below)
+        slopes = weights * np.where(self.seen, -deviations, density)  # derivative of `terms` by `deviations`
+        by_log_shadowing = -float(slopes @ deviations) - float(weights @ self.seen)
+        gradient = np.array([-slopes.sum() / shadowing, slopes @ self.logs / shadowing, by_log_shadowing])
         return -float(weights @ terms), -gradient
 
 

@@ -16,12 +16,15 @@ from wsnsim.kernels.particles import moments, relative_weights
 TRIES = 14
 """Jitters that are tried, 0 included."""
 LEAST_REST = 1e-9
-"""If 1 - Σ w² is below this, one particle has all the weight but for rounding errors."""
+"""If 1 - Σ w² is below this, one particle has all the weight, up to rounding errors."""
 
 
 @inlined
 def _factorise(matrix: Floats, jitter: float, result: Floats, size: int) -> bool:
-    """Write the factor and return whether it exists. Inlined, so that loops of known size are unrolled."""
+    """Write the lower Cholesky factor of matrix + jitter I; return whether it exists.
+
+    Inlined, so that loops are unrolled where `size` is a constant.
+    """
     definite = True
     for i in range(size):
         for k in range(i + 1):
@@ -41,7 +44,8 @@ def cholesky(matrix: Floats, result: Floats) -> None:
     """Write the lower Cholesky factor of a symmetric (D, D) matrix to `result`, whose upper triangle is not written.
 
     A jitter on the diagonal, relative to its mean, is first 0, then 1e-14, and grows tenfold until the factor exists.
-    If none does (not finite, or far from definite), the factor is that of the identity times the mean, or times one.
+    If it never does (not finite, or far from definite), the factor is that of the identity times the mean, or of the
+    identity if the mean is not positive and finite.
     """
     scale = 0.0
     for i in range(matrix.shape[0]):
@@ -95,7 +99,7 @@ def fit_weighted(cloud: Floats, log_weights: Floats, offsets: Ints, ridge: float
     factors = np.zeros(covs.shape)
     for m in range(means.shape[0]):
         mine = weights[offsets[m] : offsets[m + 1]]
-        whole = max(total(mine), 1.0)
+        whole = max(total(mine), 1.0)  # the largest relative weight is 1
         rest = 1.0 - dot(mine, mine) / (whole * whole)
         for d in range(covs.shape[1]):
             for e in range(covs.shape[1]):
@@ -107,7 +111,7 @@ def fit_weighted(cloud: Floats, log_weights: Floats, offsets: Ints, ridge: float
 
 @kernel
 def log_density(points: Floats, means: Floats, factors: Floats, offsets: Ints) -> Floats:
-    """Log density (N,) of each point (D, N) under its segment's Gaussian, up to its constant: -|L⁻¹(x - m)|² / 2."""
+    """Log density (N,) of each point (D, N) under its segment's Gaussian, without the constant: -|L⁻¹(x - m)|² / 2."""
     result = np.empty(points.shape[1])
     white = np.empty(points.shape[0])
     for m in range(offsets.size - 1):
@@ -147,7 +151,7 @@ def fuse(means: Floats, shares: Floats, within: Floats) -> tuple[Floats, Floats]
 
 @kernel
 def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
-    """Samples (D, N), one per key, and their log densities (N,) up to (2π)^(-D/2): from Gaussian j, or the only one.
+    """Samples (D, N), one per key, and their log densities (N,) without the constant: from Gaussian j, or the only one.
 
     means (D, N), covs (N, D, D); or (D, 1), (1, D, D). Components 2p and 2p + 1 take the key's p-th pair of normals.
     """
@@ -160,6 +164,7 @@ def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
             first[j], second[j] = normal_pair(keys[j], d // 2)
     for j in range(count):
         source = j if covs.shape[0] > 1 else 0
+        # a common Gaussian is factorised once; four columns, the usual case, without a jitter first
         if j == source and not (size == 4 and _factorise(covs[source], 0.0, factor, size)):
             cholesky(covs[source], factor)
         volume = 1.0
@@ -169,7 +174,7 @@ def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
             for e in range(d + 1):
                 value += factor[d, e] * white[e, j]
             points[d, j] = value
-        logs[j] = volume  # for the logarithms below
+        logs[j] = volume  # its logarithm is taken in the loop below, which vectorises
     for j in range(count):
         square = 0.0
         for d in range(size):
@@ -182,7 +187,7 @@ def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
 def _set_predicted(
     result: Floats, covs: Floats, transitions: Floats, noise: Floats, product: Floats, size: int
 ) -> None:
-    """Write F P Fᵀ + Q of every particle. Inlined, so that loops of known size are unrolled."""
+    """Write F P Fᵀ + Q of every particle. Inlined, so that loops are unrolled where `size` is a constant."""
     for j in range(covs.shape[0]):
         cov, transition, target = covs[j], transitions[j], result[j]
         for d in range(size):

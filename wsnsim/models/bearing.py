@@ -6,8 +6,8 @@ T is 1, the heading of a node in rad, where nodes have headings of their own, el
 target whose position is one column (P = 1) moves along the x-axis.
 
 The noise of an angle is a wrapped normal. Its density is taken as that of a normal at the shortest difference of two
-angles: the terms of further turns are left out. With the largest `sd` that is allowed, 0.5 rad, these are less than
-1e-16 of the density within a quarter of a turn of what is expected, and the whole density misses less than 1e-9.
+angles: the terms of further turns are left out. With the largest `sd` that is allowed, 0.5 rad, they are less than
+1e-16 of the density within a quarter of a turn from the expected angle, and less than 1e-9 of the whole probability.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ LEAST: Final = "least distance: a node has no reading of a nearer target"
 
 
 class OfDirection(OfPosition):
-    """What sensors of a direction have in common. A sensor gives `components` with their `periods`, and `deviations`.
+    """The base of sensors of directions. A subclass gives `components` with their `periods`, and `deviations`.
 
     The components are a bearing, or a range and a bearing.
     """
@@ -70,11 +70,12 @@ class OfDirection(OfPosition):
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
         """(n,) or (n, M) readings of targets at points (n, P), with as many standard normal numbers; angles in ±π."""
-        across, up = (planar(points) - positions).T.copy()
-        expected = self._expected(_Lines(across, up), self._headings(traits))
-        each = np.stack(expected, axis=-1) + np.array(self.deviations) * noise.reshape(len(noise), len(self.deviations))
-        each[:, -1] = wrapped(each[:, -1])
-        return each.reshape(noise.shape)
+        dx, dy = (planar(points) - positions).T.copy()
+        expected = self._expected(_Lines(dx, dy), self._headings(traits))
+        errors = np.array(self.deviations) * noise.reshape(len(noise), len(self.deviations))
+        readings = np.stack(expected, axis=-1) + errors
+        readings[:, -1] = wrapped(readings[:, -1])  # the bearing is the last component
+        return readings.reshape(noise.shape)
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
@@ -94,10 +95,10 @@ class OfDirection(OfPosition):
         expected = self._expected(lines, headings)
         total = np.zeros(points.shape[1])
         with np.errstate(invalid="ignore", over="ignore"):
-            for number, deviation in enumerate(self.deviations):
-                apart = measured[:, number] - expected[number].reshape(len(measured), -1)
-                apart = wrapped(apart) if number == len(expected) - 1 else apart
-                total += -0.5 * ((apart / deviation) ** 2 + 2.0 * math.log(deviation) + LOG_TWO_PI).sum(axis=0)
+            for component, deviation in enumerate(self.deviations):
+                difference = measured[:, component] - expected[component].reshape(len(measured), -1)
+                difference = wrapped(difference) if component == len(expected) - 1 else difference
+                total += -0.5 * ((difference / deviation) ** 2 + 2.0 * math.log(deviation) + LOG_TWO_PI).sum(axis=0)
         known = np.isfinite(total) & np.isfinite(points).all(axis=0)
         return np.where(known, total, -np.inf)
 
@@ -133,17 +134,17 @@ class OfDirection(OfPosition):
 
     def _expected(self, lines: _Lines, headings: Floats) -> list[Floats]:
         """Each component of the readings along lines: (n,) or (S, N)."""
-        bearing = wrapped(np.arctan2(lines.up, lines.across) - headings)
+        bearing = wrapped(np.arctan2(lines.dy, lines.dx) - headings)
         return [lines.distances, bearing] if len(self.components) > 1 else [bearing]
 
     def _gradients(self, lines: _Lines) -> list[Floats]:
         """The gradient (S, 2, N) of each component."""
-        across, up = lines
+        dx, dy = lines
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            squared = np.maximum(across**2 + up**2, self.least**2)
-            slopes = [np.stack([-up / squared, across / squared], axis=1)]
+            squared = np.maximum(dx**2 + dy**2, self.least**2)
+            slopes = [np.stack([-dy / squared, dx / squared], axis=1)]
             if len(self.components) > 1:
-                slopes.insert(0, np.stack([across / lines.distances, up / lines.distances], axis=1))
+                slopes.insert(0, np.stack([dx / lines.distances, dy / lines.distances], axis=1))
         return [np.where(np.isfinite(slope), slope, 0.0) for slope in slopes]
 
 
@@ -174,13 +175,13 @@ class Bearing(OfDirection):
         return (self.sd,)
 
     def strength(self, reading: Reading) -> float:
-        """0: a bearing says nothing of the distance."""
+        """0: a bearing says nothing about the distance."""
         return 0.0
 
 
 @part
 class RangeBearing(OfDirection):
-    """The distance of a target in m and its direction in rad, with independent noise, as a radar has them.
+    """The distance of a target in m and its direction in rad, with independent noise, like those of a radar.
 
     z = (d + v, atan2(Δy, Δx) - heading + w), v ~ N(0, range_sd²), w ~ N(0, bearing_sd²), wrapped into ±π.
 
@@ -210,13 +211,13 @@ class RangeBearing(OfDirection):
 class _Lines(NamedTuple):
     """The lines from sensors to points: their components along x and y, in m."""
 
-    across: Floats
-    up: Floats
+    dx: Floats
+    dy: Floats
 
     @property
     def distances(self) -> Floats:
         """Their lengths."""
-        return np.hypot(self.across, self.up)
+        return np.hypot(self.dx, self.dy)
 
 
 def wrapped(angles: Floats) -> Floats:

@@ -3,8 +3,8 @@
     powers(distances, pairs, directions) -> dBm (n,)    reception(powers, bits, interference) -> probability (n,)
     senses(powers) -> bool (n,)                         reach, audible: m
 
-The routing components only name what a path minimises; `network.radio.routing` finds it. Nodes know it for nothing:
-these paths are the reference for `models.workloads`, where nodes pay for their routes.
+The routing components only name what a path minimises; `network.radio.routing` finds the path. Nodes know these paths
+at no cost: they are the reference for `models.workloads`, where nodes send frames to find their routes.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ LEAST_SUCCESS: Final = 1e-3
 LEAST_DISTURBANCE: Final = 0.1
 """An interferer that raises the noise by a smaller share is neglected (our choice)."""
 PER_DECIBEL: Final = math.log(10.0) / 10.0
+"""Natural logarithm of the factor that 1 dB stands for."""
 SPREAD: Final = Quantity("dB", ge=0.0, le=30.0)
 
 
@@ -57,7 +58,7 @@ class Disk:
         return self.loss == 0.0
 
     def powers(self, distances: Floats, pairs: Keys, directions: Keys) -> Floats:
-        """(n,) 0 within range, where the model knows no power, and -inf beyond."""
+        """(n,) -inf beyond the range, and 0 within it: this model has no powers."""
         return np.where(distances <= self.reach, 0.0, -np.inf)
 
     def reception(self, powers: Floats, bits: float, interference: Floats | float) -> Floats:
@@ -65,7 +66,7 @@ class Disk:
         return np.where(np.isfinite(powers) & (np.asarray(interference) <= 0.0), 1.0 - self.loss, 0.0)
 
     def senses(self, powers: Floats) -> Bools:
-        """(n,) whether a node takes the channel for busy: it does if it hears anything."""
+        """(n,) whether a node senses the channel busy: it does if it hears anything."""
         return np.isfinite(powers)
 
 
@@ -136,7 +137,7 @@ class LogNormal:
 
     @cached_property
     def noise(self) -> float:
-        """The noise of the receiver in mW, by its sensitivity."""
+        """The noise of the receiver in mW, which follows from its sensitivity."""
         return _milliwatts(self.sensitivity) / snr_at_sensitivity(self.modulation)
 
     @cached_property
@@ -165,7 +166,7 @@ class LogNormal:
         return np.where(heard, arrives, 0.0)
 
     def senses(self, powers: Floats) -> Bools:
-        """(n,) whether a node that receives these powers takes the channel for busy."""
+        """(n,) whether a node that receives these powers senses the channel busy."""
         return np.asarray(powers) >= self._busy_from
 
     @property
@@ -195,8 +196,8 @@ class LogNormal:
 class MinimumEnergy:
     """Send along the path with the least energy for sending and receiving (our choice: the paper names none).
 
-    A destination in range is reached over several hops where these cost less. Between a head and the members of its
-    cluster that are in range there is one hop.
+    A destination in range is reached over several hops if these cost less. A head and the members of its cluster that
+    are in range of it always use one hop.
     """
 
     weight: ClassVar[str] = "energy"
@@ -221,7 +222,7 @@ class GreedyGeographic:
 
 
 def _antisymmetric_halves(directions: Keys) -> Floats:
-    """(n,) halves of standard normals; the sign of one direction is the opposite of that of the other.
+    """(n,) halves of standard normal numbers, with opposite signs for the two directions of a link.
 
     The keys of the two directions of a link are complements of each other.
     """

@@ -1,6 +1,6 @@
-"""What a scenario with recorded readings must not change: trajectory, detection and clocks are those of the recording.
+"""The check of a scenario with recorded readings, whose trajectory, detection and clocks must be the recorded ones.
 
-Nor may it judge a law on the readings that it was fitted to.
+A law must not be judged on the readings to which it was fitted.
 
 recorded_issues(sensor, setup) -> Iterator[Issue]
 """
@@ -21,15 +21,15 @@ from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.recorded_track import RecordedTrack
 
 SAME_TIME: Final = 1e-9
-"""s: difference of two origins of time that is rounding."""
+"""Origins of time that differ by less (s) are equal up to rounding."""
 MOST_STEPS: Final = 20
-"""Steps of a trajectory that are compared."""
+"""Number of steps by which two trajectories are compared."""
 
 
 def recorded_issues(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
-    """Yield an issue for each component that samples what was recorded, for other origins of time, and in-sample laws.
+    """Yield issues of components that sample what was recorded, of differing origins of time, and of in-sample laws.
 
-    What is judged must not be in what was fitted: a law whose `fitted_on` has the digest of the readings is refused.
+    A law is in-sample if its `fitted_on` contains the digest of the file of readings.
     """
     if not sensor.in_sample and _is_in_sample(sensor):
         message = "these readings are among those that the law was fitted to: use others, or say in_sample: true"
@@ -55,26 +55,26 @@ def _is_in_sample(sensor: Any) -> bool:
 
 
 def _cannot_count(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
-    """Yield an issue if a filter cannot be told of how many readings one is the mean."""
+    """Yield issues where a filter cannot take into account that a reading is the mean of several."""
     key = ("sensor", "several")
     if isinstance(setup, NetworkSetup):
         yield Issue(key, "in a network, nodes send one reading a step and not how many it stands for: use mean or last")
     if not (isinstance(sensor.law, ConstantGaussian) and sensor.law.constant_gaussian):
         yield Issue(key, "all needs a law whose noise is Gaussian with a constant variance: use mean or last")
     if getattr(getattr(setup.filter_sensor, "law", None), "inflate", False):
-        message = "what widens the noise is common to all readings of a node: use several: mean or last"
+        message = "the variance that inflate adds is common to all readings of a node: use several: mean or last"
         yield Issue(("tracker", "assumes", "inflate"), message)
 
 
 def _is_given(motion: MotionModel, setup: TrackingSetup) -> bool:
-    """Whether a trajectory is the same with all random numbers."""
+    """Whether a trajectory does not depend on random numbers: it is the same with two seeds."""
     steps = min(setup.steps, MOST_STEPS)
     one, other = (motion.truth(steps, setup.dt, np.random.default_rng(seed)) for seed in (1, 2))
     return bool(np.array_equal(one, other))
 
 
 def _other_origin(sensor: Any, motion: RecordedTrack) -> Iterator[Issue]:
-    """Yield an issue if the time 0 of readings and trajectory follows from their files, and differs."""
+    """Yield an issue if readings and trajectory begin at different times, unless both origins are given."""
     if None not in (sensor.time_origin, motion.time_origin):
         return
     apart = motion.track.origin - sensor.origin

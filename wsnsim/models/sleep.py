@@ -1,6 +1,6 @@
-"""Sleep schedules: when nodes sense and listen, as a function of time and of one counter key per node.
+"""Sleep schedules: when nodes sense and listen, as a function of time and of one random key per node.
 
-    awake(keys (n,), time) -> (n,)    tally(keys, since (n,), until) -> seconds awake, changes    profile(keys, times)
+    awake(keys (n,), time) -> (n,)    tally(keys, since (n,), until) -> seconds awake, switches    profile(keys, times)
 
 Nothing is stored and nothing is polled: the awake time of a node over any span is computed on request. Times in s, from
 0 on.
@@ -30,7 +30,7 @@ CHUNK: Final = 1 << 16
 
 
 class _NeverAsleep:
-    """What schedules share that never let the radio sleep."""
+    """The base of schedules that never let the radio sleep."""
 
     always_listening: ClassVar[bool] = True
 
@@ -43,11 +43,11 @@ class _NeverAsleep:
         return np.ones(len(keys), dtype=np.bool_), np.zeros(len(keys)), np.full(len(keys), math.inf)
 
     def tally(self, keys: Keys, since: Floats, until: Floats | float) -> tuple[Floats, Floats]:
-        """(n,) seconds awake, which are all; and changes, which are 0."""
+        """(n,) seconds awake: the whole span; and (n,) switches between awake and asleep: 0."""
         return until - np.asarray(since, dtype=np.float64), np.zeros(len(keys))
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
-        """Awake seconds of all nodes until each time (T,), and changes, which are 0."""
+        """(T,) seconds awake of all nodes together until each time, and (T,) switches: 0."""
         return len(keys) * times, np.zeros(times.size)
 
 
@@ -89,40 +89,42 @@ class _PeriodicSchedule:
         return awake, begins, ends
 
     def tally(self, keys: Keys, since: Floats, until: Floats | float) -> tuple[Floats, Floats]:
-        """(n,) seconds awake in [since, until), and changes in (since, until]."""
-        seconds, changes, ends = np.empty(keys.size), np.empty(keys.size), np.empty(keys.size)
+        """(n,) seconds awake in [since, until), and switches between awake and asleep in (since, until]."""
+        seconds, switches, ends = np.empty(keys.size), np.empty(keys.size), np.empty(keys.size)
         ends[:] = until
-        period_sums(keys, np.asarray(since, dtype=np.float64), ends, self._law, seconds, changes)
-        return seconds, changes
+        period_sums(keys, np.asarray(since, dtype=np.float64), ends, self._law, seconds, switches)
+        return seconds, switches
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
-        """Awake seconds and changes (T,) of all nodes together until each of the ascending times (T,).
+        """Awake seconds and switches (T,) of all nodes together until each of the ascending times (T,).
 
         Periods are evaluated in the order in which they begin, so that running sums need no sorting: the cost is one
-        hash per node and period, whatever T. Awake spells that have ended count in full, those under way from their
-        beginning. Times are relative to the first instant of a chunk, so that sums stay small and exact. The part
-        before time 0 is subtracted at the end.
+        hash per node and period, whatever T. An awake spell that has ended counts in full, one under way from its
+        beginning. In a chunk times are relative to its first, so that sums stay small and exact. Periods begin before
+        time 0: what they add until then is subtracted at the end.
         """
         asked = np.append(0.0, times)
         awake, switches = np.zeros(asked.size), np.zeros(asked.size)
         for starts, on, before in self._in_order(keys, float(asked[-1])):
             begun = np.searchsorted(starts, asked, side="right")
-            over = np.searchsorted(starts + self.awake_part, asked, side="right")
-            spells, into = _prefixes(on), _prefixes((starts - starts[0]) * on)
-            under_way = spells[begun] - spells[over]
-            awake += spells[over] * self.awake_part + under_way * (asked - starts[0]) - (into[begun] - into[over])
+            ended = np.searchsorted(starts + self.awake_part, asked, side="right")
+            spells, start_sums = _prefixes(on), _prefixes((starts - starts[0]) * on)
+            under_way = spells[begun] - spells[ended]
+            since_first, begun_after = under_way * (asked - starts[0]), start_sums[begun] - start_sums[ended]
+            awake += spells[ended] * self.awake_part + since_first - begun_after
+            # a node that is awake for whole periods switches only if the period before was different
             switches += (
-                spells[begun] + spells[over] if self.awake_part < self.period else _prefixes(on != before)[begun]
+                spells[begun] + spells[ended] if self.awake_part < self.period else _prefixes(on != before)[begun]
             )
         return awake[1:] - awake[0], switches[1:] - switches[0]
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if a node has too many periods in a run, or if an awake part is too short for two frames."""
-        lasts = setup.duration
-        if lasts > MOST_PERIODS * self.period:
+        duration = setup.duration
+        if duration > MOST_PERIODS * self.period:
             yield Issue(
                 ("sleep", "period"),
-                f"a run of {lasts:g} s has {lasts / self.period:.3g} periods of {self.period:g} s; at most "
+                f"a run of {duration:g} s has {duration / self.period:.3g} periods of {self.period:g} s; at most "
                 f"{MOST_PERIODS:,} are allowed",
             )
         airtime = getattr(getattr(setup, "mac", None), "airtime", None)
@@ -139,20 +141,20 @@ class _PeriodicSchedule:
     def _in_order(self, keys: Keys, until: float) -> Iterator[tuple[Floats, Bools, Bools]]:
         """The periods of all nodes that begin before `until`, in the order in which they begin, in chunks.
 
-        Each chunk is (beginnings, awake in the period, awake in the period before), (M,) each. In each round of periods
-        nodes follow one another by their phases.
+        Each chunk is (beginnings, awake in the period, awake in the period before), (M,) each. In each round every
+        node begins one period, in the order of the phases.
         """
         if not keys.size:
             return
         phases = self._phases(keys)
         order = np.argsort(phases)
         keys, phases = keys[order], phases[order]
-        rounds, together = int(until // self.period) + 3, max(1, CHUNK // keys.size)
-        last = self._on(keys, np.full((1, 1), -1))
-        for begin in range(0, rounds, together):
-            periods = np.arange(begin, min(begin + together, rounds))[:, None]
-            on = np.concatenate((last, self._on(keys, periods)))
-            last = on[-1:]
+        rounds, rounds_per_chunk = int(until // self.period) + 3, max(1, CHUNK // keys.size)
+        previous = self._on(keys, np.full((1, 1), -1))
+        for begin in range(0, rounds, rounds_per_chunk):
+            periods = np.arange(begin, min(begin + rounds_per_chunk, rounds))[:, None]
+            on = np.concatenate((previous, self._on(keys, periods)))
+            previous = on[-1:]
             yield (phases + (periods - 1) * self.period).ravel(), on[1:].ravel(), on[:-1].ravel()
 
     def _phases(self, keys: Keys) -> Floats:
@@ -161,7 +163,8 @@ class _PeriodicSchedule:
 
     def _on(self, keys: Keys, periods: Ints) -> Bools:
         """Whether nodes are awake in their periods, of which number 0 contains time 0."""
-        on: Bools = uniforms(derive_each(keys, (periods + 1).astype(np.uint64)), 0) < self._law[2]
+        _, _, probability, _ = self._law
+        on: Bools = uniforms(derive_each(keys, (periods + 1).astype(np.uint64)), 0) < probability
         return on
 
     @property
@@ -170,12 +173,12 @@ class _PeriodicSchedule:
 
     @property
     def shortest_sleep(self) -> float:
-        """Seconds that a node is asleep at a time, at least."""
+        """The shortest time (s) for which a node sleeps: a whole period if it is awake for whole periods."""
         return self.period - self.awake_part or self.period
 
     @property
     def awake_part(self) -> float:
-        """Seconds that a node is awake at a time, at least."""
+        """The shortest time (s) for which a node is awake."""
         return self._law[1]
 
 

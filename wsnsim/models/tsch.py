@@ -21,9 +21,9 @@ HOPPING: Final = (16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21
 """The default hopping sequence of IEEE 802.15.4 for the 16 channels at 2.4 GHz."""
 OFFSET: Final = Quantity("s", ge=1e-6, le=1.0)
 MOST_CELLS: Final = 64
-"""The largest number of cells in which a node receives beside the shared ones (our choice)."""
+"""The largest number of cells, without the shared ones, in which a node receives (our choice)."""
 LARGEST_DRIFT: Final = 6.0
-"""Two clocks differ by at most this many standard deviations of the rate: each is cut off at three."""
+"""Two clocks differ by at most this many standard deviations of the rate: each is truncated at three."""
 
 
 @part
@@ -37,17 +37,17 @@ class Tsch(Framed):
     frame and grows by one with each further one, up to `max_be`. Broadcasts are sent once.
 
     When members send to their cluster head, or a head to its members, and there are two frames or more, the head gives
-    them cells of their own. It announces them in a shared cell, with `cell_bits` per cell. Cells are drawn at random
+    them cells of their own. It announces them in a shared cell, with `cell_bits` per cell. Cells are sampled uniformly
     from the slots in which the head has no other cell, with a random channel offset: those of two heads may collide.
-    They are taken back when the last frame was acknowledged, and at the latest `lease` slotframes after the
+    They are released when the last frame was acknowledged, and at the latest `lease` slotframes after the
     announcement. A node that did not receive the announcement uses the shared cells. These rules are ours; 6TiSCH
     negotiates cells pair by pair (6P, RFC 8480), which takes too long for a step of a tracker.
 
     A slot begins by the local clock of a node. A frame begins `tx_offset` later, and a receiver listens for `rx_wait`,
-    centred on that: a frame that comes earlier or later by more than half of it is not received. Clocks that err are
-    corrected: see `network.radio.tsch.synchronisation`. Clocks that do not err need, and send, nothing for that.
-    Keep-alives and beacons take shared cells: of n nodes in range of each other, n / `keep_alive_compensated` and
-    n / `eb_period` a second; above a third of the shared cells they collide more often than they arrive.
+    centred on that: a frame that comes earlier or later by more than half of it is not received. Clocks with errors are
+    corrected: see `network.radio.tsch.synchronisation`; without errors no frame is sent for that. Keep-alives and
+    beacons take shared cells: n nodes in range of each other send n / `keep_alive_compensated` and n / `eb_period` a
+    second. If that takes more than a third of the shared cells, more of them collide than arrive.
 
     Source: IEEE 802.15.4-2015, 6.2.5.3 (back-off), 6.2.6 and 6.5.4 (slots), 8.4.2.2.3 (timeslot template); RFC 8180,
     section 4: one shared cell, 3 retransmissions, example of 101 slots. min_be and max_be are those of the 6TiSCH
@@ -127,7 +127,7 @@ class Tsch(Framed):
 
     @cached_property
     def duties(self) -> tuple[RadioDuty, ...]:
-        """The duty of a node that receives in no cells of its own, in one, in two, ..."""
+        """The duty cycle of a node that receives in the shared cells only, in one more, in two more, ..."""
         return tuple(
             RadioDuty(self.interval, float(cells), cells * self.rx_wait)
             for cells in range(self.shared, min(self.slotframe, self.shared + MOST_CELLS) + 1)
@@ -139,9 +139,10 @@ class Tsch(Framed):
         return self.tx_offset + self.airtime(bits) + answer
 
     def latency(self, bits: int) -> Latency:
-        """The longest time that a payload takes over one hop, without contention and retries.
+        """The longest time of a payload of `bits` over one hop, without contention and retries.
 
-        That is in a shared cell; `granted`: in a cell that a head has announced in a shared one.
+        `unicast` and `broadcast` are in a shared cell; `granted` is the announcement of a cell in a shared one, and
+        the unicast in that cell.
         """
         waiting = ceil(self.slotframe / self.shared) * self.slot
         on_air = self.tx_offset + self.airtime(self.bits(bits))
@@ -231,11 +232,11 @@ class Tsch(Framed):
             )
         if self.keep_alive is None:
             return
-        unknown, longest = self.tick / self.keep_alive, self.keep_alive_compensated
-        if longest is not None and unknown * longest > self.guard:
+        rate_error, longest = self.tick / self.keep_alive, self.keep_alive_compensated
+        if longest is not None and rate_error * longest > self.guard:
             yield Issue(
                 ("mac", "keep_alive_compensated"),
-                f"the rate of a clock is known to mac.tick / mac.keep_alive = {unknown:.3g}, and {longest:g} s would "
-                f"make that {unknown * longest:.3g} s, more than half of mac.rx_wait, {self.guard:g} s: at most "
-                f"{self.guard / unknown:.3g} s are possible",
+                f"the rate of a clock is known to mac.tick / mac.keep_alive = {rate_error:.3g}, and {longest:g} s "
+                f"would make that {rate_error * longest:.3g} s, more than half of mac.rx_wait, {self.guard:g} s: at "
+                f"most {self.guard / rate_error:.3g} s are possible",
             )

@@ -37,7 +37,8 @@ from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensin
 class Targets(NamedTuple):
     """The targets: per target its trajectory (steps + 1, D) and its prior.
 
-    `paths` are the trajectories at the `setup.polls` instants of a step at which nodes search; if empty, `truths`.
+    Where nodes search several times in a step, `paths` has each trajectory at `setup.polls` instants per step;
+    otherwise it is empty, and nodes search along `truths`.
     """
 
     truths: Sequence[Floats]
@@ -101,7 +102,7 @@ class World(BaseNetwork):
         self._faults = self._make_faults(streams.key("faults"), self._coordination.head_of, imperfections.defects)
 
     def _make_wake_up_service(self, network: NetworkView, key: int) -> WakeUpService | None:
-        """Make the service that wakes nodes for heads, and the last node of a datagram's path; None: nobody does."""
+        """Make the service that wakes nodes for heads and destinations for their last hop; None if wake-ups are off."""
         if network.setup.wakeup.mechanism == "none":
             return None
         transport, clocks = self._transport, self._stack.clocks
@@ -164,6 +165,7 @@ class World(BaseNetwork):
 
     def _crash(self, node: int) -> None:
         super()._crash(node)
+        # the crash may have emptied the battery: then the node has died, and was taken down as dead
         if node not in self._nodes.died_at:
             self._processes.forget(node)
             self._coordination.forget(node)

@@ -19,26 +19,29 @@ from wsnsim.papers.study import PAPERS, Study, study
 from wsnsim.papers.verdicts import ASTRAY, RULE, AstrayShare
 
 KINDS: Final = {"unconditional": "u", "per_trajectory": "t", "active": "active", "arrived": "arrived"}
+"""Kinds of bounds, as the table abbreviates them."""
 MARKS: Final = (
     "u posterior (over all trajectories); t conditional on each trajectory, which a filter may beat on some; "
     "other: of another variant, or as the reason says; ~ not strict here"
 )
+"""What the abbreviations of KINDS and other marks of bounds mean."""
 UNCOUNTED: Final = " *"
-READ: Final = "about"
+ABOUT: Final = "about"
 NOWHERE: Final = "no value in any run"
 WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
 WORDS_UNCOUNTED: Final = "on a repair or on another reading of the paper; not counted among its claims"
 WORDS_RUNS: Final = "ours / those behind the published value"
 WORDS_ASTRAY: Final = f"share of runs with more than {ASTRAY:g} times the median of the runs [Clopper-Pearson, %]"
 WORDS_LOST: Final = "share of runs (re-acquisitions in a run, mean over runs)"
-REST: Final = tuple(basis for basis in BASES if basis != "evidence")
+OTHER_BASES: Final = tuple(basis for basis in BASES if basis != "evidence")
+"""Bases on which a verdict is not counted."""
 HEADS: Final = (
     "quantity", "variant", "published", "measured [95 %]", "statistic", "bound", "runs", "astray", "lost", "verdict",
 )  # fmt: skip
 
 
 def text(rows: Sequence[ClaimRow]) -> str:
-    """The rows by experiment, each with its reason beneath, and the verdicts counted by kind; '' without rows."""
+    """The rows by experiment with their reasons, the verdicts counted, and the legend; '' without rows."""
     lines: list[str] = []
     for (paper, experiment), block in groupby(rows, key=lambda row: (row.paper, row.experiment)):
         these = list(block)
@@ -47,7 +50,7 @@ def text(rows: Sequence[ClaimRow]) -> str:
 
 
 def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
-    """The lines of an experiment."""
+    """The lines of an experiment; rows in sequence with the same reason have it once, beneath the last."""
     heading, *lines = aligned([HEADS, *map(cells, rows)], len(HEADS))
     yield heading
     for row, line, after in zip(rows, lines, [*rows[1:], None], strict=True):
@@ -68,23 +71,25 @@ def verdict_counts(rows: Sequence[ClaimRow]) -> list[str]:
 def _counted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
     judged = [row for row in rows if row.verdict in RULE and row.verdict != "not judged" and not row.paired]
     kinds = {"claims": [row for row in judged if row.counted]}
-    kinds |= {f"not counted, {basis}": [row for row in judged if row.literal and row.basis == basis] for basis in REST}
+    kinds |= {
+        f"not counted, {basis}": [row for row in judged if row.literal and row.basis == basis] for basis in OTHER_BASES
+    }
     kinds["not counted, repairs and other readings"] = [row for row in judged if not row.literal]
-    for words, some in kinds.items():
-        counts = Counter(row.verdict for row in some)
-        if some:
+    for words, members in kinds.items():
+        counts = Counter(row.verdict for row in members)
+        if members:
             summary = ", ".join(f"{counts[verdict]} x {verdict}" for verdict in RULE if counts[verdict])
-            yield f"{name}: {len(some)} {words}: {summary}"
+            yield f"{name}: {len(members)} {words}: {summary}"
 
 
 def legend(rows: Sequence[ClaimRow]) -> list[str]:
-    """The rule of the verdicts and the marks, as far as the rows have them."""
+    """The meanings of the verdicts, abbreviations and marks that occur in the rows."""
     judged = [row for row in rows if row.verdict in RULE]
     known = {basis: words for basis, words in BASES.items() if any(row.basis == basis for row in judged)}
     lines = [f"  {verdict}: {words}" for verdict, words in RULE.items() if any(row.verdict == verdict for row in rows)]
     statistics = dict.fromkeys((row.short, row.statistic) for row in rows if row.short not in ("", row.statistic))
     lines += [f"  {short}: {words}" for short, words in statistics]
-    lines += [f"  ({basis}): {words}; not counted" for basis, words in known.items() if basis in REST]
+    lines += [f"  ({basis}): {words}; not counted" for basis, words in known.items() if basis in OTHER_BASES]
     rules: dict[str, dict[str, None]] = {}
     for row in rows:
         if row.losses.lost_rule and math.isfinite(row.lost_fraction):
@@ -93,7 +98,7 @@ def legend(rows: Sequence[ClaimRow]) -> list[str]:
     for shown, words in (
         (any(not row.literal for row in judged), f"{UNCOUNTED.strip()}: {WORDS_UNCOUNTED}"),
         (any(math.isfinite(row.bound) for row in rows), f"bound: {MARKS}"),
-        (any(row.read and math.isfinite(row.published) for row in rows), f"{READ}: {WORDS_READ}"),
+        (any(row.read and math.isfinite(row.published) for row in rows), f"{ABOUT}: {WORDS_READ}"),
         (any(row.published_runs for row in rows), f"runs: {WORDS_RUNS}"),
         (any(math.isfinite(row.astray.value) for row in rows), f"astray: {WORDS_ASTRAY}"),
         (any(row.losses.reacquired > 0.0 for row in rows), f"lost: {WORDS_LOST}"),
@@ -107,7 +112,7 @@ def cells(row: ClaimRow) -> tuple[str, ...]:
     return (
         row.quantity,
         row.variant,
-        f"{READ} {_number(row.published)}" if row.read and math.isfinite(row.published) else _number(row.published),
+        f"{ABOUT} {_number(row.published)}" if row.read and math.isfinite(row.published) else _number(row.published),
         _measured(row),
         row.short or "-",
         _bound(row),
@@ -119,7 +124,7 @@ def cells(row: ClaimRow) -> tuple[str, ...]:
 
 
 def _verdict(row: ClaimRow) -> str:
-    """The verdict, how far it reaches, and why it is not counted."""
+    """The verdict, with the factor within which it holds, and a mark or basis if it is not counted."""
     if row.verdict not in RULE:
         return row.verdict
     within = row.judgement.within
@@ -136,7 +141,7 @@ def _measured(row: ClaimRow) -> str:
 
 
 def _median(row: ClaimRow) -> str:
-    """The median of the runs beside a mean that too few runs give."""
+    """The median of the runs, shown beside the mean of too few runs; otherwise ''."""
     value, low, high = row.median
     few = row.verdict == "too few runs" and math.isfinite(value) and value != row.measured
     return f", median {_number(value)}{ends(low, high, '.4g')}" if few else ""
@@ -168,8 +173,8 @@ def _bound(row: ClaimRow) -> str:
     """The bound and its kind, with a '~' where it is not strict."""
     if not math.isfinite(row.bound):
         return "-"
-    kind, _, more = row.bound_kind.partition(", ")
-    return f"{'~' if more else ''}{_number(row.bound)} {KINDS.get(kind, 'other')}"
+    kind, _, caveat = row.bound_kind.partition(", ")
+    return f"{'~' if caveat else ''}{_number(row.bound)} {KINDS.get(kind, 'other')}"
 
 
 def _number(value: float) -> str:
@@ -224,7 +229,7 @@ def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
 
 
 def _reasons(rows: Sequence[ClaimRow]) -> Iterator[str]:
-    """Yield the reasons of rows: one that all share once, others with their variants."""
+    """Yield the reasons of rows: once if all rows share it, otherwise each with the variants that have it."""
     variants: dict[str, dict[str, None]] = {}
     for row in rows:
         if row.reason:

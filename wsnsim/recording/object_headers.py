@@ -1,7 +1,7 @@
-"""What HDF5 would believe of a file, read from the headers of objects before HDF5 does; and the values of a column.
+"""Checks of object headers, before HDF5 trusts what they state; and the values of a column.
 
     check_attributes(read, address, most)       the lengths of texts in attributes, and where they are
-    check_heap(read, address)                   a place where texts are
+    check_heap(read, address)                   the objects of a heap, in which texts are stored
     check_layout(read, address)                 how the values of a dataset are stored
 
 A text of variable length is stored as its length and the place of its bytes. HDF5 allocates the length that is stated,
@@ -10,7 +10,7 @@ the object header, whose two versions are described in the HDF5 File Format Spec
 
 Since version 4 of the layout (IV.A.2.i), an index of chunks can state trillions of chunks in a few hundred kilobytes.
 HDF5 visits each of them, for hours, even if the dataset itself states a few rows. wsnsim writes version 3. Chunks are
-inflated here, not by HDF5, which fills what a short chunk lacks from its own memory.
+inflated here: HDF5 would fill up a chunk that is too short with whatever is in its memory.
 """
 
 from __future__ import annotations
@@ -30,16 +30,20 @@ Read = Callable[[int, int], bytes]
 """read(address, count) -> that many bytes of the file, or ValueError."""
 
 LAYOUT, ATTRIBUTE, CONTINUATION, ATTRIBUTE_INFO = 0x08, 0x0C, 0x10, 0x15
+"""Types of the messages in an object header."""
 NEWEST_LAYOUT: Final = 3
 """The version of the layout in files of HDF5 1.8."""
 VARIABLE_LENGTH: Final = 9
+"""The class of data types to which texts of variable length belong."""
 REFERENCE: Final = 16
 """Bytes of the length and the place of a text."""
 MOST_BLOCKS: Final = 64
+"""Blocks of an object header, with its continuations."""
 OBJECT: Final = 16
-"""Bytes of the head of an object in a heap (IV, III.E: its number takes two of them)."""
+"""Bytes of the head of a heap, and of the head of an object in it (III.E; the first two are its number)."""
 MOST_OBJECTS: Final = 2**16
 NOWHERE: Final = 0xFFFF_FFFF_FFFF_FFFF
+"""The undefined address."""
 
 
 def check_attributes(read: Read, address: int, most: int) -> None:
@@ -50,7 +54,7 @@ def check_attributes(read: Read, address: int, most: int) -> None:
     Raises:
         DamagedContent: one does, or the header is damaged.
     """
-    with _damage_named():
+    with _damage_reported():
         for kind, flags, data in _messages(read, address):
             if kind == ATTRIBUTE_INFO and _is_dense(data):
                 raise DamagedContent("attributes are not stored where wsnsim stores them")
@@ -64,12 +68,12 @@ def check_attributes(read: Read, address: int, most: int) -> None:
 def check_heap(read: Read, address: int) -> None:
     """Check that the objects of the global heap at this address follow one another up to its end.
 
-    HDF5 goes from object to object by the sizes that they state, for ever if one states none.
+    HDF5 goes from object to object by the sizes that they state: for ever if one states the size zero.
 
     Raises:
         DamagedContent: they do not, or there is no heap.
     """
-    with _damage_named():
+    with _damage_reported():
         head = read(address, OBJECT)
         at, end = address + OBJECT, address + struct.unpack_from("<Q", head, 8)[0]
         if head[:4] != b"GCOL":
@@ -91,14 +95,14 @@ def check_layout(read: Read, address: int) -> None:
     Raises:
         DamagedContent: they are not, or the header is damaged.
     """
-    with _damage_named():
+    with _damage_reported():
         if any(kind == LAYOUT and data[0] > NEWEST_LAYOUT for kind, _, data in _messages(read, address)):
             raise DamagedContent("values are stored in a newer way than wsnsim stores them")
 
 
 @contextlib.contextmanager
-def _damage_named() -> Iterator[None]:
-    """Raise DamagedContent where a header ends too early."""
+def _damage_reported() -> Iterator[None]:
+    """Raise DamagedContent if a header ends too early to be unpacked."""
     try:
         yield
     except (struct.error, IndexError) as error:
@@ -108,6 +112,7 @@ def _damage_named() -> Iterator[None]:
 def _messages(read: Read, address: int) -> Iterator[tuple[int, int, bytes]]:
     """(kind, flags, data) of each message in the header of an object, continuations included."""
     head = read(address, 16)
+    # version 2 begins with a signature; its continuations have one of their own, and end with a checksum
     if head[:4] == b"OHDR":
         at = address + 6 + (16 if head[5] & 0x20 else 0) + (4 if head[5] & 0x10 else 0)
         width = 1 << (head[5] & 3)
@@ -144,7 +149,7 @@ def _check_attribute(data: bytes, most: int) -> set[int]:
     """Check one attribute; returns the addresses of the heaps in which its texts are."""
     version, flags = data[0], data[1]
     sizes = struct.unpack_from("<HHH", data, 2)
-    if version == 1:
+    if version == 1:  # which pads name, type and shape to eight bytes each
         starts, sizes = 8, tuple(-(-size // 8) * 8 for size in sizes)
     else:
         starts = 8 if version == 2 else 9
@@ -172,7 +177,7 @@ class StoredColumn(NamedTuple):
         stored: bytes in the file.
         chunk: rows of a chunk; 0 if it is stored in one piece.
         filters: numbers of the filters of its chunks.
-        chunks: the first row of each chunk that is there, in order.
+        chunks: the first row of each chunk that the file has, in order.
     """
 
     name: str
@@ -185,7 +190,7 @@ class StoredColumn(NamedTuple):
     chunks: tuple[int, ...] = ()
 
     def values(self, rows: slice = slice(None)) -> np.ndarray:
-        """The values of some rows, consecutive ones.
+        """The values of a range of rows.
 
         Raises:
             DamagedContent: a chunk does not hold what it should.
@@ -208,7 +213,7 @@ class StoredColumn(NamedTuple):
         """The values of the chunk that begins with this row."""
         mask, raw = self.dataset.read_direct_chunk((first,))
         size = self.chunk * self.dtype.itemsize
-        if self.filters and not mask:
+        if self.filters and not mask:  # a bit of the mask would say that a filter was left out
             inflater = zlib.decompressobj()
             try:
                 raw = inflater.decompress(raw, size + 1)

@@ -1,7 +1,7 @@
-"""Readers of a result file, which give NumPy arrays and text.
+"""Functions that read a result file into NumPy arrays and text.
 
 Every function raises ResultError, with the file's name and the reason, if the file does not exist, is not a wsnsim
-result, is unfinished or damaged, or does not contain what is asked for. So does a key of a stored JSON text that is
+result, is unfinished or damaged, or does not contain what is asked for. A stored JSON text raises it too, if a key is
 missing or of another type.
 """
 
@@ -39,7 +39,7 @@ TYPES: Final[dict[str, tuple[type, ...]]] = {
 
 @final
 class StoredKeys(dict[str, Any]):
-    """A mapping of a stored text, whose missing keys raise ResultError. `of` says of which file and text."""
+    """A mapping of a stored text, whose missing keys raise ResultError. `of` names the file and text in that error."""
 
     of = ""
 
@@ -52,7 +52,7 @@ def parsed(text: str, what: str) -> StoredKeys:
 
     Args:
         text: the text.
-        what: file and name of the text, as an error begins with it.
+        what: file and name of the text, with which errors begin.
 
     Raises:
         ResultError: the text is no JSON, is no mapping, or a known key is of another type.
@@ -64,7 +64,7 @@ def parsed(text: str, what: str) -> StoredKeys:
     if not isinstance(values, StoredKeys):
         raise ResultError(f"{what} is no mapping of keys")
     values.of = what
-    for holder in (values, values.get("git")):
+    for holder in (values, values.get("git")):  # a missing key counts as an empty value of its type
         for key, types in TYPES.items():
             if isinstance(holder, StoredKeys) and not isinstance(holder.get(key, types[0]()), types):
                 raise ResultError(f"{what} has a key '{key}' of another type than wsnsim writes")
@@ -200,9 +200,14 @@ def attributes(path: str | Path) -> dict[str, Any]:
 
 @contextmanager
 def opened(path: str | Path, unfinished: bool = False) -> Iterator[Content]:
-    """Open a result for reading, checked to be one. Damage that is found later also raises ResultError."""
+    """Open a file for reading after checking that it is a result. Damage that is found later also raises ResultError.
+
+    Args:
+        path: result file.
+        unfinished: whether the file of an unfinished run may be opened.
+    """
     path = Path(path)
-    if not os.path.isfile(path):  # noqa: PTH113 - a name that is too long is none
+    if not os.path.isfile(path):  # noqa: PTH113 - Path.is_file raises if a name is too long
         irregular = "is a folder, not a result" if os.path.isdir(path) else why_not_regular(path)  # noqa: PTH112
         raise ResultError(f"{path}: {irregular or 'no such file' + _nearest(path)}")
     try:
@@ -263,6 +268,7 @@ def position_of(content: Content) -> tuple[int, ...] | None:
 
 
 def _access() -> h5p.PropFAID:
+    """File access in which closing the file closes all objects of it, even after an error."""
     access = h5p.create(h5p.FILE_ACCESS)
     access.set_fclose_degree(h5f.CLOSE_STRONG)
     return access
@@ -319,7 +325,7 @@ def _checked(name: str, content: Content, group: h5g.GroupID, path: str | Path) 
 
 
 def _size(content: Content, path: str | Path, table: str) -> TableSize:
-    """The size of a table. Only the first column is checked: the others are when they are read."""
+    """The size of a table. Only the first column is checked here, the others when they are read."""
     group = _group(content, path, table)
     names = column_names(content, group)
     first = content.column(group, names[0])

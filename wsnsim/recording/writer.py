@@ -53,7 +53,7 @@ class ResultFile:
         position: indices of the position in the state.
         components: number of components of a reading: `readings` has the column `component` if there are several.
         duty_cycled: whether a MAC switches radios off: `runs` has the column `radio_on` then.
-        status: status of the complete file.
+        status: status that the file gets when it is closed; until then it is WRITING.
 
     Raises:
         StorageError: the file cannot be written (missing folder, full disk, ...). The temporary file is removed.
@@ -136,7 +136,9 @@ class ResultFile:
 
     def _begin(self) -> None:
         self._cleanup.callback(self._tmp.unlink, missing_ok=True)
-        self._in_memory = set(self._wanted) <= set(SHORT_TABLES)  # HDF5 is known to crash on a full disk
+        self._in_memory = set(self._wanted) <= set(
+            SHORT_TABLES
+        )  # HDF5 may crash on a full disk; short tables need no disk before the end
         self._file = _create(self._tmp, self._in_memory)
         self._cleanup.callback(self._file.close)
         attributes = self._file.attrs
@@ -204,9 +206,9 @@ def with_end(provenance: str) -> str:
 
 
 def _create(tmp: Path, in_memory: bool) -> h5py.File:
-    """Create a file that HDF5 1.8 can read, in memory or on disk. Descriptions of tables and columns have checksums.
+    """Create a file that HDF5 1.8 can read, in memory or on disk; its object headers have checksums.
 
-    Metadata are written at a flush only, so that the file of a killed run is that of the last flush. Chunks are written
+    Metadata are written by a flush only, so that the file of a killed run is that of the last flush. Chunks are written
     at once, so that a full disk is noticed immediately.
     """
     place: dict[str, Any] = {"driver": "core", "backing_store": False} if in_memory else {}
@@ -234,7 +236,7 @@ def _synchronise(path: Path) -> None:
 
 @final
 class MemoryResult:
-    """A `base.ports.Recorder` that is a context manager, as `ResultFile` is, and keeps what that would write.
+    """A `base.ports.Recorder` that is a context manager, as `ResultFile` is, and keeps tables and texts in memory.
 
     Args:
         states: names and units of the motion model's state.
@@ -312,5 +314,7 @@ class MemoryResult:
         return np.concatenate(pieces) if pieces else np.empty(0, column.dtype)
 
     def _words_of(self, table: str, column: Column) -> tuple[str, ...]:
-        grown = {("events", "what"): self.words, ("tracker_state", "name"): self.state_names}.get((table, column.name))
-        return flag_words(column.meanings if grown is None else grown.all())
+        registered = {("events", "what"): self.words, ("tracker_state", "name"): self.state_names}.get(
+            (table, column.name)
+        )
+        return flag_words(column.meanings if registered is None else registered.all())

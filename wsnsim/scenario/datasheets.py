@@ -1,6 +1,6 @@
 """Datasheets: files that hold the fields of a component within a component, such as the radio of an energy model.
 
-    with_fields(tree, models) -> (tree with the fields of datasheets in place of their names, issues)
+    with_fields(tree, chosen) -> (tree with the fields of datasheets in place of their names, issues)
     datasheet(path) -> the values of a datasheet, each with its source
 
 A datasheet is a YAML file whose key `sheet` says what it describes: `radio: cc2420` refers to cc2420.yaml with
@@ -71,7 +71,7 @@ def with_fields(tree: LocatedValue, chosen: Chosen) -> tuple[LocatedValue, list[
     issues: list[Issue] = []
     for key, models in chosen:
         for i, model in enumerate(models):
-            path = (key, i) if key == AT_TOP[key].listed else (key,)
+            path = (key, i) if key == AT_TOP[key].listed else (key,)  # roles such as targets are lists
             component: Any = model.part if model else None
             for field, part in nested_of(component).items() if component else ():
                 node, sheet = tree.at((*path, field)), getattr(part, "sheet", field)
@@ -86,7 +86,7 @@ def datasheet(path: Path, plugins: bool = False) -> Datasheet:
 
     Args:
         path: its file.
-        plugins: whether it may describe what only installed plug-ins use, which are imported then.
+        plugins: whether it may describe a component of an installed plug-in; plug-ins are imported then.
 
     Raises:
         ScenarioError: with every issue of the file.
@@ -178,23 +178,25 @@ def _issues_of_sources(sources: LocatedValue | None, path: Keys, fields: Any) ->
     return issues
 
 
-def _known(of: str) -> str:
-    return "known: " + (", ".join(sheets(of)) or "none")
+def _known(wanted: str) -> str:
+    """The names of the datasheets of this kind, for a message."""
+    return "known: " + (", ".join(sheets(wanted)) or "none")
 
 
 def _short(name: str) -> str:
+    """A name from a file as a message shows it: without control characters, and cut if long."""
     return shown(name).strip("'")
 
 
 @functools.cache
 def _parts_by_sheet(plugins: bool) -> dict[str, Any]:
-    """Return the classes that a datasheet can describe, by the value of `sheet`: those within any kind of any role."""
+    """Return {value of `sheet`: class} of the components within any kind of any role, which datasheets can describe."""
     found: dict[str, Any] = {}
     for role in ROLES:
         for info in kinds(role).values() if plugins else ROLES[role].kinds:
             try:
-                within: Any = load_class(info)
-                for field, part in nested_of(within).items():
+                component: Any = load_class(info)
+                for field, part in nested_of(component).items():
                     found.setdefault(getattr(part, "sheet", field), part)
             except (ImportError, PartError):
                 continue

@@ -1,4 +1,4 @@
-"""What a kind is: idea, method, parameters, sources, import line and an example, from the registry and its class.
+"""The description of a kind: idea, method, parameters, sources, import line, example; from registry and class.
 
     kind_info("motion", "coordinated_turn") -> KindInfo
     kinds_named("ris") -> [("sleep", "ris"), ("tracker", "ris")]
@@ -71,7 +71,7 @@ OTHER_FORMS: Final = {
 def citations() -> tuple[Citation, ...]:
     """Return every publication that the code cites: the rows of citations.table."""
     ((_, rows),) = read_sections(Path(__file__).with_name("citations.table"))
-    padded = ((*row, "", "") for row in rows)
+    padded = ((*row, "", "") for row in rows)  # DOI and mark may be missing
     return tuple(Citation(key, title, venue, doi, mark != NOT_LOOKED_UP) for key, title, venue, doi, mark, *_ in padded)
 
 
@@ -103,7 +103,7 @@ class KindInfo:
         kind: the kind's name in a scenario.
         purpose: what the role decides.
         idea: the kind in one line.
-        paper: the source, as short as in a table.
+        paper: the source in short, as tables show it.
         method: the paragraphs of the class's docstring, without its sources.
         notes: the paragraphs that name sources and say what is our choice.
         citations: the publications that are cited, with DOIs.
@@ -111,7 +111,7 @@ class KindInfo:
         facts: further (name, text) pairs, such as the columns of a motion model's state.
         import_line: how Python imports the class.
         example: lines of a scenario that use the kind.
-        default: whether the kind stands for a role that is left out.
+        default: whether the kind is taken if a scenario leaves the role out.
         plugin: the package that adds the kind; '' if it comes with wsnsim.
     """
 
@@ -143,7 +143,7 @@ def kinds_named(word: str) -> list[tuple[str, str]]:
     """Return the (role, kind) pairs that a word names: a kind, 'role.kind', a class's name or 'module:Class'.
 
     Raises:
-        UsageError: the word is a dotted path, and its class is a component of no role.
+        UsageError: the word is 'module:Class', and the class is a component of no role.
     """
     if ":" in word:
         return _plugin(word)
@@ -166,26 +166,27 @@ def kind_info(role: str, kind: str) -> KindInfo:
         ImportError: its class cannot be imported.
         PartError: its class is no component.
     """
-    row, known = find(role, kind), ROLES[role]
-    part = load_class(row)
-    fields_of(part)  # refuses what is no component
+    entry, described_role = find(role, kind), ROLES[role]
+    part = load_class(entry)
+    fields_of(part)  # raises PartError if the class is no component
     summary, method, notes = _paragraphs(part)
-    text = " ".join([row.paper, *notes, *method])
-    idea = summary.rstrip(".") if row.plugin else row.idea or summary.rstrip(".")
+    text = " ".join([entry.paper, *notes, *method])
+    idea = summary.rstrip(".") if entry.plugin else entry.idea or summary.rstrip(".")
     return KindInfo(
-        role=role, kind=kind, purpose=known.purpose, idea=idea, paper=row.paper,
+        role=role, kind=kind, purpose=described_role.purpose, idea=idea, paper=entry.paper,
         method=(summary, *method), notes=notes, citations=tuple(cited_in(text)),
         parameters=(*parameters_of(part), *(assumptions() if role == "tracker" else ())),
-        facts=tuple(_facts(part, row.state, row.messages)),
-        import_line=_import_line(role, row, part), example=example_of(known, kind, tuple(_required(part))),
-        default=kind == known.default, plugin=row.plugin,
+        facts=tuple(_facts(part, entry.state, entry.messages)),
+        import_line=_import_line(role, entry, part),
+        example=example_of(described_role, kind, tuple(_required(part))),
+        default=kind == described_role.default, plugin=entry.plugin,
     )  # fmt: skip
 
 
-def _import_line(role: str, row: Kind, part: type[Any]) -> str:
-    """Return the line that imports the class of a component; of a plug-in, from its module."""
-    is_own = row in ROLES[role].kinds
-    return import_line(role, row.kind) if is_own else f"from {part.__module__} import {part.__name__}"
+def _import_line(role: str, entry: Kind, part: type[Any]) -> str:
+    """Return the line that imports the class of a component; that of a plug-in is imported from its own module."""
+    is_own = entry in ROLES[role].kinds
+    return import_line(role, entry.kind) if is_own else f"from {part.__module__} import {part.__name__}"
 
 
 def _roles(word: str) -> list[Role]:
@@ -193,10 +194,10 @@ def _roles(word: str) -> list[Role]:
 
 
 def _plugin(path: str) -> list[tuple[str, str]]:
-    """Return the roles that the class at a dotted path can play."""
+    """Return (role, path) for each role of which the class at the path 'module:Class' is a component."""
     from wsnsim.scenario.fields import part_model
 
-    search([""])
+    search([""])  # plug-ins may lie in the working directory
     announce(PluginImport("info", path, path.partition(":")[0], ""))
     found, reasons = [], []
     for role in ROLES:
@@ -213,7 +214,7 @@ def _plugin(path: str) -> list[tuple[str, str]]:
 
 
 def _paragraphs(part: type[Any]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
-    """Return the first paragraph of a class's docstring, its further ones, and those about sources."""
+    """Return the first paragraph of a class's docstring, the others, and those about sources, also of its bases."""
     text = inspect.cleandoc(vars(part).get("__doc__") or "")
     first, *others = [" ".join(piece.split()) for piece in text.split("\n\n")] if text else [""]
     inherited = [
@@ -231,7 +232,7 @@ def _is_source(paragraph: str) -> bool:
 
 
 def _facts(part: type[Any], state: str, messages: str) -> Iterator[tuple[str, str]]:
-    """Yield what else is known of a class: the columns of its state, the components of its readings."""
+    """Yield (name, text) of a class's state columns, components of readings, memory and messages, if it has them."""
     columns, units = getattr(part, "columns", None), getattr(part, "units", None)
     if isinstance(columns, tuple) and isinstance(units, tuple):
         yield (

@@ -46,11 +46,11 @@ from wsnsim.trackers.shared.stacks import LOG_WEIGHTS, MOVE, START, Score, Share
 RIDGE = 1e-3
 """m², (m/s)²: added to the diagonal of a fitted covariance, which fewer than five particles leave singular."""
 ALWAYS = 2.0
-"""A threshold of effective particles that no share of them reaches."""
+"""A threshold above every share of effective particles: the swarm moves at every step."""
 
 
 class Predicted(NamedTuple):
-    """What a step has made of the particles before they move.
+    """The particles of a step between weighing and move.
 
     Attributes:
         before: (D, N) the particles one step ago.
@@ -64,13 +64,13 @@ class Predicted(NamedTuple):
 
 
 class Filtered(NamedTuple):
-    """What a step has made of each member's particles.
+    """The results of a step, per member.
 
     Attributes:
         means: (M, D) the members' own estimates.
         covs: (M, D, D) their covariances.
         effective: (M,) the effective number of particles before the move.
-        moving: (M,) whose swarms moved.
+        moving: (M,) whether the member's swarm moved.
     """
 
     means: Floats
@@ -85,8 +85,9 @@ class PsoMhpf(SpreadFilter[Spread]):
 
     The move is a heuristic and no valid Markov chain: the proposal depends on the whole swarm's past, the ratio of the
     proposals is taken as one, and the paper's posterior, a sum of Diracs, cannot be evaluated at a new point.
-    `acceptance` says what stands in for it: the likelihood times a Gaussian fitted to the node's predicted particles
-    (our choice), times the particle's own transition density, or alone, which loses the target.
+    `acceptance` says what replaces it: the likelihood times a Gaussian fitted to the node's predicted particles (our
+    choice), the likelihood times the particle's own transition density, or the likelihood alone, which loses the
+    target.
 
     Weights of steps without a move are carried on. In the paper they enter w_k (13), thereby the posterior of (15) in
     the test (20), and χ_0 (17), which is w_k. So they do here: `prior_fit` weights the Gaussian by w_{k-1}, and
@@ -95,8 +96,8 @@ class PsoMhpf(SpreadFilter[Spread]):
     equal and the last iterate alone is kept, so that a burn-in has no effect of its own. A chain starts at every
     particle, however small its weight, unless `resample_first`.
 
-    Without random factors and with a step length of one, eq. (18) has a double root at -1 and swings up: literal. The
-    particles' share of the head is our choice.
+    Taken literally, without random factors and with a step length of one, eq. (18) has a double root at -1: it
+    oscillates with growing amplitude. The share of the particles that the head holds is our choice.
     """
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: total number of particles"] = 400
@@ -195,50 +196,51 @@ class PsoMhpf(SpreadFilter[Spread]):
     def _move(self, stack: Stack, predicted: Predicted, moving: Bools, likelihood: Likelihood, scene: Scene) -> None:
         """Move the swarms of those who are `moving` (M,) in place of a resampling, and give them equal weights.
 
-        Section 3, step 4. All who move are moved in one go, and in one call where there is a kernel for it.
+        Section 3, step 4. One kernel call moves all swarms if there is a kernel for these options.
         """
         length = scene.dt if self.step_length == "dt" else 1.0
-        pull = self.iterations, self.phi1, self.phi2, length, self.random_factors
+        pull = self.phi1, self.phi2, length, self.random_factors
         has_kernel = self.acceptance == "gaussian" and self.prior_fit == "weighted" and not self.resample_first
         energies = likelihood.energies() if has_kernel and len(scene.motion.position) == 2 else None
         if energies is None:
-            self._move_in_turn(stack, predicted, moving, likelihood, pull[1:], scene)
+            self._move_in_turn(stack, predicted, moving, likelihood, pull, scene)
             return
         x, y = scene.motion.position
         move_own(
             stack.cloud, stack.log_weights, predicted.carried, predicted.fitness, stack.offsets, moving,
-            stack.layout.log_counts, stack.keys, *energies, (x, y), MOVE, pull, self.ranking == "weight", RIDGE,
+            stack.layout.log_counts, stack.keys, *energies, (x, y), MOVE, (self.iterations, *pull),
+            self.ranking == "weight", RIDGE,
         )  # fmt: skip
 
     def _move_in_turn(
         self, stack: Stack, predicted: Predicted, moving: Bools, likelihood: Likelihood,
         pull: tuple[float, float, float, bool], scene: Scene,
     ) -> None:  # fmt: skip
-        """Any likelihood and any option, kernel by kernel."""
+        """Do what `_move` does for any likelihood and any option, with one kernel call per operation."""
         chosen = stack.chosen(moving)
-        part = stack.part(chosen)
+        swarms = stack.part(chosen)
         before, carried = predicted.before.take(chosen.columns, axis=1), predicted.carried.take(chosen.columns)
         fitness = predicted.fitness.take(chosen.columns)
-        fitted = self._fitted(part, carried) if self.acceptance == "gaussian" else None
+        fitted = self._fitted(swarms, carried) if self.acceptance == "gaussian" else None
         ranks = fitness.copy()
-        if self.ranking == "weight":  # log w of eq. (17): the mean of the stack's weights is one on each node
-            ranks = part.log_weights - part.layout.log_counts[part.layout.owners]
+        if self.ranking == "weight":  # log w of eq. (17), which sum to one; those of `weigh` have a mean of one
+            ranks = swarms.log_weights - swarms.layout.log_counts[swarms.layout.owners]
         if self.resample_first:
-            drawn = systematic(part.log_weights, part.offsets, part.counts, uniforms(part.keys, START))
-            before, part.cloud = before.take(drawn, axis=1), part.cloud.take(drawn, axis=1)
+            drawn = systematic(swarms.log_weights, swarms.offsets, swarms.counts, uniforms(swarms.keys, START))
+            before, swarms.cloud = before.take(drawn, axis=1), swarms.cloud.take(drawn, axis=1)
             fitness, ranks = fitness.take(drawn), ranks.take(drawn)
 
         def log_prior(points: Floats) -> Floats:
-            """(N,) log π of eq. (20), up to a constant of each particle."""
+            """(N,) log π of eq. (20), up to a constant per particle."""
             if fitted is not None:
-                return log_density(points, *fitted, part.offsets)
+                return log_density(points, *fitted, swarms.offsets)
             if self.acceptance == "transition":
                 return scene.motion.log_transition(points, before, scene.dt, scene.previous)
             return np.zeros(points.shape[1])
 
-        self._fly(part, fitness, ranks, likelihood.among(chosen.rows).score(part), log_prior, pull)
-        part.log_weights = np.zeros(fitness.size)
-        stack.put(part, chosen)
+        self._fly(swarms, fitness, ranks, likelihood.among(chosen.rows).score(swarms), log_prior, pull)
+        swarms.log_weights = np.zeros(fitness.size)
+        stack.put(swarms, chosen)
 
     def _fitted(self, stack: Stack, carried: Floats) -> tuple[Floats, Floats]:
         """Means (M, D) and Cholesky factors (M, D, D) of the Gaussians that stand for each node's prediction, (20)."""
@@ -258,18 +260,22 @@ class PsoMhpf(SpreadFilter[Spread]):
         velocity, best, prior = np.zeros(cloud.shape), cloud.copy(), log_prior(cloud)
         keys = particle_keys(stack.keys, stack.offsets, MOVE)
         for iteration in range(self.iterations):
-            draw = iteration * (2 * cloud.shape[0] + 1)
-            proposal = fly(cloud, velocity, best, ranks, stack.offsets, keys, draw, 1.0, *pull)
-            accept(cloud, fitness, prior, proposal, likelihood(proposal), log_prior(proposal), best, ranks, keys, draw)
+            # the counter of a particle's random numbers: an iteration uses two per column, and one for the test
+            first = iteration * (2 * cloud.shape[0] + 1)
+            proposal = fly(cloud, velocity, best, ranks, stack.offsets, keys, first, 1.0, *pull)
+            accept(cloud, fitness, prior, proposal, likelihood(proposal), log_prior(proposal), best, ranks, keys, first)
 
     def _cycles(self, counts: list[int], sensors: list[int], moving: list[bool], steps: int) -> list[float]:
-        """What each member spends on its particles, section 5."""
+        """The processor cycles that each member spends on its particles, section 5."""
         work = list(zip(sensors, moving, strict=True))
-        each = {seen_moves: self._per_particle(*seen_moves, steps) for seen_moves in set(work)}
-        return [count * each[seen_moves] for count, seen_moves in zip(counts, work, strict=True)]
+        per_particle = {seen_moves: self._per_particle(*seen_moves, steps) for seen_moves in set(work)}
+        return [count * per_particle[seen_moves] for count, seen_moves in zip(counts, work, strict=True)]
 
     def _per_particle(self, seen: int, moves: bool, steps: int) -> float:
-        """Section 5: predict and weigh 40 + 30 S, and to move, Gaussian fit 30 and 50 + 30 S an iteration."""
+        """Cycles per particle in a step with S readings, section 5.
+
+        40 + 30 S to predict and weigh. A move adds 30 for the Gaussian fit, and 50 + 30 S per iteration.
+        """
         fit_cycles = 30.0 if self.acceptance == "gaussian" else 0.0
         move_cycles = fit_cycles + self.iterations * (50.0 + 30.0 * seen) if moves else 0.0
         return PREDICT_CYCLES * steps + 30.0 * seen + move_cycles
@@ -297,7 +303,7 @@ class PsoMhpf(SpreadFilter[Spread]):
         self, belief: Spread, deal: Deal, scene: Scene, reply: dict[int, tuple[Floats, Bools]],
         own: LocalEstimate | None,
     ) -> Spread:  # fmt: skip
-        """Local estimates by their share of the particles, the shares renormalised over those that arrived.
+        """Fuse local estimates, weighted by their shares of the particles, renormalised over those that arrived.
 
         A report of particles that the head does not know of is left out. The covariance is the spread of the local
         means plus that of one cloud: the head's own, or where it has none, the last it had, predicted.

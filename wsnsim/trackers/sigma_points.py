@@ -2,13 +2,13 @@
 
     points(mean (D,), cov (D, D), weights) -> (D, 2 D + 1), the mean first: the central point
 
-A point ±√(D + λ) along each column of the lower Cholesky factor of the covariance, and the mean itself. What is made
-of them is averaged relative to what is made of the central point: an angle by its difference from that of the central
-point, and a large weight of opposite sign cancels nothing.
+The points are the mean m itself and m ± √(D + λ) times each column of the lower Cholesky factor of the covariance. The
+models transform them; then the differences from the transformed central point are averaged. So angles are averaged
+correctly, and large weights of opposite signs do not cancel.
 
 The update needs no matrix of the size of the readings: with the deviations X (D, 2 D) and Z (S, 2 D) of the points,
 times the roots of their weights, P⁺ = X (I + Zᵀ R⁻¹ Z)⁻¹ Xᵀ, which is positive semi-definite however sharp the readings
-are. It equals P - P_xz S⁻¹ P_xzᵀ with S = Z Zᵀ + R, and the term of the central point is added as one of rank one.
+are. It equals P - P_xz S⁻¹ P_xzᵀ with S = Z Zᵀ + R. The central point adds a term of rank one to S.
 Requests of a step:
 
     Gather: readings  Compute
@@ -36,12 +36,12 @@ from wsnsim.trackers.shared.readings import Evidence, gather_readings
 
 
 class Weights(NamedTuple):
-    """What a rule says of its points, of a state of D columns.
+    """The distance and the weights of the sigma points for a state of D columns.
 
     Attributes:
-        scale: √(D + λ), the distance of the points from the mean, in columns of the Cholesky factor.
+        scale: √(D + λ), by which the columns of the Cholesky factor are multiplied.
         each: The weight of each point but the central one: 1 / (2 (D + λ)).
-        centre: The weight of the central point in covariances. In means, weights add up to 1.
+        centre: The weight of the central point in covariances. In means it is 1 minus the sum of the others.
     """
 
     scale: float
@@ -51,7 +51,7 @@ class Weights(NamedTuple):
 
 @part
 class SigmaPointFilter(HeadFilter):
-    """A Kalman filter of sigma points in the head, on all readings that reach it. A tracker gives `weights`."""
+    """A sigma-point Kalman filter in the head, on all readings that reach it. A subclass gives `weights`."""
 
     def weights(self, size: int) -> Weights:
         """The rule for a state of `size` columns."""
@@ -72,13 +72,13 @@ class SigmaPointFilter(HeadFilter):
         return kalman_estimate(belief)
 
     def forecast(self, belief: GaussianBelief, scene: Scene, ahead: int) -> Estimate:
-        """The estimate `ahead` steps on, predicted by sigma points."""
+        """The estimate `ahead` steps later, predicted by sigma points."""
         now, weights = scene.step * scene.dt, self.weights(belief.mean.size)
         return Estimate(*_stepped(belief.mean, belief.cov, weights, scene, now, ahead))
 
 
 def points(mean: Floats, cov: Floats, weights: Weights) -> Floats:
-    """The sigma points (D, 2 D + 1) of a Gaussian: its mean, then those above it, then those below."""
+    """The sigma points (D, 2 D + 1) of a Gaussian: its mean, then those with +, then those with -."""
     root = np.zeros(cov.shape)
     cholesky(np.ascontiguousarray(cov), root)
     apart, centre = weights.scale * root, mean[:, None]
@@ -103,8 +103,8 @@ def updated(
 ) -> tuple[Floats, Floats, Innovation]:
     """Mean (D,) and covariance (D, D) updated with readings, and the innovation.
 
-    The variances R of the readings are those at the predicted mean. A reading is left out if it is not finite, or what
-    is expected of it at a point is not.
+    The variances R of the readings are those at the predicted mean. A reading is left out if it, or its expected
+    value at one of the points, is not finite.
     """
     cloud = points(mean, cov, weights)
     linear = scene.sensor.linearise(cloud[list(scene.motion.position)], seen.positions, seen.traits)
@@ -118,38 +118,40 @@ def updated(
     inverse = 1.0 / np.sqrt(variances[known])
     root = np.sqrt(weights.each)
     white = (expected[known, 1:] - mid[known, None]) * (root * inverse[:, None])  # R^-1/2 Z
-    first, behind = (centre - mid)[known] * inverse, innovation[known] * inverse
-    apart = root * (cloud[:, 1:] - mean[:, None])
-    after, spread, square = _conditioned(apart, white, first, behind, weights.centre)
-    return mean + after, spread, Innovation(square, int(np.count_nonzero(known)))
+    central, scaled = (centre - mid)[known] * inverse, innovation[known] * inverse
+    deviations = root * (cloud[:, 1:] - mean[:, None])
+    shift, after, square = _conditioned(deviations, white, central, scaled, weights.centre)
+    return mean + shift, after, Innovation(square, int(np.count_nonzero(known)))
 
 
 def _conditioned(
-    apart: Floats, white: Floats, first: Floats, behind: Floats, weight: float
+    deviations: Floats, white: Floats, central: Floats, innovation: Floats, weight: float
 ) -> tuple[Floats, Floats, float]:
     """The shift (D,) of the mean, the covariance (D, D) after the update and νᵀ S⁻¹ ν.
 
     Args:
-        apart: X (D, n), the deviations of the points but the central one, times the roots of their weights.
-        white: Z (S, n) of them, in standard deviations of the readings, as are the next two.
-        first: (S,) the deviation of the central point.
-        behind: (S,) the innovation ν.
+        deviations: X (D, n), those of all points but the central one, times the roots of their weights.
+        white: Z (S, n), the deviations of their expected readings, likewise, in standard deviations of the readings.
+        central: (S,) z₀, the deviation of the central point's expected reading, in standard deviations.
+        innovation: (S,) ν, in standard deviations.
         weight: The weight of the central point.
     """
-    lifted = white.T @ np.column_stack([behind, first])
-    sides = np.concatenate([lifted, apart.T], axis=1)
-    solved = np.linalg.solve(np.eye(white.shape[1]) + white.T @ white, sides)  # (I + Zᵀ R⁻¹ Z)⁻¹ ...
-    shift, lift, cov = apart @ solved[:, 0], apart @ solved[:, 1], symmetric(apart @ solved[:, 2:])
-    square = float(behind @ behind - lifted[:, 0] @ solved[:, 0])
-    along = float(first @ behind - lifted[:, 1] @ solved[:, 0])
-    width = 1.0 + weight * float(first @ first - lifted[:, 1] @ solved[:, 1])
-    if weight == 0.0 or not width > 0.0:
+    projected = white.T @ np.column_stack([innovation, central])
+    right_sides = np.concatenate([projected, deviations.T], axis=1)
+    solved = np.linalg.solve(np.eye(white.shape[1]) + white.T @ white, right_sides)  # (I + Zᵀ R⁻¹ Z)⁻¹ ...
+    shift, gain, cov = deviations @ solved[:, 0], deviations @ solved[:, 1], symmetric(deviations @ solved[:, 2:])
+    # without the central point: νᵀ S⁻¹ ν by the matrix inversion lemma
+    square = float(innovation @ innovation - projected[:, 0] @ solved[:, 0])
+    # with its weight w, S + w z₀ z₀ᵀ takes the place of S (Sherman-Morrison): z₀ᵀ S⁻¹ ν, and 1 + w z₀ᵀ S⁻¹ z₀
+    central_innovation = float(central @ innovation - projected[:, 1] @ solved[:, 0])
+    ratio = 1.0 + weight * float(central @ central - projected[:, 1] @ solved[:, 1])
+    if weight == 0.0 or not ratio > 0.0:
         return shift, cov, square
-    share = weight / width
-    after = cov + share * np.outer(lift, lift)
+    share = weight / ratio
+    after = cov + share * np.outer(gain, gain)
     if share < 0.0 and not is_definite(after):
         return shift, cov, square
-    return shift - share * along * lift, after, square - share * along**2
+    return shift - share * central_innovation * gain, after, square - share * central_innovation**2
 
 
 def _with_centre(cov: Floats, deviation: Floats, weight: float) -> Floats:
@@ -169,13 +171,13 @@ def _stepped(
 
 
 def _cycles(size: int, readings: int, steps: int) -> float:
-    """Operations of a step with n = 2 D points about the mean, and of the update with as many readings."""
+    """Operations of a prediction over `steps` with n = 2 D points about the mean, and of an update with `readings`."""
     n = 2.0 * size
-    drawn = size**3 / 3.0 + 2.0 * n * size  # the Cholesky factor and the points
-    prediction = drawn + 2.0 * (n + 1.0) * size**2 + 2.0 * n * size**2  # f of each, mean and covariance
-    a_reading = (n + 1.0) * (LINEARISE_CYCLES + 2.0) + 2.0 * n * (n + 2.0)  # h, its mean; Zᵀ R⁻¹ (Z, ν, z₀)
+    sigma_points = size**3 / 3.0 + 2.0 * n * size  # the Cholesky factor and the points
+    prediction = sigma_points + 2.0 * (n + 1.0) * size**2 + 2.0 * n * size**2  # f of each, mean and covariance
+    per_reading = (n + 1.0) * (LINEARISE_CYCLES + 2.0) + 2.0 * n * (n + 2.0)  # h, its mean; Zᵀ R⁻¹ (Z, ν, z₀)
     solution = 2.0 * n**3 / 3.0 + 2.0 * n**2 * (size + 2.0) + 2.0 * size * n * (size + 2.0)
-    return steps * prediction + (drawn + readings * a_reading + solution if readings else 0.0)
+    return steps * prediction + (sigma_points + readings * per_reading + solution if readings else 0.0)
 
 
 LEAST_ROOM: Final = 1e-7
@@ -188,7 +190,7 @@ class UnscentedKalman(SigmaPointFilter):
 
     λ = α² (D + κ) - D; the points are √(D + λ) columns of the covariance's Cholesky factor away from the mean and have
     the weight 1 / (2 (D + λ)); the central one has λ / (D + λ) in means, and 1 - α² + β more in covariances. Points are
-    drawn again after the prediction. The variance of a reading is that at the predicted mean, as in `ekf`.
+    computed again after the prediction. The variance of a reading is that at the predicted mean, as in `ekf`.
 
     With the default values no weight of a covariance is negative (our choice; α = 1 and β = κ = 0 is `ckf`). Where a
     negative weight of the central point would make a covariance indefinite, its term is left out, as in the modified

@@ -21,12 +21,13 @@ from wsnsim.stored_scenario import rerun_source, scenario_of_result
 from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, compare_source, compare_tables
 
 LAST_REPLICATE: Final = 2**31
+"""Greatest number of a run; a file with greater ones is damaged."""
 MOST_SHOWN: Final = 6
-"""Columns of a run that are named."""
+"""Number of differing columns that the text names for a run."""
 UNCHECKED: Final = ("the provenance's command line, commit, machine and times",)
-"""What no run repeats."""
+"""What no second run can repeat."""
 LEAST_LEFT: Final = len(UNCHECKED) + sum(map(len, NOT_REPEATED.values()))
-"""Entries of `left` of a file that was compared as a whole."""
+"""Number of entries of `left` if all that can be compared was compared."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
             packages offer.
 
     Raises:
-        ResultError: the file cannot be read, or holds rows of no possible run.
+        ResultError: the file cannot be read, or has a run with an impossible number.
         ScenarioError: its scenario is invalid.
         RunError: a run failed.
     """
@@ -78,14 +79,14 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
         again = Path(folder) / "again.h5"
         experiment.run(scenario, replicates=replicates, out=again, batch=False)
         runs, differing = compare_tables(path, again, partial)
-        rows = [_row(path, again, replicate, own) for replicate, own in runs.items()]
+        rows = [_row(path, again, replicate, compared) for replicate, compared in runs.items()]
     source, resolved = read_text(path, "scenario/source_yaml"), rerun_source(path)
     differing_source, unknown = compare_source(source, stored.get("overrides", ()), resolved, allowed)
     faults += [*differing, *differing_source]
-    excuses = _differing(stored, here)
+    excuses = _excuses(stored, here)
     ok = not faults and all(row["equal"] or (bool(excuses) and row["close"]) for row in rows)
     compared = {name: size.rows for name, size in tables(path).items()}
-    left = (*_left(partial), *unknown)
+    left = (*_not_compared(partial), *unknown)
     origins = _commits(stored, here)
     if excuses:
         origins.append(f"origin with other {' and '.join(excuses)}: values may differ by rounding")
@@ -101,7 +102,7 @@ def _replicates(path: Path, wanted: int, partial: bool) -> tuple[list[int], list
         faults.append(f"table runs has {len(numbers)} rows, its scenario asks for {wanted} runs")
     if len(set(numbers)) != len(numbers):
         faults.append("table runs has several rows of one run")
-    if not numbers:
+    if not numbers:  # a recovered file may have lost its runs, but not their rows
         for name in (name for name, size in tables(path).items() if "replicate" in size.columns):
             numbers += read_table(path, name, ["replicate"])["replicate"].tolist()
     chosen = sorted(set(numbers)) or [0]
@@ -110,25 +111,28 @@ def _replicates(path: Path, wanted: int, partial: bool) -> tuple[list[int], list
     return chosen, faults
 
 
-def _row(path: Path, again: Path, replicate: int, own: Sequence[RepeatedTable]) -> dict[str, Any]:
-    """What is said of one run."""
+def _row(path: Path, again: Path, replicate: int, compared: Sequence[RepeatedTable]) -> dict[str, Any]:
+    """The entry of `Verification.rows` for one run, from its compared tables."""
     stored, repeated, digests_agree = _fingerprints(path, again, replicate)
-    columns = [f"{table.table}.{name}" for table in own for name in table.differing]
+    columns = [f"{table.table}.{name}" for table in compared for name in table.differing]
     values = [name for name in columns if name.removeprefix("runs.") not in DIGESTS]
-    lengths = [f"{t.table} ({t.rows[0]} rows, not {t.rows[1]})" for t in own if t.rows[0] != t.rows[1]]
+    lengths = [
+        f"{each.table} ({each.rows[0]} rows, not {each.rows[1]})" for each in compared if each.rows[0] != each.rows[1]
+    ]
     same_values = not values and not lengths
     return {
         "replicate": replicate,
         "fingerprint": stored,
         "again": repeated,
         "equal": same_values and digests_agree,
-        "close": all(table.close for table in own) and (digests_agree or not same_values),
+        # equal values must have equal digests; if values differ by rounding, digests differ
+        "close": all(table.close for table in compared) and (digests_agree or not same_values),
         "differing": [*lengths, *values, *([] if digests_agree or not same_values else ["runs.fingerprint"])],
     }
 
 
 def _fingerprints(path: Path, again: Path, replicate: int) -> tuple[int, int, bool]:
-    """(stored, repeated, whether all digests agree); 0 for a run that the result's table `runs` has not."""
+    """(stored, repeated, whether all digests agree); stored is 0 if the result's table `runs` lacks the run."""
     stored, repeated = _digests(path, replicate), _digests(again, replicate)
     if not stored:
         return 0, repeated["fingerprint"], False
@@ -142,19 +146,19 @@ def _digests(path: Path, replicate: int) -> dict[str, int]:
     return {name: int(runs[name][rows[0]]) for name in DIGESTS if name in runs and rows.size}
 
 
-def _left(partial: bool) -> tuple[str, ...]:
-    """What could not be compared of the tables."""
+def _not_compared(partial: bool) -> tuple[str, ...]:
+    """What of the tables and texts was not compared."""
     columns = [f"{table}.{name}" for table, names in NOT_REPEATED.items() for name in names]
     rows = ["the rows that were not recovered"] if partial else []
     return (*columns, *rows, *UNCHECKED)
 
 
-def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
-    """Names of what differs between the origin of a result and this one, and can change the last bit."""
+def _excuses(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
+    """What differs between the origin of a result and this machine, and excuses differences in the last bits."""
     names = {"python": "Python", "packages": "packages", "cpu_features": "CPU features"}
     found = [word for name, word in names.items() if stored.get(name) != here.get(name)]
     if stored.get("engine") == "batch" and any(kind.startswith("tracker ") for kind in stored.get("plugins", ())):
-        found.append("engine")  # the whole runs of a plug-in are close to composed runs, not equal
+        found.append("engine")  # its batch of whole runs may round differently from the runs here
     return found
 
 

@@ -1,6 +1,6 @@
 """The protocol of cluster heads, what heads send, and who is the head of which track.
 
-coordination.fill_vacancy(track, poll)      coordination.remove(node), coordination.forget(node)
+coordination.fill_vacancy(track, poll)      coordination.withdraw(node), coordination.forget(node)
 """
 
 from __future__ import annotations
@@ -87,6 +87,7 @@ class HeadMessages:
         joined = {node: value for node, value in joined.items() if network.nodes.alive[node]}
         for node in joined:
             network.log.add("join", target, node, peer=head)
+        # `events` is empty if the head has waited for all joins
         return Joins(step, joined, [each for each in zip(joins, events, strict=bool(events)) if not each[1].processed])
 
     def ask(self, target: int, head: int, what: str, bits: int) -> Acting[list[int]]:
@@ -103,8 +104,8 @@ class HeadMessages:
         """Broadcast an appointment, and a tracker's payload in the same burst.
 
         Returns:
-            {node: (packets,) which packets of the payload arrived} of the nodes that received the appointment, whether
-            it covers them or not.
+            {node: (packets,) which packets of the payload arrived} of all nodes that received the appointment,
+            appointed or not.
 
         Raises:
             HeadDied: the head went down.
@@ -136,6 +137,7 @@ class HeadMessages:
         if datagrams:
             yield self.transport.carry(datagrams, target)
         arrived = [datagram.source for datagram in datagrams if datagram.arrived]
+        # a node may have stopped sensing meanwhile
         return {node: readings[node] for node in arrived if node in readings}
 
     def wake(self, target: int, head: int, node: int) -> Acting[bool]:
@@ -191,10 +193,10 @@ PROTOCOLS: Final = {
 
 
 class ClusterCoordination:
-    """Owns the assignment of heads to tracks. Each lead is a process of its head.
+    """Owns the assignment of heads to tracks. A head leads a track in an activity of its own process.
 
-    `protocol` says how a track is led; it is set once, before the simulation starts. `ended` fires when the run ends
-    with a cluster.
+    `protocol` says how a track is led; it is set once, before the simulation starts. `ended` fires when the last
+    cluster is done after which the scenario ends the run.
     """
 
     protocol: HeadProtocol
@@ -227,7 +229,7 @@ class ClusterCoordination:
     def withdraw(self, node: int) -> None:
         """Withdraw a node that is no longer up from elections."""
         for track in self._tracks:
-            if track.election is not None and node in track.election.strengths:
+            if track.election is not None and node in track.election.readings:
                 track.election.withdraw(node)
 
     def forget(self, node: int) -> None:
@@ -237,7 +239,7 @@ class ClusterCoordination:
                 track.cluster.forget(node)
 
     def _lead(self, track: Track, handover: Handover) -> Acting[None]:
-        """A head's lead of one track, from taking over until handing over."""
+        """Lead one track as its head, from taking over until handing over."""
         head = handover.successor
         try:
             if not handover.acts_now:
@@ -247,7 +249,7 @@ class ClusterCoordination:
                 self._dissolve(track)
                 self.appoint(track, following)
         except (HeadDied, simpy.Interrupt):
-            if track.head == head:
+            if track.head == head:  # otherwise another head leads already
                 self._lose(track, "head_died")
         except TrackLost as lost:
             self._lose(track, str(lost))

@@ -72,7 +72,7 @@ class Elections:
 
         The winner of an election that fills a vacancy takes the lead.
         """
-        parcel = Parcel(election.strengths[node], 1, PACKET_BITS, "strength")
+        parcel = Parcel(election.readings[node], 1, PACKET_BITS, "strength")
         try:
             if (yield from self._keeps_silent(track, election, node)):
                 election.withdraw(node)
@@ -96,6 +96,6 @@ class Elections:
         key = derive(network.tracker_key, ELECTION_KEY, track.target, election.step)
         chance = float(uniforms(derive_all(key, np.array([node])), 0)[0])
         columns, traits = len(setup.filter_motions[track.target].position), network.nodes.traits[node]
-        share = waiting_share(setup.filter_sensor, columns, traits, election.strengths[node], chance)
+        share = waiting_share(setup.filter_sensor, columns, traits, election.readings[node], chance)
         yield network.clock.env.timeout(share * setup.waits.election)
         return election.is_outbid(node)

@@ -24,7 +24,7 @@ from wsnsim.network.event_log import Acting
 
 
 class StandingClusterProtocol:
-    """The able node nearest to the predicted position leads next; a vacant lead is filled by an election."""
+    """The node nearest to the predicted position is the successor; an election finds a head for a track without one."""
 
     def __init__(self, services: HeadServices) -> None:
         self._services = services
@@ -36,7 +36,7 @@ class StandingClusterProtocol:
         self._outlooks = Outlooks(services.network)
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
-        """Hold an election among the nodes that sense the target; its winner takes the lead by itself."""
+        """Hold an election among the nodes that sense the target; its winner becomes head without a handover."""
         self._services.elections.fill_vacancy(track)
         return None
 
@@ -78,7 +78,7 @@ class StandingClusterProtocol:
         self._services.processes.dismiss(cluster.roster(), track.target)
 
     def _form(self, track: Track, handover: Handover) -> Acting[Cluster | Handover]:
-        """Announce the cluster and let those that sense join; a handover if an election gave the lead to another."""
+        """Announce a cluster and let sensing nodes join; return it, or a handover if an election chose another head."""
         target, head, network = track.target, handover.successor, self._network
         joins = yield from self._services.messages.recruit(target, head)
         if joins.is_unanswered and self._setup.waits.retries_handover:
@@ -102,7 +102,7 @@ class StandingClusterProtocol:
         return cluster
 
     def _end_join(self, track: Track, cluster: Cluster, node: int, arrived: bool) -> None:
-        """Make a node a member whose join arrived after the head had gone on, if the cluster still exists."""
+        """Admit a node whose join arrived after the head stopped waiting for joins, if the cluster still exists."""
         cluster.awaited -= 1
         if arrived and (cluster.forming or track.cluster is cluster) and cluster.admit([node]):
             self._log.add("join", track.target, node, peer=cluster.head)
@@ -110,7 +110,7 @@ class StandingClusterProtocol:
                 self._services.processes.enlist([node], track.target)
 
     def _open(self, track: Track, cluster: Cluster, handover: Handover) -> None:
-        """Make a cluster the track's own, without members that died while it formed."""
+        """Make a cluster that of the track, without members that died while it formed."""
         alive = self._network.nodes.alive
         for node in [node for node in cluster.members if not alive[node]]:
             cluster.forget(node)
@@ -119,7 +119,7 @@ class StandingClusterProtocol:
     def _first_estimate(
         self, track: Track, handover: Handover, readings: Mapping[int, Reading]
     ) -> Acting[tuple[Estimate, int]]:
-        """What the track starts from and from how many readings: the prior at step 0, later the readings."""
+        """The initial estimate and the number of readings in it: at step 0 the prior, later one from readings."""
         if not track.started and handover.belief_step == 0:
             return track.prior, 0
         readings = yield from self._known_readings(track, handover.successor, readings)
@@ -130,18 +130,18 @@ class StandingClusterProtocol:
         return self._services.estimates.initial(track, readings), len(readings)
 
     def _with_joins(self, cluster: Cluster, readings: Mapping[int, Reading]) -> Mapping[int, Reading]:
-        """The readings of a new head, with those that came with the joins where most candidates kept silent."""
+        """The readings that a new head knows, with those of joins if most candidates of an election kept silent."""
         return readings if self._setup.waits.election is None else {**cluster.reported, **readings}
 
     def _known_readings(
         self, track: Track, head: int, readings: Mapping[int, Reading]
     ) -> Acting[Mapping[int, Reading]]:
         """The readings that a new head knows: those of the candidates that it heard."""
-        yield from ()  # a generator, as others of this protocol take time here
+        yield from ()  # makes this a generator: other protocols take simulated time here
         return readings
 
     def _pass_on(self, track: Track, cluster: Cluster, handover: Handover) -> Acting[Handover]:
-        """Send a belief that was not yet distributed to the winner of an election; it acts in this step."""
+        """Send the belief, not yet distributed to members, to the winner of an election, which leads in this step."""
         scene = cluster.scene(self._network.clock.step - handover.belief_step)
         flow = self._setup.tracker.hand_over(handover.belief, scene, handover.successor)
         return (yield from self._send_belief(self._driver(track, cluster), flow, handover))
@@ -169,7 +169,7 @@ class StandingClusterProtocol:
         return self._geometry.must_appoint(outlook) and self._geometry.next_head(outlook) != cluster.head
 
     def _next_head(self, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> int | None:
-        """The node that the policy names: by the geometry if it sees it, otherwise by the predicted position."""
+        """The next head by the policy: by the geometry if the policy sees it, otherwise by the predicted position."""
         network, node = self._network, None
         if self._geometry is not None:
             outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.roster(), belief, scene)
@@ -181,11 +181,11 @@ class StandingClusterProtocol:
 
     def _successor(self, track: Track, head: int, nearest: int | None) -> Acting[tuple[int | None, bool]]:
         """The next head, and whether an election chose it: the node nearest to the forecast."""
-        yield from ()  # a generator, as others of this protocol take time here
+        yield from ()  # makes this a generator: other protocols take simulated time here
         return nearest, False
 
     def _send_belief(self, driver: Driver, flow: Flow[Any], handover: Handover) -> Acting[Handover]:
-        """Send a belief to the successor; the handover with what arrived there."""
+        """Send a belief to the successor; return the handover with the belief as it arrived."""
         belief = yield from driver.perform(flow)
         if belief is None:
             raise NotDelivered
@@ -200,7 +200,7 @@ class StandingClusterProtocol:
         )
 
     def _unless_undelivered(self, handing_over: Acting[Handover]) -> Acting[Handover | None]:
-        """A handover; None if the belief did not arrive, and the head goes on with it (see `HeadWaits`)."""
+        """The handover; None if the belief did not arrive and the head keeps leading (see `HeadWaits`)."""
         try:
             return (yield from handing_over)
         except NotDelivered:
@@ -209,8 +209,9 @@ class StandingClusterProtocol:
             raise
 
     def _waits_for(self, track: Track, cluster: Cluster) -> set[int] | None:
-        """Who senses now, if the cluster is too small: it stays until that changes, or it would hand over at each step.
+        """The nodes that sense now if the cluster is too small, otherwise None.
 
+        Its head hands over only after they have changed: otherwise it would hand over at every step.
         Our choice, and an idealisation: the head knows of nodes that are not its members.
         """
         if cluster.active() >= self._setup.clusters.minimum_active:
@@ -225,7 +226,7 @@ class ElectingClusterProtocol(StandingClusterProtocol):
     """As `StandingClusterProtocol`, but the node nearest to the predicted position calls an election."""
 
     def _successor(self, track: Track, head: int, nearest: int | None) -> Acting[tuple[int | None, bool]]:
-        """Wake the node nearest to the forecast; at the next tick it calls an election, for which the head waits.
+        """Wake the node nearest to the forecast, which calls an election at the next tick; the head waits for its end.
 
         The paper leaves open how the head learns of the winner: here it does, without a frame (our choice).
         """
@@ -244,7 +245,7 @@ class ElectingClusterProtocol(StandingClusterProtocol):
 
 
 class OpenClusterProtocol(StandingClusterProtocol):
-    """The policy's `successor` names the head, at the start and after its death; there are no joins or elections."""
+    """Clusters without joins, elections and frames; the policy names a head at the start and after a head's death."""
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """Appoint the head that the policy names, once some node senses the target."""
@@ -258,8 +259,8 @@ class OpenClusterProtocol(StandingClusterProtocol):
         """Do nothing: members have no role."""
 
     def _form(self, track: Track, handover: Handover) -> Acting[Cluster | Handover]:
-        """A cluster that costs no frame."""
-        yield from ()  # a generator, as others of this protocol take time here
+        """Return a cluster without sending a frame."""
+        yield from ()  # makes this a generator: other protocols take simulated time here
         cluster = OpenCluster(self._network, track.target, handover.successor, [])
         self._open(track, cluster, handover)
         return cluster

@@ -3,10 +3,11 @@
 No event happens until a node spends energy or is asked for it: then it is *settled*, which means that its consumption
 since the last time is computed and booked. The consumption is a function of the state of the node (its mode, and what
 its radio does in it: see `power_table`), less the seconds in which its radio or its processor was busy. The totals of
-the network need no look at the nodes: see `network_totals`. A node that may run out before the end has a battery timer.
+the network are computed without a loop over nodes: see `network_totals`. A node that may run out before the end has a
+battery timer.
 
 The consumption of a node that follows a sleep schedule is a closed form of the schedule, and so is that of a radio that
-follows a duty.
+follows a *duty*, which is a duty cycle of its MAC.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ from wsnsim.network.node_states import SleepStates
 
 
 class BackgroundConsumption:
-    """The background consumption of all nodes; with a table of zeros, of nodes for which time costs nothing.
+    """The background consumption of all nodes; it is none if the table has zeros only.
 
-    It knows neither the nodes nor their ledger: `Nodes` requests charges and books them. While a radio sends or
-    receives, or a processor computes, that is booked elsewhere: the `mark_` methods exclude this time.
+    It knows neither the nodes nor their ledger: `Nodes` requests charges and books them. The energy of sending,
+    receiving and computing is booked elsewhere: the `mark_` methods exclude that time here.
 
     Attributes:
         most: Joules that one node can consume at most in the whole run.
@@ -60,13 +61,15 @@ class BackgroundConsumption:
         self._sensor, self._scheduled = table.sensor, table.scheduled
         self._per_switch = (model.switching(Mode.AWAKE, Mode.ASLEEP) + model.switching(Mode.ASLEEP, Mode.AWAKE)) / 2.0
         self._states = np.full(size, int(rest), dtype=np.int16)
+        # seconds at which each node was settled, and those excluded since then for its radio and its processor
         self._settled_at, self._radio_busy, self._computed = (np.zeros(size) for _ in range(3))
         self._counts = np.zeros(len(self._radio), dtype=np.int64)
+        # views of the same arrays for one node at a time, which are faster to index
         self._state, self._since = scalars(self._states), scalars(self._settled_at)
         self._radio_busy_of, self._computed_of = scalars(self._radio_busy), scalars(self._computed)
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
         self.network = NetworkTotals(table, sleep_states, size, self._per_switch)
-        self._grand_totals, self._grand = self.network.array, self.network.joules
+        self._network_array, self._network_joules = self.network.array, self.network.joules
         self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon)
         self.most = self._watch.most
         self._free = not (self.most or self._per_switch or table.duties)
@@ -107,7 +110,7 @@ class BackgroundConsumption:
     def pending_charges(self, nodes: Ints) -> Iterator[tuple[Ints, int, Floats]]:
         """(nodes, cause, joules) consumed since the nodes were settled, in pieces.
 
-        They are negative where a MAC has taken more off the cost of a duty than there has been since.
+        They are negative if the MAC subtracted more from the consumption of a duty than has accrued since.
         """
         if self._free:
             return
@@ -142,28 +145,28 @@ class BackgroundConsumption:
         return charges
 
     def mark_radio_busy(self, node: int, seconds: float) -> None:
-        """The radio of a node sends or receives for this time."""
+        """Exclude the seconds in which the radio of a node sends or receives."""
         if self._free:
             return
         state = self._state[node]
-        self._grand[self._radio_cause[state]] -= self._radio[state] * seconds
+        self._network_joules[self._radio_cause[state]] -= self._radio[state] * seconds
         if self._duty_cycled:
-            self._grand[ON] += self._off_of[state] * seconds
+            self._network_joules[ON] += self._off_of[state] * seconds
         self._radio_busy_of[node] += seconds
 
     def mark_radios_busy(self, nodes: Ints, seconds: float) -> None:
         """`mark_radio_busy` for different nodes (n,)."""
         if self._free:
             return
-        mark_busy(nodes, seconds, self._radio_busy, self._states, self._counts, *self._radio_law, self._grand_totals)
+        mark_busy(nodes, seconds, self._radio_busy, self._states, self._counts, *self._radio_law, self._network_array)
         if self._duty_cycled:
-            self._grand[ON] += float(self._off @ self._counts) * seconds
+            self._network_joules[ON] += float(self._off @ self._counts) * seconds
 
     def mark_computing(self, node: int, cycles: float) -> None:
-        """The processor of a node computes for a number of cycles."""
+        """Exclude the time in which the processor of a node computes a number of cycles."""
         seconds = self._model.seconds(cycles)
         state = self._state[node]
-        self._grand[self._processor_cause[state]] -= self._processor[state] * seconds
+        self._network_joules[self._processor_cause[state]] -= self._processor[state] * seconds
         self._computed_of[node] += seconds
 
     def mark_all_computing(self, nodes: Sequence[int], cycles: Sequence[float]) -> None:
@@ -178,11 +181,11 @@ class BackgroundConsumption:
         joules = self._table.off_power * seconds
         if not joules:
             return ()
-        self._grand[SLEEP] += joules
+        self._network_joules[SLEEP] += joules
         return ((SLEEP, joules),)
 
     def switching(self, node: int, mode: Mode) -> float:
-        """Joules of the change of a node to a mode."""
+        """Joules that the change of a node to a mode costs."""
         return self._model.switching(self._resolved(node, Mode(self._state[node] % MODES)), self._resolved(node, mode))
 
     def _resolved(self, node: int, mode: Mode) -> Mode:
@@ -190,7 +193,7 @@ class BackgroundConsumption:
         return mode if mode is not Mode.SCHEDULED else self._sleep_states.scheduled(node)
 
     def change_mode(self, node: int, mode: Mode) -> None:
-        """A settled node is in another mode from now on. One that goes down forgets what its radio did."""
+        """A settled node is in another mode from now on. If it goes down, the state of its duty is lost."""
         level = self._state[node] // MODES
         if mode is Mode.DOWN and self._duty_cycled:
             level = 0
@@ -213,7 +216,12 @@ class BackgroundConsumption:
         return self._levels.is_held(node)
 
     def hold_radio(self, node: int, on: bool) -> None:
-        """The radio of a settled node listens from now on; `on`: it did so already, in a wake-up of its duty."""
+        """Keep the radio of a settled node on from now on.
+
+        Args:
+            node: The node.
+            on: Whether the radio was on already, in a wake-up of its duty; if not, its start is charged.
+        """
         if self._duty_cycled:
             self._levels.hold(node, self._env.now, on)
             self._enter(node, HELD * MODES + self._state[node] % MODES)
@@ -224,7 +232,7 @@ class BackgroundConsumption:
 
         Args:
             node: The node.
-            missed: How many wake-ups of its duty the radio was held in; None: as many as there are on average.
+            missed: How many wake-ups of its duty fell into the time of the hold; None: the average number.
         """
         since, on, level = self._levels.release(node)
         self._enter(node, level * MODES + self._state[node] % MODES)
@@ -235,32 +243,32 @@ class BackgroundConsumption:
             self.add_listening(node, wake_ups * duty.on, wake_ups * duty.starts)
 
     def set_duty(self, node: int, index: int) -> None:
-        """A settled node follows another of the duties of its MAC; if its radio is held, afterwards."""
+        """A settled node follows another of the duties of its MAC, from now on or after the release of a held radio."""
         level = self._levels.set_duty(node, index)
         if not self._levels.is_held(node):
             self._enter(node, level * MODES + self._state[node] % MODES)
 
     def add_listening(self, node: int, seconds: float, starts: float) -> None:
-        """The radio of a node that follows its duty listens for seconds more than that says, and starts more often.
+        """The radio of a node listens for `seconds` in addition to its duty, with `starts` additional starts.
 
-        It does not sleep in these seconds.
+        These seconds are subtracted from its sleep. Both are negative for less than the duty has.
         """
         table, state = self._table, self._state[node]
         if self._duty_cycled:
             self._add(node, table.listen * seconds, (table.start + table.stop) * starts)
-            self._grand[ON] += seconds
+            self._network_joules[ON] += seconds
             if table.off[state]:
-                self._grand[self._radio_cause[state]] -= self._radio[state] * seconds
+                self._network_joules[self._radio_cause[state]] -= self._radio[state] * seconds
                 self._radio_busy_of[node] += seconds
 
     def _add(self, node: int, listened: float, switched: float) -> None:
-        """Consume joules of listening and of switching in addition to the law of a node; less if negative."""
+        """Add joules of listening and of switching to what the duty of a node consumes; they may be negative."""
         self._levels.add(node, listened, switched)
-        self._grand[IDLE] += listened
-        self._grand[SWITCH] += switched
+        self._network_joules[IDLE] += listened
+        self._network_joules[SWITCH] += switched
 
     def added(self, node: int) -> float:
-        """Joules that the MAC added since the node was settled."""
+        """Joules that `_add` has added since the node was settled."""
         return sum(self._levels.of(node))
 
     def totals(self, settled: list[float]) -> list[float]:
@@ -284,5 +292,5 @@ class BackgroundConsumption:
         self._watch.watch(node, self._state[node], left)
 
     def runs_out(self, node: int, left: float) -> bool:
-        """Whether `left` joules of a node are only what rounding leaves."""
+        """Whether `left` joules of a node are only rounding error, so that its battery is empty."""
         return self._watch.runs_out(node, self._state[node], left)

@@ -1,8 +1,9 @@
-"""What the background consumption of the whole network adds up to, as a function of time: no node is looked at.
+"""The background consumption of the whole network as a function of time, without a loop over nodes.
 
 The power of the network is a sum over its nodes that changes when a node changes its state. What is booked elsewhere
-(see `background_consumption`) is subtracted as it happens. Schedules are left out, as if no node ever left its own:
-`scheduled` computes them for many times at once.
+(see `background_consumption`) is subtracted as it happens. The consumption of nodes that follow sleep schedules is left
+out: `scheduled` computes it for many times at once, as if no node ever left its schedule; `until` corrects for those
+that did.
 """
 
 from __future__ import annotations
@@ -52,13 +53,13 @@ class NetworkTotals:
                 self._power[cause] += size * power
 
     def note_booked(self, charges: Charges) -> None:
-        """Nodes have booked charges that are part of these totals."""
+        """Note charges that nodes have booked and that are part of these totals."""
         for cause, joules in charges:
             if cause in self._booked:
                 self._booked[cause] += joules
 
     def correct(self, cause: int, joules: float) -> None:
-        """Add to the total of a cause: a node that died could not pay what it consumed, or lost a rest."""
+        """Add to the total of a cause: a node that died could not pay what it consumed, or lost its remainder."""
         if cause not in self._booked:
             self.joules[cause] += joules
 
@@ -94,9 +95,11 @@ class NetworkTotals:
         for cause in OVER_TIME:
             booked = settled[cause] - self._booked[cause] if cause in self._booked else 0.0
             result[cause] = booked + self.joules[cause] + self._power[cause] * now
+        # what `scheduled` will count for times in which nodes did not follow their schedules
         awake, switches, passed = self._sleep_states.skipped()
         for cause, joules in self._table.by_schedule(awake, passed, self._per_switch * switches):
             result[cause] -= joules
+        # `scheduled` takes all radios at level 0: replace that by the level they were at
         for level, seconds in enumerate(awake_at):
             for sign, each in ((1.0, level), (-1.0, 0)):
                 for cause, joules in self._table.by_schedule(seconds, seconds, 0.0, level=each):
@@ -113,7 +116,7 @@ class NetworkTotals:
         return float(seconds / (self._size * now)) if now else 0.0
 
     def scheduled(self, times: Floats) -> Floats:
-        """(T, causes) joules of all nodes by each time, had they only followed their schedules."""
+        """(T, causes) joules of all nodes until each time, as if they had always followed their schedules."""
         totals = np.zeros((times.size, len(CAUSES)))
         awake, switches, passed = self._sleep_states.profile(times)
         for cause, joules in self._table.by_schedule(awake, passed, self._per_switch * switches):

@@ -1,4 +1,4 @@
-"""The power of a node in each state. A state is a mode and a level: what the radio does while the node listens.
+"""The power of a node in each state. A state is a mode, and a level that says what the radio does in it.
 
     state = level * MODES + mode
 
@@ -21,7 +21,7 @@ from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.node_states import SleepStates
 
 ON: Final = len(CAUSES)
-"""Stands for a cause: the seconds in which radios are on are added up as joules are."""
+"""A pseudo-cause: under it, seconds with the radio on are summed like joules under causes."""
 MODES: Final = len(Mode)
 HELD: Final = 1
 """The level of a radio that a duty-cycled MAC has switched on."""
@@ -38,19 +38,19 @@ def level_of(duty: int) -> int:
 class PowerTable:
     """The power of a node in each state.
 
-    Lists have one item a state. In SCHEDULED it is that of the time awake.
+    Lists have one item per state. Items of mode SCHEDULED are for the time in which the node is awake.
 
     Attributes:
         model: The energy model.
         duties: The duties of the MAC; none if radios listen always.
-        radio: W of the radio while it does what it does by default: listen, or sleep if it follows a duty. Not charged
-            while it sends or receives.
-        radio_cause: On which that is booked.
-        share: Share of the time in which it does that.
-        listening: W of listening beside it, by the duty; mean over its interval.
-        switching: W of the starts and stops of the radio, by the duty; mean over its interval.
+        radio: W of the radio in its default: listening, or sleep if it follows a duty. Not charged while it sends or
+            receives.
+        radio_cause: The cause under which that is booked.
+        share: Share of the time in which the radio is in its default.
+        listening: W of listening by the duty, in addition; mean over its interval.
+        switching: W of the starts and stops of the radio by the duty; mean over its interval.
         processor: W of the processor.
-        processor_cause: On which that is booked.
+        processor_cause: The cause under which that is booked.
         sensor: W of measurements that look for targets.
         on: Share of the time in which the radio is on.
         off: 1 if the radio is off by default, else 0.
@@ -68,7 +68,7 @@ class PowerTable:
         Args:
             model: The energy model.
             duties: The duties of the MAC.
-            searching: Power in W that a node which is awake spends on measurements, to find targets.
+            searching: Mean power in W of the measurements with which an awake node looks for targets.
             standby: Power in W of the wake-up receiver of a node that sleeps.
         """
         self.model = model
@@ -93,9 +93,9 @@ class PowerTable:
         listens = mode not in (Mode.ASLEEP, Mode.DOWN)
         share, listening, switching, on = 1.0, 0.0, 0.0, 1.0 if listens else 0.0
         if listens and duty is not None and duty.on < duty.interval:
-            on, rate = duty.on / duty.interval, duty.starts / duty.interval
-            share = max(1.0 - on - rate * self._switch_time, 0.0)
-            listening, switching = radio * on, rate * (self.start + self.stop)
+            on, starts_per_s = duty.on / duty.interval, duty.starts / duty.interval
+            share = max(1.0 - on - starts_per_s * self._switch_time, 0.0)
+            listening, switching = radio * on, starts_per_s * (self.start + self.stop)
             radio, cause = self._off if share else 0.0, SLEEP
         processor, processor_cause = float(power.processor), SLEEP if power.processor_sleeps else IDLE
         sensor = searching if mode in (Mode.AWAKE, Mode.SCHEDULED) else 0.0
@@ -122,7 +122,7 @@ class PowerTable:
         return power
 
     def largest(self) -> float:
-        """W of the dearest state."""
+        """W of the state that consumes most."""
         return max(map(self.total, range(len(self.radio))))
 
     def by_state(self, state: int, passed: Number, busy: Number, computed: Number) -> list[tuple[int, Number]]:
@@ -148,7 +148,7 @@ class PowerTable:
         computed: Number | float = 0.0,
         level: int = 0,
     ) -> list[tuple[int, Number]]:
-        """(cause, joules) of a time by schedule of which a part is awake, at a level. Numbers, or arrays.
+        """(cause, joules) of a time in which a node follows its sleep schedule; for one node, or arrays of nodes.
 
         Args:
             awake: Seconds awake.
@@ -158,26 +158,26 @@ class PowerTable:
             computed: Seconds of the time awake in which the processor is booked elsewhere.
             level: The level of the state.
         """
-        asleep, up = passed - awake, level * MODES + AWAKE
+        asleep, awake_state = passed - awake, level * MODES + AWAKE
         result = [
-            (self.radio_cause[up], self.radio[up] * (self.share[up] * awake - busy)),
-            (self.processor_cause[up], self.processor[up] * (awake - computed)),
-            (SENSE, self.sensor[up] * awake),
+            (self.radio_cause[awake_state], self.radio[awake_state] * (self.share[awake_state] * awake - busy)),
+            (self.processor_cause[awake_state], self.processor[awake_state] * (awake - computed)),
+            (SENSE, self.sensor[awake_state] * awake),
             (self.radio_cause[ASLEEP], self.radio[ASLEEP] * asleep),
             (self.processor_cause[ASLEEP], self.processor[ASLEEP] * asleep),
             (SWITCH, switched),
         ]
         if self.duties:
-            result += (IDLE, self.listening[up] * awake), (SWITCH, self.switching[up] * awake)
+            result += (IDLE, self.listening[awake_state] * awake), (SWITCH, self.switching[awake_state] * awake)
         return result
 
 
 def _switching(model: ContinuousPower) -> tuple[float, float, float]:
-    """Seconds of a start and a stop of the radio together, joules of a start, and of a stop."""
+    """(s of a start and a stop of the radio together, J of a start, J of a stop)."""
     if not isinstance(model, SwitchesRadio):
         return 0.0, 0.0, 0.0
-    (up, start), (down, stop) = model.radio_start(), model.radio_stop()
-    return up + down, start, stop
+    (start_time, start), (stop_time, stop) = model.radio_start(), model.radio_stop()
+    return start_time + stop_time, start, stop
 
 
 class RadioLevels:
@@ -185,7 +185,8 @@ class RadioLevels:
 
     Attributes:
         active: Whether the MAC is duty-cycled.
-        added: {cause: (N,) joules that the MAC added to those of the duty since the node was settled; or took off}
+        added: {cause: (N,) joules that the MAC added to those of the duty since the node was settled; negative if it
+            subtracted some}
     """
 
     def __init__(self, table: PowerTable, size: int) -> None:
@@ -195,8 +196,8 @@ class RadioLevels:
         self._listened, self._switched = scalars(joules[0]), scalars(joules[1])
         self._held: dict[int, tuple[float, bool]] = {}
         self._duty_level: dict[int, int] = {}
-        self._scheduled: dict[int, int] = {}
-        self._awake = [0.0] * (len(table.radio) // MODES)
+        self._scheduled_level: dict[int, int] = {}
+        self._awake = [0.0] * (len(table.radio) // MODES)  # s of settled nodes with schedules, by level
 
     def is_held(self, node: int) -> bool:
         """Whether the radio of a node is held on."""
@@ -207,7 +208,7 @@ class RadioLevels:
         self._held[node] = now, on
 
     def release(self, node: int) -> tuple[float, bool, int]:
-        """A radio is no longer held; returns since when it was, whether it was on before, and its level now."""
+        """A radio is no longer held; returns since when it was held, whether it was on before, and its level now."""
         since, on = self._held.pop(node)
         return since, on, self._duty_level.get(node, 0)
 
@@ -217,7 +218,7 @@ class RadioLevels:
         return level
 
     def add(self, node: int, listened: float, switched: float) -> None:
-        """Add joules of listening and of switching to the cost of a node's duty; take them off if negative."""
+        """Add joules of listening and of switching to the cost of a node's duty; they may be negative."""
         self._listened[node] += listened
         self._switched[node] += switched
 
@@ -231,16 +232,16 @@ class RadioLevels:
         return [(IDLE, listened + self._listened[node]), (SWITCH, switched + self._switched[node])]
 
     def settle(self, node: int, charges: Charges, awake: float, level: int) -> None:
-        """Keep what was taken off of more than there was. `awake`: s for which a node with a schedule was awake."""
+        """Carry over charges that are negative (more subtracted than accrued), and add awake seconds of schedules."""
         self._listened[node], self._switched[node] = (min(joules, 0.0) for _, joules in charges)
-        if node in self._scheduled:
+        if node in self._scheduled_level:
             self._awake[level] += awake
 
     def enter(self, node: int, level: int, scheduled: bool) -> None:
         """A settled node is at a level from now on; `scheduled`: it follows a sleep schedule."""
-        self._scheduled.pop(node, None)
+        self._scheduled_level.pop(node, None)
         if scheduled and level:
-            self._scheduled[node] = level
+            self._scheduled_level[node] = level
 
     def forget(self, node: int) -> None:
         """Forget a node that goes down: its radio starts again at level 0."""
@@ -248,11 +249,11 @@ class RadioLevels:
         self._duty_level.pop(node, None)
 
     def awake(self, sleep_states: SleepStates, settled_at: Floats, now: float) -> list[float]:
-        """For each level, seconds for which nodes with schedules were awake at it. Level 0 is left out."""
+        """Seconds for which nodes with schedules were awake at each level; 0 at level 0, which needs no correction."""
         result = list(self._awake)
-        if self._scheduled:
-            nodes = np.fromiter(self._scheduled, np.int64)
+        if self._scheduled_level:
+            nodes = np.fromiter(self._scheduled_level, np.int64)
             awake, _ = sleep_states.tally(nodes, settled_at[nodes], now)
-            for level, seconds in zip(self._scheduled.values(), awake.tolist(), strict=True):
+            for level, seconds in zip(self._scheduled_level.values(), awake.tolist(), strict=True):
                 result[level] += seconds
         return result if self.active else []

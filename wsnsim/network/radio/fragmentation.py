@@ -70,7 +70,7 @@ class _Reassembly:
             self._complete()
 
     def note_arrival(self, fragment: Fragment, now: float) -> None:
-        """Note that a fragment of a unicast has arrived; not again when it is repeated."""
+        """Note that a fragment of a unicast has arrived; repetitions of it are ignored."""
         if fragment in self._arrived:
             return
         self._arrived.append(fragment)
@@ -103,6 +103,7 @@ class _Reassembly:
         """Which packets of a burst are complete at a node that received these fragments."""
         if len(received) == len(self._spans):
             return self.burst.mask
+        # a packet is complete if as many fragments with parts of it arrived as were sent
         arrived, sent = (np.zeros(self.burst.mask.size, dtype=np.int64) for _ in range(2))
         for fragment in received:
             arrived[fragment.first : fragment.last] += 1
@@ -171,7 +172,7 @@ class Fragmentation:
         return [Fragment(reassembly, *span, code) for span in spans]
 
     def _spans(self, burst: Burst) -> list[Span]:
-        """The span of each fragment; remembered for bursts that carry their whole parcel."""
+        """The span of each fragment of a burst; cached for bursts that carry their whole parcel."""
         size, count = burst.parcel.packet_bits, burst.mask.size
         if burst.packets < count:
             return self._divided(np.flatnonzero(burst.mask).tolist(), size)
@@ -181,7 +182,7 @@ class Fragmentation:
         return spans
 
     def _divided(self, present: list[int], size: int) -> list[Span]:
-        """The spans of packets of `size` bits, of which these are present."""
+        """The spans of the packets with the indices `present`, each of `size` bits."""
         bits_of, capacity = self._mac.bits, self._mac.payload_bits
         if size > capacity:
             sizes = [capacity] * (size // capacity) + ([size % capacity] if size % capacity else [])

@@ -15,6 +15,7 @@ from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.topology import Neighbours, Topology
 
 FREE: Final = (0.0, 0.0, 0.0, 0.0)
+"""The `costs` of a transmission before they are computed."""
 NOBODY: Final = np.zeros(0, dtype=np.int64)
 
 
@@ -31,7 +32,7 @@ class Transmission:
         end: When its last bit is sent, in s.
         on_end: Called at the end, with the transmission and the result.
         overlapping: The transmissions that overlap it; None for none.
-        cut: Whether its sender fell silent before the end.
+        cut: Whether its sender stopped before the end.
         missed: Whether a node that it was meant for did not receive it.
         asleep: Ids of nodes that have the radio off because they know that the frame is not for them.
         costs: (electronics J, amplifier J, reception J, airtime s).
@@ -80,11 +81,11 @@ class RadiosOn:
         return None if self._nodes.all_heard(since) else self._nodes.hears(ids, since)
 
     def paid_until(self, other: Transmission, sent: Transmission) -> float:
-        """Until when a node that hears both of two frames pays for the other one, when the result of one is found."""
+        """The time (s) until which a node that hears both has already paid for `other` when `sent` ends."""
         return other.end if other.end <= sent.end and not other.cut else sent.start
 
     def note(self, sent: Transmission, ids: Ints) -> None:
-        """The nodes (m,) listened to a frame that ends now, unless they were sending."""
+        """Do nothing: it need not be noted which nodes (m,) listened to a frame if all radios listen."""
 
 
 class SomeRadiosOn(RadiosOn):
@@ -100,7 +101,7 @@ class SomeRadiosOn(RadiosOn):
         return on if awake is None else awake & on
 
     def paid_until(self, other: Transmission, sent: Transmission) -> float:
-        """See `RadiosOn`. Of two frames that end together, the one whose result is found first is paid for whole."""
+        """See `RadiosOn`. Of two frames that end together, the one that is processed first is paid for as a whole."""
         return sent.start if other.listeners is None else super().paid_until(other, sent)
 
     def note(self, sent: Transmission, ids: Ints) -> None:
@@ -112,7 +113,7 @@ class SomeRadiosOn(RadiosOn):
 class UseCounter:
     """Counts how often each link or sender was used in the present step.
 
-    A random draw of a frame is derived from the step and this number. It therefore does not depend on earlier steps.
+    The random numbers of a frame are derived from the step and this number, and so do not depend on earlier steps.
     """
 
     def __init__(self) -> None:
@@ -145,10 +146,10 @@ class _Counts:
 
 
 class LinkCounters:
-    """How many broadcasts were sent over each link, and how many arrived; `chance` is for the size of the last one.
+    """How many broadcasts were sent over each link, how many arrived, and the probability of arrival, `chance`.
 
-    Where links change, a link's row is about all broadcasts of its sender: `chance` is their mean, 0 in rounds without
-    the link, and `power` that of the last round in which it was heard.
+    `chance` is for a frame as long as the last one. Where links change, the row of a link counts all broadcasts of its
+    sender: `chance` is the mean over them, with 0 while there was no link, and `power` that of the link's last period.
     """
 
     def __init__(self, positions: Floats, topology: Topology) -> None:
@@ -171,7 +172,7 @@ class LinkCounters:
             row.received[np.searchsorted(neighbours.ids, received)] += 1
 
     def columns(self) -> dict[str, Any]:
-        """Return the columns of the table: one row for every link of a node that sent; none if no node sent."""
+        """Return the columns of the table, with a row per link of each node that sent; {} if no node sent."""
         sources = sorted(self._counts)
         if not sources:
             return {}
@@ -183,7 +184,7 @@ class LinkCounters:
         return {"source": source, "distance": np.sqrt((offsets**2).sum(axis=1)), **joined}
 
     def _of_sender(self, counts: list[_Counts]) -> dict[str, Any]:
-        """The columns of one sender, over all sets of links that it had."""
+        """The columns of one sender, merged over all sets of links that it had."""
         chances = [self._topology.probabilities(each.neighbours, self._last_bits) for each in counts]
         last, sent = counts[-1], sum(each.sent for each in counts)
         if len(counts) == 1:

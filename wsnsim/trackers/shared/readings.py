@@ -1,8 +1,8 @@
-"""Measurements that members send to the head and that it sends back, and the packets of what is sent.
+"""Measurements that members send to the head and that it sends back, and the number of packets of what is sent.
 
 A packet of 12 bytes is 4 bytes of header and 8 of payload: four int16 of a state or of weights, or eight replication
-counts, or one reading (Jiang 2013, section 5). What is quantised is counted in bits; the values themselves are passed
-on unrounded.
+counts, or one reading (Jiang 2013, section 5). Quantisation only counts for the number of packets: values arrive
+unrounded.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def moment_packets(columns: int) -> int:
 def particles_parcel(cloud: Floats, log_weights: Floats | float) -> Parcel:
     """Particles (D, n), then their weights (n,): n state packets and ceil(n / 4).
 
-    One common weight rides in the header of the first packet (our choice): n state packets alone.
+    A common weight is sent in the header of the first packet (our choice): only n state packets.
     """
     columns, count = cloud.shape
     packets = count * state_packets(columns) + (weight_packets(count) if isinstance(log_weights, np.ndarray) else 0)
@@ -100,8 +100,8 @@ def arrived_particles(sent: tuple[Floats, Floats | float], mask: Bools) -> tuple
     if not isinstance(log_weights, np.ndarray):
         log_weights = np.full(count, log_weights)
     else:
-        at = count * state_packets(columns)
-        known = np.repeat(mask[at : at + weight_packets(count)], 4)[:count]
+        first = count * state_packets(columns)
+        known = np.repeat(mask[first : first + weight_packets(count)], 4)[:count]
         log_weights = np.where(known, log_weights, UNKNOWN)
     return np.ascontiguousarray(cloud[:, whole]), log_weights[whole]
 
@@ -112,7 +112,7 @@ def is_whole(mask: Bools) -> bool:
 
 
 def arrived_groups(mask: Bools, count: int, packets: int) -> Bools:
-    """(count,) which of the first `count` things in a burst arrived, each of them in `packets` packets."""
+    """(count,) which of the first `count` items in a burst arrived whole, each of `packets` packets."""
     whole: Bools = np.all(mask[: count * packets].reshape(count, packets), axis=1)
     return whole
 
@@ -155,7 +155,7 @@ class Evidence:
 
 
 def ranges_of(seen: Evidence, sensor: Any) -> Floats:
-    """The distance in m at which each measurement is expected, (S,), in the plane if the sensor says how.
+    """The distance (S,) in m at which each measurement is expected; in the plane if the sensor model offers that.
 
     The scenario's check requires `ranges`. A sensor whose nodes differ in gain or height has `ranges_in_plane`.
     """
@@ -187,7 +187,7 @@ def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
     """
     reply: GatheredReadings = yield GatherReadings(bits)
     ids = scene.ids
-    if reply.ids == ids:
+    if reply.ids == ids:  # all members: nothing to select
         return Evidence(ids, reply.values, scene.positions, scene.traits)
     places = {node: place for place, node in enumerate(reply.ids)}
     rows = [row for row, node in enumerate(ids) if node in places]
@@ -213,7 +213,7 @@ def share_readings(scene: Scene) -> Flow[Evidence]:
 
 def own_evidence(member: Member) -> Evidence:
     """A member's own measurement; empty if it has none."""
-    count = 0 if member.reading is None else 1
+    count = 0 if member.reading is None else 1  # slices up to it keep the number of dimensions
     values = np.array([member.reading][:count], dtype=np.float64)
     return Evidence((member.id,)[:count], values, member.position[None, :][:count], member.traits[None, :][:count])
 
@@ -223,6 +223,7 @@ def evidence_at(member: Member, heard: list[Delivery]) -> Evidence:
     for delivery in heard:
         if delivery.what == READINGS:
             shared: Evidence = delivery.payload
+            # nothing is lost, and the member's own measurement is among them, if it has one
             if is_whole(delivery.mask) and (member.reading is None or member.id in shared.ids):
                 return shared
             return _merge(member, shared, np.repeat(delivery.mask, _readings_a_packet(shared))[: len(shared.ids)])
@@ -254,11 +255,12 @@ Linear: TypeAlias = tuple[Floats, Floats, Floats]
 def linearised(points: Floats, sensor: SensorModel, positions: Floats, traits: Floats) -> Linear:
     """The sensor model at points (P, N) for n sensors: expected (n, N), gradients (n, P, N), variances (n, N)."""
     expected, gradients, variances = sensor.linearise(points, positions, traits)
+    # kernels are compiled for contiguous arrays
     return np.ascontiguousarray(expected), np.ascontiguousarray(gradients), np.ascontiguousarray(variances)
 
 
 def arrived_probabilities(probabilities: Floats, mask: Bools) -> Floats:
-    """The probabilities (n,) after a transfer of four per packet: lost ones share the rest of the sum of 1 equally."""
+    """The probabilities (n,) after a transfer of four per packet: lost ones become equal, so that the sum is 1."""
     known = np.repeat(mask[: weight_packets(probabilities.size)], 4)[: probabilities.size]
     if known.all():
         return probabilities

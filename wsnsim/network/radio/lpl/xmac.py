@@ -1,8 +1,8 @@
-"""X-MAC: strobes that name their destination, early acknowledgements, and data for who is awake.
+"""X-MAC: strobes that name their destination, early acknowledgements, and data once the destination is awake.
 
-Of a unicast, strobes are sent until the destination answers one of them. Its early acknowledgement, the data frame and
-the acknowledgement follow one another, a turnaround apart. Of a broadcast, all strobes are sent, and then the frame.
-`overhearing` is what nodes do that hear what is not for them.
+For a unicast, strobes are sent until the destination answers one of them. Its early acknowledgement, the data frame and
+the acknowledgement follow one another, a turnaround apart. For a broadcast, all strobes are sent, and then the frame.
+What nodes do that hear frames for others is in `overhearing`.
 
 Source: Buettner, Yee, Anderson, Han (2006), "X-MAC: a short preamble MAC protocol for duty-cycled wireless sensor
 networks", SenSys 2006. See `models.xmac.XMac` for what is ours.
@@ -28,7 +28,7 @@ from wsnsim.network.radio.transmission import Transmission
 
 
 class Countdowns:
-    """Which broadcasts all nodes expect.
+    """The broadcasts that each node expects.
 
         countdowns.hear(source, receivers, seconds)    a strobe says after how many seconds its frame begins
         countdowns.end(transmission)                   the frame has ended
@@ -48,7 +48,7 @@ class Countdowns:
         """{node: senders of the broadcasts that it expects}"""
 
     def hear(self, source: int, receivers: Ints, seconds: float) -> None:
-        """Nodes (n,) hear after how many seconds a broadcast begins; they stay on if that is too soon to turn off."""
+        """Let nodes (n,) expect a broadcast in this many seconds; until then they turn off if there is time."""
         new = [node for node in receivers.tolist() if source not in self._expected.get(node, ())]
         for node in new:
             self._expected.setdefault(node, set()).add(source)
@@ -59,7 +59,7 @@ class Countdowns:
             self._env.timeout(seconds, (source, new)).callbacks.append(self._turn_on)
 
     def _turn_on(self, timeout: simpy.Event) -> None:
-        """Those who still expect a broadcast, and do not sleep by their schedule, turn the radio on."""
+        """Turn on the radios of nodes that still expect a broadcast and do not sleep by their schedule."""
         countdown: Any = timeout.value
         source, nodes = countdown
         for node in nodes:
@@ -70,7 +70,7 @@ class Countdowns:
                     self._radios.hold_until(node, EXPECTS, self._env.now + self._longest)
 
     def end(self, sent: Transmission) -> None:
-        """Radios that were on for a broadcast turn off at its end."""
+        """Turn off the radios that were on for a broadcast, at its end."""
         if sent.listeners is not None:
             for node in sent.listeners.tolist():
                 self._radios.release(node, EXPECTS)
@@ -100,8 +100,8 @@ class XMacMechanism:
         self._heard_until = np.full(self._nodes.size, -np.inf)
         """(N,) until when radios have been charged for frames that they heard in listening windows"""
         radios.on_hold, radios.on_release = self._leave_window, self._end_window
-        self._rest = mac.ack_wait - mac.turnaround - mac.airtime(mac.ack_bits)
-        """What is left of the wait for an acknowledgement after one that could not be read, in s"""
+        self._wait_after_ack = mac.ack_wait - mac.turnaround - mac.airtime(mac.ack_bits)
+        """Seconds that a sender still waits after the end of an acknowledgement that it could not read"""
         channel = services.open_channel(mac, mac.assessment, self)
         self.channel = channel
         self._senders = senders = Senders(mac, services, radios, channel, self)
@@ -109,7 +109,7 @@ class XMacMechanism:
         self._overhearing = Overhearing(mac, services, radios, channel, senders)
         self.find_busy = self._overhearing.wait
         code = services.radio.log.code
-        code("no_channel")
+        code("no_channel")  # registered first, so that the codes in result files stay the same
         self._strobe_code, self._early_ack, self._ack = code("strobe"), code("early_ack"), code("ack")
         self.send, self.offer, self.use_short_interval = senders.send, senders.offer, radios.use_short_interval
 
@@ -139,7 +139,7 @@ class XMacMechanism:
 
     def transmit_next(self, sender: RepeatingSender) -> None:
         """Send the data frame: its destination is awake."""
-        if sender.current.to == EVERYONE:
+        if sender.current.to == EVERYONE:  # a broadcast needs its strobes: others still sleep
             self.transmit(sender)
             return
         sender.current.owner = sender
@@ -161,7 +161,7 @@ class XMacMechanism:
         self.channel.transmit(sender.node, strobe, self._strobe_sent)
 
     def _strobe_sent(self, sent: Transmission, received: Received) -> None:
-        """A strobe has ended: who heard it answers, expects the frame, or sleeps on."""
+        """A strobe has ended: a node that heard it answers, expects the broadcast, or sleeps on."""
         sender: RepeatingSender = sent.frame.owner
         to = sent.frame.to
         if to == EVERYONE:
@@ -176,22 +176,22 @@ class XMacMechanism:
         self._senders.after(sender, self._mac.ack_wait, self._strobe)
 
     def _answer(self, sent: Transmission, sender: RepeatingSender) -> bool:
-        """Whether the destination sends an early acknowledgement; it then stays on for the data."""
+        """Let the destination send an early acknowledgement and stay on for the data; return whether it does."""
         node, mac = sent.frame.to, self._mac
-        busy = self._senders.get(node)
-        if self.channel.is_sending(node) or (busy is not None and isinstance(busy.train, _Train)):
+        own = self._senders.get(node)  # a node does not answer while it sends strobes itself
+        if self.channel.is_sending(node) or (own is not None and isinstance(own.train, _Train)):
             return False
         answer = 2.0 * mac.turnaround + mac.airtime(mac.ack_bits) + mac.airtime(mac.bits(mac.payload_bits))
         now = self._env.now
         self._radios.hold_until(node, RECEIVES, now + answer + mac.turnaround, since=now)
-        if not self._nodes.alive[node]:
+        if not self._nodes.alive[node]:  # turning the radio on has emptied its battery
             return False
         ack = control_frame(sent.frame, sender.node, mac.ack_bits, self._early_ack, sender)
         self.channel.transmit(node, ack, self._early_ack_sent)
         return True
 
     def _early_ack_sent(self, sent: Transmission, received: Received) -> None:
-        """The sender knows that its destination is awake, and sends the data; or it goes on with strobes."""
+        """An early acknowledgement has ended: its receiver sends the data, or more strobes if it could not read it."""
         self._close_windows(sent, received)
         sender: RepeatingSender = sent.frame.owner
         self._overhearing.note_answer(sent)
@@ -200,7 +200,7 @@ class XMacMechanism:
         if received:
             self.transmit_next(sender)
         else:
-            self._senders.after(sender, self._rest, self._strobe)
+            self._senders.after(sender, self._wait_after_ack, self._strobe)
 
     def _data_sent(self, sent: Transmission, received: Received) -> None:
         """A data frame has ended: its destination acknowledges it, and stays on for further frames."""
@@ -226,11 +226,11 @@ class XMacMechanism:
             if received:
                 self._senders.after(sender, self._mac.spacing(sender.current.bits), self._senders.finish_awake)
             else:
-                self._senders.after(sender, self._rest, self._senders.fail)
+                self._senders.after(sender, self._wait_after_ack, self._senders.fail)
         self._overhearing.note_acknowledgement(sent)
 
     def _expect(self, sender: RepeatingSender, sent: Transmission, received: Ints) -> None:
-        """Nodes that heard a strobe of a broadcast know when it follows, and turn the radio off until then."""
+        """Nodes that heard a strobe of a broadcast expect the frame, and turn the radio off until it begins."""
         self._close_windows(sent, received)
         if received.size and not sender.stopped:
             mac = self._mac
@@ -245,39 +245,43 @@ class XMacMechanism:
             self._senders.finish(sender, received)
 
     def _close_windows(self, sent: Transmission, received: Received) -> None:
-        """Listening windows in which a frame was heard: it takes the place of listening, and ends the window.
+        """End the listening windows in which a frame was heard, and give back the energy of listening.
 
-        A node that hears the frame of somebody else turns the radio off; the radio of its destination is held on. A
-        node at which another frame overlaps it listens on, unless it has received the frame: it cannot tell for whom
-        that is.
+        Reception is charged in place of listening while the frame lasts. A node that hears a frame for another node
+        turns the radio off; the radio of the destination is held on. A node at which another frame overlaps listens on,
+        unless it has received the frame: it cannot tell for whom that is.
         """
         listeners = sent.listeners
         if listeners is None or not listeners.size:
             return
         now = self._env.now
-        window = listeners[self._radios.on_since(listeners) == np.inf]
-        # What an overlapping frame has taken the place of was given back with that.
-        back = now - np.maximum(sent.start, self._heard_until[window])
-        self._heard_until[window] = now
-        read = np.ones(window.size, dtype=np.bool_)
+        # nodes whose radios are not held on: they listen in their windows
+        nodes = listeners[self._radios.on_since(listeners) == np.inf]
+        # time that an earlier overlapping frame covered has been given back already
+        not_listened = now - np.maximum(sent.start, self._heard_until[nodes])
+        self._heard_until[nodes] = now
+        read = np.ones(nodes.size, dtype=np.bool_)
         for other in sent.overlapping or ():
-            read &= ~np.isin(window, other.neighbours.ids)
-        read |= np.isin(window, received) if sent.frame.to == EVERYONE else (window == sent.frame.to) & bool(received)
-        left = np.where(read, self._left(window), 0.0)
-        self._off_until[window[read]] = now + left[read] + ROUNDING
-        back += left
-        for node, seconds in zip(window.tolist(), back.tolist(), strict=True):
+            read &= ~np.isin(nodes, other.neighbours.ids)
+        read |= np.isin(nodes, received) if sent.frame.to == EVERYONE else (nodes == sent.frame.to) & bool(received)
+        left = np.where(read, self._window_left(nodes), 0.0)
+        self._off_until[nodes[read]] = now + left[read] + ROUNDING
+        not_listened += left
+        for node, seconds in zip(nodes.tolist(), not_listened.tolist(), strict=True):
             self._nodes.spend_listening(node, -seconds)
 
-    def _left(self, ids: Ints) -> Floats:
+    def _window_left(self, ids: Ints) -> Floats:
         """(n,) seconds that are left of the listening windows of nodes; 0 outside them."""
         offsets, _ = self._radios.offsets(ids, self._env.now)
         return np.maximum(self._mac.window - offsets, 0.0)
 
     def _leave_window(self, node: int) -> float:
-        """Return since when a radio has been on that is held on from now on; what is left of its window is not due."""
+        """Return since when a radio that is held on from now on has been on, inf if it was off.
+
+        The rest of its listening window is not charged: holding the radio on is.
+        """
         ids, now = np.array([node]), self._env.now
-        left = float(self._left(ids)[0])
+        left = float(self._window_left(ids)[0])
         if not left or self._off_until[node] > now:
             return np.inf
         self._nodes.spend_listening(node, -left)
@@ -285,5 +289,5 @@ class XMacMechanism:
 
     def _end_window(self, node: int) -> None:
         """A radio that is turned off within a listening window stays off until the next one."""
-        left = float(self._left(np.array([node]))[0])
+        left = float(self._window_left(np.array([node]))[0])
         self._off_until[node] = self._env.now + left + ROUNDING
