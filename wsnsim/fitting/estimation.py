@@ -214,8 +214,7 @@ def _variances(left: _Residuals) -> Floats:
     squares = np.bincount(left.blocks, left.values**2)
     counts = np.bincount(left.blocks)
     freed = len(left.values) / max(len(left.values) - left.parameters, 1)
-    result: Floats = (left.weights @ squares) / np.maximum(left.weights @ counts, 1.0) * freed
-    return result
+    return (left.weights @ squares) / np.maximum(left.weights @ counts, 1.0) * freed
 
 
 def _significant(parts: Shadowing, total: Floats) -> Shadowing:

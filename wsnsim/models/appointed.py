@@ -68,11 +68,9 @@ def _trace_of_inverse(total: Floats, prior: float) -> Floats:
     """(...) the trace of (A + prior I)⁻¹ of symmetric matrices A (..., P, P), P being 1 or 2."""
     first = total[..., 0, 0] + prior
     if total.shape[-1] == 1:
-        inverse: Floats = 1.0 / first
-        return inverse
+        return 1.0 / first
     second = total[..., 1, 1] + prior
-    trace: Floats = (first + second) / (first * second - total[..., 0, 1] ** 2)
-    return trace
+    return (first + second) / (first * second - total[..., 0, 1] ** 2)
 
 
 def _information(sensor: Any, path: Floats, near: NearNodes) -> Floats:

@@ -221,8 +221,7 @@ class _Lines(NamedTuple):
 
 def wrapped(angles: Floats) -> Floats:
     """Angles in rad, moved by whole turns into ±π."""
-    result: Floats = angles - TURN * np.round(angles / TURN)
-    return result
+    return angles - TURN * np.round(angles / TURN)
 
 
 def _lines(points: Floats, positions: Floats) -> _Lines:

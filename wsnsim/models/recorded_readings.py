@@ -68,8 +68,7 @@ class RepeatedReadings:
         own, counts = traits[:, :-1], traits[:, -1]
         expected: Floats = self.law.measure(points, positions, own, np.zeros(len(noise)))
         drawn = near(self.law, self.law.measure(points, positions, own, noise), expected)
-        result: Floats = expected + (drawn - expected) / np.sqrt(counts)
-        return result
+        return expected + (drawn - expected) / np.sqrt(counts)
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
@@ -255,8 +254,7 @@ class RecordedSensor:
         """(n,) the number of each row's node; -1 for one that the deployment does not have."""
         number = {name: node for node, name in enumerate(names)}
         codes = np.array([number.get(name, -1) for name in self._table.names], dtype=np.int64)
-        result: Ints = codes[self._table.codes]
-        return result
+        return codes[self._table.codes]
 
     def _bad(self, names: Sequence[str], targets: int) -> list[BadRow]:
         """All rows that cannot be used, ascending: those of unknown nodes and targets too."""

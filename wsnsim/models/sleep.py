@@ -161,8 +161,7 @@ class _PeriodicSchedule:
 
     def _on(self, keys: Keys, periods: Ints) -> Bools:
         """Whether nodes are awake in their periods, of which number 0 contains time 0."""
-        on: Bools = uniforms(derive_each(keys, (periods + 1).astype(np.uint64)), 0) < self._law[2]
-        return on
+        return uniforms(derive_each(keys, (periods + 1).astype(np.uint64)), 0) < self._law[2]
 
     @property
     def _law(self) -> Law:

@@ -70,8 +70,7 @@ def _fixed_positions(setup: RadioSetup) -> Floats | None:
 
 
 def _distances(positions: Floats, point: tuple[float, float]) -> Floats:
-    distances: Floats = np.hypot(positions[:, 0] - point[0], positions[:, 1] - point[1])
-    return distances
+    return np.hypot(positions[:, 0] - point[0], positions[:, 1] - point[1])
 
 
 @part

@@ -149,14 +149,12 @@ def _sums(values: Floats) -> tuple[Floats, Floats]:
 
 def _over(sums: Floats, counts: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
-        found: Floats = sums / counts
-        return found
+        return sums / counts
 
 
 def _weighted(weights: Floats, values: Floats) -> Floats:
     """(draws, ...) sums of (n, ...) values with the weights of the runs."""
-    found: Floats = np.tensordot(weights, values, axes=1)
-    return found
+    return np.tensordot(weights, values, axes=1)
 
 
 def _mean(rows: Floats, weights: Floats) -> Floats:
@@ -197,13 +195,11 @@ def _time_mean_rmse(rows: Floats, weights: Floats) -> Floats:
 
 def _pooled_rmse(rows: Floats, weights: Floats) -> Floats:
     squares, counts = _sums(_steps_in_line(rows**2))
-    found: Floats = np.sqrt(_over(_weighted(weights, squares), _weighted(weights, counts)))
-    return found
+    return np.sqrt(_over(_weighted(weights, squares), _weighted(weights, counts)))
 
 
 def _rmse_of_each(rows: Floats) -> Floats:
-    found: Floats = np.sqrt(_over(*_sums(_steps_in_line(rows**2))))
-    return found
+    return np.sqrt(_over(*_sums(_steps_in_line(rows**2))))
 
 
 def _steps_in_line(rows: Floats) -> Floats:

@@ -196,8 +196,7 @@ class Isolation:
             assert same(parcels.get(node, ()), earlier.parcels.get(node, ())), (
                 f"what node {node} sends depends on readings of other nodes that it never received"
             )
-        answer: dict[int, Any] = copy.deepcopy(earlier.answer)
-        return answer
+        return copy.deepcopy(earlier.answer)
 
     def _deliver(self, request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
         """The answer to a request of the head; each receiver gets a copy of its own."""
