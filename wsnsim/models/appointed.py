@@ -24,7 +24,8 @@ from wsnsim.base.network_ports import Appointment, NearNodes, Outlook, steps_in
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.sensing import detected, informations
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.models.clusters import TIMES, LeadsByPlace, Threshold
+from wsnsim.models.bounds import SECONDS
+from wsnsim.models.clusters import LeadsByPlace, Threshold
 
 PRIOR: Final = 4.0
 """Over the squared sensing range: the information of being somewhere in a disc of that radius, along each axis."""
@@ -120,11 +121,13 @@ class Appointed(LeadsByPlace):
         Quantity("", gt=0, le=1),
         "mean square error with all in range over that with the members, below which they are too few",
     ] = 0.8
-    horizon: Annotated[float, TIMES, "time ahead for which members are appointed and the next head is chosen"] = 0.4
+    horizon: Annotated[float, SECONDS, "time ahead for which members are appointed and the next head is chosen"] = 0.4
     margin: Annotated[
         float, Quantity("m", ge=0.0, le=1e7), "distance beyond the sensing range in which nodes are members"
     ] = 5.0
-    patience: Annotated[float, TIMES, "time for which the head predicts on without a reading; one step at least"] = 1.0
+    patience: Annotated[float, SECONDS, "time for which the head predicts on without a reading; one step at least"] = (
+        1.0
+    )
     threshold: Threshold = None
 
     def appointment(self, outlook: Outlook) -> Appointment:
