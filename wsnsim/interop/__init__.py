@@ -54,11 +54,9 @@ class TraceFormat(Protocol):
 
     def entries(self, path: str) -> Iterator[TraceEntry]:
         """Yield the entries of a file. Raises RunError with file and line if one cannot be read."""
-        ...
 
     def track(self, path: str, kept: Sequence[TraceEntry], end: float) -> Floats:
         """(n, 4) time, x, y and z of one node, with ascending times; z is NaN where the file has none."""
-        ...
 
 
 @dataclass(slots=True)

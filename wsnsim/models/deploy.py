@@ -103,10 +103,6 @@ class JitteredGrid(Centred):
         centres, sizes = cells(self.nodes, self.width, self.height)
         return _until_covered(self, lambda: centres + self.jitter * sizes * (rng.random((self.nodes, 2)) - 0.5), reach)
 
-    def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue if the nodes are too few to cover the field or to form a cluster."""
-        yield from too_few(self, setup)
-
 
 @part
 class Anchors:

@@ -137,9 +137,7 @@ class RecordedSensor:
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: the first reading's"
     ] = None
-    skip_bad_rows: Annotated[bool, "whether rows that cannot be used are left out and counted, instead of refused"] = (
-        False
-    )
+    skip_bad_rows: csvfile.SkipBadRows = False
     in_sample: Annotated[bool, "whether the law may be one that was fitted to these readings (its `fitted_on`)"] = False
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
 

@@ -67,14 +67,6 @@ def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, re
     return RecordedPoints(times, points, bad)
 
 
-class TrackRows(NamedTuple):
-    """A trajectory as it was recorded: times (n,) in s from the origin, ascending, and points (n, 2 or 3) in m."""
-
-    times: Floats
-    points: Floats
-    origin: float
-
-
 @part
 class RecordedTrack(Straight):
     """A recorded trajectory: interpolated linearly between the rows of a CSV file, at rest before and after them.
@@ -92,9 +84,7 @@ class RecordedTrack(Straight):
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: that of the first row"
     ] = None
-    skip_bad_rows: Annotated[bool, "whether rows that cannot be used are left out and counted, instead of refused"] = (
-        False
-    )
+    skip_bad_rows: csvfile.SkipBadRows = False
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
     q: Annotated[float, INTENSITY, "intensity of the noise in the velocity that filters assume"] = 0.05
 
@@ -112,12 +102,15 @@ class RecordedTrack(Straight):
         return heights
 
     @cached_property
-    def track(self) -> TrackRows:
-        """The trajectory. Raises RunError with file and line if it cannot be read."""
+    def track(self) -> RecordedPoints:
+        """The trajectory, its times from the origin on. Raises RunError with file and line if it cannot be read."""
         csvfile.demand_digest(self.path, self.digest)
-        times, points, _ = self._recorded
-        origin = float(times[0]) if self.time_origin is None else self.time_origin
-        return TrackRows(times - origin, points, origin)
+        return self._recorded._replace(times=self._recorded.times - self.origin)
+
+    @property
+    def origin(self) -> float:
+        """The time (s) in the file that is 0 in the run."""
+        return float(self._recorded.times[0]) if self.time_origin is None else self.time_origin
 
     def skipped_rows(self, setup: Any) -> list[str]:
         """The rows that are left out, a text each with file, line and reason; none unless `skip_bad_rows` allows it."""

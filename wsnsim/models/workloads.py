@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final, TypeAlias
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.access import Framed, IdealMac
 from wsnsim.models.bounds import COUNT, DURATION, PAYLOAD, PERIOD, PLACE, SECONDS, SPAN
 
+SinkPoints: TypeAlias = Annotated[
+    tuple[tuple[float, float], ...], PLACE, "x and y: each sink is the node nearest to one"
+]
 MOST_NODES: Final = 20_000
 """Nodes above which no sink is looked at."""
 
@@ -151,9 +154,7 @@ class SeveralSinks(ReportsEvery):
     `greedy_geographic` the nearest that is reached. By default a report is one packet of Jiang et al. (2013), 12 bytes.
     """
 
-    points: Annotated[tuple[tuple[float, float], ...], PLACE, "x and y: each sink is the node nearest to one"] = (
-        (0.0, 0.0),
-    )
+    points: SinkPoints = ((0.0, 0.0),)
     bits: Annotated[int, PAYLOAD, "bits of a report"] = PACKET_BITS
     every: Annotated[float | None, DURATION, "time between reports; left out: every estimate is reported"] = None
 
@@ -231,9 +232,7 @@ class PeriodicCollection:
 
     mechanism: ClassVar[str] = "collection"
 
-    points: Annotated[tuple[tuple[float, float], ...], PLACE, "x and y: each sink is the node nearest to one"] = (
-        (0.0, 0.0),
-    )
+    points: SinkPoints = ((0.0, 0.0),)
     period: Annotated[float, PERIOD, "time between a node's reports, on its own clock"] = 60.0
     bits: Annotated[int, PAYLOAD, "bits of a report"] = PACKET_BITS
     start_at: Annotated[float, SECONDS, "when the first period begins"] = 0.0
