@@ -28,6 +28,7 @@ DATA = (
     "trackers/__init__.pyi",
     "base/columns.table",
     "scenario/kinds.table",
+    "testing/scenarios/mac.yaml",
     "_scenarios/pso_mhpf.yaml",
     "_scenarios/recorded/ble/receivers.csv",
     "_scenarios/papers/jiang2013/study.yaml",
