@@ -189,7 +189,8 @@ def _row(line: int, cells: Sequence[str], packets: str, header: _Header) -> Link
         raise ValueError(f"src and dst must have at most {csvfile.LONGEST_NAME} characters")
     number = _number("channel", channel, 0, HIGHEST_CHANNEL)
     if number != int(number) or (header.channels and int(number) not in header.channels):
-        allowed = f"channel must be one of those of the first line, {_listed(header.channels)}"
+        listed = ", ".join(map(str, sorted(header.channels))) or f"0 to {HIGHEST_CHANNEL}"
+        allowed = f"channel must be one of those of the first line, {listed}"
         raise ValueError(f"{allowed}, is {channel[: csvfile.LONGEST_SHOWN]!r}")
     share = _number("pdr", ratio, 0.0, 1.0)
     level = _number("mean_rssi", power, *LEVELS) if share else math.nan
@@ -222,7 +223,3 @@ def _names(table: RecordedRows, count: int) -> tuple[str, ...]:
     if found <= set(numbered):
         return tuple(numbered)
     return tuple(sorted(found, key=lambda name: (0, int(name), name) if name.isdecimal() else (1, 0, name)))
-
-
-def _listed(channels: frozenset[int]) -> str:
-    return ", ".join(map(str, sorted(channels))) or f"0 to {HIGHEST_CHANNEL}"

@@ -113,7 +113,8 @@ def _convert(number: Decimal, unit_text: str, unit: str) -> Decimal:
     if given is None:
         raise UnitError(f"unknown unit {shown(unit_text)}{_suggestion(unit_text)}, expected {wanted(unit)}")
     if expected is None or given.dimension != expected.dimension:
-        raise UnitError(f"{shown(unit_text)} is {_description(given)}, expected {wanted(unit)}")
+        what = "a pure number" if given.dimension == DIMENSIONLESS else f"a unit of {given.words}"
+        raise UnitError(f"{shown(unit_text)} is {what}, expected {wanted(unit)}")
     if given.decibel:
         return Decimal(10) ** ((number - 30) / 10)
     value = number * given.factor
@@ -136,8 +137,8 @@ def parse(text: str) -> Unit | None:
         if match is None or known is None:
             return None
         power = int(match.group(2) or 1)
-        joint = "" if not words else " per " if sign == "/" else " times "
-        words.append(joint + _dimension_name(_to_power(known[1], power), piece))
+        joint, own = "" if not words else " per " if sign == "/" else " times ", _to_power(known[1], power)
+        words.append(joint + ("one" if own == DIMENSIONLESS else _dimension_names().get(own, piece)))
         power = -power if sign == "/" else power
         factor = EXACT.multiply(factor, EXACT.power(known[0], power))
         dimension = tuple(a + b for a, b in zip(dimension, _to_power(known[1], power), strict=True))
@@ -161,14 +162,6 @@ def shown(value: object) -> str:
 def _suggestion(unit_text: str) -> str:
     guess = did_you_mean(unit_text, [*_table(), "dBm"])
     return f" ({guess})" if guess.startswith("did") else ""
-
-
-def _description(unit: Unit) -> str:
-    return "a pure number" if unit.dimension == DIMENSIONLESS else f"a unit of {unit.words}"
-
-
-def _dimension_name(dimension: Dimension, piece: str) -> str:
-    return "one" if dimension == DIMENSIONLESS else _dimension_names().get(dimension, piece)
 
 
 def _to_power(dimension: Dimension, power: int) -> Dimension:
