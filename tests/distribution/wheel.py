@@ -28,6 +28,8 @@ DATA = (
     "trackers/__init__.pyi",
     "base/columns.table",
     "scenario/kinds.table",
+    "scenario/units.table",
+    "testing/scenarios/mac.yaml",
     "_scenarios/pso_mhpf.yaml",
     "_scenarios/recorded/ble/receivers.csv",
     "_scenarios/papers/jiang2013/study.yaml",

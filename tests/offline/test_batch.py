@@ -9,6 +9,7 @@ import pytest
 
 import wsnsim.scenario as scenario
 from wsnsim import experiment
+from wsnsim.analysis.difference import _differing as differing_origins
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import Memory
 from wsnsim.cli import main
@@ -16,7 +17,6 @@ from wsnsim.offline import batch, offers_batch
 from wsnsim.offline.batch import Batches
 from wsnsim.recording import read_table, read_text
 from wsnsim.trackers.bootstrap_pf import Sir
-from wsnsim.verification import _differing as differing_origins
 
 TABLES = dict.fromkeys(("runs", "tracks", "nodes", "truth", "estimates", "covariances"), True)
 CASES = {

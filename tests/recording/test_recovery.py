@@ -21,9 +21,9 @@ import sys, time
 from pathlib import Path
 import numpy as np
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
-from wsnsim.recording import ResultFile, writer
+from wsnsim.recording import ResultFile, rows
 
-writer.FLUSH_EVERY = float(sys.argv[2])
+rows.FLUSH_EVERY = float(sys.argv[2])
 with ResultFile(Path(sys.argv[1]), (("px", "m"), ("vx", "m/s")), RECORDED_BY_DEFAULT) as file:
     file.set_text("scenario/source_yaml", "name: killed")
     file.set_text("provenance_json", '{"start": "then"}')

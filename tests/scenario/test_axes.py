@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from tests.helpers.calls import counted_calls
 from wsnsim.scenario import axes
-from wsnsim.scenario.axes import InvalidAxis, Sampling
+from wsnsim.scenario.axes import InvalidAxis
 from wsnsim.scenario.python_values import of_dict
 from wsnsim.scenario.texts import LocatedValue, Origin
 from wsnsim.scenario.units import si
@@ -44,9 +44,9 @@ def points(settings: list[axes.Settings]) -> list[tuple[Any, ...]]:
 
 
 def drawn(
-    how: Callable[[Sampling], list[axes.Settings]], count: int, seed: int = 0, **over: Any
+    how: Callable[[int, int, axes.Axes], list[axes.Settings]], count: int, seed: int = 0, **over: Any
 ) -> list[tuple[Any, ...]]:
-    return points(how(Sampling(count, seed, axes_of(over))))
+    return points(how(count, seed, axes_of(over)))
 
 
 @pytest.mark.parametrize(

@@ -94,14 +94,12 @@ SCALAR: Final = ("reading",)
 
 def components_of(sensor: Any) -> tuple[str, ...]:
     """The names of the M components of a reading of this sensor model; ('reading',) if it does not say."""
-    names: tuple[str, ...] = getattr(sensor, "components", SCALAR)
-    return names
+    return getattr(sensor, "components", SCALAR)
 
 
 def periods_of(sensor: Any) -> tuple[float, ...]:
     """The period of each component of a reading of this sensor model; 0 for a component that has none."""
-    periods: tuple[float, ...] = getattr(sensor, "periods", (0.0,))
-    return periods
+    return getattr(sensor, "periods", (0.0,))
 
 
 def rows(sensor: Any, readings: Floats) -> Floats:
@@ -141,8 +139,7 @@ def near(sensor: Any, measured: Floats, expected: Floats) -> Floats:
     lengths, divisors = _per_row(periods, len(measured) // len(periods))
     if measured.ndim > 1:
         lengths, divisors = (each.reshape(-1, *[1] * (measured.ndim - 1)) for each in (lengths, divisors))
-    result: Floats = measured - lengths * np.round((measured - expected) / divisors)
-    return result
+    return measured - lengths * np.round((measured - expected) / divisors)
 
 
 def means(sensor: Any, readings: Floats, groups: Ints, count: int) -> Floats:
@@ -167,8 +164,7 @@ def _mean(values: Floats, groups: Ints, count: int, period: float) -> Floats:
     across, up = (np.bincount(groups, part(values * tau / period), count) for part in (np.cos, np.sin))
     turned = np.arctan2(up, across) * period / tau - first
     known = (sizes > 1) & (np.hypot(across, up) > CANCELLED * sizes)
-    result: Floats = np.where(known, first + turned - period * np.round(turned / period), first)
-    return result
+    return np.where(known, first + turned - period * np.round(turned / period), first)
 
 
 @lru_cache
@@ -195,8 +191,7 @@ def missing(sensor: Any) -> Reading:
 def finite(sensor: Any, readings: Floats) -> Bools:
     """Which readings are finite in all components, (...,) of an array (...,) or (..., M) of this sensor's readings."""
     each = np.isfinite(readings)
-    known: Bools = each if len(components_of(sensor)) == 1 else np.all(each, axis=-1)
-    return known
+    return each if len(components_of(sensor)) == 1 else np.all(each, axis=-1)
 
 
 def is_finite(reading: Reading) -> bool:

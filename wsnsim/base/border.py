@@ -292,7 +292,8 @@ def _performed(made: Flow[Any], who: str) -> Flow[Any]:
                 said = f"{who} raises GeneratorExit, by which the network ends a flow from outside"
                 raise PluginAnswerError(said, place) from reason
             count += 1
-            if fault := _too_many(count) or answers.request_fault(request):
+            endless = f"more than {MOST_REQUESTS:,} requests in one step: does it end?" if count > MOST_REQUESTS else ""
+            if fault := endless or answers.request_fault(request):
                 raise PluginAnswerError(f"{who}: {fault}", line_place(made))
             try:
                 answer = yield _with_checked_functions(request, who, line_place(made))
@@ -300,10 +301,6 @@ def _performed(made: Flow[Any], who: str) -> Flow[Any]:
                 raise PluginAnswerError(f"{who}: {refused.said}", line_place(made)) from refused
     finally:
         made.close()
-
-
-def _too_many(count: int) -> str:
-    return f"more than {MOST_REQUESTS:,} requests in one step: does it end?" if count > MOST_REQUESTS else ""
 
 
 def _with_checked_functions(request: Request, who: str, place: str) -> Request:

@@ -134,8 +134,7 @@ def assumed_positions(setup: Setup, positions: Floats, replicate: int) -> Floats
         return positions
     keys = derive_all(Streams(setup.seed, replicate).key("position_error"), np.arange(len(positions)))
     errors = np.column_stack([normals(keys, axis) for axis in range(2)])
-    assumed: Floats = positions + setup.position_error * errors
-    return assumed
+    return positions + setup.position_error * errors
 
 
 def sample_paths(setup: NetworkSetup, truths: Sequence[Floats], replicate: int) -> Sequence[Floats]:

@@ -48,8 +48,7 @@ def lost_steps(errors: Floats, window: int, limit: float) -> Bools:
     first, last = ends[ends[:, 1] - ends[:, 0] >= window].T
     change = np.zeros(errors.size + 1, dtype=np.int64)
     change[first], change[last] = 1, -1
-    lost: Bools = np.cumsum(change[:-1]) > 0
-    return lost
+    return np.cumsum(change[:-1]) > 0
 
 
 def count_losses(lost: Bools) -> int:

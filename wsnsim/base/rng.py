@@ -113,7 +113,8 @@ def uniforms(keys: Keys, draw: int) -> Floats:
         keys: (n,) uint64.
         draw: The number of the draw, from 0. The uniforms 2 i and 2 i + 1 make the normal i: take others for both.
     """
-    return (_hashes(keys, draw) >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    hashes = _mix_all(keys + np.uint64(((draw + 1) * GOLDEN) & MASK))
+    return (hashes >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
 def normals(keys: Keys, draw: int) -> Floats:
@@ -125,10 +126,6 @@ def normals(keys: Keys, draw: int) -> Floats:
     """
     radius = np.sqrt(-2.0 * np.log1p(-uniforms(keys, 2 * draw)))
     return radius * np.cos(2.0 * np.pi * uniforms(keys, 2 * draw + 1))
-
-
-def _hashes(keys: Keys, draw: int) -> Keys:
-    return _mix_all(keys + np.uint64(((draw + 1) * GOLDEN) & MASK))
 
 
 def _mix_all(x: Keys) -> Keys:

@@ -22,11 +22,9 @@ HEIGHT: Final = "height"
 def gain_factors(names: tuple[str, ...], traits: Floats) -> Floats:
     """(N,) the gain of each node as a factor, from traits (N, T): 1 where sensors have none, 10^(g/10) for g in dB."""
     if GAIN in names:
-        gains: Floats = traits[:, names.index(GAIN)]
-        return gains
+        return traits[:, names.index(GAIN)]
     if GAIN_DB in names:
-        factors: Floats = 10.0 ** (traits[:, names.index(GAIN_DB)] / 10.0)
-        return factors
+        return 10.0 ** (traits[:, names.index(GAIN_DB)] / 10.0)
     return np.ones(len(traits))
 
 
@@ -61,8 +59,7 @@ def may_have_gains(sensor: Any) -> bool:
 
 def gain_variance(sensor: Any) -> float:
     """The variance of the gains, in the square of their unit; 0 if the sensor model does not say."""
-    variance: float = getattr(sensor, "gain_variance", 0.0)
-    return variance
+    return getattr(sensor, "gain_variance", 0.0)
 
 
 def gain_column(names: tuple[str, ...]) -> int | None:

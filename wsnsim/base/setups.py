@@ -13,18 +13,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
+from wsnsim.base import medium_access
 from wsnsim.base.arrays import Estimate, components_of
 from wsnsim.base.mechanisms import TimeSync
-from wsnsim.base.medium_access import (
-    DutyCycledMac,
-    GivesTurns,
-    HeadWaits,
-    Latency,
-    Mac,
-    Packing,
-    head_waits,
-    hop_latency,
-)
 from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
 from wsnsim.base.network_ports import ClusterPolicy, Deployment, FaultEvent, HasSeveralSinks, Routing, Sink, Workload
 from wsnsim.base.optional_ports import ForecastsSuccession, LinearGaussian, Replays
@@ -133,8 +124,8 @@ class RadioSetup(Setup):
 
     energy: EnergyModel
     link: LinkModel
-    mac: Mac
-    packing: Packing
+    mac: medium_access.Mac
+    packing: medium_access.Packing
     routing: Routing
     sleep: SleepSchedule
     cpu: Cpu
@@ -147,14 +138,14 @@ class RadioSetup(Setup):
         return ()
 
     @cached_property
-    def hop(self) -> Latency:
+    def hop(self) -> medium_access.Latency:
         """How long a packet takes over one hop at most, without contention and retries."""
-        return hop_latency(self.mac, PACKET_BITS)
+        return medium_access.hop_latency(self.mac, PACKET_BITS)
 
     @cached_property
     def _turns(self) -> Callable[[int], float]:
         """What the MAC says of the turns of members."""
-        return self.mac.turns if isinstance(self.mac, GivesTurns) else _no_turns
+        return self.mac.turns if isinstance(self.mac, medium_access.GivesTurns) else _no_turns
 
     def gathering(self, members: int) -> float:
         """Seconds that a packet of one of this number of members takes to their head at most; see `Scene`."""
@@ -185,9 +176,9 @@ class NetworkSetup(TrackingSetup, RadioSetup):
         return self.clusters.protocol
 
     @cached_property
-    def waits(self) -> HeadWaits:
+    def waits(self) -> medium_access.HeadWaits:
         """How long heads wait for others, where neither their policy nor their tracker says."""
-        return head_waits(self.mac, self.dt)
+        return medium_access.head_waits(self.mac, self.dt)
 
     @cached_property
     def successor_forecast(self) -> Callable[[Any, Scene, int], Estimate]:
@@ -292,7 +283,7 @@ class TableLayout(NamedTuple):
 
 def table_layout(setup: Setup) -> TableLayout:
     """The layout of the tables of a scenario's runs."""
-    duty_cycled = isinstance(setup, RadioSetup) and isinstance(setup.mac, DutyCycledMac)
+    duty_cycled = isinstance(setup, RadioSetup) and isinstance(setup.mac, medium_access.DutyCycledMac)
     if not isinstance(setup, TrackingSetup):
         return TableLayout(duty_cycled=duty_cycled)
     motion = setup.motions[0]

@@ -92,7 +92,7 @@ def bound(
         return _no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason)
     numbers = tracked(query.replicates, "trajectories of a bound sampled")
     conditions = [sample_initial_conditions(setup, number) for number in numbers]
-    return _bound(setup, query, conditions, _all_in_range(setup, conditions), _detection_probability(setup))
+    return _bound(setup, query, conditions, _all_in_range(setup, conditions), 1.0 - setup.detection.missed)
 
 
 def bound_of_run(
@@ -171,7 +171,7 @@ def _bound_for(
 ) -> Bound:
     """The bound for the readings of a query; `recorded` is None if the file does not say which ones arrived."""
     if query.readings == "in_range" or not isinstance(setup, NetworkSetup):
-        return _bound(setup, query, conditions, _all_in_range(setup, conditions), _detection_probability(setup))
+        return _bound(setup, query, conditions, _all_in_range(setup, conditions), 1.0 - setup.detection.missed)
     if recorded is None:
         return _no_bound(query, "which readings arrived is unknown: it needs the tables events, estimates and clusters")
     return _bound(
@@ -218,10 +218,6 @@ def _all_in_range(setup: TrackingSetup, conditions: Sequence[InitialConditions])
     return lambda row, target: in_range(
         setup.sensor, conditions[row].truths[target][:, places[target]], conditions[row].positions
     )
-
-
-def _detection_probability(setup: TrackingSetup) -> float:
-    return 1.0 - setup.detection.missed
 
 
 def _check_truths(

@@ -233,62 +233,42 @@ def least_covariances(
     Raises:
         ValueError: there is no bound; the message says why.
     """
+    each = range(len(setup.motions))
     along = kind == "per_trajectory"
-    targets = range(len(setup.motions))
-    if along and unknown.variances.size:
-        found = [_with_unknown(setup, conditions, readings_of, target, unknown, detected) for target in targets]
-    else:
-        found = [_with_known(setup, conditions, readings_of, target, along, detected) for target in targets]
-    return np.stack(found, axis=1)
+    return np.stack([_of_target(setup, conditions, readings_of, i, along, unknown, detected) for i in each], axis=1)
 
 
-def _with_known(
+def _of_target(
     setup: TrackingSetup,
     conditions: Sequence[InitialConditions],
     readings_of: ReadingsOf,
     target: int,
     along: bool,
-    detected: float,
-) -> Floats:
-    """(R, steps, D, D) of one target."""
-    motion, truths, priors = _of_target(setup, conditions, target)
-    columns = list(motion.position)
-    informations = np.stack([
-        information(setup.sensor, truth[:, columns], run.positions, run.traits, readings_of(row, target))[1:]
-        for row, (run, truth) in enumerate(zip(conditions, truths, strict=True))
-    ], axis=1)  # fmt: skip
-    motions = _linearised(motion, truths, setup.dt)
-    if along:
-        return along_trajectories(motions, priors, detected * informations, columns).swapaxes(0, 1)
-    return over_trajectories(motions, priors, detected * informations, columns)[None]
-
-
-def _with_unknown(
-    setup: TrackingSetup,
-    conditions: Sequence[InitialConditions],
-    readings_of: ReadingsOf,
-    target: int,
     unknown: UnknownConstants,
     detected: float,
 ) -> Floats:
-    """(R, steps, D, D) of one target, for filters that do not know gains or positions of nodes."""
-    motion, truths, priors = _of_target(setup, conditions, target)
-    columns, result = list(motion.position), []
-    for row, (run, truth) in enumerate(zip(conditions, truths, strict=True)):
-        used = readings_of(row, target)
-        readings, used = linearised_readings(setup.sensor, truth[:, columns], run.positions, run.traits, used, unknown)
-        readings = readings._replace(weights=detected * readings.weights)
-        motions, variances = _linearised(motion, truth[None], setup.dt), unknown.variances
-        result.append(along_trajectory(motions, priors[row], readings, used, columns, variances))
-    return np.array(result)
-
-
-def _of_target(
-    setup: TrackingSetup, conditions: Sequence[InitialConditions], target: int
-) -> tuple[MotionModel, Floats, Floats]:
-    """A target's motion model, trajectories (R, steps + 1, D) and prior covariances (R, D, D)."""
-    truths = np.array([run.truths[target] for run in conditions])
-    return setup.motions[target], truths, np.array([run.priors[target].cov for run in conditions])
+    """(R, steps, D, D) of one target, by the recursion for filters that know, or do not know, constants of nodes."""
+    motion, sensor, variances = setup.motions[target], setup.sensor, unknown.variances
+    columns, truths = list(motion.position), np.array([run.truths[target] for run in conditions])
+    priors = np.array([run.priors[target].cov for run in conditions])
+    places = [truth[:, columns] for truth in truths]
+    if along and variances.size:
+        result = []
+        for row, run in enumerate(conditions):
+            used = readings_of(row, target)
+            readings, used = linearised_readings(sensor, places[row], run.positions, run.traits, used, unknown)
+            readings = readings._replace(weights=detected * readings.weights)
+            motions = _linearised(motion, truths[row : row + 1], setup.dt)
+            result.append(along_trajectory(motions, priors[row], readings, used, columns, variances))
+        return np.array(result)
+    informations = detected * np.stack([
+        information(sensor, places[row], run.positions, run.traits, readings_of(row, target))[1:]
+        for row, run in enumerate(conditions)
+    ], axis=1)  # fmt: skip
+    motions = _linearised(motion, truths, setup.dt)
+    if along:
+        return along_trajectories(motions, priors, informations, columns).swapaxes(0, 1)
+    return over_trajectories(motions, priors, informations, columns)[None]
 
 
 def _linearised(motion: MotionModel, truths: Floats, dt: float) -> Iterator[LinearisedMotion]:

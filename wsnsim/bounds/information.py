@@ -254,8 +254,7 @@ def updated(cov: Floats, information: Floats, place: list[int]) -> Floats:
     columns = cov[..., :, place]
     inner = np.eye(len(place)) + information @ columns[..., place, :]
     smaller = cov - columns @ np.linalg.solve(inner, information @ columns.swapaxes(-1, -2))
-    result: Floats = 0.5 * (smaller + smaller.swapaxes(-1, -2))
-    return result
+    return 0.5 * (smaller + smaller.swapaxes(-1, -2))
 
 
 def inverse_noise(noise: Floats) -> tuple[Floats, Floats]:

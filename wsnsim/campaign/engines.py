@@ -114,12 +114,10 @@ class Engine(Protocol):
     @property
     def window(self) -> int:
         """Number of tasks to submit ahead, so that no worker waits."""
-        ...
 
     @property
     def left_out(self) -> Mapping[str, str]:
         """{worker: why} of the workers that joined and cannot run the campaign."""
-        ...
 
     def submit(self, task: Task) -> None:
         """Accept a task.
@@ -127,7 +125,6 @@ class Engine(Protocol):
         Raises:
             EngineError: no further task can be run.
         """
-        ...
 
     def finished(self, timeout: float) -> list[FinishedTask]:
         """The tasks that finished since the last call; waits up to `timeout` seconds for the first.
@@ -135,15 +132,12 @@ class Engine(Protocol):
         Raises:
             EngineError: no task will ever finish.
         """
-        ...
 
     def cancel_pending(self) -> list[Task]:
         """Cancel the tasks that no worker has started, and return those that will not be reported as finished."""
-        ...
 
     def close(self) -> None:
         """Abandon what still runs. A local engine kills its processes."""
-        ...
 
 
 @final

@@ -14,17 +14,8 @@ from typing import Final, final
 from wsnsim.analysis.campaign_info import ReplicateCounts
 from wsnsim.base.errors import ResultError
 from wsnsim.base.version import __version__
+from wsnsim.campaign import engines
 from wsnsim.campaign.code_changes import code_id
-from wsnsim.campaign.engines import (
-    WHOLE,
-    CampaignOutcome,
-    CampaignProgress,
-    Engine,
-    EngineError,
-    FinishedTask,
-    Shard,
-    WorkerLost,
-)
 from wsnsim.campaign.task import Task, TaskOutcome, cause_of_death, failure_report, is_timeout, session_name
 from wsnsim.recording.folder import Folder, Manifest, consecutive
 from wsnsim.scenario.registry import ACCESS_OF_FILES, PluginAccess
@@ -41,13 +32,13 @@ LOSSES_BEFORE_ISOLATION: Final = 3
 
 def run_campaign(
     folder: Folder,
-    engine: Engine,
-    shard: Shard = WHOLE,
-    on_progress: Callable[[CampaignProgress], None] | None = None,
+    engine: engines.Engine,
+    shard: engines.Shard = engines.WHOLE,
+    on_progress: Callable[[engines.CampaignProgress], None] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
     batch: bool = True,
     access: PluginAccess = ACCESS_OF_FILES,
-) -> CampaignOutcome:
+) -> engines.CampaignOutcome:
     """Run the missing tasks of a campaign whose manifest and scenarios are on disk, and close the engine.
 
     Args:
@@ -88,9 +79,9 @@ class _CampaignRunner:
 
     folder: Folder
     manifest: Manifest
-    engine: Engine
-    shard: Shard
-    on_progress: Callable[[CampaignProgress], object]
+    engine: engines.Engine
+    shard: engines.Shard
+    on_progress: Callable[[engines.CampaignProgress], object]
     batch: bool
     access: PluginAccess
     pending: deque[Task] = field(default_factory=deque)
@@ -132,7 +123,7 @@ class _CampaignRunner:
                 self.settle(self.engine.finished(POLL))
                 self.report_progress()
             self.wind_up()
-        except EngineError as error:
+        except engines.EngineError as error:
             self.stopped = str(error)
         self.report_progress()
 
@@ -177,12 +168,12 @@ class _CampaignRunner:
         self.running[task.name] = task
         self.engine.submit(task)
 
-    def settle(self, finished: Iterable[FinishedTask]) -> None:
+    def settle(self, finished: Iterable[engines.FinishedTask]) -> None:
         """Process the outcomes of finished tasks."""
         lost = []
         for task, outcome in finished:
             del self.running[task.name]
-            if isinstance(outcome, WorkerLost):
+            if isinstance(outcome, engines.WorkerLost):
                 lost.append(task)
             else:
                 self.judge(task, outcome, self.end_isolation(task))
@@ -308,13 +299,13 @@ class _CampaignRunner:
         total = self.found + self.done + unfinished
         working = wall * (1.0 - self.compiled / self.worked) if self.worked else wall
         left = working / self.done * (unfinished - len(self.failed)) if self.done else None
-        self.on_progress(CampaignProgress(self.found + self.done, len(self.failed), total, wall, left))
+        self.on_progress(engines.CampaignProgress(self.found + self.done, len(self.failed), total, wall, left))
 
-    def outcome(self) -> CampaignOutcome:
+    def outcome(self) -> engines.CampaignOutcome:
         """The outcome of the session. The missing replicates are looked up on disk."""
         looked_up = ((point, self.folder.missing(point, count)) for point, count in self.wanted.items())
         ours = ((point, [number for number in numbers if self.is_ours(point, number)]) for point, numbers in looked_up)
         missing = {point: numbers for point, numbers in ours if numbers}
         seconds = time.monotonic() - self.started_at
         left_out = dict(self.engine.left_out)
-        return CampaignOutcome(self.done, self.found, self.failed, missing, self.stopped, seconds, left_out)
+        return engines.CampaignOutcome(self.done, self.found, self.failed, missing, self.stopped, seconds, left_out)

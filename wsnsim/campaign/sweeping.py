@@ -18,6 +18,7 @@ import wsnsim.experiment as experiment
 import wsnsim.scenario as scenario
 from wsnsim.base.errors import UsageError
 from wsnsim.base.plugin_code import NOT_PYTHON, statements
+from wsnsim.campaign import engines
 from wsnsim.campaign.engines import WHOLE, CampaignOutcome, CampaignProgress, Engine, Shard
 from wsnsim.campaign.folders import prepare
 from wsnsim.campaign.runner import run_campaign
@@ -76,8 +77,11 @@ def sweep(  # noqa: PLR0913
     """
     from wsnsim.scenario.sweep import load_sweep
 
-    if scheduler is None and workers != 0:
-        _demand_main_guard()
+    if scheduler is None and workers != 0 and needs_main_guard():
+        raise UsageError(
+            'a script must call wsnsim.sweep under if __name__ == "__main__": workers import the script; workers=0'
+            " makes the runs without workers"
+        )
     plan = load_sweep(source, vary, overrides, trackers, replicates=replicates)
     by = [key for key in ("tracker", "tracker.kind") if trackers and key in plan.keys]
     folder = prepare(plan, out, by=by, command_line="wsnsim.sweep", accept_code_change=accept_code_change)
@@ -87,27 +91,16 @@ def sweep(  # noqa: PLR0913
 
 
 def needs_main_guard() -> bool:
-    """Whether a script calls this function where a worker process that imports the script would also call it."""
-    try:
-        _demand_main_guard()
-    except UsageError:
-        return True
-    return False
-
-
-def _demand_main_guard() -> None:
-    """Raise UsageError if a script calls `sweep` where a worker process that imports the script would also call it."""
+    """Whether a script calls this function where a worker process that imports the script would call it, too."""
     frame = inspect.currentframe()
     while frame is not None:
         name, file = frame.f_globals.get("__name__"), frame.f_globals.get("__file__")
         if frame.f_code.co_name == "<module>" and (
             name == "__mp_main__" or (name == "__main__" and file and not is_guarded(_text(file), frame.f_lineno))
         ):
-            raise UsageError(
-                'a script must call wsnsim.sweep under if __name__ == "__main__": workers import the script; workers=0'
-                " makes the runs without workers"
-            )
+            return True
         frame = frame.f_back
+    return False
 
 
 def is_guarded(script: str, line: int) -> bool:
@@ -132,13 +125,7 @@ def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
         from wsnsim.campaign.dask_engine import DaskEngine
 
         return DaskEngine(folder, scheduler)
-    if workers == 0:
-        from wsnsim.campaign.engines import SerialEngine
-
-        return SerialEngine()
-    from wsnsim.campaign.engines import LocalEngine, available_cores
-
-    return LocalEngine(workers or available_cores())
+    return engines.SerialEngine() if workers == 0 else engines.LocalEngine(workers or engines.available_cores())
 
 
 MAX_TRIALS: Final = 3
@@ -222,17 +209,12 @@ def _unit_cost(plan: Plan, folder: Folder, batch: bool) -> tuple[float, float, s
     if files:
         seconds = [read_table(file, "runs", ["cpu_seconds"])["cpu_seconds"].mean() for file in files]
         return float(np.mean(seconds)), fmean(file.stat().st_size for file in files), f"{len(files)} existing files"
-    chosen = _spread_over(plan.points)
-    trials = [_trial(point, plan.block, batch) for point in chosen]
+    last = len(plan.points) - 1
+    chosen = np.unique(np.linspace(0, last, min(MAX_TRIALS, last + 1)).astype(int)).tolist()  # evenly spread
+    trials = [_trial(plan.points[index], plan.block, batch) for index in chosen]
     seconds, size = ([trial[i] for trial in trials] for i in (0, 1))
     source = f"trial runs at {len(chosen)} points" if len(chosen) > 1 else "one trial run"
     return float(np.mean(seconds)), float(np.mean(size)), source
-
-
-def _spread_over(points: Sequence[Point]) -> list[Point]:
-    """A few points, evenly spread."""
-    chosen = np.unique(np.linspace(0, len(points) - 1, min(MAX_TRIALS, len(points))).astype(int))
-    return [points[int(i)] for i in chosen]
 
 
 def _trial(point: Point, block: int, batch: bool) -> tuple[float, float]:

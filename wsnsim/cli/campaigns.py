@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -77,7 +76,7 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
     if not is_sweep(source):
         if not vary:
             raise UsageError(_why_no_sweep(source))
-        keys = "_".join((axis.partition("=")[0].strip().rpartition(".")[2] for axis in vary))
+        keys = "_".join(axis.partition("=")[0].strip().rpartition(".")[2] for axis in vary)
         changes["name"] = _file_name(f"{Path(source).stem}_by_{keys}")
     plan = load_sweep(source, vary, overrides, **changes)
     return session.run_plan(plan, options, interrupts, options.comparison.by)

@@ -103,17 +103,10 @@ def read_sample(files: Sequence[str], nodes: NodeTable, form: LawForm, options: 
     tracks = list(options.tracks) * (len(files) if len(options.tracks) == 1 else 1) or [""] * len(files)
     read = [_read_file(file, track, nodes, form, options) for file, track in zip(files, tracks, strict=True)]
     numbers = np.concatenate([np.full(len(rows.times), index) for index, rows in enumerate(read)])
-    times = np.concatenate([rows.times for rows in read])
+    *columns, found = zip(*read, strict=True)
+    times, heard, readings, points = map(np.concatenate, columns)
     order = np.lexsort((times, numbers))
-    return LocatedReadings(
-        times[order],
-        np.concatenate([rows.nodes for rows in read])[order],
-        np.concatenate([rows.readings for rows in read])[order],
-        np.concatenate([rows.points for rows in read])[order],
-        numbers[order],
-        nodes,
-        tuple(rows.file for rows in read),
-    )
+    return LocatedReadings(times[order], heard[order], readings[order], points[order], numbers[order], nodes, found)
 
 
 def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: ReadingOptions) -> _Rows:

@@ -97,7 +97,7 @@ def fit_sample(sample: LocatedReadings, form: LawForm, options: FitOptions) -> F
     heights = sample.has_heights if options.heights is None else options.heights
     if heights and not sample.has_heights:
         raise RunError("heights: the file of nodes or that of the trajectory has no column z")
-    count = len(sample.ids) if options.gains and form.gains else 0
+    count = len(sample.deployment.ids) if options.gains and form.gains else 0
     _check_determined(sample, form, heights, count)
     asked = dataclasses.replace(options, heights=heights)
     if options.block is not None:
@@ -214,8 +214,7 @@ def _variances(left: _Residuals) -> Floats:
     squares = np.bincount(left.blocks, left.values**2)
     counts = np.bincount(left.blocks)
     freed = len(left.values) / max(len(left.values) - left.parameters, 1)
-    result: Floats = (left.weights @ squares) / np.maximum(left.weights @ counts, 1.0) * freed
-    return result
+    return (left.weights @ squares) / np.maximum(left.weights @ counts, 1.0) * freed
 
 
 def _significant(parts: Shadowing, total: Floats) -> Shadowing:
@@ -235,9 +234,9 @@ def _coefficients(form: LawForm, solved: Coefficients) -> dict[str, FittedValue]
 
 
 def _gains(sample: LocatedReadings, solved: Coefficients) -> tuple[FittedGain, ...]:
-    counts = np.bincount(sample.nodes, minlength=len(sample.ids)).tolist()
+    counts = np.bincount(sample.nodes, minlength=len(sample.deployment.ids)).tolist()
     reaches = (solved.gain_errors * solved.quantile).tolist()
-    rows = zip(sample.ids, counts, solved.gains.tolist(), reaches, strict=False)
+    rows = zip(sample.deployment.ids, counts, solved.gains.tolist(), reaches, strict=False)
     return tuple(FittedGain(node, count, value, value - reach, value + reach) for node, count, value, reach in rows)
 
 

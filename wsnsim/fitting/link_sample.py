@@ -40,8 +40,7 @@ def margin(frame: int) -> float:
 def mean_power(distances: Floats, power: float, values: Mapping[str, FittedValue]) -> Floats:
     """(n,) mean received power in dBm of a transmitter of `power` dBm over these distances, in m."""
     loss, exponent = values["loss_at_1m"].value, values["exponent"].value
-    result: Floats = power - loss - 10.0 * exponent * np.log10(np.maximum(distances, 1.0))
-    return result
+    return power - loss - 10.0 * exponent * np.log10(np.maximum(distances, 1.0))
 
 
 LinkKeys: TypeAlias = frozenset[tuple[float, str, str, int, float]]
@@ -81,8 +80,7 @@ class LinkRows:
         sums = np.bincount(cells, self.powers[clear], count * count)
         means = np.full(count * count, np.nan)
         means[numbers > 0] = sums[numbers > 0] / numbers[numbers > 0]
-        table: Floats = means.reshape(count, count)
-        return table
+        return means.reshape(count, count)
 
     @cached_property
     def pairs(self) -> tuple[Ints, Ints]:
@@ -94,8 +92,7 @@ class LinkRows:
     def differences(self) -> Floats:
         """(P,) mean power of one direction minus that of the other, of each pair; NaN where one was not clear."""
         first, second = self.pairs
-        result: Floats = self.directed[first, second] - self.directed[second, first]
-        return result
+        return self.directed[first, second] - self.directed[second, first]
 
     @property
     def means(self) -> Floats:
@@ -104,8 +101,7 @@ class LinkRows:
         both = np.stack([self.directed[first, second], self.directed[second, first]])
         heard: Bools = np.isfinite(both)
         sums = np.where(heard, both, 0.0).sum(axis=0)
-        result: Floats = np.where(heard.any(axis=0), sums / np.maximum(heard.sum(axis=0), 1), -np.inf)
-        return result
+        return np.where(heard.any(axis=0), sums / np.maximum(heard.sum(axis=0), 1), -np.inf)
 
     @property
     def distances(self) -> Floats:

@@ -263,8 +263,7 @@ def _asymmetries(rows: LinkRows, weights: Floats) -> Floats:
     known = np.isfinite(squares)
     each = weights[:, first[known]] * weights[:, second[known]]
     total = each.sum(axis=1)
-    result: Floats = np.sqrt((each @ squares[known]) / np.where(total > 0.0, total, np.nan))
-    return result
+    return np.sqrt((each @ squares[known]) / np.where(total > 0.0, total, np.nan))
 
 
 def _losses(rows: LinkRows, weights: Floats, clear: float) -> Floats:

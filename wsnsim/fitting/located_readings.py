@@ -77,16 +77,6 @@ class LocatedReadings:
     deployment: NodeTable
     files: tuple[DataFile, ...]
 
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """The names of the nodes, in the order of the deployment."""
-        return self.deployment.ids
-
-    @property
-    def places(self) -> Floats:
-        """(S, 3) places of the nodes in m; z is NaN where it is unknown."""
-        return self.deployment.places
-
     def of(self, tracks: Iterable[int]) -> LocatedReadings:
         """The readings of these files."""
         chosen = list(tracks)
@@ -99,11 +89,11 @@ class LocatedReadings:
     @property
     def has_heights(self) -> bool:
         """Whether the heights of all nodes and of the target are known."""
-        return bool(np.isfinite(self.places[:, 2]).all() and np.isfinite(self.points[:, 2]).all())
+        return bool(np.isfinite(self.deployment.places[:, 2]).all() and np.isfinite(self.points[:, 2]).all())
 
     def distances(self, heights: bool) -> Floats:
         """(n,) distance in m between target and node: in space if `heights`, else in the plane."""
-        apart = self.points - self.places[self.nodes]
+        apart = self.points - self.deployment.places[self.nodes]
         result: Floats = np.sqrt((apart[:, : 3 if heights else 2] ** 2).sum(axis=1))
         return result
 

@@ -250,8 +250,7 @@ def normal_log_likelihood(found: Histogram, sd: float) -> float:
 
 
 def _log_normal(residuals: Floats, sd: float) -> Floats:
-    result: Floats = -0.5 * ((residuals / sd) ** 2 + LOG_2PI) - math.log(sd)
-    return result
+    return -0.5 * ((residuals / sd) ** 2 + LOG_2PI) - math.log(sd)
 
 
 def _log_sum(residuals: Floats, sd: float, dofs: Floats, shadowing: float) -> Floats:

@@ -21,65 +21,6 @@ SKEWED: Final = 0.2
 FIGURES: Final = ("RMSE", "skewness", "kurtosis", "correlation at 1 s", "mean log density")
 
 
-def fit_text(fit: FittedLaw) -> str:
-    """The estimates with intervals, the gains, and the figures of residuals, as tables."""
-    form = fit.model.form
-    readings = f"{len(fit.sample.readings):,}".replace(",", " ")
-    place = "in space" if fit.model.heights else "in the plane"
-    lines = [f"law {form.kind} of distances {place}, fitted to {readings} readings of {len(fit.sample.files)} tracks:"]
-    lines += [f"  {file_text(file)}" for file in fit.sample.files]
-    lines += ["", *value_lines(fit.values)]
-    if fit.gains:
-        rows = [[g.node, f"{g.value:.2f}", interval_text(g.low, g.high), str(g.readings)] for g in fit.gains]
-        lines += ["", *table_lines(["node", f"gain [{form.unit}]", "95 % interval", "readings"], rows)]
-    lines += ["", *table_lines(["readings", "law", *FIGURES], list(_figure_rows(fit)))]
-    lines += ["", *_notes(fit)]
-    return "\n".join(lines)
-
-
-def sensor_yaml(fit: FittedLaw, recorded: Mapping[str, Any] | None = None) -> str:
-    """The block `sensor` with its origin in comments: train and test files, intervals and held-out figures.
-
-    With `recorded`, the keys of a sensor with recorded readings, the law is what filters believe of these.
-    """
-    head = [
-        f"Law '{fit.model.form.kind}', fitted by wsnsim fit {__version__}; a scenario can extend this file.",
-        *(f"train: {file_text(file)}, {file.digest}" for file in fit.sample.files),
-        *(f"test: {_test_text(row, fit.model.form.unit)}, {row.file.digest}" for row in fit.test),
-        *([] if fit.test else ["test: none"]),
-    ]
-    if recorded is None:
-        block = [*block_lines("sensor", fit.sensor, fit.values)]
-    else:
-        law = (f"  {line}" for line in block_lines("law", fit.sensor, fit.values))
-        block = [*block_lines("sensor", recorded, {}), *law]
-    return "\n".join([*(f"# {one_line(line)}" for line in head), *block]) + "\n"
-
-
-def fit_json(fit: FittedLaw) -> dict[str, Any]:
-    """All figures as plain values in SI units and dB."""
-    fitted, plain = fit.train
-    return {
-        "law": fit.model.form.kind,
-        "heights": fit.model.heights,
-        "sensor": fit.sensor,
-        "values": {name: value._asdict() for name, value in fit.values.items()},
-        "gains": [gain._asdict() for gain in fit.gains],
-        "aic": dict(fit.basis.aic),
-        "blocks": {"count": fit.basis.blocks, "seconds": fit.basis.seconds},
-        "train": {
-            "files": [file_json(file) for file in fit.sample.files],
-            "fitted": fitted._asdict(),
-            "plain": plain._asdict(),
-        },
-        "test": [
-            file_json(row.file)
-            | {"in_sample": row.in_sample, "fitted": row.fitted._asdict(), "plain": row.plain._asdict()}
-            for row in fit.test
-        ],
-    }
-
-
 def value_lines(values: Mapping[str, FittedValue]) -> list[str]:
     """The estimates with their intervals as a table."""
     rows = [
@@ -198,7 +139,18 @@ class Fit(FittedLaw):
             recorded: the keys of a sensor with recorded readings, as `recorded_sensor` gives them; without them the
                 sensor samples its readings from the law.
         """
-        return sensor_yaml(self, recorded)
+        head = [
+            f"Law '{self.model.form.kind}', fitted by wsnsim fit {__version__}; a scenario can extend this file.",
+            *(f"train: {file_text(file)}, {file.digest}" for file in self.sample.files),
+            *(f"test: {_test_text(row, self.model.form.unit)}, {row.file.digest}" for row in self.test),
+            *([] if self.test else ["test: none"]),
+        ]
+        if recorded is None:
+            block = [*block_lines("sensor", self.sensor, self.values)]
+        else:
+            law = (f"  {line}" for line in block_lines("law", self.sensor, self.values))
+            block = [*block_lines("sensor", recorded, {}), *law]
+        return "\n".join([*(f"# {one_line(line)}" for line in head), *block]) + "\n"
 
     def recorded_sensor(
         self,
@@ -230,11 +182,43 @@ class Fit(FittedLaw):
 
     def text(self) -> str:
         """The estimates and figures as tables."""
-        return fit_text(self)
+        form = self.model.form
+        readings = f"{len(self.sample.readings):,}".replace(",", " ")
+        place = "in space" if self.model.heights else "in the plane"
+        lines = [
+            f"law {form.kind} of distances {place}, fitted to {readings} readings of {len(self.sample.files)} tracks:"
+        ]
+        lines += [f"  {file_text(file)}" for file in self.sample.files]
+        lines += ["", *value_lines(self.values)]
+        if self.gains:
+            rows = [[g.node, f"{g.value:.2f}", interval_text(g.low, g.high), str(g.readings)] for g in self.gains]
+            lines += ["", *table_lines(["node", f"gain [{form.unit}]", "95 % interval", "readings"], rows)]
+        lines += ["", *table_lines(["readings", "law", *FIGURES], list(_figure_rows(self)))]
+        lines += ["", *_notes(self)]
+        return "\n".join(lines)
 
     def as_json(self) -> dict[str, Any]:
         """All figures as plain values."""
-        return fit_json(self)
+        fitted, plain = self.train
+        return {
+            "law": self.model.form.kind,
+            "heights": self.model.heights,
+            "sensor": self.sensor,
+            "values": {name: value._asdict() for name, value in self.values.items()},
+            "gains": [gain._asdict() for gain in self.gains],
+            "aic": dict(self.basis.aic),
+            "blocks": {"count": self.basis.blocks, "seconds": self.basis.seconds},
+            "train": {
+                "files": [file_json(file) for file in self.sample.files],
+                "fitted": fitted._asdict(),
+                "plain": plain._asdict(),
+            },
+            "test": [
+                file_json(row.file)
+                | {"in_sample": row.in_sample, "fitted": row.fitted._asdict(), "plain": row.plain._asdict()}
+                for row in self.test
+            ],
+        }
 
     def plot(self, out: str | Path) -> Path:
         """Write the figure of the residuals as PNG, SVG or PDF, and return its path."""

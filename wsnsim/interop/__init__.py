@@ -54,11 +54,9 @@ class TraceFormat(Protocol):
 
     def entries(self, path: str) -> Iterator[TraceEntry]:
         """Yield the entries of a file. Raises RunError with file and line if one cannot be read."""
-        ...
 
     def track(self, path: str, kept: Sequence[TraceEntry], end: float) -> Floats:
         """(n, 4) time, x, y and z of one node, with ascending times; z is NaN where the file has none."""
-        ...
 
 
 @dataclass(slots=True)
@@ -143,15 +141,12 @@ def _demand(path: str, nodes: dict[str, NodeSummary], ids: Collection[str]) -> N
     for node in ids:
         if node not in nodes:
             known = sorted(nodes)[: MOST_PRINTED * 20]
-            raise UsageError(f"{path}: no node '{node}' ({_shortened(did_you_mean(node, known))})")
+            hint = did_you_mean(node, known)
+            raise UsageError(f"{path}: no node '{node}' ({hint if len(hint) < 200 else f'{hint[:200]}...'})")
     if not ids and len(nodes) > 1:
         first = ", ".join(f"'{node}'" for node in list(nodes)[:MOST_LISTED])
         more = ", ..." if len(nodes) > MOST_LISTED else ""
         raise UsageError(f"{path}: holds {len(nodes)} nodes ({first}{more}): choose with --id, or see --list")
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) < 200 else f"{text[:200]}..."
 
 
 def ascending(rows: Sequence[tuple[float, float, float, float]]) -> Floats:

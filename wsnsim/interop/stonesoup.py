@@ -100,11 +100,8 @@ def _updater(name: str) -> Any:
     from stonesoup.updater import iterated, kalman
 
     if name == "iterated":
-        return (
-            iterated.IteratedKalmanUpdater(max_iterations=20)
-            if hasattr(iterated, "IteratedKalmanUpdater")
-            else (kalman.IteratedKalmanUpdater(max_iterations=20))
-        )
+        home = iterated if hasattr(iterated, "IteratedKalmanUpdater") else kalman
+        return home.IteratedKalmanUpdater(max_iterations=20)
     options = {"alpha": 1.0, "beta": 2.0, "kappa": 0.0} if name == "unscented" else {}
     return getattr(kalman, UPDATERS[name])(**options)
 

@@ -144,7 +144,7 @@ def _of_csv(path: str, lines: Iterator[str]) -> Iterator[TraceEntry]:
             f"{path}:1: the header must name time, id, x and y, as timestep_time;vehicle_id;vehicle_x;vehicle_y, is "
             f"{first.strip()[:120]!r}"
         )
-    rows = csv.reader(map(_single_blanks, lines) if sign == " " else lines, delimiter=sign)
+    rows = csv.reader((" ".join(line.split()) for line in lines) if sign == " " else lines, delimiter=sign)
     for row in rows:
         for name, x, y, z in columns:
             if name < len(row) and row[name].strip():
@@ -154,11 +154,6 @@ def _of_csv(path: str, lines: Iterator[str]) -> Iterator[TraceEntry]:
                     height = _cell(row, z, place, "z")
                 values = (_cell(row, x, place, "x"), _cell(row, y, place, "y"), height)
                 yield TraceEntry(rows.line_num + 1, row[name].strip(), _cell(row, time, place, "time"), SAMPLE, values)
-
-
-def _single_blanks(line: str) -> str:
-    """A line with one blank between its cells, and none around them."""
-    return " ".join(line.split())
 
 
 def _columns(header: list[str], prefix: str) -> tuple[int, int, int, int | None] | None:

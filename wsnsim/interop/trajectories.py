@@ -188,13 +188,10 @@ def write_scenario(placed_tracks: PlacedTracks, out: Path, source: str, nodes: P
     Raises:
         StorageError: A file cannot be written.
     """
-    tracks = placed_tracks.tracks
-    files = files_of(tracks, out)
-    for node, path in files.items():
-        write_text_atomically(path, csv_text(node, tracks[node]))
+    written, files = write_csv(placed_tracks.tracks, out), files_of(placed_tracks.tracks, out)
     count = MOST_NODES if nodes is None else len(_positions(out.parent / nodes).names)
     write_text_atomically(out, _scenario_text(placed_tracks, files, out.stem, source, nodes, count))
-    return [*files.values(), out]
+    return [*written, out]
 
 
 def _scenario_text(
@@ -209,10 +206,12 @@ def _scenario_text(
                for path in files.values()]  # fmt: skip
     motion = f"motion: {motions[0]}" if len(motions) == 1 else "targets:\n" + "\n".join(f"  - {m}" for m in motions)
     x, y = placed_tracks.origin
+    about = printable(" ".join(source.split()))
+    allowed = _quoted(re.sub(r"^\W|[^\w.-]", "_", name, flags=re.ASCII)[:LONGEST_STEM])
     return f"""\
-# Trajectories from {_comment(source)}. The origin of this scenario is the place ({x:.10g}, {y:.10g}) m of that file.
+# Trajectories from {about}. The origin of this scenario is the place ({x:.10g}, {y:.10g}) m of that file.
 # Nodes, sensor, radio and tracker are a beginning: replace them by yours.
-name: {_name(name)}
+name: {allowed}
 duration: {(steps + 1) * STEP:.17g} s
 step: {STEP:g} s
 prior: {{sd: [5, 5, 5, 5]}}
@@ -241,12 +240,3 @@ def _deployment(tracks: Mapping[str, Floats], nodes: Path | None) -> str:
 def _quoted(text: str) -> str:
     """A text as a YAML scalar in quotes."""
     return "'" + text.replace("'", "''") + "'" if text.isprintable() else json.dumps(text)
-
-
-def _comment(text: str) -> str:
-    return printable(" ".join(text.split()))
-
-
-def _name(text: str) -> str:
-    """A name that a scenario may have."""
-    return _quoted(re.sub(r"^\W|[^\w.-]", "_", text, flags=re.ASCII)[:LONGEST_STEM])

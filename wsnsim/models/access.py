@@ -9,18 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import ceil, inf
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Literal
 
 from wsnsim.base.errors import Issue
 from wsnsim.base.medium_access import Latency, off_time
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup
-
-RATE: Final = Quantity("bit/s", ge=1.0, le=1e12)
-SPAN: Final = Quantity("s", ge=0.0, le=10.0)
-TICK: Final = Quantity("s", ge=1e-6, le=10.0)
-"""A duration above zero."""
+from wsnsim.models.bounds import BACKOFF_EXPONENT, BIT_RATE, BYTES, FRAME_BYTES, REPEATS, SPAN, TICK
 
 
 @part
@@ -60,28 +56,18 @@ class Framed:
     off_key: ClassVar[str] = ""
     """The parameter that says for how long radios are off: see `shortest_off`."""
 
-    rate: Annotated[float, RATE, "bit rate on the air"] = 250e3
-    phy_overhead: Annotated[
-        int, Quantity("", ge=0, le=127, label="byte"), "bytes before the PSDU: preamble, delimiter, length"
-    ] = 6
-    header: Annotated[
-        int,
-        Quantity("", ge=0, le=127, label="byte"),
-        "bytes of the PSDU without its payload: header and check sequence",
-    ] = 11
-    max_psdu: Annotated[int, Quantity("", ge=1, le=127, label="byte"), "bytes of the longest PSDU"] = 127
+    rate: Annotated[float, BIT_RATE, "bit rate on the air"] = 250e3
+    phy_overhead: Annotated[int, BYTES, "bytes before the PSDU: preamble, delimiter, length"] = 6
+    header: Annotated[int, BYTES, "bytes of the PSDU without its payload: header and check sequence"] = 11
+    max_psdu: Annotated[int, FRAME_BYTES, "bytes of the longest PSDU"] = 127
     turnaround: Annotated[float, SPAN, "time between receiving and sending"] = 192e-6
     acks: Annotated[bool, "whether the receiver acknowledges a unicast"] = True
-    ack_bytes: Annotated[int, Quantity("", ge=1, le=127, label="byte"), "bytes of an acknowledgement on the air"] = 11
+    ack_bytes: Annotated[int, FRAME_BYTES, "bytes of an acknowledgement on the air"] = 11
     ack_wait: Annotated[float, TICK, "how long a sender waits for an acknowledgement"] = 864e-6
-    max_retries: Annotated[
-        int, Quantity("", ge=0, le=100), "how often a frame is sent again without an acknowledgement"
-    ] = 3
+    max_retries: Annotated[int, REPEATS, "how often a frame is sent again without an acknowledgement"] = 3
     sifs: Annotated[float, SPAN, "spacing between a short frame and the sender's next one"] = 192e-6
     lifs: Annotated[float, SPAN, "spacing between a long frame and the sender's next one"] = 640e-6
-    sifs_bytes: Annotated[
-        int, Quantity("", ge=0, le=127, label="byte"), "bytes of the largest PSDU of a short frame"
-    ] = 18
+    sifs_bytes: Annotated[int, BYTES, "bytes of the largest PSDU of a short frame"] = 18
 
     @property
     def shortest_off(self) -> float:
@@ -167,9 +153,9 @@ class Csma(Framed):
     in_symbols: ClassVar[tuple[str, ...]] = (*Framed.in_symbols, "backoff", "cca")
 
     backoff: Annotated[float, TICK, "aUnitBackoffPeriod: one backoff period"] = 320e-6
-    min_be: Annotated[int, Quantity("", ge=0, le=16), "macMinBE: first backoff exponent"] = 3
-    max_be: Annotated[int, Quantity("", ge=0, le=16), "macMaxBE: largest backoff exponent"] = 5
-    max_backoffs: Annotated[int, Quantity("", ge=0, le=100), "macMaxCSMABackoffs: attempts after the first"] = 4
+    min_be: Annotated[int, BACKOFF_EXPONENT, "macMinBE: first backoff exponent"] = 3
+    max_be: Annotated[int, BACKOFF_EXPONENT, "macMaxBE: largest backoff exponent"] = 5
+    max_backoffs: Annotated[int, REPEATS, "macMaxCSMABackoffs: attempts after the first"] = 4
     cca: Annotated[float, TICK, "duration of a clear channel assessment"] = 128e-6
 
     def latency(self, bits: int) -> Latency:
@@ -219,22 +205,18 @@ class Tdma(Csma):
     off_key: ClassVar[str] = "slot"
 
     acks: Annotated[bool, "whether the receiver acknowledges a unicast in a slot; outside slots it always does"] = False
-    max_be: Annotated[int, Quantity("", ge=0, le=16), "largest backoff exponent"] = 8
-    max_retries: Annotated[
-        int, Quantity("", ge=0, le=100), "how often a frame is sent again without an acknowledgement"
-    ] = 7
-    guard: Annotated[float, Quantity("s", ge=0.0, le=10.0), "silence at both ends of a slot"] = 0.25e-3
+    max_be: Annotated[int, BACKOFF_EXPONENT, "largest backoff exponent"] = 8
+    max_retries: Annotated[int, REPEATS, "how often a frame is sent again without an acknowledgement"] = 7
+    guard: Annotated[float, SPAN, "silence at both ends of a slot"] = 0.25e-3
     slot: Annotated[
         float | None,
         Quantity("s", ge=1e-6, le=1e3),
         "length of a slot; left out: as long as the longest frame of its round needs",
     ] = None
     schedule_bits: Annotated[int, Quantity("", ge=1, le=1000, label="bit"), "bits of one entry of the schedule"] = 16
-    contention: Annotated[
-        float,
-        Quantity("s", ge=0.0, le=10.0),
-        "shortest time between two rounds of slots, in which other frames contend",
-    ] = 7.04e-3
+    contention: Annotated[float, SPAN, "shortest time between two rounds of slots, in which other frames contend"] = (
+        7.04e-3
+    )
     idle_slots: Annotated[
         Literal["skipped", "kept"],
         "slots of members with nothing to send: left out as if all knew it, or as long as others",

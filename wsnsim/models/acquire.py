@@ -17,14 +17,13 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
-from wsnsim.models.bounds import DEVIATION, STATE
+from wsnsim.models.bounds import ACCURACY, DEVIATION, PAYLOAD, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)
 UNITS = ("m", "m/s", "m", "m/s")
 """Units of the state that the default prior is for."""
 TYPICAL = {"m": 5.0, "m/s": 3.0, "rad/s": 0.1}
 """Standard deviations by unit, for the example in a message; 1 for any other unit."""
-FRAME = Quantity("", ge=1, le=1_000_000, label="bit")
 MOST_SEARCHES = 1_000_000
 """Greatest number of instants in a run at which nodes search for a target (our choice)."""
 LEVELS = 8
@@ -97,16 +96,14 @@ class FromReadings:
     outlier: Annotated[
         float, Quantity("", ge=1e-3, le=1e6), "standard deviations beyond which a reading counts as false"
     ] = 6.0
-    floor: Annotated[float, Quantity("m", ge=1e-6, le=1e7), "lower bound of the standard deviation of the position"] = (
-        1.0
-    )
+    floor: Annotated[float, ACCURACY, "lower bound of the standard deviation of the position"] = 1.0
     poll: Annotated[
         float | None,
         Quantity("s", ge=1e-2, le=1e6),
         "interval at which awake nodes search for a target without a track, for moving heads; left out: each step",
     ] = None
-    detection_bits: Annotated[int, FRAME, "bits of the message that a target has been detected"] = PACKET_BITS
-    answer_bits: Annotated[int, FRAME, "bits of the reading that answers that message"] = PACKET_BITS
+    detection_bits: Annotated[int, PAYLOAD, "bits of the message that a target has been detected"] = PACKET_BITS
+    answer_bits: Annotated[int, PAYLOAD, "bits of the reading that answers that message"] = PACKET_BITS
 
     def estimate(
         self,

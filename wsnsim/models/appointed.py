@@ -24,7 +24,8 @@ from wsnsim.base.network_ports import Appointment, NearNodes, Outlook, steps_in
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.sensing import detected, informations
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.models.clusters import TIMES, LeadsByPlace, Threshold
+from wsnsim.models.bounds import SECONDS
+from wsnsim.models.clusters import LeadsByPlace, Threshold
 
 PRIOR: Final = 4.0
 """Over the squared sensing range: the information of being somewhere in a disc of that radius, along each axis."""
@@ -68,11 +69,9 @@ def _trace_of_inverse(total: Floats, prior: float) -> Floats:
     """(...) the trace of (A + prior I)⁻¹ of symmetric matrices A (..., P, P), P being 1 or 2."""
     first = total[..., 0, 0] + prior
     if total.shape[-1] == 1:
-        inverse: Floats = 1.0 / first
-        return inverse
+        return 1.0 / first
     second = total[..., 1, 1] + prior
-    trace: Floats = (first + second) / (first * second - total[..., 0, 1] ** 2)
-    return trace
+    return (first + second) / (first * second - total[..., 0, 1] ** 2)
 
 
 def _information(sensor: Any, path: Floats, near: NearNodes) -> Floats:
@@ -122,11 +121,13 @@ class Appointed(LeadsByPlace):
         Quantity("", gt=0, le=1),
         "mean square error with all in range over that with the members, below which they are too few",
     ] = 0.8
-    horizon: Annotated[float, TIMES, "time ahead for which members are appointed and the next head is chosen"] = 0.4
+    horizon: Annotated[float, SECONDS, "time ahead for which members are appointed and the next head is chosen"] = 0.4
     margin: Annotated[
         float, Quantity("m", ge=0.0, le=1e7), "distance beyond the sensing range in which nodes are members"
     ] = 5.0
-    patience: Annotated[float, TIMES, "time for which the head predicts on without a reading; one step at least"] = 1.0
+    patience: Annotated[float, SECONDS, "time for which the head predicts on without a reading; one step at least"] = (
+        1.0
+    )
     threshold: Threshold = None
 
     def appointment(self, outlook: Outlook) -> Appointment:

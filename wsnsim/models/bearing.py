@@ -22,7 +22,7 @@ from wsnsim.base.arrays import Bools, Floats, Ints, Reading, planar
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models.bounds import LENGTH, LOG_TWO_PI
+from wsnsim.models.bounds import ACCURACY, LENGTH, LOG_TWO_PI
 from wsnsim.models.ranging import REACH, reach_issues
 from wsnsim.models.sensing import OfPosition, coordinates, fisher
 
@@ -30,7 +30,6 @@ TURN: Final = 2.0 * math.pi
 HEADING: Final = "heading"
 """The trait of a node that is the direction of its own axis in rad, anticlockwise from the x-axis."""
 ANGLE_ERROR: Final = Quantity("rad", ge=1e-6, le=0.5)
-RANGE_ERROR: Final = Quantity("m", ge=1e-6, le=1e7)
 WHOSE_AXIS: Final = "axis from which bearings are measured: the x-axis for all, or one of each node, which filters know"
 LEAST: Final = "least distance: a node has no reading of a nearer target"
 
@@ -191,7 +190,7 @@ class RangeBearing(OfDirection):
     components: ClassVar[tuple[str, ...]] = ("range", "bearing")
     periods: ClassVar[tuple[float, ...]] = (0.0, TURN)
 
-    range_sd: Annotated[float, RANGE_ERROR, "standard deviation of a range"] = 1.0
+    range_sd: Annotated[float, ACCURACY, "standard deviation of a range"] = 1.0
     bearing_sd: Annotated[float, ANGLE_ERROR, "standard deviation of a bearing"] = 0.035
     reach: Annotated[float, REACH, "sensing range; .inf: unlimited"] = 60.0
     least: Annotated[float, LENGTH, LEAST] = 1.0
@@ -222,8 +221,7 @@ class _Lines(NamedTuple):
 
 def wrapped(angles: Floats) -> Floats:
     """Angles in rad, moved by whole turns into ±π."""
-    result: Floats = angles - TURN * np.round(angles / TURN)
-    return result
+    return angles - TURN * np.round(angles / TURN)
 
 
 def _lines(points: Floats, positions: Floats) -> _Lines:

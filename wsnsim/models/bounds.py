@@ -17,6 +17,36 @@ from wsnsim.base.rng import normals
 
 LOG_TWO_PI: Final = math.log(2.0 * math.pi)
 MOST_NODES: Final = 10_000_000
+BYTES: Final = Quantity("", ge=0, le=127, label="byte")
+FRAME_BYTES: Final = Quantity("", ge=1, le=127, label="byte")
+"""The length of a frame, at most aMaxPHYPacketSize."""
+AIR_BYTES: Final = Quantity("", ge=1, le=133, label="byte")
+"""The length of a frame on the air, with what the PHY puts before it."""
+PAYLOAD: Final = Quantity("", ge=1, le=1_000_000, label="bit")
+BIT_RATE: Final = Quantity("bit/s", ge=1.0, le=1e12)
+CLOCK_RATE: Final = Quantity("Hz", ge=1.0, le=1e12)
+REPEATS: Final = Quantity("", ge=0, le=100)
+BACKOFF_EXPONENT: Final = Quantity("", ge=0, le=16)
+COUNT: Final = Quantity("", ge=1, le=1000)
+MANY: Final = Quantity("", ge=1, le=10_000)
+TICK: Final = Quantity("s", ge=1e-6, le=10.0)
+"""A short time above zero, such as that of a frame."""
+SPAN: Final = Quantity("s", ge=0.0, le=10.0)
+"""A short time."""
+SECONDS: Final = Quantity("s", ge=0.0, le=1e6)
+DURATION: Final = Quantity("s", gt=0.0, le=1e9)
+PERIOD: Final = Quantity("s", ge=1e-3, le=1e6)
+LONG_PERIOD: Final = Quantity("s", ge=1e-3, le=1e9)
+SPEED: Final = Quantity("m/s", ge=0.0, le=1e6)
+JOULES: Final = Quantity("J", ge=0, le=1e6)
+PROBABILITY: Final = Quantity("", ge=0.0, le=1.0)
+FAILURE: Final = Quantity("", ge=0.0, lt=1.0)
+"""The probability of a failure, which is not certain."""
+SHARE: Final = Quantity("", gt=0.0, le=1.0)
+"""A part of something, more than nothing."""
+READING: Final = Quantity("", ge=-1e18, le=1e18, label="as readings")
+ACCURACY: Final = Quantity("m", ge=1e-6, le=1e7)
+"""A standard deviation of a distance, or a least distance."""
 LENGTH: Final = Quantity("m", ge=1e-3, le=1e7)
 """A side of the field, or a range."""
 POSITION_ERROR: Final = Quantity("m", ge=0, le=1e6)

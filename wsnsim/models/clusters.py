@@ -17,13 +17,12 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.medium_access import is_duty_cycled, window_of
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.models.bounds import MOST_NODES, PLACE
+from wsnsim.models.bounds import MOST_NODES, PLACE, SECONDS
 
 SAMPLED: Final = 64
 """Every 64th node is tried first, for a bound on the distance of the nearest."""
 ROUNDING: Final = 1e-9
 """Relative error that the bound allows for."""
-TIMES: Final = Quantity("s", ge=0.0, le=1e6)
 WAITS: Final = Quantity("s", ge=1e-6, le=1e6)
 Threshold: TypeAlias = Annotated[
     float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
@@ -124,12 +123,12 @@ class MovingHead(LeadsByPlace):
     minimum_active: ClassVar[int] = 1
 
     main: Annotated[Literal["prediction", "detection"], "what decides which node leads at the next step"] = "prediction"
-    sampling: Annotated[float, TIMES, "time to take a reading"] = 2e-3
+    sampling: Annotated[float, SECONDS, "time to take a reading"] = 2e-3
     quiet: Annotated[
         float | None, WAITS, "time without a reading, after which the head waits no longer; left out: by the MAC"
     ] = None
     cap: Annotated[float | None, WAITS, "time for which the head waits at most; left out: by the MAC"] = None
-    patience: Annotated[float, TIMES, "time for which the head continues its prediction without a reading"] = 3.0
+    patience: Annotated[float, SECONDS, "time for which the head continues its prediction without a reading"] = 3.0
     threshold: Threshold = None
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:

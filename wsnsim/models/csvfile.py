@@ -19,7 +19,7 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple, final
+from typing import Annotated, Any, Final, NamedTuple, TypeAlias, final
 
 import numpy as np
 
@@ -40,6 +40,9 @@ LONGEST_SHOWN: Final = 60
 """Characters of a cell in a message."""
 SKIPPING: Final = "skip_bad_rows: true leaves them out, and the result names them"
 """What helps a scenario whose file has bad rows."""
+SkipBadRows: TypeAlias = Annotated[
+    bool, "whether rows that cannot be used are left out and counted, instead of refused"
+]
 DELIMITERS: Final = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 
 

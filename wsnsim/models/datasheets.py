@@ -14,7 +14,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.part import Quantity, part
-from wsnsim.models.bounds import LEVEL
+from wsnsim.models.bounds import BIT_RATE, CLOCK_RATE, LEVEL, SPAN
 
 Modulation: TypeAlias = Literal["oqpsk", "ncfsk"]
 _K: Final = np.arange(2, 17)
@@ -61,7 +61,6 @@ def snr_at_sensitivity(modulation: Modulation) -> float:
 
 
 WATTS: Final = Quantity("W", ge=0.0, le=1e3)
-SECONDS: Final = Quantity("s", ge=0.0, le=10.0)
 
 
 class RadioSleep(NamedTuple):
@@ -78,17 +77,17 @@ class RadioSheet:
 
     name: Annotated[str, "name of the radio"]
     source: Annotated[str, "the document with the values"]
-    rate: Annotated[float, Quantity("bit/s", ge=1.0, le=1e12), "bit rate on the air"]
+    rate: Annotated[float, BIT_RATE, "bit rate on the air"]
     receive: Annotated[float, WATTS, "power while receiving a frame"]
     listen: Annotated[float, WATTS, "power in idle listening"]
     levels: Annotated[tuple[float, ...], LEVEL, "output powers that can be selected"]
     transmit: Annotated[tuple[float, ...], WATTS, "power while sending, at each of the output powers"]
     sleep: Annotated[float, WATTS, "power while asleep"]
-    wake: Annotated[float, SECONDS, "time from asleep to listening"]
+    wake: Annotated[float, SPAN, "time from asleep to listening"]
     wake_power: Annotated[float, WATTS, "mean power from asleep to listening"]
-    doze: Annotated[float, SECONDS, "time from listening to asleep"]
+    doze: Annotated[float, SPAN, "time from listening to asleep"]
     doze_power: Annotated[float, WATTS, "power from listening to asleep"]
-    turnaround: Annotated[float, SECONDS, "time between receiving and sending"]
+    turnaround: Annotated[float, SPAN, "time between receiving and sending"]
     turnaround_power: Annotated[float, WATTS, "power between receiving and sending"]
     sensitivity: Annotated[float, LEVEL, "sensitivity of the receiver"]
     noise: Annotated[
@@ -100,7 +99,7 @@ class RadioSheet:
     ] = None
     sleep_states: Annotated[tuple[str, ...], "names of the states that `energy.sleep_state` can select"] = ()
     sleep_powers: Annotated[tuple[float, ...], WATTS, "power in each of the sleep states"] = ()
-    sleep_wakes: Annotated[tuple[float, ...], SECONDS, "time from each sleep state to listening"] = ()
+    sleep_wakes: Annotated[tuple[float, ...], SPAN, "time from each sleep state to listening"] = ()
     sleep_wake_powers: Annotated[tuple[float, ...], WATTS, "mean power from each sleep state to listening"] = ()
 
     def __post_init__(self) -> None:
@@ -134,11 +133,11 @@ class ProcessorSheet:
 
     name: Annotated[str, "name of the processor"]
     source: Annotated[str, "the document with the values"]
-    rate: Annotated[float, Quantity("Hz", ge=1.0, le=1e12), "clock rate"]
+    rate: Annotated[float, CLOCK_RATE, "clock rate"]
     run: Annotated[float, WATTS, "power while computing"]
     idle: Annotated[float, WATTS, "power while waiting with the clock running"]
     sleep: Annotated[float, WATTS, "power while sleeping with its memory kept"]
-    wake: Annotated[float, SECONDS, "time from sleeping to computing"]
+    wake: Annotated[float, SPAN, "time from sleeping to computing"]
     energy_per_cycle: Annotated[
         float | None, Quantity("J", ge=0.0, le=1.0), "energy of one cycle; left out: from `run` and `rate`"
     ] = None

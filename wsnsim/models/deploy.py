@@ -27,12 +27,15 @@ LEAST_SIDE: Final = 1.0
 """Least side (m) of a field that is derived from the positions of the nodes, as with one node or nodes on a line."""
 
 
+@part
 class Centred:
-    """The field of deployments that are given its sides. `fixed`: whether all runs have the same positions."""
+    """Nodes in a field that is given its sides. `fixed`: whether all runs have the same positions."""
 
     fixed: ClassVar[bool] = False
-    width: float
-    height: float
+
+    nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
+    width: Annotated[float, LENGTH, "width of the field, in x"] = 400.0
+    height: Annotated[float, LENGTH, "height of the field, in y"] = 400.0
 
     @property
     def field(self) -> Field:
@@ -51,9 +54,6 @@ class Uniform(Centred):
     Source: Jiang, Song, Lin (2013), table 2; about 1.05 samples are needed there. The limit on samples is our choice.
     """
 
-    nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
-    width: Annotated[float, LENGTH, "width of the field, in x"] = 400.0
-    height: Annotated[float, LENGTH, "height of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
     position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
@@ -70,9 +70,6 @@ class Grid(Centred):
 
     fixed: ClassVar[bool] = True
 
-    nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
-    width: Annotated[float, LENGTH, "width of the field, in x"] = 400.0
-    height: Annotated[float, LENGTH, "height of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
@@ -90,9 +87,6 @@ class Grid(Centred):
 class JitteredGrid(Centred):
     """Nodes on a grid as in `Grid`, each moved at random in its cell; sampled again until the field is covered."""
 
-    nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
-    width: Annotated[float, LENGTH, "width of the field, in x"] = 400.0
-    height: Annotated[float, LENGTH, "height of the field, in y"] = 400.0
     jitter: Annotated[float, Quantity("", ge=0, le=1), "fraction of its cell over which a node is spread"] = 0.5
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
@@ -102,10 +96,6 @@ class JitteredGrid(Centred):
         """(N, 2) positions. Raises RunError if no sample covers the field."""
         centres, sizes = cells(self.nodes, self.width, self.height)
         return _until_covered(self, lambda: centres + self.jitter * sizes * (rng.random((self.nodes, 2)) - 0.5), reach)
-
-    def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue if the nodes are too few to cover the field or to form a cluster."""
-        yield from too_few(self, setup)
 
 
 @part

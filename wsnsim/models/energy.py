@@ -18,7 +18,7 @@ from wsnsim.base.errors import Issue, did_you_mean
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import Mode, ModePower
 from wsnsim.base.setups import RadioSetup, Setup
-from wsnsim.models.bounds import LEVEL
+from wsnsim.models.bounds import JOULES, LEVEL
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet, RadioSleep
 from wsnsim.models.links import LogNormal
 
@@ -38,12 +38,10 @@ class Supply:
     battery: Annotated[float, Quantity("J", gt=0), "initial charge of a node; .inf for no limit"] = 2.0
     capacitance: Annotated[float, Quantity("F", ge=0, le=1e3), "C: capacitance switched per cycle"] = 0.67e-9
     voltage: Annotated[float, Quantity("V", ge=0, le=1e6), "V_dd: supply voltage of the processor"] = 1.5
-    sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "energy of one reading"] = 0.0
+    sensing: Annotated[float, JOULES, "energy of one reading"] = 0.0
     idle: Annotated[float, Quantity("W", ge=0, le=1e6), "idle listening, dormant or awake"] = 0.0
     sleep: Annotated[float, Quantity("W", ge=0, le=1e6), "radio and processor off"] = 0.0
-    switch: Annotated[float, Quantity("J", ge=0, le=1e6), "energy of one change between dormant, awake and asleep"] = (
-        0.0
-    )
+    switch: Annotated[float, JOULES, "energy of one change between dormant, awake and asleep"] = 0.0
 
     def receive(self, bits: float) -> float:
         """Joules of receiving `bits` (eq. 10)."""
@@ -154,7 +152,7 @@ class States:
     processor: Annotated[ProcessorSheet, "datasheet of the processor, or its name"]
     power: Annotated[float, LEVEL, "output power: one of the levels of the radio"] = 0.0
     battery: Annotated[float, Quantity("J", gt=0), "initial charge of a node; .inf for no limit"] = 18_720.0
-    sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "energy of one reading"] = 0.0
+    sensing: Annotated[float, JOULES, "energy of one reading"] = 0.0
     sleep_state: Annotated[
         str | None, "sleep state of the radio, one of its `sleep_states`; left out: the one that its `sleep` belongs to"
     ] = None

@@ -18,7 +18,7 @@ from wsnsim.base.network_ports import Field
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import Mode
 from wsnsim.base.setups import BeaconSetup, RadioSetup, Setup, TrackingSetup
-from wsnsim.models.bounds import MOST_NODES, PLACE
+from wsnsim.models.bounds import MOST_NODES, PLACE, READING, SHARE
 
 TIME: Final = Quantity("s", ge=0.0, le=1e9)
 COMPONENT: Final = "the component of readings that it concerns, such as bearing; left out: all"
@@ -41,9 +41,7 @@ class Aimed:
     at: Annotated[float, TIME, "when it begins"]
     duration: Annotated[float | None, TIME, "how long it lasts; left out: until the end of the run"] = None
     nodes: Annotated[tuple[int, ...] | None, Quantity("", ge=0, lt=MOST_NODES), "the nodes it hits, by number"] = None
-    fraction: Annotated[
-        float | None, Quantity("", gt=0.0, le=1.0), "the nodes it hits, as a share of all nodes, chosen at random"
-    ] = None
+    fraction: Annotated[float | None, SHARE, "the nodes it hits, as a share of all nodes, chosen at random"] = None
     region: Annotated[
         tuple[float, float, float] | None, PLACE, "the nodes it hits are those within a circle: x, y and radius"
     ] = None
@@ -134,9 +132,7 @@ class Drain(Aimed):
     mechanism: ClassVar[str] = "drain"
 
     joules: Annotated[float | None, Quantity("J", gt=0.0, lt=inf), "charge lost"] = None
-    share: Annotated[float | None, Quantity("", gt=0.0, le=1.0), "charge lost, as a share of the residual energy"] = (
-        None
-    )
+    share: Annotated[float | None, SHARE, "charge lost, as a share of the residual energy"] = None
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield the issues of every fault, and those of an amount that is missing or infinite, and of a duration."""
@@ -162,7 +158,7 @@ class LinkLoss(Aimed):
 
     mechanism: ClassVar[str] = "link_loss"
 
-    loss: Annotated[float, Quantity("", gt=0.0, le=1.0), "probability that a frame is lost"]
+    loss: Annotated[float, SHARE, "probability that a frame is lost"]
 
 
 @part
@@ -189,9 +185,7 @@ class Stuck(Aimed):
     standalone: ClassVar[bool] = True
 
     value: Annotated[
-        float | None,
-        Quantity("", ge=-1e18, le=1e18, label="as readings"),
-        "the stuck reading, in the unit of readings; left out: the last reading",
+        float | None, READING, "the stuck reading, in the unit of readings; left out: the last reading"
     ] = None
     component: Annotated[str, COMPONENT] = ""
 
@@ -209,9 +203,7 @@ class Bias(Aimed):
     mechanism: ClassVar[str] = "bias"
     standalone: ClassVar[bool] = True
 
-    offset: Annotated[
-        float, Quantity("", ge=-1e18, le=1e18, label="as readings"), "the constant, in the unit of readings"
-    ]
+    offset: Annotated[float, READING, "the constant, in the unit of readings"]
     component: Annotated[str, COMPONENT] = ""
 
     def check(self, setup: Setup) -> Iterator[Issue]:

@@ -16,8 +16,8 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import derive_each, normals, uniforms
 from wsnsim.base.setups import RadioSetup, Setup
+from wsnsim.models import bounds
 from wsnsim.models.access import Framed
-from wsnsim.models.bounds import truncated_normals
 
 OFFSETS: Final = np.array([1], dtype=np.uint64)
 """In a counter key, stands for the error of a clock at the start; the key itself is that of its rate."""
@@ -31,9 +31,7 @@ class Processor:
     in software).
     """
 
-    rate: Annotated[float | None, Quantity("Hz", ge=1.0, le=1e12), "clock rate; left out: computing takes no time"] = (
-        None
-    )
+    rate: Annotated[float | None, bounds.CLOCK_RATE, "clock rate; left out: computing takes no time"] = None
     cycles_per_flop: Annotated[
         float, Quantity("", gt=0, le=1e9), "processor cycles of one operation stated by a tracker"
     ] = 1.0
@@ -70,17 +68,15 @@ class DriftingClock:
     """
 
     sd: Annotated[float, Quantity("", ge=0.0, le=0.01), "standard deviation of the rates from 1"] = 30e-6
-    offset: Annotated[
-        float, Quantity("s", ge=0.0, le=1e6), "standard deviation of the errors of clocks at the start"
-    ] = 0.0
+    offset: Annotated[float, bounds.SECONDS, "standard deviation of the errors of clocks at the start"] = 0.0
 
     def rates(self, keys: Keys) -> Floats:
         """(n,) seconds that pass on the clock of each node per true second."""
-        return 1.0 + self.sd * truncated_normals(keys)
+        return 1.0 + self.sd * bounds.truncated_normals(keys)
 
     def offsets(self, keys: Keys) -> Floats:
         """(n,) seconds by which the clock of each node is ahead of true time at the start."""
-        return self.offset * truncated_normals(derive_each(keys, OFFSETS))
+        return self.offset * bounds.truncated_normals(derive_each(keys, OFFSETS))
 
 
 @part
@@ -104,21 +100,15 @@ class ImperfectDetection:
     do not model any of this.
     """
 
-    missed: Annotated[float, Quantity("", ge=0.0, lt=1.0), "probability of a missed detection"] = 0.0
-    false_alarm: Annotated[
-        float, Quantity("", ge=0.0, lt=1.0), "probability of a false alarm, per step and node out of range"
-    ] = 0.0
+    missed: Annotated[float, bounds.FAILURE, "probability of a missed detection"] = 0.0
+    false_alarm: Annotated[float, bounds.FAILURE, "probability of a false alarm, per step and node out of range"] = 0.0
     bias_sd: Annotated[
         float,
         Quantity("", ge=0.0, le=1e9, label="as readings"),
         "standard deviation of the biases of nodes, in the unit of readings",
     ] = 0.0
-    stuck: Annotated[float, Quantity("", ge=0.0, le=1.0), "probability that a node is stuck"] = 0.0
-    stuck_at: Annotated[
-        float,
-        Quantity("", ge=-1e18, le=1e18, label="as readings"),
-        "what a stuck node reports, in the unit of readings",
-    ] = 0.0
+    stuck: Annotated[float, bounds.PROBABILITY, "probability that a node is stuck"] = 0.0
+    stuck_at: Annotated[float, bounds.READING, "what a stuck node reports, in the unit of readings"] = 0.0
 
     def distort(self, readings: Floats, keys: Keys) -> Floats:
         """(n,) the readings as reported, given one counter key per node (equal at every step)."""
@@ -140,9 +130,7 @@ class Frames:
     """A frame carries as many packets of a burst as its payload holds."""
 
     most: Annotated[
-        int | None,
-        Quantity("", ge=1, le=10_000),
-        "largest number of packets in a frame; left out: what the payload holds",
+        int | None, bounds.MANY, "largest number of packets in a frame; left out: what the payload holds"
     ] = None
 
     def packets(self, packet_bits: int, most_bits: int) -> int:
@@ -200,15 +188,13 @@ class Ftsp:
     period: Annotated[
         float, Quantity("s", ge=0.01, le=1e6), "time between the messages of a node, on its own clock"
     ] = 30.0
-    bits: Annotated[int, Quantity("", ge=1, le=1_000_000, label="bit"), "payload of a message"] = MESSAGE_BITS
+    bits: Annotated[int, bounds.PAYLOAD, "payload of a message"] = MESSAGE_BITS
     jitter: Annotated[float, Quantity("s", ge=0.0, le=1.0), "standard deviation of a time stamp"] = 1.5e-6
     entries: Annotated[int, Quantity("", ge=2, le=1000), "reference points in the regression"] = 8
-    entries_to_send: Annotated[int, Quantity("", ge=1, le=1000), "reference points that a node needs to send"] = 3
-    entries_to_sync: Annotated[
-        int, Quantity("", ge=1, le=1000), "reference points that a node needs to correct its clock"
-    ] = 4
+    entries_to_send: Annotated[int, bounds.COUNT, "reference points that a node needs to send"] = 3
+    entries_to_sync: Annotated[int, bounds.COUNT, "reference points that a node needs to correct its clock"] = 4
     root_timeout: Annotated[
-        int, Quantity("", ge=1, le=1000), "periods without a message of the root until a node declares itself the root"
+        int, bounds.COUNT, "periods without a message of the root until a node declares itself the root"
     ] = 5
     ignore_root: Annotated[
         int, Quantity("", ge=0, le=1000), "periods for which a new root ignores messages of other roots"

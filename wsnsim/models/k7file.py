@@ -26,17 +26,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.errors import RunError
-from wsnsim.models.csvfile import (
-    LONGEST_NAME,
-    LONGEST_SHOWN,
-    MOST_BAD,
-    MOST_ROWS,
-    BadRow,
-    bad_rows_text,
-    limited,
-    number_in,
-    open_text,
-)
+from wsnsim.models import csvfile
 from wsnsim.models.link_recording import Bursts, LinkRecording, LinkRow, RecordedRows, link_recording
 
 COLUMNS: Final = ("datetime", "src", "dst", "channel", "mean_rssi", "pdr")
@@ -88,16 +78,16 @@ class _Header(NamedTuple):
 @functools.lru_cache(maxsize=KEPT)
 def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecording:
     """The content of one version of a file."""
-    with open_text(path) as file:
+    with csvfile.open_text(path) as file:
         header = _header(path, file.readline())
         (rows, names), bad = _rows(path, csv.reader(file), header)
     total = len(rows) + len(bad)
     rows = rows[np.argsort(rows["time"], kind="stable")]
     bursts = Bursts(header.burst + SLACK)
     repeated = np.zeros(len(rows), dtype=np.bool_)
-    bad = limited(path, chain(bad, _repeated(rows, names, bursts, repeated)))
+    bad = csvfile.limited(path, chain(bad, _repeated(rows, names, bursts, repeated)))
     if bad and not skip_bad_rows:
-        raise RunError(bad_rows_text(path, bad, total))
+        raise RunError(csvfile.bad_rows_text(path, bad, total))
     kept = rows[~repeated]
     if not kept.size:
         raise RunError(f"{path}: contains no row that can be used")
@@ -107,13 +97,13 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
     return link_recording(path, table, bursts, _names(table, header.nodes), tuple(bad), cut)
 
 
-def _repeated(rows: Any, names: Sequence[str], bursts: Bursts, repeated: Bools) -> Iterator[BadRow]:
+def _repeated(rows: Any, names: Sequence[str], bursts: Bursts, repeated: Bools) -> Iterator[csvfile.BadRow]:
     """Add rows, which are in the order of their times, to bursts; mark and yield those that a burst has already."""
     for i, row in enumerate(rows):
         line, time, source, receiver, *values = row.tolist()
         if said := bursts.add(LinkRow(line, time, names[source], names[receiver], *values)):
             repeated[i] = True
-            yield BadRow(line, said)
+            yield csvfile.BadRow(line, said)
 
 
 def _header(path: str, line: str) -> _Header:
@@ -133,7 +123,7 @@ def _header(path: str, line: str) -> _Header:
         raise RunError(f"{path}:1: {wanted}: packets of a burst, and ms between them; {what}") from error
     most = LONGEST_BURST
     if not (1 <= packets <= most and interval > 0.0) or (burst := packets * (interval / 1000.0)) > most:
-        found = f"{str(packets)[:LONGEST_SHOWN]} and {interval:g}"
+        found = f"{str(packets)[: csvfile.LONGEST_SHOWN]} and {interval:g}"
         wanted = f"tx_length and interframe_duration must be positive, are {found}"
         raise RunError(f"{path}:1: {wanted}; a burst lasts {most:g} s at most")
     begins, ends = _date(path, said, "start_date", math.inf), _date(path, said, "stop_date", -math.inf)
@@ -150,7 +140,7 @@ def _date(path: str, said: Mapping[str, Any], name: str, missing: float) -> floa
         raise RunError(f"{path}:1: {error}") from error
 
 
-def _rows(path: str, lines: Any, header: _Header) -> tuple[RecordedRows, list[BadRow]]:
+def _rows(path: str, lines: Any, header: _Header) -> tuple[RecordedRows, list[csvfile.BadRow]]:
     """The rows in the order of the file, and those that cannot be used."""
     columns = [name.strip() for name in next(lines, [])]
     if missing := [name for name in COLUMNS if name not in columns]:
@@ -159,7 +149,7 @@ def _rows(path: str, lines: Any, header: _Header) -> tuple[RecordedRows, list[Ba
             f"{path}:2: the columns must be '{wanted}'; {', '.join(missing)} not found in '{','.join(columns)[:200]}'"
         )
     codes: dict[str, int] = {}
-    bad: list[BadRow] = []
+    bad: list[csvfile.BadRow] = []
     rows = np.fromiter(_good_rows(path, lines, columns, header, codes, bad), dtype=list(TYPES.items()))
     if not rows.size and not bad:
         raise RunError(f"{path}: contains no links, only the two lines at its top")
@@ -167,23 +157,23 @@ def _rows(path: str, lines: Any, header: _Header) -> tuple[RecordedRows, list[Ba
 
 
 def _good_rows(
-    path: str, lines: Any, columns: Sequence[str], header: _Header, codes: dict[str, int], bad: list[BadRow]
+    path: str, lines: Any, columns: Sequence[str], header: _Header, codes: dict[str, int], bad: list[csvfile.BadRow]
 ) -> Iterator[tuple[Any, ...]]:
     """Yield the values of each row that can be used, nodes as codes; add to `codes` and `bad`."""
     at = [columns.index(name) for name in COLUMNS]
     counted = columns.index("tx_count") if "tx_count" in columns else len(columns)
     for number, cells in enumerate(filter(any, lines)):
         line = lines.line_num + 1
-        if number >= MOST_ROWS:
-            raise RunError(f"{path}:{line}: has more than {MOST_ROWS:,} rows: split it")
+        if number >= csvfile.MOST_ROWS:
+            raise RunError(f"{path}:{line}: has more than {csvfile.MOST_ROWS:,} rows: split it")
         try:
             packets = cells[counted].strip() if len(cells) > counted else ""
             row = _row(line, [cells[i].strip() for i in at], packets, header)
         except (IndexError, ValueError) as error:
             columns_missing = f"must have {len(columns)} columns, has {len(cells)}"
-            bad.append(BadRow(line, columns_missing if isinstance(error, IndexError) else str(error)))
-            if len(bad) > MOST_BAD:
-                limited(path, bad)
+            bad.append(csvfile.BadRow(line, columns_missing if isinstance(error, IndexError) else str(error)))
+            if len(bad) > csvfile.MOST_BAD:
+                csvfile.limited(path, bad)
         else:
             nodes = [codes.setdefault(name, len(codes)) for name in (row.source, row.receiver)]
             yield row.line, row.time, *nodes, *row[4:]
@@ -193,14 +183,15 @@ def _row(line: int, cells: Sequence[str], packets: str, header: _Header) -> Link
     """One row. Raises ValueError with what is wrong and what is allowed."""
     when, source, receiver, channel, power, ratio = cells
     if not source or not receiver or source == receiver:
-        pair = f"{source[:LONGEST_SHOWN]!r} and {receiver[:LONGEST_SHOWN]!r}"
+        pair = f"{source[: csvfile.LONGEST_SHOWN]!r} and {receiver[: csvfile.LONGEST_SHOWN]!r}"
         raise ValueError(f"src and dst must name two nodes, are {pair}")
-    if max(len(source), len(receiver)) > LONGEST_NAME:
-        raise ValueError(f"src and dst must have at most {LONGEST_NAME} characters")
+    if max(len(source), len(receiver)) > csvfile.LONGEST_NAME:
+        raise ValueError(f"src and dst must have at most {csvfile.LONGEST_NAME} characters")
     number = _number("channel", channel, 0, HIGHEST_CHANNEL)
     if number != int(number) or (header.channels and int(number) not in header.channels):
-        allowed = f"channel must be one of those of the first line, {_listed(header.channels)}"
-        raise ValueError(f"{allowed}, is {channel[:LONGEST_SHOWN]!r}")
+        listed = ", ".join(map(str, sorted(header.channels))) or f"0 to {HIGHEST_CHANNEL}"
+        allowed = f"channel must be one of those of the first line, {listed}"
+        raise ValueError(f"{allowed}, is {channel[: csvfile.LONGEST_SHOWN]!r}")
     share = _number("pdr", ratio, 0.0, 1.0)
     level = _number("mean_rssi", power, *LEVELS) if share else math.nan
     count = _number("tx_count", packets, 1, 1e9) if packets else header.packets
@@ -208,9 +199,9 @@ def _row(line: int, cells: Sequence[str], packets: str, header: _Header) -> Link
 
 
 def _number(name: str, cell: str, least: float, most: float) -> float:
-    value = number_in(cell)
+    value = csvfile.number_in(cell)
     if not least <= value <= most:
-        raise ValueError(f"{name} must be a number from {least:g} to {most:g}, is {cell[:LONGEST_SHOWN]!r}")
+        raise ValueError(f"{name} must be a number from {least:g} to {most:g}, is {cell[: csvfile.LONGEST_SHOWN]!r}")
     return value
 
 
@@ -219,7 +210,9 @@ def _seconds(cell: str, name: str = "datetime") -> float:
     try:
         moment = datetime.fromisoformat(cell)
     except ValueError:
-        raise ValueError(f"{name} must be a time such as 2018-01-11T16:32:22, is {cell[:LONGEST_SHOWN]!r}") from None
+        raise ValueError(
+            f"{name} must be a time such as 2018-01-11T16:32:22, is {cell[: csvfile.LONGEST_SHOWN]!r}"
+        ) from None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
@@ -230,7 +223,3 @@ def _names(table: RecordedRows, count: int) -> tuple[str, ...]:
     if found <= set(numbered):
         return tuple(numbered)
     return tuple(sorted(found, key=lambda name: (0, int(name), name) if name.isdecimal() else (1, 0, name)))
-
-
-def _listed(channels: frozenset[int]) -> str:
-    return ", ".join(map(str, sorted(channels))) or f"0 to {HIGHEST_CHANNEL}"

@@ -126,6 +126,10 @@ class LinearMotion:
             raise RunError(f"motion: {self.no_density}")
         return kernels.log_transition(stateful(after, size), stateful(before, size), process.transition, process.root)
 
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
+        """Yield an issue if the target starts outside the field of a network."""
+        yield from start_issues(self, setup)
+
     def _process(self, dt: float) -> LinearProcess:
         raise NotImplementedError
 
@@ -157,10 +161,6 @@ class ConstantAcceleration(LinearMotion):
         """(steps + 1, 3) one trajectory from the start state. Raises RunError if it diverges."""
         walk = _walk(np.array(self.start)[:, None], _root(self, dt), self._process(dt).transition, steps, rng)
         return kept_near(np.array([states[:, 0] for states in walk]), self.position, dt)
-
-    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Yield an issue if the target starts outside the field of a network."""
-        yield from start_issues(self, setup)
 
     def assumed(self, noise_scale: float) -> ConstantAcceleration:
         """The model that a filter assumes: process covariance times `noise_scale`."""
@@ -250,10 +250,6 @@ class ConstantVelocity(InPlane, LinearMotion):
             return self._truth_in_room(steps, dt, rng)
         turn = (steps + 1) // 2 if self.course == "turn" else None
         return kept_near(np.array([states[:, 0] for states in self._walk(1, steps, dt, rng, turn)]), self.position, dt)
-
-    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Yield an issue if the target starts outside the field of a network."""
-        yield from start_issues(self, setup)
 
     def assumed(self, noise_scale: float) -> ConstantVelocity:
         """The model that a filter assumes: process covariance times `noise_scale`."""

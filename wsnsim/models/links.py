@@ -138,7 +138,7 @@ class LogNormal:
     @cached_property
     def noise(self) -> float:
         """The noise of the receiver in mW, which follows from its sensitivity."""
-        return _milliwatts(self.sensitivity) / snr_at_sensitivity(self.modulation)
+        return float(10.0 ** (self.sensitivity / 10.0)) / snr_at_sensitivity(self.modulation)
 
     @cached_property
     def floor(self) -> float:
@@ -229,7 +229,3 @@ def _antisymmetric_halves(directions: Keys) -> Floats:
     others = ~directions
     halves = 0.5 * truncated_normals(np.minimum(directions, others))
     return np.where(directions < others, halves, -halves)
-
-
-def _milliwatts(level: float) -> float:
-    return float(10.0 ** (level / 10.0))

@@ -16,7 +16,8 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.medium_access import Latency, RadioDuty, off_time
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import Setup
-from wsnsim.models.access import TICK, Framed
+from wsnsim.models.access import Framed
+from wsnsim.models.bounds import AIR_BYTES, REPEATS, TICK
 
 INTERVAL: Final = Quantity("s", ge=1e-3, le=60.0)
 SHORT: Final = Quantity("s", ge=0.0, le=1.0)
@@ -40,7 +41,7 @@ class LowPowerListening(Framed):
     interval: Annotated[float, INTERVAL, "wake interval: from one wake-up of a node to the next"] = 0.125
     near: Annotated[
         float | None,
-        Quantity("s", ge=1e-3, le=60.0),
+        INTERVAL,
         "wake interval of nodes that expect a target: `interval` divided by a power of two; left out: the same",
     ] = None
     first_backoff: Annotated[float, SHORT, "longest random wait before a sender first listens"] = 10e-3
@@ -49,7 +50,7 @@ class LowPowerListening(Framed):
         Quantity("s", ge=0.0, le=60.0),
         "longest random wait after a busy channel or a missing acknowledgement; left out: one interval",
     ] = None
-    max_backoffs: Annotated[int, Quantity("", ge=0, le=100), "attempts after the first before a frame is dropped"] = 7
+    max_backoffs: Annotated[int, REPEATS, "attempts after the first before a frame is dropped"] = 7
 
     @cached_property
     def congestion(self) -> float:
@@ -116,12 +117,10 @@ class XMac(LowPowerListening):
     mechanism: ClassVar[str] = "xmac"
     in_symbols: ClassVar[tuple[str, ...]] = (*LowPowerListening.in_symbols, "cca")
 
-    strobe_bytes: Annotated[
-        int, Quantity("", ge=1, le=133, label="byte"), "bytes of a strobe on the air: S_p is their airtime"
-    ] = 17
+    strobe_bytes: Annotated[int, AIR_BYTES, "bytes of a strobe on the air: S_p is their airtime"] = 17
     listen: Annotated[
         float | None,
-        Quantity("s", ge=1e-6, le=10.0),
+        TICK,
         "R_l: how long a node listens at each wake-up; left out: as long as is needed to hear a strobe",
     ] = None
     linger: Annotated[float, SHORT, "how long a node stays on after data, for frames of further senders"] = 10e-3
@@ -233,12 +232,10 @@ class ContikiMac(LowPowerListening):
     frame_gap: Annotated[float, TICK, "t_i: between two copies of a frame"] = 400e-6
     detection: Annotated[
         float | None,
-        Quantity("s", ge=1e-6, le=10.0),
+        TICK,
         "t_d: from the start of an acknowledgement until it is detected; left out: its preamble and delimiter",
     ] = None
-    shortest: Annotated[
-        int, Quantity("", ge=1, le=133, label="byte"), "bytes of the shortest frame on the air: t_s"
-    ] = 28
+    shortest: Annotated[int, AIR_BYTES, "bytes of the shortest frame on the air: t_s"] = 28
     phase_lock: Annotated[bool, "whether senders learn when their destinations wake"] = True
     guard: Annotated[float, Quantity("s", ge=0.0, le=1.0), "how long before a known wake-up a sender begins"] = 2e-3
     linger: Annotated[float, SHORT, "how long a receiver waits for a further frame that was announced"] = 31.25e-3

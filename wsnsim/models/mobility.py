@@ -17,7 +17,7 @@ from wsnsim.base.arrays import Floats, Keys, stateful
 from wsnsim.base.errors import RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.rng import normals
-from wsnsim.models.bounds import LOG_TWO_PI, PLACE, STATE
+from wsnsim.models.bounds import DURATION, LOG_TWO_PI, PLACE, SPEED, STATE
 from wsnsim.models.linear import LinearProcess, mean_reverting, near_constant_velocity
 from wsnsim.models.motion import FARTHEST, InPlane
 
@@ -37,11 +37,9 @@ class GaussMarkov(InPlane):
     Source: Liang, Haas (2003), eq. 2.
     """
 
-    memory: Annotated[
-        float, Quantity("s", gt=0.0, le=1e9), "τ: after which the autocorrelation of the velocity is 1/e"
-    ] = 20.0
+    memory: Annotated[float, DURATION, "τ: after which the autocorrelation of the velocity is 1/e"] = 20.0
     mean: Annotated[tuple[float, float], Quantity("m/s", ge=-1e6, le=1e6), "v̄: mean velocity"] = (0.0, 0.0)
-    sd: Annotated[float, Quantity("m/s", ge=0.0, le=1e6), "σ: standard deviation of the velocity, on each axis"] = 3.0
+    sd: Annotated[float, SPEED, "σ: standard deviation of the velocity, on each axis"] = 3.0
     start: Annotated[tuple[float, float], PLACE, "x and y at time 0; the velocity is random"] = (0.0, 0.0)
     box: Annotated[
         tuple[float, float, float, float] | None, PLACE, "xmin, xmax, ymin, ymax of a box around the ground truth, in m"

@@ -19,7 +19,7 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.kernels import ranging as kernels
-from wsnsim.models.bounds import LENGTH
+from wsnsim.models.bounds import ACCURACY, LENGTH
 from wsnsim.models.sensing import OfPosition, coordinates, fisher
 
 REACH: Final = Quantity("m", ge=1e-3)
@@ -141,7 +141,6 @@ def squared_distances(points: Floats, positions: Floats) -> Floats:
     return result
 
 
-ERROR: Final = Quantity("m", ge=1e-6, le=1e7)
 GREATEST_RANGE: Final = 1e7
 """Greatest range (m) in a recording, the greatest length in a scenario: the sensing range does not bound it."""
 DEVIATIONS: Final = 10.0
@@ -161,7 +160,7 @@ class Range(OfDistance):
     Fisher information follow the true law: beyond the range, a reading has the mean 0 and no information.
     """
 
-    sd: Annotated[float, ERROR, "standard deviation of a reading"] = 1.0
+    sd: Annotated[float, ACCURACY, "standard deviation of a reading"] = 1.0
     reach: Annotated[float, REACH, "sensing range; .inf: unlimited"] = 400.0
     beyond: Annotated[Literal["silent", "noise"], "reading of a target out of range"] = "silent"
     own_cell: Annotated[bool, "whether only the sensor nearest to the target has a reading"] = False
@@ -235,7 +234,7 @@ class RangeFromOrigin(OfDistance):
 
     reach: ClassVar[float] = math.inf
 
-    sd: Annotated[float, ERROR, "standard deviation of a reading"] = 1.0
+    sd: Annotated[float, ACCURACY, "standard deviation of a reading"] = 1.0
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
         """(n,) readings in m of targets at points (n, P), with standard normal noise."""

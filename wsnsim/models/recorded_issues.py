@@ -77,10 +77,10 @@ def _other_origin(sensor: Any, motion: RecordedTrack) -> Iterator[Issue]:
     """Yield an issue if readings and trajectory begin at different times, unless both origins are given."""
     if None not in (sensor.time_origin, motion.time_origin):
         return
-    apart = motion.track.origin - sensor.origin
+    apart = motion.origin - sensor.origin
     if abs(apart) > SAME_TIME:
         message = (
-            f"the trajectory begins at {motion.track.origin:.9g} s, the readings at {sensor.origin:.9g} s: give "
+            f"the trajectory begins at {motion.origin:.9g} s, the readings at {sensor.origin:.9g} s: give "
             "time_origin for both"
         )
         yield Issue(("sensor", "time_origin"), message)

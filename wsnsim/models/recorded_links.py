@@ -19,12 +19,10 @@ from wsnsim.base.errors import Issue, RunError, did_you_mean
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import BurstyLosses, HeardLinks
 from wsnsim.base.setups import Setup
-from wsnsim.models.bounds import LENGTH, number_of_nodes
+from wsnsim.models.bounds import DURATION, LENGTH, PERIOD, PROBABILITY, number_of_nodes
 from wsnsim.models.csvfile import demand_digest, row_texts
 from wsnsim.models.k7file import HIGHEST_CHANNEL, read_links
 from wsnsim.models.link_recording import LinkRecording
-
-SHARE = Quantity("", ge=0.0, le=1.0)
 
 
 class _Played(NamedTuple):
@@ -76,18 +74,16 @@ class RecordedLinks:
     path: Annotated[str, "K7 file with the recorded links, plain or compressed with gzip"]
     channel: Annotated[int, Quantity("", ge=0, le=HIGHEST_CHANNEL), "IEEE 802.15.4 channel of the recording"] = 26
     start: Annotated[int, Quantity("", ge=0), "round with which the run begins, from 0"] = 0
-    round_length: Annotated[
-        float | None, Quantity("s", gt=0.0, le=1e9), "duration of a round; default: as it was recorded"
-    ] = None
+    round_length: Annotated[float | None, DURATION, "duration of a round; default: as it was recorded"] = None
     wrap: Annotated[bool, "whether the first round follows the last one; otherwise the run must not be longer"] = False
     map: Annotated[
         tuple[int | str, ...], "the recording's name of each node of the scenario; default: all, in ascending order"
     ] = ()
     reach: Annotated[float, LENGTH, "distance for which a broadcast is amplified; it does not limit links"] = 75.0
     burstiness: Annotated[Literal["none", "gilbert_elliott"], "how losses of a link depend on each other"] = "none"
-    bad_time: Annotated[float, Quantity("s", ge=1e-3, le=1e6), "mean duration of a link's bad state"] = 1.0
-    good: Annotated[float, SHARE, "probability that a frame arrives in a good state"] = 1.0
-    bad: Annotated[float, SHARE, "probability that a frame arrives in a bad state"] = 0.0
+    bad_time: Annotated[float, PERIOD, "mean duration of a link's bad state"] = 1.0
+    good: Annotated[float, PROBABILITY, "probability that a frame arrives in a good state"] = 1.0
+    bad: Annotated[float, PROBABILITY, "probability that a frame arrives in a bad state"] = 0.0
     skip_bad_rows: Annotated[bool, "whether rows of the file that cannot be used are left out"] = False
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
 

@@ -21,18 +21,7 @@ from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import SensorModel
 from wsnsim.base.sensing import recorded_traits
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models.csvfile import (
-    SKIPPING,
-    BadRow,
-    CsvRows,
-    Wanted,
-    bad_rows_text,
-    demand_digest,
-    first_of_equal,
-    limited,
-    read_rows,
-    row_texts,
-)
+from wsnsim.models import csvfile
 from wsnsim.models.recorded_issues import recorded_issues
 
 COUNT: Final = "count"
@@ -68,8 +57,7 @@ class RepeatedReadings:
         own, counts = traits[:, :-1], traits[:, -1]
         expected: Floats = self.law.measure(points, positions, own, np.zeros(len(noise)))
         drawn = near(self.law, self.law.measure(points, positions, own, noise), expected)
-        result: Floats = expected + (drawn - expected) / np.sqrt(counts)
-        return result
+        return expected + (drawn - expected) / np.sqrt(counts)
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
@@ -126,7 +114,7 @@ class _ReadingRows(NamedTuple):
     codes: Ints
     readings: Floats
     targets: Ints
-    bad: tuple[BadRow, ...]
+    bad: tuple[csvfile.BadRow, ...]
 
 
 @part
@@ -149,9 +137,7 @@ class RecordedSensor:
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: the first reading's"
     ] = None
-    skip_bad_rows: Annotated[bool, "whether rows that cannot be used are left out and counted, instead of refused"] = (
-        False
-    )
+    skip_bad_rows: csvfile.SkipBadRows = False
     in_sample: Annotated[bool, "whether the law may be one that was fitted to these readings (its `fitted_on`)"] = False
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
 
@@ -207,7 +193,7 @@ class RecordedSensor:
         """
         table, nodes, bad = self._table, self._nodes(names), self._bad(names, targets)
         if bad and not self.skip_bad_rows:
-            raise RunError(bad_rows_text(self.path, bad, len(table.lines) + len(table.bad), SKIPPING))
+            raise RunError(csvfile.bad_rows_text(self.path, bad, len(table.lines) + len(table.bad), csvfile.SKIPPING))
         used = (nodes >= 0) & (table.targets >= 0) & (table.targets < targets)
         numbers = np.ceil((table.times - self.origin - ROUNDING) / dt)
         used &= numbers <= steps
@@ -226,7 +212,7 @@ class RecordedSensor:
         """The rows that are left out, a text each with file, line and reason; none unless `skip_bad_rows` allows it."""
         if not self.skip_bad_rows:
             return []
-        return row_texts(self.path, self._bad(node_names(setup), len(setup.motions)))
+        return csvfile.row_texts(self.path, self._bad(node_names(setup), len(setup.motions)))
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be used, or if the scenario changes what was recorded."""
@@ -255,53 +241,54 @@ class RecordedSensor:
         """(n,) the number of each row's node; -1 for one that the deployment does not have."""
         number = {name: node for node, name in enumerate(names)}
         codes = np.array([number.get(name, -1) for name in self._table.names], dtype=np.int64)
-        result: Ints = codes[self._table.codes]
-        return result
+        return codes[self._table.codes]
 
-    def _bad(self, names: Sequence[str], targets: int) -> list[BadRow]:
+    def _bad(self, names: Sequence[str], targets: int) -> list[csvfile.BadRow]:
         """All rows that cannot be used, ascending: those of unknown nodes and targets too."""
-        return limited(self.path, itertools.chain(self._table.bad, self._strangers(names, targets)))
+        return csvfile.limited(self.path, itertools.chain(self._table.bad, self._strangers(names, targets)))
 
-    def _strangers(self, names: Sequence[str], targets: int) -> Iterator[BadRow]:
+    def _strangers(self, names: Sequence[str], targets: int) -> Iterator[csvfile.BadRow]:
         """Yield the rows of nodes and targets that the scenario does not have."""
         table, known = self._table, ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
         for row in np.flatnonzero(self._nodes(names) < 0).tolist():
             reason = f"the deployment has no node '{table.names[table.codes[row]]}' (its nodes: {known})"
-            yield BadRow(int(table.lines[row]), reason)
+            yield csvfile.BadRow(int(table.lines[row]), reason)
         for row in np.flatnonzero((table.targets < 0) | (table.targets >= targets)).tolist():
             reason = f"there is no target {table.targets[row]}: allowed are 0 to {targets - 1}"
-            yield BadRow(int(table.lines[row]), reason)
+            yield csvfile.BadRow(int(table.lines[row]), reason)
 
     @cached_property
     def _table(self) -> _ReadingRows:
         """The rows of the file. Raises RunError if it cannot be read, or is not that of the digest."""
-        demand_digest(self.path, self.digest)
+        csvfile.demand_digest(self.path, self.digest)
         names = self.columns
         numbers = {"time": names.time, "reading": names.reading, "target": names.target}
-        rows = read_rows(self.path, Wanted({"node": names.node}, numbers, optional=("target",)), "readings")
+        rows = csvfile.read_rows(
+            self.path, csvfile.Wanted({"node": names.node}, numbers, optional=("target",)), "readings"
+        )
         kinds, codes = rows.texts["node"]
         targets = rows.numbers.get("target", np.zeros(len(rows.lines)))
-        every = tuple(limited(self.path, itertools.chain(rows.bad, self._refused(rows, codes, targets))))
+        every = tuple(csvfile.limited(self.path, itertools.chain(rows.bad, self._refused(rows, codes, targets))))
         good = ~np.isin(rows.lines, [row.line for row in every])
         order = np.flatnonzero(good)[np.argsort(rows.numbers["time"][good], kind="stable")]
         if not order.size:
-            raise RunError(bad_rows_text(self.path, every, len(rows.lines) + len(rows.bad)))
+            raise RunError(csvfile.bad_rows_text(self.path, every, len(rows.lines) + len(rows.bad)))
         columns = (rows.numbers["time"], rows.numbers["reading"])
         times, readings = (column[order] for column in columns)
         whole = targets[order].astype(np.int64)
         return _ReadingRows(rows.lines[order], times, kinds, codes[order], readings, whole, every)
 
-    def _refused(self, rows: CsvRows, codes: Ints, targets: Floats) -> Iterator[BadRow]:
+    def _refused(self, rows: csvfile.CsvRows, codes: Ints, targets: Floats) -> Iterator[csvfile.BadRow]:
         """Yield the rows whose reading the law cannot give, whose target is no number of one, or that repeat a row."""
         least, most = self.law.reading_limits if isinstance(self.law, LimitsReadings) else NO_LIMITS
         readings, lines = rows.numbers["reading"], rows.lines
         beyond = (readings < least) | (readings > most)
         broken = (targets != np.floor(targets)) | (np.abs(targets) > 1e9)
-        first = first_of_equal(~(beyond | broken), rows.numbers["time"], codes, targets)
+        first = csvfile.first_of_equal(~(beyond | broken), rows.numbers["time"], codes, targets)
         for row in np.flatnonzero(beyond | broken | (first != np.arange(len(lines)))).tolist():
             reason = f"repeats time, node and target of line {lines[first[row]]}"
             if beyond[row]:
                 reason = f"{self.columns.reading} must be between {least:g} and {most:g}, is {readings[row]:g}"
             elif broken[row]:
                 reason = f"{self.columns.target} must be a whole number, is {targets[row]:g}"
-            yield BadRow(int(lines[row]), reason)
+            yield csvfile.BadRow(int(lines[row]), reason)

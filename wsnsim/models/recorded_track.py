@@ -13,18 +13,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models.csvfile import (
-    SKIPPING,
-    BadRow,
-    CsvRows,
-    Wanted,
-    bad_rows_text,
-    demand_digest,
-    first_of_equal,
-    limited,
-    read_rows,
-    row_texts,
-)
+from wsnsim.models import csvfile
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
 SAME_PLACE: Final = 1e-3
@@ -51,7 +40,7 @@ class RecordedPoints(NamedTuple):
 
     times: Floats
     points: Floats
-    bad: tuple[BadRow, ...]
+    bad: tuple[csvfile.BadRow, ...]
 
 
 def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, remedy: str) -> RecordedPoints:
@@ -66,24 +55,16 @@ def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, re
     Raises:
         RunError: The file cannot be used; the message names file and line.
     """
-    rows = read_rows(path, Wanted(numbers=names, optional=("z",)), "points of a trajectory")
-    bad = tuple(limited(path, itertools.chain(rows.bad, _conflicts(rows))))
+    rows = csvfile.read_rows(path, csvfile.Wanted(numbers=names, optional=("z",)), "points of a trajectory")
+    bad = tuple(csvfile.limited(path, itertools.chain(rows.bad, _conflicts(rows))))
     if bad and not skip_bad_rows:
-        raise RunError(bad_rows_text(path, bad, len(rows.lines) + len(rows.bad), remedy))
+        raise RunError(csvfile.bad_rows_text(path, bad, len(rows.lines) + len(rows.bad), remedy))
     used = ~np.isin(rows.lines, [row.line for row in bad])
     times, first = np.unique(rows.numbers["time"][used], return_index=True)
     if len(times) < 2:
         raise RunError(f"{path}: at least two points of different times are needed")
     points = np.column_stack([rows.numbers[name][used][first] for name in "xyz" if name in rows.numbers])
     return RecordedPoints(times, points, bad)
-
-
-class TrackRows(NamedTuple):
-    """A trajectory as it was recorded: times (n,) in s from the origin, ascending, and points (n, 2 or 3) in m."""
-
-    times: Floats
-    points: Floats
-    origin: float
 
 
 @part
@@ -103,9 +84,7 @@ class RecordedTrack(Straight):
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: that of the first row"
     ] = None
-    skip_bad_rows: Annotated[bool, "whether rows that cannot be used are left out and counted, instead of refused"] = (
-        False
-    )
+    skip_bad_rows: csvfile.SkipBadRows = False
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
     q: Annotated[float, INTENSITY, "intensity of the noise in the velocity that filters assume"] = 0.05
 
@@ -123,16 +102,19 @@ class RecordedTrack(Straight):
         return heights
 
     @cached_property
-    def track(self) -> TrackRows:
-        """The trajectory. Raises RunError with file and line if it cannot be read."""
-        demand_digest(self.path, self.digest)
-        times, points, _ = self._recorded
-        origin = float(times[0]) if self.time_origin is None else self.time_origin
-        return TrackRows(times - origin, points, origin)
+    def track(self) -> RecordedPoints:
+        """The trajectory, its times from the origin on. Raises RunError with file and line if it cannot be read."""
+        csvfile.demand_digest(self.path, self.digest)
+        return self._recorded._replace(times=self._recorded.times - self.origin)
+
+    @property
+    def origin(self) -> float:
+        """The time (s) in the file that is 0 in the run."""
+        return float(self._recorded.times[0]) if self.time_origin is None else self.time_origin
 
     def skipped_rows(self, setup: Any) -> list[str]:
         """The rows that are left out, a text each with file, line and reason; none unless `skip_bad_rows` allows it."""
-        return row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
+        return csvfile.row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be read, has rows that cannot be used, or is not that of the digest."""
@@ -146,24 +128,24 @@ class RecordedTrack(Straight):
         """The points of the file."""
         names = self.header
         numbers = {"time": names.time, "x": names.x, "y": names.y, "z": names.z}
-        return recorded_points(self.path, numbers, self.skip_bad_rows, SKIPPING)
+        return recorded_points(self.path, numbers, self.skip_bad_rows, csvfile.SKIPPING)
 
 
-def _conflicts(rows: CsvRows) -> Iterator[BadRow]:
+def _conflicts(rows: csvfile.CsvRows) -> Iterator[csvfile.BadRow]:
     """Yield the rows that are too far away, at another place than the first of their time, or at nearly its time."""
     times, lines = rows.numbers["time"], rows.lines
     points = np.column_stack([rows.numbers[name] for name in "xyz" if name in rows.numbers])
     far = (np.abs(points) > FARTHEST_POINT).any(axis=1) | (np.abs(times) > LATEST)
-    first = first_of_equal(~far, times)
+    first = csvfile.first_of_equal(~far, times)
     apart = np.linalg.norm(points - points[first], axis=1)
     for i in np.flatnonzero(far | (apart > SAME_PLACE)).tolist():
         reason = f"x, y and z must be within ±{FARTHEST_POINT:g} m, time within ±{LATEST:g} s"
         if not far[i]:
             place = f"it is {apart[i]:.3g} m from the place in line {lines[first[i]]}"
             reason = f"at the time {times[i]:g} s {place}; at most {SAME_PLACE:g} m is allowed"
-        yield BadRow(int(lines[i]), reason)
+        yield csvfile.BadRow(int(lines[i]), reason)
     order = np.flatnonzero(~far)[np.argsort(times[~far], kind="stable")]
     between = np.diff(times[order])
     for i in np.flatnonzero((between > 0.0) & (between < LEAST_APART * (1.0 - 1e-6))).tolist():
         reason = f"is {between[i]:.3g} s after line {lines[order[i]]}; {LEAST_APART:g} s are the least that is allowed"
-        yield BadRow(int(lines[order[i + 1]]), reason)
+        yield csvfile.BadRow(int(lines[order[i + 1]]), reason)

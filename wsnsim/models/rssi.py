@@ -20,7 +20,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.sensing import GAIN_DB, HEIGHT
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import ranging as kernels
-from wsnsim.models.bounds import LENGTH, number_of_nodes
+from wsnsim.models.bounds import ACCURACY, LENGTH, number_of_nodes
 from wsnsim.models.ranging import FITTED_ON, REACH, OfDistance, reach_issues, squared_distances, unit_noise
 
 LARGEST_EXPONENT: Final = 600.0
@@ -53,7 +53,7 @@ class Rssi(OfDistance):
     eta: Annotated[float, Quantity("", ge=1e-3, le=100), "η: exponent of the loss with distance"] = 2.3
     d0: Annotated[float, LENGTH, "distance at which the strength is z0"] = 1.0
     sd: Annotated[float, Quantity("dB", ge=1e-6, le=1e6), "standard deviation of a reading"] = 0.5
-    floor: Annotated[float, Quantity("m", ge=1e-6, le=1e7), "least distance: shorter ones are taken as this"] = 0.05
+    floor: Annotated[float, ACCURACY, "least distance: shorter ones are taken as this"] = 0.05
     reach: Annotated[float, REACH, "sensing range in the plane; .inf: unlimited"] = math.inf
     noise: Annotated[Literal["normal", "student_t"], "distribution of the noise of a reading"] = "normal"
     dof: Annotated[float, Quantity("", gt=2, le=1e6), "ν: degrees of freedom of noise: student_t"] = 5.0

@@ -16,7 +16,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Ints, planar
 from wsnsim.base.part import Quantity, part
 from wsnsim.kernels import acoustic as kernels
-from wsnsim.models.bounds import LENGTH, LOG_TWO_PI, POWER_OF_SOUND
+from wsnsim.models.bounds import ACCURACY, LENGTH, LOG_TWO_PI, POWER_OF_SOUND
 
 LEAST_DISTANCE = 1.0
 """m: shorter distances are taken as this, since d^-α is unbounded (our choice)."""
@@ -201,7 +201,7 @@ class Coordinate(OfPosition):
     reach: ClassVar[float] = math.inf
     linear_gaussian: ClassVar[bool] = True
 
-    sd: Annotated[float, Quantity("m", ge=1e-6, le=1e7), "standard deviation of a reading"] = 1.0
+    sd: Annotated[float, ACCURACY, "standard deviation of a reading"] = 1.0
 
     @property
     def trait_names(self) -> tuple[str, ...]:

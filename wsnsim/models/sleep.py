@@ -21,6 +21,7 @@ from wsnsim.base.radio import Mode
 from wsnsim.base.rng import derive_each, uniforms
 from wsnsim.base.setups import Setup
 from wsnsim.kernels.nodes import Law, period_spans, period_sums
+from wsnsim.models.bounds import PROBABILITY, SHARE
 
 PERIOD: Final = Quantity("s", ge=1e-2, le=1e9)
 MOST_PERIODS: Final = 10_000_000
@@ -163,9 +164,7 @@ class _PeriodicSchedule:
 
     def _on(self, keys: Keys, periods: Ints) -> Bools:
         """Whether nodes are awake in their periods, of which number 0 contains time 0."""
-        _, _, probability, _ = self._law
-        on: Bools = uniforms(derive_each(keys, (periods + 1).astype(np.uint64)), 0) < probability
-        return on
+        return uniforms(derive_each(keys, (periods + 1).astype(np.uint64)), 0) < self._law[2]
 
     @property
     def _law(self) -> Law:
@@ -192,7 +191,7 @@ class RandomIndependent(_PeriodicSchedule):
     """
 
     period: Annotated[float, PERIOD, "T_RIS: length of the periods, for each of which a node decides once"] = 10.0
-    probability: Annotated[float, Quantity("", ge=0.0, le=1.0), "p: probability of being awake in a period"] = 0.3
+    probability: Annotated[float, PROBABILITY, "p: probability of being awake in a period"] = 0.3
 
     @property
     def _law(self) -> Law:
@@ -207,7 +206,7 @@ class DutyCycle(_PeriodicSchedule):
     """
 
     period: Annotated[float, PERIOD, "time from one waking to the next"] = 10.0
-    awake_share: Annotated[float, Quantity("", gt=0.0, le=1.0), "share of the period that a node is awake"] = 0.3
+    awake_share: Annotated[float, SHARE, "share of the period that a node is awake"] = 0.3
     phases: Annotated[Literal["synchronous", "staggered"], "whether all nodes wake at the same time"] = "staggered"
 
     @property

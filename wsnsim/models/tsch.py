@@ -15,7 +15,8 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.medium_access import Latency, RadioDuty
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import RadioSetup, Setup
-from wsnsim.models.access import SPAN, TICK, Framed
+from wsnsim.models.access import Framed
+from wsnsim.models.bounds import BACKOFF_EXPONENT, FRAME_BYTES, LONG_PERIOD, MANY, SPAN, TICK
 
 HOPPING: Final = (16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21)
 """The default hopping sequence of IEEE 802.15.4 for the 16 channels at 2.4 GHz."""
@@ -61,41 +62,37 @@ class Tsch(Framed):
     )  # fmt: skip
     off_key: ClassVar[str] = "slot"
 
-    slotframe: Annotated[int, Quantity("", ge=1, le=10_000), "slots in a slotframe"] = 101
+    slotframe: Annotated[int, MANY, "slots in a slotframe"] = 101
     slot: Annotated[float, OFFSET, "macTsTimeslotLength: length of a slot"] = 10e-3
-    shared: Annotated[int, Quantity("", ge=1, le=10_000), "shared cells in a slotframe"] = 1
+    shared: Annotated[int, MANY, "shared cells in a slotframe"] = 1
     channels: Annotated[
         tuple[int, ...], Quantity("", ge=11, le=26), "macHoppingSequence: the channels, in the order of hopping"
     ] = HOPPING
-    min_be: Annotated[int, Quantity("", ge=0, le=16), "macMinBE: back-off exponent after the first failure"] = 1
-    max_be: Annotated[int, Quantity("", ge=0, le=16), "macMaxBE: largest back-off exponent"] = 7
+    min_be: Annotated[int, BACKOFF_EXPONENT, "macMinBE: back-off exponent after the first failure"] = 1
+    max_be: Annotated[int, BACKOFF_EXPONENT, "macMaxBE: largest back-off exponent"] = 7
     tx_offset: Annotated[float, OFFSET, "macTsTxOffset: from the start of a slot to that of the frame"] = 2.12e-3
     rx_wait: Annotated[float, OFFSET, "macTsRxWait: how long a receiver waits for a frame to begin"] = 2.2e-3
     tx_ack_delay: Annotated[float, OFFSET, "macTsTxAckDelay: from a frame to its acknowledgement"] = 1e-3
     rx_ack_delay: Annotated[float, SPAN, "macTsRxAckDelay: from a frame until its sender listens"] = 0.8e-3
     ack_wait: Annotated[float, TICK, "macTsAckWait: how long a sender waits for an acknowledgement to begin"] = 0.4e-3
-    ack_bytes: Annotated[int, Quantity("", ge=1, le=127, label="byte"), "bytes of an acknowledgement on the air"] = 19
+    ack_bytes: Annotated[int, FRAME_BYTES, "bytes of an acknowledgement on the air"] = 19
     cell_bits: Annotated[
         int, Quantity("", ge=1, le=800, label="bit"), "bits that announce a cell: slot, channel offset, node"
     ] = 48
-    lease: Annotated[int, Quantity("", ge=1, le=10_000), "slotframes after which a cell is taken back"] = 4
+    lease: Annotated[int, MANY, "slotframes after which a cell is taken back"] = 4
     eb_bytes: Annotated[int, Quantity("", ge=1, le=116, label="byte"), "bytes of the payload of an enhanced beacon"] = (
         30
     )
     eb_period: Annotated[
-        float | None,
-        Quantity("s", ge=1e-3, le=1e9),
-        "time between the enhanced beacons of a node, where clocks err; null: none",
+        float | None, LONG_PERIOD, "time between the enhanced beacons of a node, where clocks err; null: none"
     ] = 60.0
     keep_alive: Annotated[
         float | None,
-        Quantity("s", ge=1e-3, le=1e9),
+        LONG_PERIOD,
         "time without correction after which a node asks its time parent, where clocks err; null: never",
     ] = 5.0
     keep_alive_compensated: Annotated[
-        float | None,
-        Quantity("s", ge=1e-3, le=1e9),
-        "the same once the rate of its clock is known; null: rates are not estimated",
+        float | None, LONG_PERIOD, "the same once the rate of its clock is known; null: rates are not estimated"
     ] = 60.0
     tick: Annotated[float, SPAN, "resolution of time stamps"] = 1.0 / 32768.0
 

@@ -15,7 +15,7 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.sleeping import Decision, Point, WakeUpMessage, WakeUpPlan, WakeUpRadio
-from wsnsim.models.bounds import LENGTH, LEVEL
+from wsnsim.models.bounds import FAILURE, LENGTH, LEVEL, PERIOD, PROBABILITY, SECONDS, SPAN, SPEED
 
 SEQUENCES: Final = 256
 """Sequence numbers have one byte."""
@@ -29,7 +29,6 @@ EXPERIENCE: Final = {"low": (0.6, 0.3, 0.4, 0.1), "mid": (0.9, 0.5, 0.7, 0.2), "
 """Probabilities to track: inside r and ahead, inside r and not ahead, beyond r and ahead, beyond r and not ahead."""
 MOST_STEPS: Final = 128
 """Steps for which a message may be valid (our choice): half of the sequence numbers."""
-SECONDS: Final = Quantity("s", ge=0.0, le=1e6)
 
 
 @part
@@ -67,19 +66,15 @@ class _Wakes:
 
     expiry: Annotated[float, SECONDS, "how long after its step a message is valid"] = 1.0
     wait: Annotated[
-        float,
-        Quantity("s", ge=1e-3, le=1e6),
-        "T_wait: how long a woken node waits for the target before it follows its schedule again",
+        float, PERIOD, "T_wait: how long a woken node waits for the target before it follows its schedule again"
     ] = 3.0
-    call: Annotated[float, Quantity("s", ge=0.0, le=10.0), "duration of a call on the wake-up radio, at both ends"] = (
-        5e-3
-    )
+    call: Annotated[float, SPAN, "duration of a call on the wake-up radio, at both ends"] = 5e-3
     sensitivity: Annotated[float, LEVEL, "received power from which a wake-up receiver hears a call"] = -72.6
     power: Annotated[float, LEVEL, "output power of a call"] = 10.0
     path_gain: Annotated[
         float, Quantity("dB", ge=-100.0, le=100.0), "how much less the path attenuates a call than a frame"
     ] = 9.0
-    loss: Annotated[float, Quantity("", ge=0.0, lt=1.0), "probability that a call within reach is not heard"] = 0.0
+    loss: Annotated[float, FAILURE, "probability that a call within reach is not heard"] = 0.0
     standby: Annotated[float, Quantity("W", ge=0.0, le=1.0), "power of the wake-up receiver of a sleeping node"] = (
         6.9e-6
     )
@@ -125,11 +120,7 @@ class _WakesRegion(_Wakes):
     radius: Annotated[
         float | None, LENGTH, "radius of the region around the predicted position; left out: the sensing range"
     ] = None
-    speed: Annotated[
-        float,
-        Quantity("m/s", ge=0.0, le=1e6),
-        "v_max: greatest speed of the target, used as long as there is no prediction",
-    ] = 8.0
+    speed: Annotated[float, SPEED, "v_max: greatest speed of the target, used as long as there is no prediction"] = 8.0
 
     def _region(self, plan: WakeUpPlan) -> float:
         """The radius of the region: r around a prediction; min(R, r + v_max dt) around a last fix."""
@@ -207,7 +198,7 @@ class ExperienceZones(_Wakes):
     levels: Annotated[Literal["low", "mid", "high"], "how readily nodes track"] = "mid"
     probabilities: Annotated[
         tuple[float, float, float, float] | None,
-        Quantity("", ge=0.0, le=1.0),
+        PROBABILITY,
         "probabilities to track: inside r and ahead, inside r and not ahead, beyond r and ahead, beyond r and not "
         "ahead; left out: those of `levels`",
     ] = None

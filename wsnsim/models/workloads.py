@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final, TypeAlias
 
 import numpy as np
 
@@ -13,8 +13,11 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.access import Framed, IdealMac
-from wsnsim.models.bounds import PLACE
+from wsnsim.models.bounds import COUNT, DURATION, PAYLOAD, PERIOD, PLACE, SECONDS, SPAN
 
+SinkPoints: TypeAlias = Annotated[
+    tuple[tuple[float, float], ...], PLACE, "x and y: each sink is the node nearest to one"
+]
 MOST_NODES: Final = 20_000
 """Nodes above which no sink is looked at."""
 
@@ -70,8 +73,7 @@ def _fixed_positions(setup: RadioSetup) -> Floats | None:
 
 
 def _distances(positions: Floats, point: tuple[float, float]) -> Floats:
-    distances: Floats = np.hypot(positions[:, 0] - point[0], positions[:, 1] - point[1])
-    return distances
+    return np.hypot(positions[:, 0] - point[0], positions[:, 1] - point[1])
 
 
 @part
@@ -90,8 +92,8 @@ class Periodic:
 
     mechanism: ClassVar[str] = "beacons"
 
-    period: Annotated[float, Quantity("s", ge=1e-3, le=1e6), "time between a node's beacons, on its own clock"] = 1.0
-    bits: Annotated[int, Quantity("", ge=1, le=1_000_000, label="bit"), "payload of a beacon"] = PACKET_BITS
+    period: Annotated[float, PERIOD, "time between a node's beacons, on its own clock"] = 1.0
+    bits: Annotated[int, PAYLOAD, "payload of a beacon"] = PACKET_BITS
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if a beacon takes longer than its period."""
@@ -135,10 +137,8 @@ class NearestNode(ReportsEvery):
 
     x: Annotated[float, PLACE, "the sink is the node nearest to (x, y)"] = 0.0
     y: Annotated[float, PLACE, "the sink is the node nearest to (x, y)"] = 0.0
-    bits: Annotated[int, Quantity("", ge=1, le=1_000_000, label="bit"), "bits of a report"] = PACKET_BITS
-    every: Annotated[
-        float | None, Quantity("s", gt=0.0, le=1e9), "time between reports; left out: every estimate is reported"
-    ] = None
+    bits: Annotated[int, PAYLOAD, "bits of a report"] = PACKET_BITS
+    every: Annotated[float | None, DURATION, "time between reports; left out: every estimate is reported"] = None
 
     @property
     def point(self) -> tuple[float, float]:
@@ -154,13 +154,9 @@ class SeveralSinks(ReportsEvery):
     `greedy_geographic` the nearest that is reached. By default a report is one packet of Jiang et al. (2013), 12 bytes.
     """
 
-    points: Annotated[tuple[tuple[float, float], ...], PLACE, "x and y: each sink is the node nearest to one"] = (
-        (0.0, 0.0),
-    )
-    bits: Annotated[int, Quantity("", ge=1, le=1_000_000, label="bit"), "bits of a report"] = PACKET_BITS
-    every: Annotated[
-        float | None, Quantity("s", gt=0.0, le=1e9), "time between reports; left out: every estimate is reported"
-    ] = None
+    points: SinkPoints = ((0.0, 0.0),)
+    bits: Annotated[int, PAYLOAD, "bits of a report"] = PACKET_BITS
+    every: Annotated[float | None, DURATION, "time between reports; left out: every estimate is reported"] = None
 
     def __post_init__(self) -> None:
         """Raises ValueError if no point is listed."""
@@ -196,8 +192,8 @@ class CollectionTreeProtocol:
 
     weight: ClassVar[str] = "etx"
 
-    i_min: Annotated[float, Quantity("s", ge=1e-3, le=1e6), "I_min: shortest interval between a node's beacons"] = 0.128
-    i_max: Annotated[float, Quantity("s", ge=1e-3, le=1e6), "I_max: longest interval between a node's beacons"] = 512.0
+    i_min: Annotated[float, PERIOD, "I_min: shortest interval between a node's beacons"] = 0.128
+    i_max: Annotated[float, PERIOD, "I_max: longest interval between a node's beacons"] = 512.0
     retries: Annotated[
         int, Quantity("", ge=0, le=1000), "how often a datagram is sent again over a hop, by the MAC or the node"
     ] = 32
@@ -207,13 +203,11 @@ class CollectionTreeProtocol:
     largest_cost: Annotated[
         float, Quantity("", gt=0.0), "ETX from which on a route is not considered: nodes that are cut off have none"
     ] = 64.0
-    table: Annotated[int, Quantity("", ge=1, le=1000), "neighbours whose routes and links a node keeps"] = 10
-    queue: Annotated[int, Quantity("", ge=1, le=1000), "datagrams for sinks that a node holds"] = 12
-    packet_time: Annotated[
-        float, Quantity("s", ge=0.0, le=10.0), "a node pauses for one to two times this after a frame"
-    ] = 7e-3
-    patience: Annotated[float, Quantity("s", ge=0.0, le=1e6), "how long a datagram waits for a route"] = 10.0
-    places: Annotated[int, Quantity("", ge=1, le=1000), "neighbours whose positions a node keeps"] = 40
+    table: Annotated[int, COUNT, "neighbours whose routes and links a node keeps"] = 10
+    queue: Annotated[int, COUNT, "datagrams for sinks that a node holds"] = 12
+    packet_time: Annotated[float, SPAN, "a node pauses for one to two times this after a frame"] = 7e-3
+    patience: Annotated[float, SECONDS, "how long a datagram waits for a route"] = 10.0
+    places: Annotated[int, COUNT, "neighbours whose positions a node keeps"] = 40
     candidates: Annotated[int, Quantity("", ge=1, le=100), "bursts of a node for a datagram that goes by position"] = 3
 
     def check(self, setup: Setup) -> Iterator[Issue]:
@@ -238,12 +232,10 @@ class PeriodicCollection:
 
     mechanism: ClassVar[str] = "collection"
 
-    points: Annotated[tuple[tuple[float, float], ...], PLACE, "x and y: each sink is the node nearest to one"] = (
-        (0.0, 0.0),
-    )
-    period: Annotated[float, Quantity("s", ge=1e-3, le=1e6), "time between a node's reports, on its own clock"] = 60.0
-    bits: Annotated[int, Quantity("", ge=1, le=1_000_000, label="bit"), "bits of a report"] = PACKET_BITS
-    start_at: Annotated[float, Quantity("s", ge=0.0, le=1e6), "when the first period begins"] = 0.0
+    points: SinkPoints = ((0.0, 0.0),)
+    period: Annotated[float, PERIOD, "time between a node's reports, on its own clock"] = 60.0
+    bits: Annotated[int, PAYLOAD, "bits of a report"] = PACKET_BITS
+    start_at: Annotated[float, SECONDS, "when the first period begins"] = 0.0
 
     def __post_init__(self) -> None:
         """Raises ValueError if no point is listed."""

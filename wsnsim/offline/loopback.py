@@ -12,54 +12,37 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
+from wsnsim.base import requests
 from wsnsim.base.arrays import Bools, Floats, Reading, as_readings, components_of, finite, planar
 from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names
 from wsnsim.base.optional_ports import Detects, Recording
 from wsnsim.base.ports import Scene, SensorModel
-from wsnsim.base.requests import (
-    Broadcast,
-    Compute,
-    Delivery,
-    Flow,
-    Gather,
-    Gathered,
-    GatheredReadings,
-    GatherReadings,
-    Journeys,
-    Local,
-    Member,
-    NodeId,
-    Parcel,
-    Request,
-    Scatter,
-    all_arrived,
-)
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
 from wsnsim.base.sensing import PathShadowing, path_shadowing
 from wsnsim.base.setups import TrackingSetup
 
-Lose: TypeAlias = Callable[[int, int, Parcel], Bools]
+Lose: TypeAlias = Callable[[int, int, requests.Parcel], Bools]
 """(source, destination, parcel) → mask of the packets that arrive."""
-Answer: TypeAlias = Callable[[Request, dict[int, Member], int, Lose], Any]
+Answer: TypeAlias = Callable[[requests.Request, dict[int, requests.Member], int, Lose], Any]
 """(request, members, head, lose) → the answer to the request."""
 
 
-def perfect(source: int, to: int, parcel: Parcel) -> Bools:
+def perfect(source: int, to: int, parcel: requests.Parcel) -> Bools:
     """The mask of a lossless network: everything arrives."""
-    return all_arrived(parcel.packets)
+    return requests.all_arrived(parcel.packets)
 
 
-def silent(source: int, to: int, parcel: Parcel) -> Bools:
+def silent(source: int, to: int, parcel: requests.Parcel) -> Bools:
     """The mask of a silent network: nothing arrives."""
     return np.zeros(parcel.packets, dtype=np.bool_)
 
 
 def perform(
-    flow: Flow[Any],
-    members: dict[int, Member],
+    flow: requests.Flow[Any],
+    members: dict[int, requests.Member],
     head: int,
     lose: Lose = perfect,
-    before: Callable[[Request], None] | None = None,
+    before: Callable[[requests.Request], None] | None = None,
     answer_of: Answer | None = None,
 ) -> Any:
     """Perform all requests of a flow; returns its belief.
@@ -84,30 +67,30 @@ def perform(
         answer = answer_of(request, members, head, lose)
 
 
-def answer_to(request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
+def answer_to(request: requests.Request, members: dict[int, requests.Member], head: int, lose: Lose) -> Any:
     """The answer to a request in a network that loses packets as `lose` says."""
-    if isinstance(request, Compute):
+    if isinstance(request, requests.Compute):
         return None
-    if isinstance(request, GatherReadings):
+    if isinstance(request, requests.GatherReadings):
         return _gather_readings(request, members, head, lose)
-    if isinstance(request, Local):
+    if isinstance(request, requests.Local):
         return _compute(request, _addressed(request.who, members))
-    if isinstance(request, Gather):
+    if isinstance(request, requests.Gather):
         return _gather(request, _addressed(request.who, members), head, lose)
-    if isinstance(request, Scatter):
+    if isinstance(request, requests.Scatter):
         return _deliver({i: parcel for i, parcel in request.parcels.items() if i in members}, members, head, lose)
-    if isinstance(request, Broadcast):
+    if isinstance(request, requests.Broadcast):
         return _deliver({i: request.parcel for i in members if i != head}, members, head, lose)
     return _carry(head, request.to, request.parcel, lose)
 
 
-def _addressed(who: Sequence[NodeId] | None, members: Mapping[int, Member]) -> list[Member]:
+def _addressed(who: Sequence[requests.NodeId] | None, members: Mapping[int, requests.Member]) -> list[requests.Member]:
     if who is None:
         return [member for member in members.values() if member.reading is not None]
     return [members[i] for i in who if i in members]
 
 
-def _compute(request: Local, addressed: list[Member]) -> tuple[int, ...]:
+def _compute(request: requests.Local, addressed: list[requests.Member]) -> tuple[int, ...]:
     if request.work_all is not None and addressed:
         request.work_all(addressed)
     else:
@@ -116,29 +99,35 @@ def _compute(request: Local, addressed: list[Member]) -> tuple[int, ...]:
     return tuple(member.id for member in addressed)
 
 
-def _gather(request: Gather, addressed: list[Member], head: int, lose: Lose) -> Gathered:
+def _gather(request: requests.Gather, addressed: list[requests.Member], head: int, lose: Lose) -> requests.Gathered:
     parcels = {member.id: request.parcel_of(member) for member in addressed}
     sent = {i: (parcel.payload, _carry(i, head, parcel, lose)) for i, parcel in parcels.items() if parcel is not None}
-    return Gathered({i: (payload, mask) for i, (payload, mask) in sent.items() if mask.any()}, Journeys(head))
+    return requests.Gathered(
+        {i: (payload, mask) for i, (payload, mask) in sent.items() if mask.any()}, requests.Journeys(head)
+    )
 
 
-def _gather_readings(request: GatherReadings, members: dict[int, Member], head: int, lose: Lose) -> GatheredReadings:
+def _gather_readings(
+    request: requests.GatherReadings, members: dict[int, requests.Member], head: int, lose: Lose
+) -> requests.GatheredReadings:
     if lose is not perfect:
-        return GatheredReadings.of(_gather(request.gather(), _addressed(request.who, members), head, lose))
+        return requests.GatheredReadings.of(_gather(request.gather(), _addressed(request.who, members), head, lose))
     readings = request.readings_of(members.values() if request.who is None else _addressed(request.who, members))
     values = np.array(list(readings.values()), dtype=np.float64)
-    return GatheredReadings(tuple(readings), values, Journeys(head))
+    return requests.GatheredReadings(tuple(readings), values, requests.Journeys(head))
 
 
-def _carry(source: int, to: int, parcel: Parcel, lose: Lose) -> Bools:
-    return all_arrived(parcel.packets) if source == to else lose(source, to, parcel)
+def _carry(source: int, to: int, parcel: requests.Parcel, lose: Lose) -> Bools:
+    return requests.all_arrived(parcel.packets) if source == to else lose(source, to, parcel)
 
 
-def _deliver(parcels: dict[int, Parcel], members: dict[int, Member], head: int, lose: Lose) -> dict[int, Bools]:
+def _deliver(
+    parcels: dict[int, requests.Parcel], members: dict[int, requests.Member], head: int, lose: Lose
+) -> dict[int, Bools]:
     masks = {i: _carry(head, i, parcel, lose) for i, parcel in parcels.items()}
     heard = {i: mask for i, mask in masks.items() if mask.any()}
     for i, mask in heard.items():
-        members[i].inbox.append(Delivery(parcels[i].what, parcels[i].payload, mask))
+        members[i].inbox.append(requests.Delivery(parcels[i].what, parcels[i].payload, mask))
     return heard
 
 
@@ -183,7 +172,9 @@ class OfflineCluster:
         self._ids: tuple[int, ...] = ()
         self._rows = np.zeros(0, dtype=np.int64)
         sensors = zip(self._assumed, self._traits, strict=True)
-        self.members = {node: Member(node, position, traits) for node, (position, traits) in enumerate(sensors)}
+        self.members = {
+            node: requests.Member(node, position, traits) for node, (position, traits) in enumerate(sensors)
+        }
 
     def scene(self, step: int, steps: int) -> Scene:
         """The scene of a step, `steps` after the last one; each member gets its measurement and its key."""

@@ -16,22 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from wsnsim.base import requests
 from wsnsim.base.arrays import Bools, Estimate
 from wsnsim.base.errors import ResultError, RunError, failed_run
 from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.ports import Scene
-from wsnsim.base.requests import (
-    Broadcast,
-    Compute,
-    Flow,
-    Gather,
-    GatherReadings,
-    Local,
-    Member,
-    Parcel,
-    Request,
-    all_arrived,
-)
 from wsnsim.base.results import RunResult, RunTotals, TrackResult
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import NAN, Issued, RunNow, TrackNow, follower_of, wants_belief, write_belief, write_readings
@@ -50,35 +39,35 @@ class RequestCosts:
     cycles: float = 0.0
     readings: int = 0
 
-    def answer(self, request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
+    def answer(self, request: requests.Request, members: dict[int, requests.Member], head: int, lose: Lose) -> Any:
         """The answer to a request, which is counted. A broadcast is one frame for all receivers."""
-        if isinstance(request, GatherReadings):  # without a call for each measurement
+        if isinstance(request, requests.GatherReadings):  # without a call for each measurement
             answer = answer_to(request, members, head, perfect)
             sent = len(answer.ids) - (head in answer.ids)
             self.frames += sent
             self.packets += sent
             self.readings = len(answer.ids) or self.readings
             return answer
-        if isinstance(request, Gather):
+        if isinstance(request, requests.Gather):
             return self._gathered(request, members, head)
-        if isinstance(request, Broadcast):
+        if isinstance(request, requests.Broadcast):
             self._add(request.parcel)
             return answer_to(request, members, head, perfect)
         answer = answer_to(request, members, head, self._carry)
-        if isinstance(request, Compute):
+        if isinstance(request, requests.Compute):
             self.cycles += request.cycles
-        elif isinstance(request, Local):
+        elif isinstance(request, requests.Local):
             cycles = request.cycles
             self.cycles += sum(cycles(members[node]) if callable(cycles) else cycles for node in answer)
             if request.uses_readings:
                 self.readings = sum(members[node].reading is not None for node in answer)
         return answer
 
-    def _gathered(self, request: Gather, members: dict[int, Member], head: int) -> Any:
+    def _gathered(self, request: requests.Gather, members: dict[int, requests.Member], head: int) -> Any:
         """The answer to a Gather, whose parcels say how many readings they carry."""
         parcel_of, sent = request.parcel_of, dict[int, int]()
 
-        def noted(member: Member) -> Parcel | None:
+        def noted(member: requests.Member) -> requests.Parcel | None:
             parcel = parcel_of(member)
             if parcel is not None:
                 sent[member.id] = parcel.readings_of(member)
@@ -90,11 +79,11 @@ class RequestCosts:
         self.readings = sum(sent.get(node, 0) for node in answer) or self.readings
         return answer
 
-    def _carry(self, source: int, to: int, parcel: Parcel) -> Bools:
+    def _carry(self, source: int, to: int, parcel: requests.Parcel) -> Bools:
         self._add(parcel)
-        return all_arrived(parcel.packets)
+        return requests.all_arrived(parcel.packets)
 
-    def _add(self, parcel: Parcel) -> None:
+    def _add(self, parcel: requests.Parcel) -> None:
         self.frames += 1
         self.packets += parcel.packets
 
@@ -175,7 +164,7 @@ class OfflineRun:
             key = {"replicate": self._replicate, "target": scene.target, "step": scene.step, "time": scene.time}
             write_readings(self._recorder, key, {node: value for node, value in taken.items() if value is not None})
 
-    def _perform(self, flow: Flow[Any], cluster: OfflineCluster) -> Any:
+    def _perform(self, flow: requests.Flow[Any], cluster: OfflineCluster) -> Any:
         self._costs.readings = 0
         return perform(flow, cluster.members, HEAD, answer_of=self._costs.answer)
 

@@ -58,21 +58,6 @@ class Sample:
     statistic: Statistic
 
     @property
-    def words(self) -> str:
-        """The statistic in words."""
-        return self.statistic.words
-
-    @property
-    def key(self) -> str:
-        """The statistic in short."""
-        return self.statistic.key
-
-    @property
-    def robust(self) -> bool:
-        """Whether a few runs cannot move it far."""
-        return self.statistic.robust
-
-    @property
     def per_run(self) -> Floats:
         """(n,) the value of each run by itself."""
         return self.statistic.per_run(self.rows)
@@ -103,11 +88,11 @@ def compared(one: Sample, other: Sample, combine: Callable[[Floats, Floats], Flo
             return combine(of(one.among(common[places])), of(other.among(common[places])))
 
     statistic = Statistic(
-        f"{word}, {one.key}",
-        f"{word} of two: {one.words}",
+        f"{word}, {one.statistic.key}",
+        f"{word} of two: {one.statistic.words}",
         lambda places, weights: combined(lambda sample: sample.at(weights), places),
         lambda places: combined(lambda sample: sample.per_run, places),
-        one.robust and other.robust,
+        one.statistic.robust and other.statistic.robust,
     )
     return Sample(common, np.arange(len(common)), statistic)
 
@@ -149,14 +134,12 @@ def _sums(values: Floats) -> tuple[Floats, Floats]:
 
 def _over(sums: Floats, counts: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
-        found: Floats = sums / counts
-        return found
+        return sums / counts
 
 
 def _weighted(weights: Floats, values: Floats) -> Floats:
     """(draws, ...) sums of (n, ...) values with the weights of the runs."""
-    found: Floats = np.tensordot(weights, values, axes=1)
-    return found
+    return np.tensordot(weights, values, axes=1)
 
 
 def _mean(rows: Floats, weights: Floats) -> Floats:
@@ -197,22 +180,16 @@ def _time_mean_rmse(rows: Floats, weights: Floats) -> Floats:
 
 def _pooled_rmse(rows: Floats, weights: Floats) -> Floats:
     squares, counts = _sums(_steps_in_line(rows**2))
-    found: Floats = np.sqrt(_over(_weighted(weights, squares), _weighted(weights, counts)))
-    return found
+    return np.sqrt(_over(_weighted(weights, squares), _weighted(weights, counts)))
 
 
 def _rmse_of_each(rows: Floats) -> Floats:
-    found: Floats = np.sqrt(_over(*_sums(_steps_in_line(rows**2))))
-    return found
+    return np.sqrt(_over(*_sums(_steps_in_line(rows**2))))
 
 
 def _steps_in_line(rows: Floats) -> Floats:
     """(n, targets x steps, ...) rows with targets and steps on one axis."""
     return rows.reshape(len(rows), rows.shape[1] * rows.shape[2], *rows.shape[3:])
-
-
-def _mean_of_rmse(rows: Floats, weights: Floats) -> Floats:
-    return _mean(_rmse_of_each(rows)[:, None], weights)
 
 
 MEAN: Final = Statistic("mean", "mean over runs", _mean, _mean_of_each)
@@ -230,5 +207,7 @@ TIME_MEAN_RMSE: Final = Statistic("rmse", "RMSE over runs, mean over steps", _ti
 """Of rows (n, targets, steps)."""
 POOLED_RMSE: Final = Statistic("pooled rmse", "RMSE over runs and steps", _pooled_rmse, _rmse_of_each)
 """Of rows (n, targets, steps)."""
-PER_RUN_RMSE: Final = Statistic("run rmse", "RMSE of a run, mean over runs", _mean_of_rmse, _rmse_of_each)
+PER_RUN_RMSE: Final = Statistic(
+    "run rmse", "RMSE of a run, mean over runs", lambda rows, w: _mean(_rmse_of_each(rows)[:, None], w), _rmse_of_each
+)
 """Of rows (n, targets, steps)."""

@@ -165,7 +165,7 @@ def judged_value(sample: Sample, published: PublishedValue) -> Judgement:
     if count < LEAST:
         return Judgement("too few runs")
     low, high = (float(end) for end in ratio_interval(sample, published.value, published.runs))
-    if count < ENOUGH and not sample.robust and not published.bounded:
+    if count < ENOUGH and not sample.statistic.robust and not published.bounded:
         return _judged_one_sidedly(sample, published, low)
     verdict = verdict_on_ratio(low, high)
     if verdict == "reproduces" and published.rivals and not _on_same_side(sample, published.value):
@@ -235,6 +235,6 @@ def judged_order(difference: Sample, exact: bool = False) -> Judgement:
         return Judgement("too few runs")
     if exact or is_exact(per_run) or not per_run.any():
         return Judgement(verdict_on_order(now, now))
-    if count < (LEAST if difference.robust else ENOUGH):
+    if count < (LEAST if difference.statistic.robust else ENOUGH):
         return Judgement("too few runs")
     return Judgement(verdict_on_order(*interval(difference)))

@@ -189,11 +189,9 @@ class Folder:
             return []
         except OSError as error:
             raise ResultError(f"{folder}: cannot be read: {reason(error)}") from error
-        found = [(name, match) for name in names if (match := BATCH.fullmatch(name))]
-        return sorted(
-            (Batch(self.path / point / name, int(match[1]), int(match[2])) for name, match in found),
-            key=lambda batch: (batch.first, batch.last),
-        )
+        matches = filter(None, map(BATCH.fullmatch, names))
+        found = [Batch(folder / match[0], int(match[1]), int(match[2])) for match in matches]
+        return sorted(found, key=lambda batch: (batch.first, batch.last))
 
     def done(self, point: str) -> set[int]:
         """The replicates of a point that are on disk."""

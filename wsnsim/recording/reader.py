@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple, final
 
 import h5py
 import numpy as np
-from h5py import h5f, h5g, h5p
+from h5py import h5g
 
 from wsnsim.base.errors import ResultError, did_you_mean
 from wsnsim.base.files import why_not_regular
@@ -25,7 +25,16 @@ from wsnsim.base.tables import TABLES
 from wsnsim.recording.atomic_files import reason
 from wsnsim.recording.contents import Content, name_of
 from wsnsim.recording.object_headers import StoredColumn
-from wsnsim.recording.rows import KINDS, TEXTS, WRITING, DamagedContent, PackedRows, demand_schema, packed_rows
+from wsnsim.recording.rows import (
+    KINDS,
+    TEXTS,
+    WRITING,
+    DamagedContent,
+    PackedRows,
+    demand_schema,
+    open_to_read,
+    packed_rows,
+)
 
 NUMBER: Final = (int, float)
 TYPES: Final[dict[str, tuple[type, ...]]] = {
@@ -211,7 +220,7 @@ def opened(path: str | Path, unfinished: bool = False) -> Iterator[Content]:
         irregular = "is a folder, not a result" if os.path.isdir(path) else why_not_regular(path)  # noqa: PTH112
         raise ResultError(f"{path}: {irregular or 'no such file' + _nearest(path)}")
     try:
-        file = h5f.open(os.fsencode(path), h5f.ACC_RDONLY, _access())
+        file = open_to_read(path)
         try:
             content = Content(file)
             _check(content, path, unfinished)
@@ -265,13 +274,6 @@ def position_of(content: Content) -> tuple[int, ...] | None:
     if not isinstance(indices, list) or not all(isinstance(i, int) and 0 <= i < count for i in indices):
         raise DamagedContent("the position is not among the state columns")
     return tuple(indices)
-
-
-def _access() -> h5p.PropFAID:
-    """File access in which closing the file closes all objects of it, even after an error."""
-    access = h5p.create(h5p.FILE_ACCESS)
-    access.set_fclose_degree(h5f.CLOSE_STRONG)
-    return access
 
 
 def _check(content: Content, path: Path, unfinished: bool) -> None:

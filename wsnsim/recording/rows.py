@@ -99,17 +99,22 @@ def write_packed_rows(group: h5py.Group, columns: Sequence[Column], values: Mapp
     group.attrs.create(ROWS, records, dtype=dtype)
 
 
+def open_to_read(path: Path) -> h5f.FileID:
+    """The file, opened by HDF5 itself; whatever is open in it is closed with it."""
+    access = h5p.create(h5p.FILE_ACCESS)
+    access.set_fclose_degree(h5f.CLOSE_STRONG)
+    return h5f.open(os.fsencode(path), h5f.ACC_RDONLY, access)
+
+
 def read_packed_rows(path: Path, table: str) -> PackedRows | None:
     """The rows of a result file; None if they have to be read in the ordinary way, or cannot be read.
 
     It does without the classes of h5py, which take longer than HDF5 itself.
     """
-    access = h5p.create(h5p.FILE_ACCESS)
-    access.set_fclose_degree(h5f.CLOSE_STRONG)
     try:
         if not stat.S_ISREG(path.stat().st_mode):  # opening a pipe would wait for ever
             return None
-        file = h5f.open(os.fsencode(path), h5f.ACC_RDONLY, access)
+        file = open_to_read(path)
     except (OSError, RuntimeError):
         return None
     try:

@@ -27,19 +27,8 @@ import numpy as np
 from wsnsim.base.errors import ResultError, StorageError, did_you_mean
 from wsnsim.base.tables import TABLES, Column, Words, columns_of, equally_long
 from wsnsim.base.version import __version__
+from wsnsim.recording import rows
 from wsnsim.recording.atomic_files import cannot_write, temporary_beside
-from wsnsim.recording.rows import (
-    COMPLETE,
-    FLUSH_EVERY,
-    SCHEMA_VERSION,
-    SHORT_TABLES,
-    TEXTS,
-    WRITING,
-    TableBuffer,
-    fitted_rows,
-    flag_words,
-    write_meanings,
-)
 
 
 @final
@@ -68,7 +57,7 @@ class ResultFile:
         position: Sequence[int] | None = None,
         components: int = 1,
         duty_cycled: bool = False,
-        status: str = COMPLETE,
+        status: str = rows.COMPLETE,
     ) -> None:
         unknown = wanted.keys() - TABLES.keys()
         assert not unknown, f"unknown tables: {', '.join(sorted(unknown))}"
@@ -81,7 +70,7 @@ class ResultFile:
         self._duty_cycled = duty_cycled
         self._wanted = tuple(table for table in TABLES if wanted.get(table, False))
         self._status = status
-        self._buffers: dict[str, TableBuffer] = {}
+        self._buffers: dict[str, rows.TableBuffer] = {}
         self._provenance: str | None = None
         self._cleanup = contextlib.ExitStack()
         self._flushed_at = float("-inf")
@@ -126,7 +115,7 @@ class ResultFile:
 
     def set_text(self, name: str, text: str) -> None:
         """Store one of `rows.TEXTS`. The end of the run is added to `provenance_json` when the file is closed."""
-        assert name in TEXTS, f"unknown text: {name}"
+        assert name in rows.TEXTS, f"unknown text: {name}"
         if name == "provenance_json":
             self._provenance = text
         try:
@@ -136,27 +125,25 @@ class ResultFile:
 
     def _begin(self) -> None:
         self._cleanup.callback(self._tmp.unlink, missing_ok=True)
-        self._in_memory = set(self._wanted) <= set(
-            SHORT_TABLES
-        )  # HDF5 may crash on a full disk; short tables need no disk before the end
+        self._in_memory = set(self._wanted) <= set(rows.SHORT_TABLES)  # HDF5 may crash on a full disk
         self._file = _create(self._tmp, self._in_memory)
         self._cleanup.callback(self._file.close)
         attributes = self._file.attrs
-        attributes["schema_version"] = SCHEMA_VERSION
+        attributes["schema_version"] = rows.SCHEMA_VERSION
         attributes["wsnsim_version"] = __version__
-        attributes["status"] = WRITING
+        attributes["status"] = rows.WRITING
         attributes["states"] = [name for name, _ in self._states]
         attributes["state_units"] = [unit for _, unit in self._states]
         if self._position is not None:
             attributes["position"] = list(self._position)
         for table in self._wanted:
             columns = columns_of(table, self._states, self._position, self._components, self._duty_cycled)
-            self._buffers[table] = TableBuffer(self._file.create_group(table), columns)
+            self._buffers[table] = rows.TableBuffer(self._file.create_group(table), columns)
         self._file.flush()
 
     def _flush_if_due(self) -> None:
         now = time.monotonic()
-        if now - self._flushed_at >= FLUSH_EVERY:
+        if now - self._flushed_at >= rows.FLUSH_EVERY:
             self._write_words()
             self._file.flush()
             self._flushed_at = now
@@ -164,13 +151,13 @@ class ResultFile:
     def _write_words(self) -> None:
         for name, words in (("events/what", self.words), ("tracker_state/name", self.state_names)):
             if name in self._file:
-                write_meanings(self._file[name], words.all())
+                rows.write_meanings(self._file[name], words.all())
 
     def _finish(self) -> None:
         for buffer in self._buffers.values():
             buffer.finish()
         self._write_words()
-        if self._provenance is not None and self._status == COMPLETE:
+        if self._provenance is not None and self._status == rows.COMPLETE:
             _put_text(self._file, "provenance_json", with_end(self._provenance))
         self._file.attrs["status"] = self._status
         if self._in_memory:
@@ -274,12 +261,12 @@ class MemoryResult:
         """Append rows to a table: for every column an array or list of one length, or a scalar, which is repeated."""
         assert table in TABLES, f"unknown table: {table}"
         if table in self._pieces:
-            fitted = fitted_rows(table, self._columns[table], columns)
+            fitted = rows.fitted_rows(table, self._columns[table], columns)
             self._pieces[table].append({name: array.copy() for name, array in equally_long(fitted).items()})
 
     def set_text(self, name: str, text: str) -> None:
         """Keep one of `rows.TEXTS`."""
-        assert name in TEXTS, f"unknown text: {name}"
+        assert name in rows.TEXTS, f"unknown text: {name}"
         self._texts[name] = text
 
     def table(self, name: str) -> tuple[dict[str, np.ndarray], dict[str, tuple[str, ...]]]:
@@ -317,4 +304,4 @@ class MemoryResult:
         registered = {("events", "what"): self.words, ("tracker_state", "name"): self.state_names}.get(
             (table, column.name)
         )
-        return flag_words(column.meanings if registered is None else registered.all())
+        return rows.flag_words(column.meanings if registered is None else registered.all())

@@ -8,15 +8,17 @@ What a component can say about its own values is in its `check`. `docs/combinati
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from wsnsim.base.arrays import components_of, periods_of
 from wsnsim.base.errors import Issue, RunError
+from wsnsim.base.medium_access import is_duty_cycled
+from wsnsim.base.network_ports import Deployment
+from wsnsim.base.radio import Mode
+from wsnsim.base.sensing import HEIGHT, may_have_gains, samples_gains
+from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
 from wsnsim.scenario.registry import ROLES, Plugins, kinds, load_class
-
-if TYPE_CHECKING:
-    from wsnsim.base.network_ports import Deployment
-    from wsnsim.base.setups import RadioSetup, Setup, TrackingSetup
-    from wsnsim.scenario.schema import Scenario
+from wsnsim.scenario.schema import Scenario
 
 MOST_COMPONENTS: Final = 4
 """Components of a reading that fit into its packet, which holds four numbers."""
@@ -24,8 +26,6 @@ MOST_COMPONENTS: Final = 4
 
 def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for each ability that the tracker needs, or assumes, and the sensor does not have."""
-    from wsnsim.base.sensing import HEIGHT, may_have_gains, samples_gains
-
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     lacking = [
         one for one in getattr(setup.tracker, "needs", ()) if not callable(getattr(setup.filter_sensor, one, None))
@@ -53,9 +53,6 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
 
 def _readings_not_taken(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for readings with several components, or with angles, that the scenario cannot do with."""
-    from wsnsim.base.arrays import components_of, periods_of
-    from wsnsim.base.setups import NetworkSetup
-
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     names = components_of(setup.filter_sensor)
     needed = [("vector_readings", "readings of several components")] if len(names) > 1 else []
@@ -119,8 +116,6 @@ def kinds_with(role: str, ability: str, allowed: Plugins = Plugins.NONE) -> Iter
 
 def impossible_combinations(setup: Setup) -> Iterator[Issue]:
     """Yield an issue for each rule that a scenario breaks."""
-    from wsnsim.base.setups import RadioSetup
-
     if isinstance(setup, RadioSetup):
         for rule in RULES:
             yield from rule(setup)
@@ -128,8 +123,6 @@ def impossible_combinations(setup: Setup) -> Iterator[Issue]:
 
 def awake_between_wake_ups(setup: RadioSetup) -> Iterator[Issue]:
     """A sleep schedule whose nodes are awake for less than a wake interval: some sleep whenever their radio is due."""
-    from wsnsim.base.medium_access import is_duty_cycled
-
     awake, interval = getattr(setup.sleep, "awake_part", None), setup.hop.unicast
     if awake is not None and is_duty_cycled(setup.mac) and awake < interval:
         yield Issue(
@@ -141,8 +134,6 @@ def awake_between_wake_ups(setup: RadioSetup) -> Iterator[Issue]:
 
 def nothing_to_follow(setup: RadioSetup) -> Iterator[Issue]:
     """A short wake interval that no node would ever use, since nothing tells nodes of a target."""
-    from wsnsim.base.setups import NetworkSetup
-
     if getattr(setup.mac, "near", None) is None:
         return
     if not isinstance(setup, NetworkSetup):
@@ -157,9 +148,6 @@ def nothing_to_follow(setup: RadioSetup) -> Iterator[Issue]:
 
 def woken_too_late(setup: RadioSetup) -> Iterator[Issue]:
     """Wake-up messages that take longer than the step for which they wake nodes, where nobody is called instead."""
-    from wsnsim.base.radio import Mode
-    from wsnsim.base.setups import NetworkSetup
-
     if not isinstance(setup, NetworkSetup) or setup.wakeup.mechanism == "none" or setup.sleep.rest is Mode.SCHEDULED:
         return
     if setup.hop.broadcast >= setup.dt:
@@ -173,8 +161,6 @@ def woken_too_late(setup: RadioSetup) -> Iterator[Issue]:
 
 def sends_without_end(setup: RadioSetup) -> Iterator[Issue]:
     """A workload whose nodes send more often than one frame takes."""
-    from wsnsim.base.medium_access import is_duty_cycled
-
     workload = getattr(setup, "workload", None)
     period = getattr(workload, "period", None)
     mechanism = getattr(workload, "mechanism", "")
@@ -197,8 +183,6 @@ def clocks_corrected_twice(setup: RadioSetup) -> Iterator[Issue]:
 
 def drift_beyond_guard(setup: RadioSetup) -> Iterator[Issue]:
     """Clocks of which most pairs part by more than the guard of a slot within a step: members miss their slots."""
-    from wsnsim.base.setups import NetworkSetup
-
     guard = getattr(setup.mac, "guard", None)
     if not isinstance(setup, NetworkSetup) or setup.mac.mechanism != "tdma" or guard is None:
         return

@@ -1,7 +1,8 @@
 """The axes of a sweep: from a file or `--vary` to points, each a set of values assigned to a scenario.
 
     values_of(node) -> the values of one axis: a list, {range: [a, b], count: n}, {log_range: [a, b], count: n}
-    grid(axes), zipped(axes), random(sampling), latin_hypercube(sampling) -> points, as tuples of (keys, LocatedValue)
+    grid(axes), zipped(axes), random(points, seed, axes), latin_hypercube(points, seed, axes)
+    -> points, as tuples of (keys, LocatedValue)
 
 Issues are raised as `InvalidAxis`, with the value that causes them. Points are counted before they are listed.
 """
@@ -79,14 +80,6 @@ class Span(NamedTuple):
         return (1.0 - share) * low + share * high
 
 
-class Sampling(NamedTuple):
-    """A random sample of points: their number, the seed and the axes."""
-
-    points: int
-    seed: int
-    over: Axes
-
-
 def values_of(node: LocatedValue) -> list[LocatedValue]:
     """Return the values of one axis, in order, each once.
 
@@ -140,40 +133,36 @@ def zipped(axes: Axes) -> list[Settings]:
     return [tuple(zip(axes, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def random(draw: Sampling) -> list[Settings]:
+def random(points: int, seed: int, over: Axes) -> list[Settings]:
     """Return independent points, uniform over the axes. A longer sample begins with the points of a shorter one."""
-    rng = np.random.Generator(np.random.Philox(draw.seed))
-    return _placed(draw, rng.random((draw.points, len(draw.over))))
+    return _placed(over, np.random.Generator(np.random.Philox(seed)).random((points, len(over))))
 
 
-def latin_hypercube(draw: Sampling) -> list[Settings]:
+def latin_hypercube(points: int, seed: int, over: Axes) -> list[Settings]:
     """Return a Latin hypercube sample: each axis is cut into as many intervals as points, with one point in each.
 
     Another number of points gives other points. Source: McKay, Beckman, Conover (1979).
     """
     from scipy.stats import qmc
 
-    sampler = qmc.LatinHypercube(len(draw.over), rng=np.random.Generator(np.random.Philox(draw.seed)))
-    return _placed(draw, sampler.random(draw.points))
+    sampler = qmc.LatinHypercube(len(over), rng=np.random.Generator(np.random.Philox(seed)))
+    return _placed(over, sampler.random(points))
 
 
 def demand_few(count: int, node: LocatedValue) -> None:
     """Refuse more points than MOST_POINTS."""
     if count > MOST_POINTS:
-        raise InvalidAxis(node, f"makes {_large(count)} points; at most {MOST_POINTS:,} are allowed")
+        large = f"{count:,}" if count < 10**15 else f"{Decimal(count):.2e}"
+        raise InvalidAxis(node, f"makes {large} points; at most {MOST_POINTS:,} are allowed")
 
 
-def _large(count: int) -> str:
-    return f"{count:,}" if count < 10**15 else f"{Decimal(count):.2e}"
-
-
-def _placed(draw: Sampling, uniforms: np.ndarray) -> list[Settings]:
+def _placed(over: Axes, uniforms: np.ndarray) -> list[Settings]:
     """Return the points at fractions in [0, 1) of each axis. Equal points (of whole numbers) are kept once."""
-    pickers = list(map(_picker, draw.over.values()))
+    pickers = list(map(_picker, over.values()))
     points: dict[str, Settings] = {}
     for row in uniforms.tolist():
         nodes = [pick(share) for pick, share in zip(pickers, row, strict=True)]
-        points.setdefault(repr([node.plain() for node in nodes]), tuple(zip(draw.over, nodes, strict=True)))
+        points.setdefault(repr([node.plain() for node in nodes]), tuple(zip(over, nodes, strict=True)))
     return list(points.values())
 
 

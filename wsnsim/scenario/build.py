@@ -14,7 +14,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from wsnsim.base.errors import Issue, ScenarioError, UsageError
-from wsnsim.scenario.abilities import impossible_combinations, kinds_with, missing_abilities
 from wsnsim.scenario.registry import AT_TOP, ROLES, Role, find
 from wsnsim.scenario.texts import Keys, in_order
 
@@ -171,6 +170,7 @@ def _of_targets(scenario: Scenario, components: dict[Keys, Any]) -> dict[str, An
 def _issues(scenario: Scenario, setup: TrackingSetup | BeaconSetup, components: dict[Keys, Any]) -> Iterator[Issue]:
     """Yield the issues that the components find in the setup, each once."""
     from wsnsim.base.setups import TrackingSetup
+    from wsnsim.scenario.abilities import impossible_combinations, missing_abilities
 
     yield from _out_of_scope(scenario)
     found = {
@@ -208,6 +208,8 @@ def _out_of_scope(scenario: Scenario) -> Iterator[Issue]:
 
 def _beyond_sensors(components: dict[Keys, Any]) -> Iterator[Issue]:
     """Yield an issue for each fault that acts on what only a network has."""
+    from wsnsim.scenario.abilities import kinds_with
+
     for path, part in components.items():
         if path[0] == ROLES["fault"].listed and not getattr(part, "standalone", False):
             message = "acts on batteries, radios, clocks or messages, and without a network there are sensors alone"

@@ -64,11 +64,10 @@ FILES: Final = {"nodes.csv": NODES, "track.csv": TRACK, "readings.csv": READINGS
 def _special() -> dict[tuple[str, str], Example]:
     """Return the examples of kinds that need parameters, or another base: the rows of examples.table."""
     ((_, rows),) = read_sections(Path(__file__).with_name("examples.table"))
-    return {(role, kind): _example(base, lines) for role, kind, base, *lines in rows}
-
-
-def _example(base: str, lines: list[str]) -> Example:
-    return Example(base, tuple(lines), {name: text for name, text in FILES.items() if name in " ".join(lines)})
+    return {
+        (role, kind): Example(base, tuple(lines), {name: FILES[name] for name in FILES if name in " ".join(lines)})
+        for role, kind, base, *lines in rows
+    }
 
 
 _FAULT: Final = "at: 9 s, nodes: [0, 1]"

@@ -25,7 +25,7 @@ from wsnsim.base.plugin_code import PluginImport, announce
 from wsnsim.scenario.examples import Example, example_of
 from wsnsim.scenario.fields import PartError, fields_of
 from wsnsim.scenario.parameter_info import ParameterInfo, assumptions, has_no_default, parameters_of
-from wsnsim.scenario.registry import ROLES, Kind, Role, find, kinds, load_class, search
+from wsnsim.scenario.registry import ROLES, Kind, find, kinds, load_class, search
 
 NOT_LOOKED_UP: Final = "not looked up"
 """The mark of a DOI that was not compared with the record at doi.org."""
@@ -148,7 +148,7 @@ def kinds_named(word: str) -> list[tuple[str, str]]:
     if ":" in word:
         return _plugin(word)
     role, dot, name = word.rpartition(".")
-    roles = _roles(role) if dot else list(ROLES.values())
+    roles = [found for found in ROLES.values() if not dot or role in (found.name, found.plural, found.listed)]
     named = [(found.name, name) for found in roles if name in kinds(found.name)]
     return named or [
         (found.name, row.kind)
@@ -187,10 +187,6 @@ def _import_line(role: str, entry: Kind, part: type[Any]) -> str:
     """Return the line that imports the class of a component; that of a plug-in is imported from its own module."""
     is_own = entry in ROLES[role].kinds
     return import_line(role, entry.kind) if is_own else f"from {part.__module__} import {part.__name__}"
-
-
-def _roles(word: str) -> list[Role]:
-    return [role for role in ROLES.values() if word in (role.name, role.plural, role.listed)]
 
 
 def _plugin(path: str) -> list[tuple[str, str]]:

@@ -154,10 +154,9 @@ def short_number(value: float, digits: int = 6) -> str:
 
 
 def _default(field: dataclasses.Field[Any]) -> str | None:
-    if field.default is not dataclasses.MISSING:
-        return as_written(field.default)
-    factory = field.default_factory
-    return None if factory is dataclasses.MISSING else as_written(factory())
+    if has_no_default(field):
+        return None
+    return as_written(field.default if field.default_factory is dataclasses.MISSING else field.default_factory())
 
 
 def as_written(value: Any) -> str:

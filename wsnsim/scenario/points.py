@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple, final
 from wsnsim.base.errors import Issue, ScenarioError, dotted
 from wsnsim.base.files import read_regular
 from wsnsim.scenario import axes as shapes
-from wsnsim.scenario.axes import Axes, InvalidAxis, Sampling, Settings
+from wsnsim.scenario.axes import Axes, InvalidAxis, Settings
 from wsnsim.scenario.build import build, resolved
 from wsnsim.scenario.check import validated
 from wsnsim.scenario.load import keys_of
@@ -259,12 +259,8 @@ def _sampled(tree: LocatedValue, written: SweepText, found: Findings) -> Iterato
             with found.collected():
                 if not over.value:
                     raise InvalidAxis(over, "is empty: name the axes of the random points")
-                make = functools.partial(_placed, place, drawn.points, drawn.seed)
+                make = functools.partial(place, drawn.points, drawn.seed)
                 yield _made(make, _axes(over, found), found)
-
-
-def _placed(place: Callable[[Sampling], list[Settings]], points: int, seed: int, axes: Axes) -> list[Settings]:
-    return place(Sampling(points, seed, axes))
 
 
 def _made(make: Callable[[Axes], list[Settings]], axes: Axes, found: Findings) -> list[Settings]:

@@ -39,19 +39,14 @@ TRACKING: Final = "tracking"
 _Flag = Annotated[bool, Strict("bool")]
 
 
-def is_safe_name(name: str) -> bool:
-    """Return whether a name is a valid file name on every system, with a suffix and as a temporary name."""
-    return len(name) <= MOST_CHARACTERS and SAFE_CHARACTERS.fullmatch(name) is not None and not is_too_long(name)
-
-
 def unsafe_name(name: str, what: str) -> str:
-    """Return why a name cannot be that of `what` ('a file'), and what is allowed; '' if it can."""
-    if is_safe_name(name):
-        return ""
-    if SAFE_CHARACTERS.fullmatch(name):
+    """Return why a name cannot be that of `what` ('a file') on every system, and what is allowed; '' if it can."""
+    if not SAFE_CHARACTERS.fullmatch(name):
+        return f"cannot name {what}: use letters and digits, then also '_', '-' and '.'"
+    if len(name) > MOST_CHARACTERS or is_too_long(name):
         most = LARGEST_NAME - LONGEST_ADDITION
         return f"is too long to name {what}: at most {MOST_CHARACTERS} characters and {most} bytes are allowed"
-    return f"cannot name {what}: use letters and digits, then also '_', '-' and '.'"
+    return ""
 
 
 def names(what: str) -> AfterValidator:

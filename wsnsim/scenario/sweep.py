@@ -114,7 +114,8 @@ def load_sweep(
     assignments, wrong = assignments_of(overrides)
     found.add(wrong)
     bases = _bases(tree, found) if own is None else [own]
-    common = [*_record(tree.spot), *assignments_in(tree.child("set"), found), *assignments]
+    recorded = [(("record", table), LocatedValue(table in KEPT, tree.spot)) for table in TABLES]
+    common: list[Assignment] = [*recorded, *assignments_in(tree.child("set"), found), *assignments]
     found.tree = tree = with_reals(tree, bases, common)
     settings = combined(tree, written, found)
     names: list[PointName] | None = None
@@ -276,7 +277,3 @@ def _with_given(tree: LocatedValue, given: Mapping[str, Any], name: str) -> Loca
     }
     kept = {key: entry for key, entry in tree.value.items() if not ("replicates" in replacements and key == "until")}
     return LocatedValue({**default, **kept, **replacements}, tree.spot)
-
-
-def _record(spot: Spot) -> list[Assignment]:
-    return [(("record", table), LocatedValue(table in KEPT, spot)) for table in TABLES]

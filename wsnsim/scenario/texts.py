@@ -29,17 +29,17 @@ SHEET: Final = re.compile(r"^sheet\s*:\s*(\w+)", re.MULTILINE)
 
 def shipped() -> dict[str, Path]:
     """Return the scenarios that come with wsnsim, by name."""
-    return _shipped("*.yaml")
+    return {path.stem: path for path in _paths("*.yaml")}
 
 
 def shipped_parts() -> dict[str, Path]:
     """Return the datasheets that come with wsnsim, by name."""
-    return _shipped("parts/*.yaml")
+    return {path.stem: path for path in _paths("parts/*.yaml")}
 
 
 def shipped_sweeps() -> dict[str, Path]:
     """Return the sweeps that come with wsnsim, by name."""
-    return _shipped("sweeps/*.yaml")
+    return {path.stem: path for path in _paths("sweeps/*.yaml")}
 
 
 def shipped_studies() -> dict[str, Path]:
@@ -147,10 +147,6 @@ def _first_file(paths: tuple[Path, ...]) -> Path | None:
         return next((path for path in paths if path.exists() and not path.is_dir()), None)
     except (OSError, ValueError):  # a name that no file can have
         return None
-
-
-def _shipped(pattern: str) -> dict[str, Path]:
-    return {path.stem: path for path in _paths(pattern)}
 
 
 def _paths(pattern: str) -> list[Path]:

@@ -14,12 +14,14 @@ import functools
 import math
 import re
 from decimal import Context, Decimal, localcontext
+from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from wsnsim.base.errors import did_you_mean
+from wsnsim.base.files import read_sections
 from wsnsim.base.part import Quantity
 
 BASES: Final = ("m", "kg", "s", "A", "rad", "bit", "dB")
@@ -27,39 +29,11 @@ Dimension = tuple[int, ...]
 DIMENSIONLESS: Final[Dimension] = (0,) * len(BASES)
 EXACT: Final = Context(prec=60, Emax=99_999, Emin=-99_999, traps=[])
 PREFIXES: Final = {"p": "1e-12", "n": "1e-9", "u": "1e-6", "m": "1e-3", "c": "1e-2", "k": "1e3", "M": "1e6", "G": "1e9"}
-PI: Final = "3.14159265358979323846264338327950288419716939937510582097494"
-
-# symbol: (factor to SI, powers of the bases, prefixes that it takes)
-SYMBOLS: Final[dict[str, tuple[str, dict[str, int], str]]] = {
-    "1": ("1", {}, ""),
-    "%": ("0.01", {}, ""),
-    "ppm": ("1e-6", {}, ""),
-    "m": ("1", {"m": 1}, "numck"),
-    "g": ("1e-3", {"kg": 1}, "mk"),
-    "s": ("1", {"s": 1}, "pnum"),
-    "min": ("60", {"s": 1}, ""),
-    "h": ("3600", {"s": 1}, ""),
-    "d": ("86400", {"s": 1}, ""),
-    "Hz": ("1", {"s": -1}, "mkMG"),
-    "A": ("1", {"A": 1}, "num"),
-    "Ah": ("3600", {"A": 1, "s": 1}, "m"),
-    "V": ("1", {"kg": 1, "m": 2, "s": -3, "A": -1}, "umk"),
-    "F": ("1", {"kg": -1, "m": -2, "s": 4, "A": 2}, "pnum"),
-    "J": ("1", {"kg": 1, "m": 2, "s": -2}, "pnumkM"),
-    "Wh": ("3600", {"kg": 1, "m": 2, "s": -2}, "mk"),
-    "W": ("1", {"kg": 1, "m": 2, "s": -3}, "pnumkM"),
-    "bit": ("1", {"bit": 1}, "kMG"),
-    "B": ("8", {"bit": 1}, "kMG"),
-    "rad": ("1", {"rad": 1}, "m"),
-    "deg": (str(EXACT.divide(Decimal(PI), Decimal(180))), {"rad": 1}, ""),
-    "dB": ("1", {"dB": 1}, ""),
-}
-WORDS: Final = {
-    "m": "length", "m2": "area", "m3": "volume", "kg": "mass", "s": "time", "Hz": "frequency", "m/s": "speed",
-    "m/s2": "acceleration", "A": "current", "Ah": "charge", "V": "voltage", "F": "capacitance", "J": "energy",
-    "W": "power", "bit": "amount of data", "bit/s": "data rate", "rad": "angle", "dB": "level",
-    "J/bit": "energy per bit", "J/bit/m2": "energy per bit and area", "J/bit/m4": "energy per bit and squared area",
-}  # fmt: skip
+_TABLES: Final = read_sections(Path(__file__).with_name("units.table"))
+SYMBOLS: Final = {symbol: (factor, powers, prefixes) for symbol, factor, powers, prefixes in _TABLES[0].rows}
+"""The factor of each unit to SI, the powers of `BASES`, and the prefixes that it takes."""
+WORDS: Final = {unit: words for unit, words, *_ in _TABLES[1].rows}
+"""What units measure."""
 NUMBER: Final = r"[-+]?(?:\.\d++|\d++(?:\.\d*+)?)(?:[eE][-+]?\d++)?+|[-+]?\.inf"
 QUANTITY: Final = re.compile(rf"({NUMBER})\s*([^\d\s].*|1\s*/.*)?", re.ASCII)
 FACTOR: Final = re.compile(r"(1$|%|[^\W\d_]+)(?:\^?(-?[1-9]))?")
@@ -113,7 +87,8 @@ def _convert(number: Decimal, unit_text: str, unit: str) -> Decimal:
     if given is None:
         raise UnitError(f"unknown unit {shown(unit_text)}{_suggestion(unit_text)}, expected {wanted(unit)}")
     if expected is None or given.dimension != expected.dimension:
-        raise UnitError(f"{shown(unit_text)} is {_description(given)}, expected {wanted(unit)}")
+        what = "a pure number" if given.dimension == DIMENSIONLESS else f"a unit of {given.words}"
+        raise UnitError(f"{shown(unit_text)} is {what}, expected {wanted(unit)}")
     if given.decibel:
         return Decimal(10) ** ((number - 30) / 10)
     value = number * given.factor
@@ -136,8 +111,8 @@ def parse(text: str) -> Unit | None:
         if match is None or known is None:
             return None
         power = int(match.group(2) or 1)
-        joint = "" if not words else " per " if sign == "/" else " times "
-        words.append(joint + _dimension_name(_to_power(known[1], power), piece))
+        joint, own = "" if not words else " per " if sign == "/" else " times ", _to_power(known[1], power)
+        words.append(joint + ("one" if own == DIMENSIONLESS else _dimension_names().get(own, piece)))
         power = -power if sign == "/" else power
         factor = EXACT.multiply(factor, EXACT.power(known[0], power))
         dimension = tuple(a + b for a, b in zip(dimension, _to_power(known[1], power), strict=True))
@@ -163,14 +138,6 @@ def _suggestion(unit_text: str) -> str:
     return f" ({guess})" if guess.startswith("did") else ""
 
 
-def _description(unit: Unit) -> str:
-    return "a pure number" if unit.dimension == DIMENSIONLESS else f"a unit of {unit.words}"
-
-
-def _dimension_name(dimension: Dimension, piece: str) -> str:
-    return "one" if dimension == DIMENSIONLESS else _dimension_names().get(dimension, piece)
-
-
 def _to_power(dimension: Dimension, power: int) -> Dimension:
     return tuple(power * exponent for exponent in dimension)
 
@@ -184,10 +151,11 @@ def _table() -> dict[str, tuple[Decimal, Dimension]]:
     """Return every symbol, with and without its prefixes."""
     table = {}
     for symbol, (factor, powers, prefixes) in SYMBOLS.items():
+        dimension = _dimension({match[1]: int(match[2] or 1) for match in FACTOR.finditer(powers)})
         for prefix in ["", *prefixes]:
             scale = Decimal(PREFIXES[prefix]) if prefix else Decimal(1)
             assert prefix + symbol not in table, f"two units are written {prefix + symbol}"
-            table[prefix + symbol] = (EXACT.multiply(scale, Decimal(factor)), _dimension(powers))
+            table[prefix + symbol] = (EXACT.multiply(scale, Decimal(factor)), dimension)
     return table
 
 

@@ -25,18 +25,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.requests import (
-    Broadcast,
-    Gather,
-    GatheredReadings,
-    GatherReadings,
-    Local,
-    Member,
-    Parcel,
-    Request,
-    Scatter,
-    Send,
-)
+from wsnsim.base import requests
 from wsnsim.offline.loopback import Lose, answer_to
 from wsnsim.testing.privacy import same
 
@@ -50,7 +39,9 @@ def plain(payload: Any) -> Any:
     Raises:
         AssertionError: It holds something that is no value: a `Member`, a function, an object with a state.
     """
-    assert not isinstance(payload, Member), "a payload holds a live Member: send values that are read when it is sent"
+    assert not isinstance(payload, requests.Member), (
+        "a payload holds a live Member: send values that are read when it is sent"
+    )
     if payload is None or isinstance(payload, bool | np.bool_ | numbers.Number | str | bytes):
         return payload
     if isinstance(payload, np.ndarray) and payload.dtype.kind in "biufc":
@@ -68,7 +59,7 @@ def plain(payload: Any) -> Any:
     return tuple(plain(getattr(payload, each.name)) for each in dataclasses.fields(payload))
 
 
-def demand_enough_bits(parcel: Parcel, known: Set[float]) -> None:
+def demand_enough_bits(parcel: requests.Parcel, known: Set[float]) -> None:
     """Assert that a parcel has the bits that its payload needs; `known`: numbers that every node knows."""
     needed = _bits(plain(parcel.payload), known)
     declared = parcel.packets * parcel.packet_bits
@@ -131,35 +122,35 @@ class Isolation:
         self._altered = altered
         self.gathered: list[GatherRecord] = []
 
-    def answer(self, request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
+    def answer(self, request: requests.Request, members: dict[int, requests.Member], head: int, lose: Lose) -> Any:
         """The answer to a request.
 
         Raises:
             AssertionError: A payload is no value or has too few bits, or a node that is not altered sends other things.
         """
-        if isinstance(request, Local):
+        if isinstance(request, requests.Local):
             computed = answer_to(self._on_copies(request), members, head, lose)
             cycles = request.cycles
             if callable(cycles):
                 for node in computed:
                     cycles(copy.deepcopy(members[node]))
             return computed
-        if isinstance(request, Gather):
+        if isinstance(request, requests.Gather):
             return self._gather(request, members, head, lose)
-        if isinstance(request, GatherReadings):
-            return GatheredReadings.of(self._gather(request.gather(), members, head, lose))
-        if isinstance(request, Scatter):
+        if isinstance(request, requests.GatherReadings):
+            return requests.GatheredReadings.of(self._gather(request.gather(), members, head, lose))
+        if isinstance(request, requests.Scatter):
             parcels = {node: self._copied(parcel) for node, parcel in request.parcels.items()}
             return self._deliver(replace(request, parcels=parcels), members, head, lose)
-        if isinstance(request, Broadcast | Send):
+        if isinstance(request, requests.Broadcast | requests.Send):
             return self._deliver(replace(request, parcel=self._copied(request.parcel)), members, head, lose)
         return answer_to(request, members, head, lose)
 
-    def _on_copies(self, request: Local) -> Local:
+    def _on_copies(self, request: requests.Local) -> requests.Local:
         """A Local whose functions work on copies of members, from which the results are taken over."""
         work_all = request.work_all
 
-        def all_on_copies(members: list[Member]) -> None:
+        def all_on_copies(members: list[requests.Member]) -> None:
             assert work_all is not None, "it is called where there is a function for all"
             twins = [copy.deepcopy(member) for member in members]
             work_all(twins)
@@ -168,11 +159,13 @@ class Isolation:
 
         return replace(request, work=_on_copy(request.work), work_all=all_on_copies if work_all else None)
 
-    def _gather(self, request: Gather, members: dict[int, Member], head: int, lose: Lose) -> dict[int, Any]:
+    def _gather(
+        self, request: requests.Gather, members: dict[int, requests.Member], head: int, lose: Lose
+    ) -> dict[int, Any]:
         parcels: dict[int, Any] = {}
         parcel_on_copy = _on_copy(request.parcel_of)
 
-        def parcel_of(member: Member) -> Parcel | None:
+        def parcel_of(member: requests.Member) -> requests.Parcel | None:
             parcel = parcel_on_copy(member)
             if parcel is None:
                 return None
@@ -196,10 +189,9 @@ class Isolation:
             assert same(parcels.get(node, ()), earlier.parcels.get(node, ())), (
                 f"what node {node} sends depends on readings of other nodes that it never received"
             )
-        answer: dict[int, Any] = copy.deepcopy(earlier.answer)
-        return answer
+        return copy.deepcopy(earlier.answer)
 
-    def _deliver(self, request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
+    def _deliver(self, request: requests.Request, members: dict[int, requests.Member], head: int, lose: Lose) -> Any:
         """The answer to a request of the head; each receiver gets a copy of its own."""
         answer = answer_to(request, members, head, lose)
         for node in answer if isinstance(answer, dict) else ():
@@ -207,7 +199,7 @@ class Isolation:
             inbox[-1] = copy.deepcopy(inbox[-1])
         return answer
 
-    def _copied(self, parcel: Parcel, own: bool = False) -> Parcel:
+    def _copied(self, parcel: requests.Parcel, own: bool = False) -> requests.Parcel:
         """The parcel with a copied payload. A head's own parcel is not sent and needs no bits."""
         if own:
             plain(parcel.payload)
@@ -216,10 +208,10 @@ class Isolation:
         return replace(parcel, payload=copy.deepcopy(parcel.payload))
 
 
-def _on_copy(function: Callable[[Member], Any]) -> Callable[[Member], Any]:
+def _on_copy(function: Callable[[requests.Member], Any]) -> Callable[[requests.Member], Any]:
     """A function that works on a copy of a member, from which the results are taken over."""
 
-    def on_copy(member: Member) -> Any:
+    def on_copy(member: requests.Member) -> Any:
         twin = copy.deepcopy(member)
         result = function(twin)
         _take_over(member, twin)
@@ -228,5 +220,5 @@ def _on_copy(function: Callable[[Member], Any]) -> Callable[[Member], Any]:
     return on_copy
 
 
-def _take_over(member: Member, twin: Member) -> None:
+def _take_over(member: requests.Member, twin: requests.Member) -> None:
     member.inbox, member.memory = copy.deepcopy((twin.inbox, twin.memory))

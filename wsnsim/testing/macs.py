@@ -20,17 +20,8 @@ from wsnsim.base.tables import KIND, Memory
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.radio.radio_stack import make_radio_stack
 from wsnsim.scenario import build, load
-from wsnsim.testing.table import demand, demand_same_events, demand_silence_of_the_down, examined, run_with
+from wsnsim.testing.table import SCENARIOS, demand, demand_same_events, demand_silence_of_the_down, examined, run_with
 
-SCENARIO: Final[dict[str, Any]] = {
-    "name": "check_mac",
-    "duration": 60.0,
-    "deploy": {"kind": "grid", "nodes": 9, "width": 90.0, "height": 90.0, "cover": False},
-    "energy": {"kind": "first_order", "battery": 100.0},
-    "link": {"kind": "disk", "reach": 75.0},
-    "mac": {"kind": "ideal"},
-    "workload": {"kind": "beacons"},
-}
 HEAD: Final = 0
 MEMBERS: Final = tuple(range(1, 9))
 FAR: Final = 9
@@ -72,7 +63,7 @@ class _RadioCluster:
     """The nodes, their radio stack with the MAC, and the event log."""
 
     def __init__(self, mac: Mac, loss: float = 0.0) -> None:
-        setup = build(load({**SCENARIO, "link": {**SCENARIO["link"], "loss": loss}}))
+        setup = build(load(SCENARIOS / "mac.yaml", {"link.loss": loss}))
         assert isinstance(setup, RadioSetup), "the scenario has a network"
         self._memory = Memory()
         self.log = EventLog(self._memory, 0)
@@ -193,26 +184,6 @@ PLAN: Final = WakeUpPlan(
     target=0, step=7, sequence=300, sender=3, place=(0.0, 0.0), fix=(10.0, 0.0), heading=(1.0, 0.0),
     prediction=(12.0, 0.0), foreseen=True, due=14.0, ahead=2.0, sensing=40.0, reach=80.0, payload_bits=160,
 )  # fmt: skip
-WAKE_UP_SCENARIO: Final[dict[str, Any]] = {
-    "name": "check_wakeup",
-    "seed": 5,
-    "duration": 40.0,
-    "step": 2.0,
-    "lost": {"window": 20.0},
-    "deploy": {"kind": "uniform", "nodes": 200, "width": 400.0, "height": 400.0, "cover": False},
-    "motion": {"kind": "random_waypoint", "width": 300.0, "height": 300.0},
-    "sensor": {"kind": "range", "reach": 40.0, "sd": 2.0},
-    "energy": {"kind": "states", "radio": "cc2420", "processor": "msp430f1611"},
-    "link": {"kind": "disk", "reach": 80.0},
-    "mac": {"kind": "csma"},
-    "routing": {"kind": "greedy_geographic"},
-    "sleep": {"kind": "ris"},
-    "wakeup": {"kind": "directed_flood"},
-    "clusters": {"kind": "moving_head"},
-    "faults": [{"kind": "crash", "at": 21.0, "head": 0, "duration": 5.0}],
-    "tracker": {"kind": "gmtt"},
-}
-"""A small field of sleeping nodes with a moving head that crashes once."""
 
 
 def check_wakeup(wakeup: WakeUp) -> None:
@@ -263,7 +234,7 @@ def _check_decisions(wakeup: WakeUp, message: WakeUpMessage) -> None:
 def _run(wakeup: WakeUp) -> Memory:
     """One run of the small network."""
     main = "detection" if wakeup.mechanism == "invite" else "prediction"
-    return run_with({**WAKE_UP_SCENARIO, "clusters": {"kind": "moving_head", "main": main}}, wakeup=wakeup)
+    return run_with("wakeup", {"clusters.main": main}, wakeup=wakeup)
 
 
 def _check_run(memory: Memory) -> None:

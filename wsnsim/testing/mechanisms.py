@@ -141,19 +141,6 @@ def _positions(fault: FaultEvent) -> Floats:
     return np.column_stack([x + along, np.full(size, y)])
 
 
-SYNC_SCENARIO: Final[dict[str, Any]] = {
-    "name": "check_sync",
-    "seed": 5,
-    "duration": 1800.0,
-    "step": 10.0,
-    "deploy": {"kind": "grid", "nodes": 9, "width": 90.0, "height": 90.0, "cover": False},
-    "energy": {"kind": "first_order"},
-    "link": {"kind": "disk", "reach": 150.0},
-    "mac": {"kind": "csma"},
-    "clock": {"kind": "drift", "sd": 100e-6, "offset": 0.01},
-    "workload": {"kind": "beacons", "period": 1e6},
-}
-"""A small grid whose clocks differ by some 10 ms at the start, and by 180 ms after half an hour without correction."""
 CRASH: Final = {"kind": "crash", "at": 905.0, "duration": 3.0, "nodes": [4, 8]}
 """Two nodes are down for a while between two steps."""
 
@@ -218,21 +205,7 @@ class _Watched:
 
 def _run_synced(sync: TimeSync, *faults: dict[str, Any]) -> Memory:
     """The tables of one run of the grid."""
-    return run_with({**SYNC_SCENARIO, "faults": list(faults)}, {**RECORDED_BY_DEFAULT, "clocks": True}, sync=sync)
-
-
-WORKLOAD_SCENARIO: Final[dict[str, Any]] = {
-    "name": "check_workload",
-    "seed": 5,
-    "duration": 10.0,
-    "deploy": {"kind": "grid", "nodes": 25, "width": 250.0, "height": 250.0, "cover": False},
-    "energy": {"kind": "first_order"},
-    "link": {"kind": "disk", "reach": 75.0},
-    "mac": {"kind": "csma"},
-    "workload": {"kind": "beacons"},
-    "faults": [{"kind": "crash", "at": 0.7, "fraction": 0.3}],
-}
-"""A small grid, part of which crashes."""
+    return run_with("sync", {"faults": list(faults)}, {**RECORDED_BY_DEFAULT, "clocks": True}, sync=sync)
 
 
 def check_workload(workload: Workload) -> None:
@@ -250,11 +223,11 @@ def check_workload(workload: Workload) -> None:
     if workload.mechanism == "tracking":
         return
     workload = examined(workload, Workload)
-    first = run_with(WORKLOAD_SCENARIO, workload=workload)
+    first = run_with("workload", workload=workload)
     events = first.table("events")
     with demand("sends"):
         assert (events["kind"] == KIND["send"]).any(), "no node sends anything in 10 s"
     with demand("down"):
         demand_silence_of_the_down(events)
     with demand("repeatable"):
-        demand_same_events(first, run_with(WORKLOAD_SCENARIO, workload=workload))
+        demand_same_events(first, run_with("workload", workload=workload))

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -55,9 +56,15 @@ def examined(component: Component, port: type, columns: int | None = None) -> Co
         return checked(component, port, columns)
 
 
-def run_with(scenario: Mapping[str, Any], tables: Mapping[str, bool] | None = None, **components: Any) -> Memory:
-    """The tables of one run of a scenario, with these components in place of its own."""
-    memory, setup = Memory(tables), build(load(scenario))
+SCENARIOS: Final = Path(__file__).with_name("scenarios")
+"""The folder of the scenarios in which components are checked."""
+
+
+def run_with(
+    name: str, values: Mapping[str, Any] | None = None, tables: Mapping[str, bool] | None = None, **components: Any
+) -> Memory:
+    """The tables of one run of a scenario of `SCENARIOS`, with these values and components in place of its own."""
+    memory, setup = Memory(tables), build(load(SCENARIOS / f"{name}.yaml", values or {}))
     replicate_of(replace(setup, **components), 0, memory)
     return memory
 

@@ -226,7 +226,7 @@ def heard_share(found: TrackFolder, name: str, step: float) -> float:
     steps = math.floor(float(np.ptp(sample.times)) / step)
     kept = (numbers > 0) & (numbers <= steps)
     cells = np.unique(np.column_stack([numbers, sample.nodes])[kept], axis=0)
-    return len(cells) / (steps * len(sample.ids))
+    return len(cells) / (steps * len(sample.deployment.ids))
 
 
 def figures_in_words(found: TrackFolder) -> list[str]:

@@ -175,7 +175,7 @@ def _recorded(track: WalkedTrack, law: Mapping[str, Any]) -> dict[str, Any]:
 
 def _field(found: TrackFolder) -> dict[str, Any]:
     """The field: a rectangle around receivers and tracks."""
-    places = [found.sample.places[:, :2], found.sample.points[:, :2]]
+    places = [found.sample.deployment.places[:, :2], found.sample.points[:, :2]]
     low = [min(float(each[:, i].min()) for each in places) - MARGIN for i in (0, 1)]
     high = [max(float(each[:, i].max()) for each in places) + MARGIN for i in (0, 1)]
     centre = [round((a + b) / 2, 3) for a, b in zip(low, high, strict=True)]
@@ -208,7 +208,7 @@ def _panels(figure: Figure, count: int, shared: bool) -> list[Axes]:
 def _tracks(figure: Figure, data: Data) -> None:
     """The trajectory of every track, the receivers, and the estimates of one run on either kind of readings."""
     found, kind = tracks_of(data), data.registered["tracker"]
-    places = found.sample.places
+    places = found.sample.deployment.places
     panels = _panels(figure, len(found.tracks), True)
     for axes, track in zip(panels, found.tracks, strict=True):
         for word, look in LOOKS.items():
