@@ -113,18 +113,13 @@ def shows_difference(pair: Pair) -> bool:
     return bool((low > 0.0 or high < 0.0) and pair["p_holm"] <= LEVEL)
 
 
-def shows_losses(pair: Pair) -> bool:
-    """Whether one of the two loses its target in more runs, by McNemar's corrected p-value."""
-    return bool(pair["p_losses_holm"] <= LEVEL)
-
-
 def _of_losses(pair: Pair, words: PairWords) -> str:
     """The clause on losses; empty if no run was lost."""
     if math.isnan(pair["p_losses"]):
         return ""
     alone, other = int(pair["lost_alone"]), int(pair["baseline_lost_alone"])
     test = f"exact McNemar p = {p_value(pair['p_losses_holm'])}, Holm-corrected, {pair['common']:.0f} pairs"
-    if not shows_losses(pair):
+    if not pair["p_losses_holm"] <= LEVEL:
         return (
             f"no difference in losses is shown between {words.point} and {words.baseline}"
             f" ({counted(alone, 'run')} lost by the former alone, {other} by the latter alone, {test})"
@@ -152,7 +147,7 @@ def _of_metric(pair: Pair, words: PairWords) -> str:
             f"no difference in {name} is shown between {words.point} and {words.baseline}:"
             f" median {number(value)}{unit}, 95 % [{number(low)}, {number(high)}], {test}"
         )
-    size, *ends = sorted_by_size(value, low, high)
+    size, *ends = (value, low, high) if value > 0.0 else (-value, -high, -low)  # without the sign
     return (
         f"{words.point} is {number(size)}{unit} {_word(value, words)} than {words.baseline} in {name},"
         f" 95 % [{number(ends[0])}, {number(ends[1])}], {test}"
@@ -168,11 +163,6 @@ def _word(value: float, words: PairWords) -> str:
 
 def _is_error(words: PairWords) -> bool:
     return words.metric in ERRORS
-
-
-def sorted_by_size(value: float, low: float, high: float) -> tuple[float, float, float]:
-    """A difference without its sign, and the ends of its interval, the smaller first."""
-    return (value, low, high) if value > 0.0 else (-value, -high, -low)
 
 
 def number(value: float) -> str:

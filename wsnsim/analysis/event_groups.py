@@ -201,7 +201,7 @@ def group_events(
     rows = list(rows)
     heads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
     for row in rows:
-        if _is_too_late(row):
+        if row.kind == "drop" and row.frame == 0 and row.what == EXPIRED:
             message = messages.get((True, row.sequence))
             if message is None:
                 _add_action(row, False, actions, found.append)
@@ -214,11 +214,6 @@ def group_events(
     for row in _assign_calls([row for row in rows if row.kind in CALLS], list(messages.values())):
         _add_action(row, False, actions, found.append)
     return sorted(found, key=lambda one: one.time)
-
-
-def _is_too_late(row: LoggedEvent) -> bool:
-    """Whether a node dropped a received message because it had expired."""
-    return row.kind == "drop" and row.frame == 0 and row.what == EXPIRED
 
 
 def _assign_calls(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]) -> list[LoggedEvent]:

@@ -63,13 +63,9 @@ def read(path: str | Path, table: str = "", columns: Sequence[str] | None = None
         raise ResultError(f"{path}: no file matches")
     frames = [read_file(file, table, columns) for file in files]
     joined = stacked(files, frames, table)
-    joined["file"] = _file_column(files, frames)
-    return joined
-
-
-def _file_column(files: list[Path], frames: list[pd.DataFrame]) -> pd.Categorical:
     owners = np.repeat(np.arange(len(files)), [len(frame) for frame in frames])
-    return pd.Categorical.from_codes(owners, [str(file) for file in files])
+    joined["file"] = pd.Categorical.from_codes(owners, [str(file) for file in files])
+    return joined
 
 
 def parquet(source: Path, folder: Path, tables: Sequence[str] = ()) -> list[tuple[Path, int]]:

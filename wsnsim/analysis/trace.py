@@ -82,7 +82,11 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
     if target is not None and target not in known:
         raise UsageError(f"{path}: no target {target}; it has {', '.join(map(str, known)) or 'none'}")
     if network:
-        _demand_events(path)
+        if "events" not in table_names(path):
+            raise ResultError(
+                f"{path}: events were not recorded, so no step can be described; record them with: "
+                f"wsnsim run {path} --set record.events=true --out FILE.h5"
+            )
     rows = [
         row
         for row in (rows_at(path, replicate, step) if network else [])
@@ -141,15 +145,6 @@ def _check(path: str | Path, replicate: int, step: int) -> None:
         raise UsageError(f"{path}: no replicate {replicate}; it has {number_span(np.array(sorted(found)))}")
     if step > found[replicate]:
         raise UsageError(f"{path}: replicate {replicate} has steps 0 to {found[replicate]}, not {step}")
-
-
-def _demand_events(path: str | Path) -> None:
-    """Raise ResultError unless events were recorded."""
-    if "events" not in table_names(path):
-        raise ResultError(
-            f"{path}: events were not recorded, so no step can be described; record them with: "
-            f"wsnsim run {path} --set record.events=true --out FILE.h5"
-        )
 
 
 def _of_run(path: str | Path, table: str, replicate: int) -> list[dict[str, Any]]:

@@ -160,7 +160,8 @@ class Result:
         if self._memory is not None:
             self._memory.save(target)
         elif target.resolve() != self._report.out.resolve():
-            self._demand_file()
+            if not self._report.out.is_file():
+                raise ResultError(f"{self._report.out}: the file of this result is missing: it was moved or deleted")
             with replacing(target) as unfinished:
                 shutil.copyfile(self._report.out, unfinished)
         return target
@@ -254,11 +255,6 @@ class Result:
         report = state["report"]
         self._report = replace(report, scenario=experiment.load(report.scenario))
         self._memory = state["memory"]
-
-    def _demand_file(self) -> None:
-        """Raise ResultError if the file of the result is missing."""
-        if not self._report.out.is_file():
-            raise ResultError(f"{self._report.out}: the file of this result is missing: it was moved or deleted")
 
     @contextmanager
     def _file(self) -> Iterator[Path]:

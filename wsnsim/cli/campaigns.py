@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -76,7 +75,8 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
     if not is_sweep(source):
         if not vary:
             raise UsageError(_why_no_sweep(source))
-        changes["name"] = _campaign_name(source, vary)
+        keys = "_".join(axis.partition("=")[0].strip().rpartition(".")[2] for axis in vary)
+        changes["name"] = _file_name(f"{Path(source).stem}_by_{keys}")
     plan = load_sweep(source, vary, overrides, **changes)
     return session.run_plan(plan, options, interrupts, options.comparison.by)
 
@@ -146,12 +146,6 @@ def _why_no_sweep(source: str) -> str:
     if find_or_none(source) is not None:
         return f"{source} is a scenario: give the axes to vary with --vary KEY=VALUES"
     return f"unknown sweep, scenario or campaign '{source}' ({did_you_mean(source, shipped_sweeps())})"
-
-
-def _campaign_name(source: str, vary: Sequence[str]) -> str:
-    """The name of a campaign whose axes come from the command line, such as pso_mhpf_by_particles."""
-    keys = "_".join(axis.partition("=")[0].strip().rpartition(".")[2] for axis in vary)
-    return _file_name(f"{Path(source).stem}_by_{keys}")
 
 
 def _file_name(text: str) -> str:

@@ -60,7 +60,12 @@ def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out
         raise UsageError("--only cannot be combined with --data")
     chosen = reproducing.chosen(sources, only) if data is None else reproducing.on_data(sources, data)
     if figures:
-        _check_folder(figures)
+        try:
+            figures.mkdir(parents=True, exist_ok=True)
+            if not os.access(figures, os.W_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        except OSError as error:
+            raise UsageError(f"--figures {figures}: {error.strerror or error}") from None
     where = out / ("quick" if quick else "full")
     session = ReproductionSession(where, jobs, not quick, batch, quiet, progress, figures)
     session.begin_all(chosen, accept_code_change)
@@ -69,13 +74,3 @@ def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out
     if not interrupts.number:
         session.print_answer(as_json, markdown, [study(source) for source in sources])
     return code
-
-
-def _check_folder(path: Path) -> None:
-    """Raise UsageError, before anything runs, if figures cannot be written to the folder."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        if not os.access(path, os.W_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    except OSError as error:
-        raise UsageError(f"--figures {path}: {error.strerror or error}") from None

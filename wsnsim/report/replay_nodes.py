@@ -42,9 +42,16 @@ def add_nodes(encoder: ReplayEncoder) -> list[float] | None:
     x, y = (np.full(rows.size, encoder.box[2]), nodes["x"]) if run.flat else (nodes["x"], nodes["y"])
     add_places(encoder, nodes["node"], x, y)
     if run.events:
-        _add_states(encoder)
+        history = StateHistory(encoder.drawn.size)
+        history.add_changes(encoder)
+        encoder.columns["state"] = history.initial
     else:
-        _add_deaths(encoder, nodes)
+        # without an event log, every node is awake until its death
+        dead = np.flatnonzero(np.isfinite(nodes["died_at"])) if np.isfinite(encoder.run.dt) else np.empty(0, np.int64)
+        steps = np.ceil(nodes["died_at"][dead] / encoder.run.dt).clip(0, encoder.run.last)
+        encoder.columns["state"] = np.full(encoder.drawn.size, AWAKE, np.uint8)
+        states = np.full(dead.size, DEAD, np.uint8)
+        encoder.add("state_change", encoder.frame_of(steps), node=dead.astype("<u4"), state=states)
     return _add_charge(encoder, nodes) if run.network else None
 
 
@@ -54,22 +61,6 @@ def add_places(encoder: ReplayEncoder, nodes: Ints, x: Floats, y: Floats) -> Non
     encoder.columns["node"] = nodes.astype("<i4")
     encoder.columns["node_x"] = quantised(x, box[0], box[2])
     encoder.columns["node_y"] = quantised(y, box[1], box[3])
-
-
-def _add_deaths(encoder: ReplayEncoder, nodes: Columns) -> None:
-    """Without an event log, every node is awake until its death."""
-    dead = np.flatnonzero(np.isfinite(nodes["died_at"])) if np.isfinite(encoder.run.dt) else np.empty(0, np.int64)
-    steps = np.ceil(nodes["died_at"][dead] / encoder.run.dt).clip(0, encoder.run.last)
-    encoder.columns["state"] = np.full(encoder.drawn.size, AWAKE, np.uint8)
-    states = np.full(dead.size, DEAD, np.uint8)
-    encoder.add("state_change", encoder.frame_of(steps), node=dead.astype("<u4"), state=states)
-
-
-def _add_states(encoder: ReplayEncoder) -> None:
-    """The initial state of each node, and its changes by frame."""
-    history = StateHistory(encoder.drawn.size)
-    history.add_changes(encoder)
-    encoder.columns["state"] = history.initial
 
 
 class StateHistory:
@@ -114,7 +105,11 @@ def _add_charge(encoder: ReplayEncoder, nodes: Columns) -> list[float] | None:
     encoder.columns["charge"] = _level(share, low, top)
     if encoder.run.events:
         followed = _followed(encoder)
-        _note_unfollowed(encoder, share, followed)
+        others = np.setdiff1d(np.arange(encoder.drawn.size), followed)
+        if (share[others] < 1.0).any():
+            encoder.notes.append(
+                f"the residual energy of {followed.size:,} nodes is shown over time; that of the others is the final one"
+            )
         encoder.columns["charge"][followed] = top
         levels = _level(1.0 - _spent(encoder, nodes, followed) / initial[followed, None], low, top)
         frame, row = np.nonzero((np.diff(levels, axis=1, prepend=np.uint8(top)) != 0).T)
@@ -135,14 +130,6 @@ def _followed(encoder: ReplayEncoder) -> Ints:
     if encoder.drawn.size * encoder.frames <= MAX_CELLS:
         active = np.arange(encoder.drawn.size)
     return active[evenly(active.size, MAX_CELLS // encoder.frames)]
-
-
-def _note_unfollowed(encoder: ReplayEncoder, share: Floats, followed: Ints) -> None:
-    others = np.setdiff1d(np.arange(encoder.drawn.size), followed)
-    if (share[others] < 1.0).any():
-        encoder.notes.append(
-            f"the residual energy of {followed.size:,} nodes is shown over time; that of the others is the final one"
-        )
 
 
 def _spent(encoder: ReplayEncoder, nodes: Columns, followed: Ints) -> Floats:

@@ -118,7 +118,9 @@ def _drawn(panel: _Panel, several_targets: bool) -> SvgFigure:
     axes = figure.subplots(gridspec_kw=MARGINS)
     panel.draw(axes)
     if several_targets and panel.target is not None:
-        _name_target(axes, panel.target)
+        title = axes.get_title(loc="left")
+        if not title.endswith(f", target {panel.target}"):
+            axes.set_title(f"{title}, target {panel.target}", loc="left", pad=20)
     _wrap_legend(axes)
     if axes.get_yscale() == "log":  # powers of ten would be formulas, which are not text
         axes.yaxis.set_major_formatter("{x:g}")
@@ -131,13 +133,6 @@ def _drawn(panel: _Panel, several_targets: bool) -> SvgFigure:
     text = buffer.getvalue()
     svg = re.sub(r"\s*<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
     return SvgFigure(panel.name, axes.get_title(loc="left"), svg)
-
-
-def _name_target(axes: Axes, target: int) -> None:
-    """Add the target to the title, also for the first target."""
-    title = axes.get_title(loc="left")
-    if not title.endswith(f", target {target}"):
-        axes.set_title(f"{title}, target {target}", loc="left", pad=20)
 
 
 def _wrap_legend(axes: Axes) -> None:

@@ -13,7 +13,7 @@ ended, since a transmission may end in the next step.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final, NamedTuple, final
@@ -163,9 +163,16 @@ class LiveFrames:
     def add(self, pieces: Sequence[RunPiece]) -> str:
         """The frames that are complete after these pieces, as text."""
         last = pieces[-1]
-        self._take_rows(pieces)
+        names = {"events": EVENTS, "particles": ("target", "step", *self._position(), "weight")}
+        for table, columns in names.items():
+            written = [rows for piece in pieces for rows in piece.rows.get(table, ())]
+            new = [_equally_long({name: rows[name] for name in columns}) for rows in written]
+            self._rows[table] = _joined([self._rows[table], *new])
         guess = self._guess([each for piece in pieces for each in piece.estimates])
-        self._measure(guess)
+        if guess:
+            self._squares += float((guess["error"] ** 2).sum())
+            self._count += guess["error"].size
+            self.error = float(guess["error"][np.argmax(guess["step"])])
         guess = _joined([guess, self._headed(pieces, guess)])
         self.time = last.time
         self.joules = {cause: joules for cause, joules in zip(CAUSES, last.joules, strict=False) if joules > 0.0}
@@ -175,13 +182,6 @@ class LiveFrames:
         text = self._portions.add(tables, complete)
         self._forget_rows()
         return text
-
-    def _take_rows(self, pieces: Iterable[RunPiece]) -> None:
-        names = {"events": EVENTS, "particles": ("target", "step", *self._position(), "weight")}
-        for table, columns in names.items():
-            written = [rows for piece in pieces for rows in piece.rows.get(table, ())]
-            new = [_equally_long({name: rows[name] for name in columns}) for rows in written]
-            self._rows[table] = _joined([self._rows[table], *new])
 
     def _position(self) -> tuple[str, ...]:
         setup = self._start.setup
@@ -230,12 +230,6 @@ class LiveFrames:
         missing = np.full(len(rows), np.nan)
         places = dict.fromkeys(self._position(), missing)
         return _row_columns(targets, steps, self._start.setup.dt, places, missing, heads)
-
-    def _measure(self, guess: Columns) -> None:
-        if guess:
-            self._squares += float((guess["error"] ** 2).sum())
-            self._count += guess["error"].size
-            self.error = float(guess["error"][np.argmax(guess["step"])])
 
 
 def _row_columns(

@@ -59,7 +59,8 @@ class RunView:
         self._progress: Progress | None = None
         self._final: HttpAnswer | None = None
         self._asked, self._given = -math.inf, threading.Event()
-        self._page = _live_page(title)
+        sources = [*map(static_text, SCRIPTS), *(static_text(n, "wsnsim.watch") for n in LIVE_SCRIPTS)]
+        self._page = page("run.html", title, script_of(sources))
         self._server = WatchServer(self._answer, port)
         self._encoder = threading.Thread(target=self._encode, name="watch frames", daemon=True)
 
@@ -199,12 +200,6 @@ def _as_many_as_fit(texts: list[str]) -> list[str]:
         if size > MOST_SENT and count:
             return texts[:count]
     return texts
-
-
-def _live_page(title: str) -> HttpAnswer:
-    """The page of a run that computes."""
-    sources = [*map(static_text, SCRIPTS), *(static_text(n, "wsnsim.watch") for n in LIVE_SCRIPTS)]
-    return page("run.html", title, script_of(sources))
 
 
 def page(template: str, title: str, script: str) -> HttpAnswer:
