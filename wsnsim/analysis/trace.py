@@ -81,12 +81,11 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
     known = sorted({row["target"] for row in (*truths, *estimates)})
     if target is not None and target not in known:
         raise UsageError(f"{path}: no target {target}; it has {', '.join(map(str, known)) or 'none'}")
-    if network:
-        if "events" not in table_names(path):
-            raise ResultError(
-                f"{path}: events were not recorded, so no step can be described; record them with: "
-                f"wsnsim run {path} --set record.events=true --out FILE.h5"
-            )
+    if network and "events" not in table_names(path):
+        raise ResultError(
+            f"{path}: events were not recorded, so no step can be described; record them with: "
+            f"wsnsim run {path} --set record.events=true --out FILE.h5"
+        )
     rows = [
         row
         for row in (rows_at(path, replicate, step) if network else [])

@@ -108,7 +108,8 @@ def _add_charge(encoder: ReplayEncoder, nodes: Columns) -> list[float] | None:
         others = np.setdiff1d(np.arange(encoder.drawn.size), followed)
         if (share[others] < 1.0).any():
             encoder.notes.append(
-                f"the residual energy of {followed.size:,} nodes is shown over time; that of the others is the final one"
+                f"the residual energy of {followed.size:,} nodes is shown over time; that of the others is "
+                "the final one"
             )
         encoder.columns["charge"][followed] = top
         levels = _level(1.0 - _spent(encoder, nodes, followed) / initial[followed, None], low, top)
