@@ -78,7 +78,7 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
         keys = "_".join(axis.partition("=")[0].strip().rpartition(".")[2] for axis in vary)
         changes["name"] = _file_name(f"{Path(source).stem}_by_{keys}")
     plan = load_sweep(source, vary, overrides, **changes)
-    return session.run_plan(plan, options, interrupts, options.comparison.by)
+    return session.run_plan(plan, options, interrupts, options.by)
 
 
 @group.command()
@@ -114,7 +114,7 @@ def compare(
     plan = load_sweep(list(sources), vary, overrides, trackers, **changes, name=name)
     compared = ("tracker" if "tracker" in plan.keys else "tracker.kind",) if trackers else ()
     by = [*(["scenario"] if len(sources) > 1 else []), *compared]
-    return session.run_plan(plan, options, interrupts, options.comparison.by or tuple(by))
+    return session.run_plan(plan, options, interrupts, options.by or tuple(by))
 
 
 @group.command()
@@ -132,7 +132,8 @@ def collect(shards: tuple[Path, ...], out: Path | None, metric: str, accept_code
     into = Folder(out or shards[0])
     manifest = campaign.collect([Folder(shard) for shard in shards], into, accept_code_change)
     missing = campaign.missing(into)
-    code = session.print_comparison(into, session.ComparisonOptions(metric, (), None, None, as_json, bound=False))
+    options = session.Options(metric=metric, by=(), baseline=None, csv=None, as_json=as_json, bound=False)
+    code = session.print_comparison(into, options)
     if missing:
         echo_lines([f"wsnsim: {into.path} is incomplete:", *campaign.describe_missing(missing, manifest)])
     return INCOMPLETE if missing else code

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,7 +15,7 @@ from wsnsim.base.errors import UsageError
 from wsnsim.base.process import gc_disabled
 from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.live import LiveOptions, live_options, page_of, say_where, show_page, shown_live, stay
+from wsnsim.cli.live import LiveOptions, linger, live_options, page_of, show_result, shown_live, stay
 from wsnsim.cli.progress import RUN, display
 from wsnsim.cli.shared import (
     PATH,
@@ -30,23 +32,7 @@ from wsnsim.cli.shared import (
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
-
-
-class RunOptions(NamedTuple):
-    """The options that `run` and `watch` share."""
-
-    overrides: tuple[str, ...]
-    replicates: int | None
-    seed: int | None
-    out: Path | None
-    bounds: bool
-    with_page: bool
-    plugins: bool
-    as_json: bool
-    batch: bool
-    quiet: bool
-    progress: str
-    timeout: str | None
+    from wsnsim.watch.run_view import RunView
 
 
 run_options = shared.with_options(
@@ -73,11 +59,14 @@ run_options = shared.with_options(
 @click.pass_obj
 def run(interrupts: Interrupts, /, source: str, live: bool, **given: Any) -> None:
     """Run a scenario and write its result."""
-    run_scenario(source, RunOptions(**given), interrupts, LiveOptions() if live else None)
+    run_scenario(source, SimpleNamespace(**given), interrupts, LiveOptions() if live else None)
 
 
-def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live: LiveOptions | None = None) -> None:
-    """Run a scenario, write its result and print its summary; with `live` options, show it in a browser meanwhile."""
+def run_scenario(source: str, options: Any, interrupts: Interrupts, live: LiveOptions | None = None) -> None:
+    """Run a scenario, write its result and print its summary; with `live` options, show it in a browser meanwhile.
+
+    `options`: the values of `run_options` by name.
+    """
     seeded = options.overrides if options.seed is None else (*options.overrides, f"seed={options.seed}")
     scenario = loaded(source, seeded, options.plugins)
     limit = None if options.timeout is None else seconds_of("--timeout", options.timeout)
@@ -92,25 +81,33 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
     talks = not options.quiet and options.progress not in ("json", "none")
     if talks:
         _say_notes(scenario, options.replicates or scenario.replicates, options.batch)
-    with shown_live(scenario.name, live) as view:
+
+    def view_at(port: int) -> RunView:
+        from wsnsim.watch.run_view import RunView
+
+        return RunView(scenario.name, port)
+
+    with shown_live(live, view_at) as view:
         with (
             sole_writer(path),
             contextlib.closing(display("none" if options.quiet else options.progress, RUN)) as shown,
         ):
             report = experiment.run(
                 scenario, replicates=options.replicates, out=path, command_line=command_line(),
-                progress=view.reporting(shown.step), on_compile=_say_compiling if talks else None,
-                batch=options.batch, watched=view.recorder, timeout=limit,
+                progress=view.reporting(shown.step) if view else shown.step,
+                on_compile=_say_compiling if talks else None,
+                batch=options.batch, watched=view and view.recorder, timeout=limit,
             )  # fmt: skip
         if talks and report.compiled:
             echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)
         echo_answer(summary_of(report, published, options.bounds, options.as_json))
         if page:
             _write_page(path, page, options)
-        view.show_result(path, page, options.quiet, interrupts)
+        if view and live:
+            show_result(view, live, path, page, options.quiet, interrupts)
 
 
-def _write_page(result: Path, page: Path, options: RunOptions) -> None:
+def _write_page(result: Path, page: Path, options: Any) -> None:
     """Write the page of a result that has just been made, whose plug-ins may therefore be imported."""
     import wsnsim.report as pages
     from wsnsim.papers import published
@@ -183,7 +180,7 @@ def watch(
     folder = _folder(source, given["out"])
     if folder is None:
         _demand_campaign(metric, column)
-        run_scenario(source, RunOptions(**given), interrupts, live)
+        run_scenario(source, SimpleNamespace(**given), interrupts, live)
         return None
     _refuse_options_of_runs(context, OF_CAMPAIGNS, "a campaign, which another process runs")
     return _follow(folder, metric or "rmse", column, live, interrupts, given["quiet"])
@@ -225,13 +222,15 @@ def _show_result(result: Path, live: LiveOptions, interrupts: Interrupts, given:
         ResultError: the file cannot be read.
     """
     import wsnsim.recording as recording
+    from wsnsim.watch.server import page_server
 
     recording.attributes(result)
     if live.ends:
         raise UsageError(f"--exit: {result} is a result, whose run has ended; wsnsim report {result} writes its page")
     with reading(result):
         page = page_of(result, None, given["plugins"], given["bounds"])
-    show_page(page, live, given["quiet"], interrupts)
+    with shown_live(live, partial(page_server, page)):
+        linger("", given["quiet"], interrupts)
 
 
 def _refuse_options_of_runs(context: click.Context, allowed: Sequence[str], what: str) -> None:
@@ -249,8 +248,7 @@ def _follow(
     from wsnsim.recording.folder import Folder
     from wsnsim.watch.campaign_view import CampaignView
 
-    with CampaignView(Folder(folder), metric, column, live.port) as view:
-        say_where(view.url, live)
+    with shown_live(live, partial(CampaignView, Folder(folder), metric, column)) as view:
         stay(interrupts, lambda: view.follow(until_complete=live.ends))
         if not quiet:
             echo(f"wsnsim: {folder}: {view.state()}", err=True)

@@ -17,7 +17,7 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final, final
 
 from wsnsim.base.rows import RunStart
@@ -85,6 +85,15 @@ class RunView:
     def report(self, progress: Progress) -> None:
         """Take the progress of the run."""
         self._progress = progress
+
+    def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
+        """A function that takes the progress, and passes it on."""
+
+        def report(progress: Progress) -> None:
+            self.report(progress)
+            step(progress)
+
+        return report
 
     def settle(self) -> None:
         """Wait until all that has happened so far is encoded."""
