@@ -57,15 +57,12 @@ def _kinds(words: Sequence[str], as_json: bool) -> Answer | None:
     found = described(words)
     if not found:
         return None
-    other = len(words) == 1 and component_info.is_described(words[0])
+    what = component_info.what_it_is(words[0]) if len(words) == 1 else ""
     if as_json:
-        more = component_info.describe(words[0]).as_json() if other else {}
-        return {"kinds": [kind.as_json() for kind in found]} | more
-    text = kinds_text(found)
-    if other:
-        what = component_info.what_it_is(words[0])
-        text += f"\n\nThere is also a {what} of this name: wsnsim info {what} {words[0]}"
-    return text
+        more: Any = component_info.describe(words[0], as_json) if what else {}
+        return {"kinds": [kind.as_json() for kind in found], **more}
+    other = f"\n\nThere is also a {what} of this name: wsnsim info {what} {words[0]}" if what else ""
+    return kinds_text(found) + other
 
 
 def _is_path(word: str) -> bool:
@@ -73,9 +70,8 @@ def _is_path(word: str) -> bool:
 
 
 def _file(word: str, plugins: bool, as_json: bool, only_files: bool) -> Answer:
-    if component_info.is_described(word):
-        found = component_info.describe(word, plugins)
-        return found.as_json() if as_json else found.text()
+    if component_info.what_it_is(word):
+        return component_info.describe(word, as_json, plugins)
     if text := "" if _is_path(word) else word_text(word):
         return {"word": word, "text": text} if as_json else text
     names = [kind for role in ROLES for kind in kinds(role)]
@@ -148,7 +144,9 @@ def _sections(kind: KindInfo) -> Iterator[str]:
         yield from _aligned([(f"{name}:", [text]) for name, text in kind.facts], "")
     yield "\nParameters:" if kind.parameters else "\nNo parameters."
     yield from _aligned([(one.name, [one.meaning, values_of(one)]) for one in kind.parameters], "  ")
-    yield "\n" + paragraph(f"A scenario with it, which `wsnsim check` accepts{_with_files(kind)}:")
+    files = " and ".join(kind.example.files)
+    beside = f" (here with {files} beside it)" if files else ""
+    yield "\n" + paragraph(f"A scenario with it, which `wsnsim check` accepts{beside}:")
     yield textwrap.indent(kind.example.text(f"try_{_file_name(kind.kind)}").rstrip(), "  ")
     for name, content in kind.example.files.items():
         yield f"{name}:\n{textwrap.indent(content.rstrip(), '  ')}"
@@ -170,11 +168,6 @@ def values_of(one: ParameterInfo) -> str:
     return f"{default}; {one.takes}"
 
 
-def _with_files(kind: KindInfo) -> str:
-    files = " and ".join(kind.example.files)
-    return f" (here with {files} beside it)" if files else ""
-
-
 def _file_name(kind: str) -> str:
     return kind.rpartition(":")[2].lower()
 
@@ -192,9 +185,7 @@ def word_text(word: str) -> str:
 
 def _table(word: str) -> str:
     table, _, column = word.partition(".")
-    if table not in TABLES:
-        return ""
-    rows = [[one.name, one.units or "-", _meaning(one)] for one in TABLES[table]]
+    rows = [[one.name, one.units or "-", _meaning(one)] for one in TABLES.get(table, ())]
     found = [row for row in rows if column in ("", row[0])]
     if not found:
         return ""

@@ -118,7 +118,7 @@ class RunView:
     def _encode(self) -> None:
         """Encode what is in the queue; pieces that have come since the last time are encoded together."""
         while True:
-            items: list[Queued] = [self._queue.get()]
+            items: list[Any] = [self._queue.get()]
             with contextlib.suppress(queue.Empty):
                 while True:
                     items.append(self._queue.get_nowait())
@@ -128,14 +128,10 @@ class RunView:
                 elif kind is RunPiece:
                     self._add(list(group))
                 elif kind is threading.Event:
-                    self._settled(list(group))
+                    for event in group:
+                        event.set()
                 else:
                     return
-
-    @staticmethod
-    def _settled(events: list[Any]) -> None:
-        for event in events:
-            event.set()
 
     def _begin(self, start: Any) -> None:
         frames = LiveFrames(start)
