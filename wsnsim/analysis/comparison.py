@@ -39,8 +39,7 @@ def same_runs(folder: Folder, manifest: Manifest) -> str:
     alike: dict[bytes, list[Mapping[str, Any]]] = {}
     for number, rows in runs.groupby(campaigns.POINT, sort=True):
         content = pd.util.hash_pandas_object(rows[names], index=False).to_numpy().tobytes()
-        settings = manifest.points[int(number)].settings
-        alike.setdefault(content, []).append(settings)
+        alike.setdefault(content, []).append(manifest.points[int(number)].settings)
     groups = [points for points in alike.values() if len(points) > 1]
     if not groups:
         return ""

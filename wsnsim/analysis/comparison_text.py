@@ -72,8 +72,7 @@ def _of_group(found: Comparison, table: pd.DataFrame, names: tuple[str, ...]) ->
     known = _with_value(table)
     if len(known) < 2:
         return ""
-    order = _order(known, found.metric)
-    best = known.loc[order.index[0]]
+    best = known.loc[_order(known, found.metric).index[0]]
     tied = int((known["median"].map(number) == number(best["median"])).sum())  # what is shown must differ
     name, point = f"median {run_metric_name(found.metric)}", _name(best, names)
     value = f"{number(best['median'])}{f' {found.unit}' if found.unit not in ('', '1') else ''}"

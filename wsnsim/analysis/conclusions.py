@@ -242,8 +242,7 @@ def _tracks(folder: Folder) -> pd.DataFrame | None:
     except ResultError:
         return None
     keys = [campaigns.POINT, "replicate"]
-    runs = campaigns.read(folder.path, "runs", ("replicate", "steps"))
-    return tracks.merge(runs[[*keys, "steps"]], on=keys)
+    return tracks.merge(campaigns.read(folder.path, "runs", ("replicate", "steps"))[[*keys, "steps"]], on=keys)
 
 
 def _of_point(scenario: dict[str, Any], tracks: pd.DataFrame | None) -> PointTraffic:

@@ -80,8 +80,7 @@ def figure_of(panels: list[Panel]) -> Figure:
     """A figure with these panels in one or two columns."""
     across = min(len(panels), 2)
     down = ceil(len(panels) / across)
-    size = (5.4 * across, 3.6 * down) if across > 1 else (6.4, 4.6)
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=(5.4 * across, 3.6 * down) if across > 1 else (6.4, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     cells = figure.subplots(down, across, squeeze=False).ravel()
     for cell, panel in zip(cells, panels, strict=False):

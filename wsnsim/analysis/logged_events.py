@@ -101,8 +101,7 @@ def _blocks(
     path: str | Path, columns: Sequence[str], table: str = "events"
 ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
     """(first row, columns) of each block in turn."""
-    count = row_count(path, table)
-    for start in range(0, count, BLOCK):
+    for start in range(0, row_count(path, table), BLOCK):
         yield start, read_table(path, table, columns, slice(start, start + BLOCK))
 
 

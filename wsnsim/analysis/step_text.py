@@ -263,8 +263,7 @@ def _sum(group: Sequence[LoggedMessage], context: StepContext) -> str:
 
 
 def _broadcasts(group: Sequence[LoggedMessage]) -> str:
-    heard = [_audience(one) for one in group]
-    got, of, collided = (sum(counts) for counts in zip(*heard, strict=True))
+    got, of, collided = (sum(counts) for counts in zip(*[_audience(one) for one in group], strict=True))
     unsent = sum(not one.frames for one in group)
     clause = f"received {got:,} of {of:,} times" + (f", {collided:,} collided" if collided else "")
     clause += f", {unsent} not sent" if unsent else ""

@@ -77,8 +77,7 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
             raise UsageError(_why_no_sweep(source))
         keys = "_".join(axis.partition("=")[0].strip().rpartition(".")[2] for axis in vary)
         changes["name"] = _file_name(f"{Path(source).stem}_by_{keys}")
-    plan = load_sweep(source, vary, overrides, **changes)
-    return session.run_plan(plan, options, interrupts, options.by)
+    return session.run_plan(load_sweep(source, vary, overrides, **changes), options, interrupts, options.by)
 
 
 @group.command()

@@ -232,8 +232,7 @@ def _derived_link(setup: RadioSetup) -> Iterator[InfoRow]:
         yield _row("audible", link.audible, "m", "distance beyond which nothing is received")
     floor = ("floor", "dBm", "weaker frames are neither received nor interfere")
     noise = ("noise", "mW", "noise of the receiver, derived from its sensitivity")
-    rounds = ("rounds", "", "rounds of the recording on this channel")
-    yield from _attributes(link, [floor, noise, rounds])
+    yield from _attributes(link, [floor, noise, ("rounds", "", "rounds of the recording on this channel")])
 
 
 def _on_air(mac: Any) -> int:

@@ -102,8 +102,7 @@ def wrapped_table(headings: list[str], rows: Sequence[list[str]], indent: str = 
     widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
     available = width() - len(indent) - 2 * (len(widths) - 1)
     while sum(widths) > available and max(widths[1:]) > NARROWEST:
-        widest = max(range(1, len(widths)), key=lambda i: widths[i])
-        widths[widest] -= 1
+        widths[max(range(1, len(widths)), key=lambda i: widths[i])] -= 1
     lines = []
     for row in [headings, *rows]:
         cells = [[row[0]], *(_wrapped(cell, size) for cell, size in zip(row[1:], widths[1:], strict=True))]
