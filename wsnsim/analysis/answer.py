@@ -154,7 +154,6 @@ def seconds(time: float) -> str:
 
 
 Source = Report | str | Path | Mapping[str, Table]
-NAN: Final = float("nan")
 SEEN: Final = 0.995
 """Share of tracked steps from which on all steps count as tracked."""
 
@@ -198,7 +197,7 @@ def _facts(source: Source, scenario: Any) -> ResultFacts:
     return facts_of_file(source) if isinstance(source, str | Path) else facts_of_tables(source, scenario)
 
 
-def sentence(facts: ResultFacts, crlb: float = NAN) -> str:
+def sentence(facts: ResultFacts, crlb: float = np.nan) -> str:
     """The sentence of known facts; empty if no run has finished.
 
     Args:
@@ -210,7 +209,8 @@ def sentence(facts: ResultFacts, crlb: float = NAN) -> str:
     if facts.workload != "tracking":
         first = collection_clause(facts) or reception_clause(facts)
     else:
-        first = _followed(facts, crlb) if _estimates(facts) else _no_estimate(facts)
+        known = facts.recorded.errors if facts.recorded.errors.size else facts.column("rmse")
+        first = _followed(facts, crlb) if np.isfinite(known).any() else _no_estimate(facts)
     clauses = (first, sink_clause(facts), energy_clause(facts), lifetime_clause(facts))
     return "; ".join(filter(None, clauses)) + "."
 
@@ -232,19 +232,13 @@ def comparable(facts: ResultFacts, crlb: Bound | None) -> float:
     """The time average of a bound at the steps of the errors that are judged; NaN without a bound."""
     steps = facts.recorded.steps
     if crlb is None or crlb.reason or not steps.size:
-        return NAN
+        return np.nan
     judged, each = facts.judged_errors, crlb.each
     if steps[0] < 1 or steps[-1] > each.shape[-1] or judged.shape[:2] != each.shape[:2]:
-        return NAN
-    errors = np.full(each.shape, NAN)
+        return np.nan
+    errors = np.full(each.shape, np.nan)
     errors[:, :, steps - 1] = judged
     return crlb.time_mean_at(errors)
-
-
-def _estimates(facts: ResultFacts) -> bool:
-    """Whether any step of any run has an estimate."""
-    known = facts.recorded.errors if facts.recorded.errors.size else facts.column("rmse")
-    return bool(np.isfinite(known).any())
 
 
 def _targets(facts: ResultFacts) -> int:

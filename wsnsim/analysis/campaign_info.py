@@ -163,19 +163,15 @@ def info_text(path: str | Path) -> str:
         *code_lines(Folder(path)),
         "",
     ]
-    lines += [_point_line(point) for point in points[:MAX_LINES]]
+    for point in points[:MAX_LINES]:
+        settings = ", ".join(f"{key} = {label([value])}" for key, value in point["settings"].items())
+        runs = f"{point['done']:>5} of {point['replicates']:<5}"
+        lines.append(f"  {point['id']}  {runs}  {settings or 'the scenario unchanged'}")
     if len(points) > MAX_LINES:
         lines.append(f"  and {len(points) - MAX_LINES} more points")
     failed = list(about["failed"].items())
     lines += [f"  failed: {task}: {why.splitlines()[0] if why else ''}" for task, why in failed[:MAX_LINES]]
     return "\n".join(lines)
-
-
-def _point_line(point: dict[str, Any]) -> str:
-    settings = (
-        ", ".join(f"{key} = {label([value])}" for key, value in point["settings"].items()) or "the scenario unchanged"
-    )
-    return f"  {point['id']}  {point['done']:>5} of {point['replicates']:<5}  {settings}"
 
 
 PATIENCE: Final = 60.0

@@ -131,7 +131,10 @@ def compare(
     sign = -1.0 if metric in MORE_IS_BETTER else 1.0
     table["front"] = False if metric in ONE_IS_BEST else _fronts(table, groups, sign)
     baseline = baseline_point(manifest, chosen, baseline or (manifest.baseline if by is None else None))
-    first = _baselines(manifest, table, groups, chosen, baseline)
+    names = [
+        label(manifest.points[_number(table, row)].settings.get(key) for key in chosen) for row in range(len(table))
+    ]
+    first = [(row, rows) for rows in groups.values() for row in rows if names[row] == baseline]
     unit, unpaired = _unit(folder, manifest, metric), ""
     if chosen:
         baselines, unpaired = _paired(table, manifest, first)
@@ -238,19 +241,6 @@ def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]], sign: float) -
             (sign * table["median"].iloc[rows]).tolist(), table["energy"].iloc[rows].tolist()
         )
     return flags.tolist()
-
-
-def _baselines(
-    manifest: Manifest,
-    table: pd.DataFrame,
-    groups: Mapping[Any, list[int]],
-    by: Sequence[str],
-    baseline: str | None,
-) -> list[tuple[int, list[int]]]:
-    """(row of the baseline, rows of its group) of each group whose baseline has results."""
-    names = [label(point.settings.get(key) for key in by) for point in manifest.points]
-    number = table[campaigns.POINT]
-    return [(row, rows) for rows in groups.values() for row in rows if names[number.iloc[row]] == baseline]
 
 
 def _paired(

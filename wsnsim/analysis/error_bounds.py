@@ -1,6 +1,6 @@
 """Cramér-Rao bounds beside the errors of a result file, and of a campaign.
 
-    in_range(path) -> Bound or None        time_averages(path) -> {readings: bound, ...}
+    found_bound(path, readings, plugins) -> Bound or None        time_averages(path) -> {readings: bound, ...}
     with_bounds(comparison, folder) -> comparison with the columns `bound` and `bound_unconditional`
 
 The trajectory-conditional CRLBs are tight but not strict bounds, see `wsnsim.bounds`. A file without a scenario, of
@@ -42,11 +42,6 @@ def lacking(path: str | Path, plugins: bool = False) -> str:
     return f"the bound {why.partition(': ')[2]}" if why else ""
 
 
-def in_range(path: str | Path, plugins: bool = False) -> Bound | None:
-    """The bound for all readings in range."""
-    return _found(path, "in_range", plugins)
-
-
 def time_averages(path: str | Path, plugins: bool = False) -> dict[str, float]:
     """The time average of each bound over the steps that have an estimate, in the position's unit.
 
@@ -54,12 +49,13 @@ def time_averages(path: str | Path, plugins: bool = False) -> dict[str, float]:
     """
     log = tables(path).get("events")
     known = READINGS if log is not None and log.rows else ("in_range",)
-    found = {readings: bound for readings in known if (bound := _found(path, readings, plugins)) is not None}
+    found = {readings: bound for readings in known if (bound := found_bound(path, readings, plugins)) is not None}
     means = {readings: bound.time_mean_at(_errors(path, bound)) for readings, bound in found.items()}
     return {readings: mean for readings, mean in means.items() if np.isfinite(mean)}
 
 
-def _found(path: str | Path, readings: str, plugins: bool) -> Bound | None:
+def found_bound(path: str | Path, readings: str, plugins: bool) -> Bound | None:
+    """The bound for these readings; None if there is none."""
     try:
         found = bound_of_run(path, readings, plugins=plugins)
     except WsnsimError:

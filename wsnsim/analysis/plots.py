@@ -100,7 +100,7 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
         shown = np.concatenate([mean, middle])
     name = f"error of {of_runs}" if len(rows) == 1 else "RMSE"
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=name, **_marks(mean))
-    if (limit := error_bounds.in_range(path, plugins)) is not None:
+    if (limit := error_bounds.found_bound(path, "in_range", plugins)) is not None:
         bound = limit.rmse[steps - 1]
         faults = fault_kinds(plot_data.stored_json(path, "scenario/resolved_json"))
         name = "trajectory-conditional CRLB" + (" without faults" if faults else "")

@@ -119,7 +119,9 @@ def _report(raised: BaseException) -> int:
     try:
         raise raised
     except click.ClickException as error:
-        return _print_error(f"{error.format_message()}{_hint(error)}", 2)
+        context = error.ctx if isinstance(error, click.UsageError) else None
+        hint = f" (see '{context.command_path} --help')" if context else ""
+        return _print_error(f"{error.format_message()}{hint}", 2)
     except ScenarioError as error:
         return _print_error(str(error), error.exit_code, prefix="")
     except WsnsimError as error:
@@ -153,11 +155,6 @@ def _report_unexpected(error: BaseException) -> int:
 def _print_error(message: str, code: int, prefix: str = "wsnsim: error: ") -> int:
     echo(f"{prefix}{message}", err=True)
     return code
-
-
-def _hint(error: click.ClickException) -> str:
-    context = error.ctx if isinstance(error, click.UsageError) else None
-    return f" (see '{context.command_path} --help')" if context else ""
 
 
 def _close_stdout() -> int:

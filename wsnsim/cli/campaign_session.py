@@ -102,16 +102,13 @@ def print_comparison(folder: Folder, options: Options, plugins: Plugins | None =
 
 
 def _write_csv(table: Any, path: Path) -> None:
-    unsafe = [name for name in table if any(printable(value) != value for value in _texts(table[name]))]
+    texts = {name: [value for value in table[name] if isinstance(value, str)] for name in table}
+    unsafe = [name for name in table if any(printable(value) != value for value in texts[name])]
     escaped = {name: [printable(str(value)) for value in table[name]] for name in unsafe}
     try:
         table.assign(**escaped).to_csv(path, index=False)
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
-
-
-def _texts(values: Any) -> list[str]:
-    return [value for value in values if isinstance(value, str)]
 
 
 MAX_FAILURES: Final = 5
@@ -225,9 +222,13 @@ def _report_outcome(
 ) -> int:
     """Print what failed, what is missing and how to resume; return the exit code."""
     manifest = folder.manifest()
-    lines = [] if options.quiet else _surplus(folder, manifest)
+    points, runs = (0, 0) if options.quiet else folder.outside_manifest(manifest)
+    beside = f"{folder.path} also holds {points} points and {runs} runs outside this campaign; they are kept"
+    lines = [f"wsnsim: {beside}"] if points or runs else []
     lines += [f"wsnsim: worker {worker} was left out: it {why}" for worker, why in outcome.left_out.items()]
-    lines += _failures(folder, outcome)
+    lines += [f"wsnsim: {task} failed: {reason}" for task, reason in list(outcome.failed.items())[:MAX_FAILURES]]
+    if (more := len(outcome.failed) - MAX_FAILURES) > 0:
+        lines.append(f"wsnsim: {more} more tasks failed; see {folder.path / 'failed'}")
     if outcome.stopped and not interrupts.number:
         lines.append(f"wsnsim: error: the campaign was stopped: {outcome.stopped}")
     if outcome.missing:
@@ -243,23 +244,6 @@ def _report_outcome(
         echo_lines([f"wsnsim: {interrupts.reason}"])
         return interrupts.code
     return INCOMPLETE if not outcome.complete or outcome.stopped else 0
-
-
-def _surplus(folder: Folder, manifest: Manifest) -> list[str]:
-    """A line on results in the folder that do not belong to the campaign as it is defined now."""
-    points, runs = folder.outside_manifest(manifest)
-    if not points and not runs:
-        return []
-    return [f"wsnsim: {folder.path} also holds {points} points and {runs} runs outside this campaign; they are kept"]
-
-
-def _failures(folder: Folder, outcome: CampaignOutcome) -> list[str]:
-    """Lines on the first failures."""
-    lines = [f"wsnsim: {task} failed: {reason}" for task, reason in list(outcome.failed.items())[:MAX_FAILURES]]
-    if len(outcome.failed) > MAX_FAILURES:
-        more = len(outcome.failed) - MAX_FAILURES
-        lines.append(f"wsnsim: {more} more tasks failed; see {folder.path / 'failed'}")
-    return lines
 
 
 def _resume_command(folder: Folder, shard: Shard, options: Options) -> str:

@@ -50,10 +50,11 @@ def _what(word: str, plugins: bool, as_json: bool, only_files: bool) -> Answer:
 
 def _kinds(words: Sequence[str], as_json: bool) -> Answer | None:
     """What the kinds or the role are that words name; None if there are none."""
-    if len(words) == 1 and _is_path(words[0]):
-        return None
-    if len(words) == 1 and _is_role(words[0]):
-        return listed(role_named(words[0]).name, as_json)
+    if len(words) == 1:
+        if _is_path(words[0]):
+            return None
+        if any(words[0] in (role.name, role.plural) for role in ROLES.values()) and not kinds_named(words[0]):
+            return listed(role_named(words[0]).name, as_json)
     found = described(words)
     if not found:
         return None
@@ -75,7 +76,9 @@ def _file(word: str, plugins: bool, as_json: bool, only_files: bool) -> Answer:
     if text := "" if _is_path(word) else word_text(word):
         return {"word": word, "text": text} if as_json else text
     names = [kind for role in ROLES for kind in kinds(role)]
-    names += [*shipped(), *shipped_parts(), *ROLES, *words_known()]
+    columns = (column.name for columns in TABLES.values() for column in columns)
+    # keys are left out: to find them, every kind is imported
+    names += [*shipped(), *shipped_parts(), *ROLES, *dict.fromkeys([*TABLES, *columns, *every_command()])]
     if (known := in_known_case(word, [*names, *_longer_names()])) != word:
         return _what(known, plugins, as_json, only_files)
     nearest = did_you_mean(Path(word).stem, names, "see `wsnsim list`")
@@ -119,11 +122,6 @@ def _described(role: str, kind: str) -> KindInfo:
         raise UsageError(str(error.args[0]) if isinstance(error, LookupError) else str(error)) from None
 
 
-def _is_role(word: str) -> bool:
-    """Whether a word is the name of a role, and of no kind."""
-    return any(word in (role.name, role.plural) for role in ROLES.values()) and not kinds_named(word)
-
-
 def kinds_text(infos: Sequence[KindInfo]) -> str:
     """Return the descriptions as text, one below the other."""
     return "\n\n".join("\n".join(_sections(kind)) for kind in infos)
@@ -147,7 +145,7 @@ def _sections(kind: KindInfo) -> Iterator[str]:
     files = " and ".join(kind.example.files)
     beside = f" (here with {files} beside it)" if files else ""
     yield "\n" + paragraph(f"A scenario with it, which `wsnsim check` accepts{beside}:")
-    yield textwrap.indent(kind.example.text(f"try_{_file_name(kind.kind)}").rstrip(), "  ")
+    yield textwrap.indent(kind.example.text(f"try_{kind.kind.rpartition(':')[2].lower()}").rstrip(), "  ")
     for name, content in kind.example.files.items():
         yield f"{name}:\n{textwrap.indent(content.rstrip(), '  ')}"
     yield f"In Python:\n  {kind.import_line}"
@@ -166,16 +164,6 @@ def values_of(one: ParameterInfo) -> str:
     """Return what a parameter takes: 'default 400; whole number (dimensionless), 1 to 1e7'."""
     default = "required" if one.default is None else f"default {one.default}"
     return f"{default}; {one.takes}"
-
-
-def _file_name(kind: str) -> str:
-    return kind.rpartition(":")[2].lower()
-
-
-def words_known() -> list[str]:
-    """Return the tables, columns and commands. Keys are left out: to find them, every kind is imported."""
-    columns = (column.name for columns in TABLES.values() for column in columns)
-    return list(dict.fromkeys([*TABLES, *columns, *every_command()]))
 
 
 def word_text(word: str) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.scenario import shipped
-from wsnsim.scenario.registry import ROLES, Kind, Role, kinds, role_named
+from wsnsim.scenario.registry import ROLES, Role, kinds, role_named
 from wsnsim.scenario.texts import sheet_of, shipped_parts, shipped_sweeps
 
 COLUMNS: Final = ("kind", "idea", "paper")
@@ -65,13 +65,10 @@ def _role_json(role: Role) -> dict[str, Any]:
 
 
 def _role_text(role: Role) -> str:
-    cells = [[_cell(row, name, role) for name in COLUMNS] for row in kinds(role.name).values()]
+    cells = [
+        [row.kind + " (default)" * (row.kind == role.default), row.idea, row.paper] for row in kinds(role.name).values()
+    ]
     return f"{role.plural}: {role.purpose}\n{wrapped_table(list(COLUMNS), cells)}"
-
-
-def _cell(row: Kind, name: str, role: Role) -> str:
-    text = str(getattr(row, name))
-    return f"{text} (default)" if name == "kind" and text == role.default else text
 
 
 def _text(path: Path) -> str:

@@ -172,7 +172,9 @@ def watch(
     or that of --out. FILE.h5 is a result, whose page is shown.
     """
     live, interrupts = LiveOptions(port, browser, ends), context.obj
-    if _is_finished_result(source):
+    from wsnsim.scenario.texts import is_result
+
+    if not Path(source).is_dir() and is_result(source):
         _refuse_options_of_runs(context, OF_RESULTS, f"a result; to run its scenario: wsnsim run {source} --watch")
         _demand_campaign(metric, column)
         _show_result(Path(source), live, interrupts, given)
@@ -200,13 +202,6 @@ def _folder(source: str, out: Path | None) -> Path | None:
     if not is_campaign(str(folder)):
         raise UsageError(f"{folder}: holds no campaign yet; start it in another terminal: wsnsim sweep {source}")
     return folder
-
-
-def _is_finished_result(source: str) -> bool:
-    """Whether the source is a result, and no campaign's folder."""
-    from wsnsim.scenario.texts import is_result
-
-    return not Path(source).is_dir() and is_result(source)
 
 
 def _demand_campaign(metric: str | None, column: str | None) -> None:

@@ -97,12 +97,17 @@ def _encoded(run: ReplicateTables, detail: DetailLevel) -> tuple[dict[str, Any],
     if run.cloud:
         add_particles(encoder)
     _add_notes(encoder)
-    header = {
-        "last": run.last, "stride": detail.stride, "frames": encoder.frames, "targets": run.targets,
+    return _header(encoder, run.last, charge), encoder
+
+
+def _header(encoder: ReplayEncoder, last: int, charge: list[float] | None) -> dict[str, Any]:
+    """What a viewer knows before the columns. `last`: the last step; `charge`: as `add_nodes` returns it."""
+    run = encoder.run
+    return {
+        "last": last, "stride": encoder.detail.stride, "frames": encoder.frames, "targets": run.targets,
         "box": encoder.box, "dt": run.dt if np.isfinite(run.dt) else None, "flat": run.flat, "axes": run.axes,
         "messages": run.words, "nodes": encoder.drawn.size, "charge": charge, "trajectory": TRAJECTORY, "trail": TRAIL,
     }  # fmt: skip
-    return header, encoder
 
 
 def _add_notes(encoder: ReplayEncoder) -> None:
@@ -192,11 +197,7 @@ class ReplayPortions:
                 encoder.columns["charge"] = self._levels
         if run.truth:
             add_track(encoder, "truth", run.truth)
-        return encoder.text({
-            "last": self._last, "stride": encoder.detail.stride, "frames": encoder.frames, "targets": run.targets,
-            "box": encoder.box, "dt": run.dt, "flat": run.flat, "axes": run.axes, "messages": [], "notes": [],
-            "nodes": encoder.drawn.size, "charge": self._scale(), "trajectory": TRAJECTORY, "trail": TRAIL,
-        })  # fmt: skip
+        return encoder.text(_header(encoder, self._last, self._scale()) | {"notes": []})
 
     def add(self, tables: PortionTables, last: int) -> str:
         """The frames up to that of step `last`, as text. There may be none, but estimates of earlier steps."""

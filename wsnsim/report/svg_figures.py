@@ -14,7 +14,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
@@ -78,7 +77,10 @@ def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list
         left_out.append(why)
     figures = []
     possible = {name for name, reason in reasons.items() if not reason}
-    targets = _targets(path, replicate) if "track" in possible else []
+    targets = []
+    if "track" in possible:
+        truth = read_table(path, "truth", ["replicate", "target"])
+        targets = np.unique(truth["target"][truth["replicate"] == replicate]).tolist()
     if len(targets) > MAX_TARGETS:
         left_out.append(f"only the tracks of the first {MAX_TARGETS} of {len(targets):,} targets are drawn")
     with style.context(["default", PAGE_STYLE]):
@@ -105,16 +107,9 @@ def _panels(path: Path, replicate: int, possible: set[str], targets: list[int], 
                 yield _Panel(title, draw, target)
 
 
-def _targets(path: Path, replicate: int) -> list[int]:
-    """The targets of a run."""
-    truth = read_table(path, "truth", ["replicate", "target"])
-    return [int(target) for target in np.unique(truth["target"][truth["replicate"] == replicate])]
-
-
 def _drawn(panel: _Panel, several_targets: bool) -> SvgFigure:
     """A figure as SVG without its XML prologue. If there are several targets, the title names the one shown."""
     figure = Figure(figsize=SIZE)
-    FigureCanvasAgg(figure)
     axes = figure.subplots(gridspec_kw=MARGINS)
     panel.draw(axes)
     if several_targets and panel.target is not None:
@@ -180,7 +175,6 @@ def sweep_svgs(folder: Folder, metric: str = "rmse", key: str | None = None) -> 
         for name in PLOTS:
             if name not in left_out:
                 figure = Figure(figsize=SIZE, layout="constrained")
-                FigureCanvasAgg(figure)
                 axes = getattr(sweep_plots, name)(figure.subplots(), lines)
                 text = io.StringIO()
                 figure.savefig(text, format="svg", metadata={"Date": None})

@@ -18,7 +18,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Final, final
+from typing import Any, Final, Self, final
 
 from wsnsim.base.rows import RunStart
 from wsnsim.base.runs import Progress
@@ -39,7 +39,7 @@ Queued = RunStart | RunPiece | threading.Event | None
 
 
 @final
-class RunView:
+class RunView(WatchServer):
     """A server that shows one call of `experiment.run`.
 
     Args:
@@ -61,22 +61,16 @@ class RunView:
         self._asked, self._given = -math.inf, threading.Event()
         sources = [*map(static_text, SCRIPTS), *(static_text(n, "wsnsim.watch") for n in LIVE_SCRIPTS)]
         self._page = page("run.html", title, script_of(sources))
-        self._server = WatchServer(self._answer, port)
+        super().__init__(self._answer, port)
         self._encoder = threading.Thread(target=self._encode, name="watch frames", daemon=True)
 
-    @property
-    def url(self) -> str:
-        """The address of the view."""
-        return self._server.url
-
-    def __enter__(self) -> RunView:
-        self._server.__enter__()
+    def __enter__(self) -> Self:
         self._encoder.start()
-        return self
+        return super().__enter__()
 
     def __exit__(self, *error: object) -> None:
         self._queue.put(None)
-        self._server.__exit__(*error)
+        super().__exit__(*error)
 
     def recorder(self, file: Recorder) -> Recorder:
         """The recorder through which the run is watched."""
