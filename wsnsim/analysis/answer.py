@@ -55,7 +55,10 @@ def energy_clause(facts: ResultFacts) -> str:
         parts = "of which " + " and ".join(
             f"{shown} {unit} is {use}" for shown, (use, _) in zip(figures, named, strict=True)
         )
-    return f"{spent}, {parts}{_consequence(facts, uses.get(IDLE, 0.0) / total)}"
+    # where nearly all energy is idle listening of radios that no tracker switches off
+    always_on = facts.mean("awake") == 1.0 and "radio_on" not in facts.runs and facts.workload == "tracking"
+    idle = always_on and uses.get(IDLE, 0.0) / total >= ALMOST_ALL
+    return f"{spent}, {parts}" + ": trackers hardly differ in energy here" * idle
 
 
 def _uses(facts: ResultFacts) -> dict[str, float]:
@@ -65,14 +68,6 @@ def _uses(facts: ResultFacts) -> dict[str, float]:
         use = CAUSE_WORDS.get(cause, cause.replace("_", " "))
         found[use] = found.get(use, 0.0) + joules
     return dict(sorted(found.items(), key=lambda item: -item[1]))
-
-
-def _consequence(facts: ResultFacts, idle: float) -> str:
-    """What follows where nearly all energy is idle listening of radios that no tracker switches off."""
-    always_on = facts.mean("awake") == 1.0 and "radio_on" not in facts.runs
-    if not always_on or idle < ALMOST_ALL or facts.workload != "tracking":
-        return ""
-    return ": trackers hardly differ in energy here"
 
 
 def sink_clause(facts: ResultFacts) -> str:

@@ -160,20 +160,9 @@ def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
 def as_json(found: Comparison) -> dict[str, Any]:
     """The comparison as plain values; unknown ones are NaN."""
     rows = found.table.astype(object).where(found.table.notna(), np.nan).to_dict("records")
-    return {
-        "name": found.name,
-        "metric": found.metric,
-        "unit": found.unit,
-        "lost": found.lost,
-        "keys": list(found.keys),
-        "by": list(found.by),
-        "points": rows,
-        "conclusions": conclusions_of(found),
-        "unpaired": found.unpaired,
-        "unbounded": found.unbounded,
-        "of_bounds": found.of_bounds,
-        "same": found.same,
-    }
+    values = {key: getattr(found, key) for key in ("name", "metric", "unit", "lost")}
+    values |= {"keys": list(found.keys), "by": list(found.by), "points": rows, "conclusions": conclusions_of(found)}
+    return values | {key: getattr(found, key) for key in ("unpaired", "unbounded", "of_bounds", "same")}
 
 
 def conclusions_of(found: Comparison) -> list[str]:

@@ -108,7 +108,8 @@ def outcome(message: LoggedMessage) -> str:
     hop = message.hop
     arrived = [frame for frame in hop if frame.arrived]
     if message.ended or (not arrived and not message.goes_on):
-        lost = "arrived in part" if arrived else _loss(hop)
+        unlucky = "collided" if hop[-1].collided else "lost on the way" if hop[-1].dropped else "cut short"
+        lost = "arrived in part" if arrived else unlucky
         return f"{lost}, then given up: {_reason(message.ended)}" if message.ended else lost
     if message.goes_on:
         return "still on its way when the step ended"
@@ -121,11 +122,6 @@ def outcome(message: LoggedMessage) -> str:
 
 def _reason(word: str) -> str:
     return REASONS.get(word, word.replace("_", " "))
-
-
-def _loss(hop: Sequence[LoggedBurst]) -> str:
-    last = hop[-1]
-    return "collided" if last.collided else "lost on the way" if last.dropped else "cut short"
 
 
 def _got(hop: Sequence[LoggedBurst]) -> int:

@@ -38,7 +38,7 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...], plugins: bool, t
 
     code = 0
     for source in sources:
-        found = checking.check(checking.CheckRequest(source, overrides, plugins), timeout)
+        found = checking.check((source, overrides, plugins), timeout)
         for line in found.errors:
             echo(line, err=True)
         for line in found.lines:

@@ -10,17 +10,15 @@ import inspect
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from wsnsim.base.errors import UsageError
 from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.requests import PACKET_BITS
+from wsnsim.base.setups import RadioSetup
 from wsnsim.cli.listing import paragraph, table, wrapped_table
 from wsnsim.scenario import datasheets
 from wsnsim.scenario.texts import find_or_none, find_sheet, sheet_of
-
-if TYPE_CHECKING:
-    from wsnsim.base.setups import RadioSetup
 
 PACKET: Final = f"{PACKET_BITS // 8} bytes"
 
@@ -135,7 +133,6 @@ def _number(value: object) -> str:
 
 
 def _describe_scenario(source: str, as_json: bool, plugins: bool) -> str | dict[str, Any]:
-    from wsnsim.base.setups import RadioSetup
     from wsnsim.scenario import Plugins, build, load
 
     loaded = load(source, plugins=Plugins.ANY if plugins else Plugins.NONE)

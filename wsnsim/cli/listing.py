@@ -60,8 +60,8 @@ def _datasheets(as_json: bool) -> str | dict[str, Any]:
 
 
 def _role_json(role: Role) -> dict[str, Any]:
-    rows = [row._asdict() for row in kinds(role.name).values()]
-    return {"purpose": role.purpose, "default": role.default, "group": role.group, "kinds": rows}
+    about = {key: getattr(role, key) for key in ("purpose", "default", "group")}
+    return about | {"kinds": [row._asdict() for row in kinds(role.name).values()]}
 
 
 def _role_text(role: Role) -> str:

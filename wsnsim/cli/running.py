@@ -95,7 +95,7 @@ def run_scenario(source: str, options: Any, interrupts: Interrupts, live: LiveOp
             report = experiment.run(
                 scenario, replicates=options.replicates, out=path, command_line=command_line(),
                 progress=view.reporting(shown.step) if view else shown.step,
-                on_compile=_say_compiling if talks else None,
+                on_compile=partial(echo, "wsnsim: compiling kernels, once ...", True) if talks else None,
                 batch=options.batch, watched=view and view.recorder, timeout=limit,
             )  # fmt: skip
         if talks and report.compiled:
@@ -127,10 +127,6 @@ def _say_notes(scenario: Scenario, replicates: int, batch: bool) -> None:
     for note in (*notes.before_a_run(setup), run_size.warning(size, run_size.free_memory())):
         if note:
             echo(f"wsnsim: note: {note}", err=True)
-
-
-def _say_compiling() -> None:
-    echo("wsnsim: compiling kernels, once ...", err=True)
 
 
 def _page_path(result: Path) -> Path:
