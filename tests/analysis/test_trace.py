@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wsnsim.analysis import event_groups, logged_events
-from wsnsim.analysis.phrases import energy_in_words, listed, row_in_words
+from wsnsim.analysis.phrases import energy_in_words, listed
 from wsnsim.analysis.trace import as_json, text, trace
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND

@@ -147,18 +147,12 @@ def _of_metric(pair: Pair, words: PairWords) -> str:
             f"no difference in {name} is shown between {words.point} and {words.baseline}:"
             f" median {number(value)}{unit}, 95 % [{number(low)}, {number(high)}], {test}"
         )
+    ranks = ("better", "worse") if words.metric in ERRORS else ("lower", "higher")
     size, *ends = (value, low, high) if value > 0.0 else (-value, -high, -low)  # without the sign
     return (
-        f"{words.point} is {number(size)}{unit} {_word(value, words)} than {words.baseline} in {name},"
+        f"{words.point} is {number(size)}{unit} {ranks[value >= 0.0]} than {words.baseline} in {name},"
         f" 95 % [{number(ends[0])}, {number(ends[1])}], {test}"
     )
-
-
-def _word(value: float, words: PairWords) -> str:
-    """'better' or 'worse' of an error, of which less is better; of other metrics, what is the larger."""
-    if words.metric in ERRORS:
-        return "better" if value < 0.0 else "worse"
-    return "lower" if value < 0.0 else "higher"
 
 
 def number(value: float) -> str:

@@ -143,6 +143,5 @@ def _bootstrapped(squares: Floats, dofs: Floats) -> tuple[Floats, Floats]:
 
 
 def _ratio(squares: Floats, dofs: Floats) -> Floats:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        result: Floats = np.where(dofs > 0, squares / dofs, np.nan)
+    result: Floats = np.divide(squares, dofs, out=np.full(np.shape(dofs), np.nan), where=dofs > 0)
     return result

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 import wsnsim.recording as recording
-from wsnsim.analysis.logged_events import BLOCK, layout_or_empty, ranges, rows_in
-from wsnsim.analysis.phrases import aligned, row_in_words
+from wsnsim.analysis.logged_events import BLOCK, layout_or_empty, ranges, row_in_words, rows_in
+from wsnsim.analysis.phrases import aligned
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.scenario.build import ABSENT, differing_leaves
 

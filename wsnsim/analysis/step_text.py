@@ -8,19 +8,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
+from wsnsim.analysis import phrases
 from wsnsim.analysis.event_groups import LoggedBurst, LoggedMessage, NodeAction
-from wsnsim.analysis.phrases import (
-    FROM_NODES,
-    LOSSES,
-    PARCELS,
-    REASONS,
-    VERBS,
-    Sentence,
-    StepContext,
-    counted,
-    energy_in_words,
-    listed,
-)
+from wsnsim.analysis.phrases import PARCELS, REASONS, VERBS, Sentence, StepContext, counted, energy_in_words, listed
 
 
 def describe(actions: Iterable[NodeAction | LoggedMessage], context: StepContext) -> list[Sentence]:
@@ -69,7 +59,7 @@ def _interaction(action: NodeAction, who: str, context: StepContext) -> str:
         "handover": f"{who} handed over to {peer} by the message that woke it"
         if action.what == "message"
         else f"{who} started the handover to {peer}",
-        "lost": f"the track was lost: {LOSSES.get(action.what, what) or 'no reason given'}"
+        "lost": f"the track was lost: {phrases.LOSSES.get(action.what, what) or 'no reason given'}"
         + (f" ({who})" if action.nodes[0] >= 0 else ""),
         "reacquire": f"{who} initiated the track again, from readings",
         "acquire": f"{who} initiated a track",
@@ -251,7 +241,7 @@ def _sum(group: Sequence[LoggedMessage], context: StepContext) -> str:
         clause = "all arrived"
     goal, verb = next(iter(goals)), "sent" if group[0].begun else "continued to send"
     if gathers:
-        who = "members" if goal in context.heads and group[0].what not in FROM_NODES else "nodes"
+        who = "members" if goal in context.heads and group[0].what not in phrases.FROM_NODES else "nodes"
         begin = f"{len(group)} {who} {verb} {_parcel(group[0].what, True)} to {context.node(goal)}"
     else:
         begin = f"{context.node(group[0].source)} {verb} {_parcel(group[0].what, False)} to {len(group)} nodes"

@@ -14,18 +14,13 @@ import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Unpack, final
+from typing import Any, Final, Unpack, final
+
+import pandas as pd
 
 from wsnsim.analysis import comparison
-from wsnsim.api.arguments import (
-    Changes,
-    demand_several,
-    demand_sweep,
-    demand_trackers,
-    named_as_in_python,
-    overrides_of,
-    shown,
-)
+from wsnsim.api import arguments
+from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, named_as_in_python, overrides_of, shown
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
 from wsnsim.base.runs import run_count
 from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress
@@ -34,9 +29,6 @@ from wsnsim.campaign.sweeping import sweep as run_sweep
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario import Overrides
 from wsnsim.scenario.load import Override
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @final
@@ -297,7 +289,7 @@ def compare(  # noqa: PLR0913
     if workers is None and needs_main_guard():
         workers = 0
     chosen = overrides_of("compare", changes, overrides, seed, ())
-    demand_several(trackers)
+    arguments.demand_several(trackers)
     options = {"replicates": replicates, "trackers": trackers, "workers": workers}
     found = _swept(source, out, chosen, progress, options)
     if not found.complete:

@@ -131,10 +131,11 @@ def _report(raised: BaseException) -> int:
     except (KeyboardInterrupt, click.Abort):
         return _print_error("interrupted", 130)
     except BrokenPipeError:
-        return _close_stdout()
+        redirect_to_nowhere(1)  # so that the interpreter's last flush does not fail
+        return 141
     except OSError as error:
         _print_traceback()
-        _close_stdout()
+        redirect_to_nowhere(1)
         return _print_error(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 1)
     except (Exception, SystemExit) as error:
         return _report_unexpected(error)
@@ -155,12 +156,6 @@ def _report_unexpected(error: BaseException) -> int:
 def _print_error(message: str, code: int, prefix: str = "wsnsim: error: ") -> int:
     echo(f"{prefix}{message}", err=True)
     return code
-
-
-def _close_stdout() -> int:
-    """Redirect stdout to nowhere, so that the interpreter's last flush does not fail. Return the exit code."""
-    redirect_to_nowhere(1)
-    return 141
 
 
 def _print_traceback() -> None:

@@ -12,7 +12,7 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import wsnsim.campaign as campaign
 from wsnsim.analysis import campaign_info  # not comparison: pandas may start a thread, and workers would be spawned
@@ -29,10 +29,6 @@ from wsnsim.cli.shared import INCOMPLETE, METRIC, command_line, echo, echo_json,
 from wsnsim.recording.folder import Folder, Manifest
 from wsnsim.scenario.registry import PluginAccess, Plugins, access
 from wsnsim.scenario.sweep_schema import Plan
-
-if TYPE_CHECKING:
-    from wsnsim.watch.campaign_view import CampaignView
-
 
 Options = SimpleNamespace
 """The values of the options that `sweep` and `compare` share: how a campaign is run, and what is compared."""
@@ -160,7 +156,7 @@ def _run(folder: Folder, shard: Shard, options: Options, interrupts: Interrupts,
     """Run what is missing, print the comparison, say what is still missing, and show it as long as it is watched."""
     engine = _engine(folder, options)
 
-    def view_at(port: int) -> CampaignView:
+    def view_at(port: int) -> Any:
         from wsnsim.watch.campaign_view import CampaignView
 
         return CampaignView(folder, options.metric, port=port)
@@ -251,16 +247,10 @@ def _resume_command(folder: Folder, shard: Shard, options: Options) -> str:
     words = ["wsnsim", "sweep", str(folder.path)]
     if shard.total > 1:
         words += ["--shard", f"{shard.number}/{shard.total}"]
-    values: dict[str, object] = {
-        "jobs": options.jobs,
-        "scheduler": options.scheduler,
-        "scheduler-file": options.scheduler_file,
-        "metric": options.metric if options.metric != METRIC else None,
-        "baseline": options.baseline,
-        "csv": options.csv,
-    }
-    for name, value in values.items():
-        words += [f"--{name}", str(value)] if value is not None else []
+    for name in ("jobs", "scheduler", "scheduler_file", "metric", "baseline", "csv"):
+        value = getattr(options, name)
+        if value is not None and (name, value) != ("metric", METRIC):
+            words += [f"--{name.replace('_', '-')}", str(value)]
     words += [word for key in options.by for word in ("--by", key)]
     words += [] if options.batch else ["--no-batch"]
     words += ["--plugins"] if needs_permission(folder) else []

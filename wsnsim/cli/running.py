@@ -17,18 +17,7 @@ from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.live import LiveOptions, linger, live_options, page_of, show_result, shown_live, stay
 from wsnsim.cli.progress import RUN, display
-from wsnsim.cli.shared import (
-    PATH,
-    command_line,
-    echo,
-    echo_answer,
-    group,
-    is_campaign,
-    loaded,
-    reading,
-    seconds_of,
-    writable,
-)
+from wsnsim.cli.shared import echo, echo_answer, group, is_campaign, loaded, reading, seconds_of, writable
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
@@ -39,7 +28,7 @@ run_options = shared.with_options(
     shared.overrides_option,
     click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Number of Monte Carlo runs."),
     shared.seed_option,
-    click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
+    click.option("--out", "-o", type=shared.PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
     shared.bounds_option,
     click.option("--report", "with_page", is_flag=True, help="Also write the HTML page, beside the result."),
     shared.plugins_option,
@@ -93,7 +82,7 @@ def run_scenario(source: str, options: Any, interrupts: Interrupts, live: LiveOp
             contextlib.closing(display("none" if options.quiet else options.progress, RUN)) as shown,
         ):
             report = experiment.run(
-                scenario, replicates=options.replicates, out=path, command_line=command_line(),
+                scenario, replicates=options.replicates, out=path, command_line=shared.command_line(),
                 progress=view.reporting(shown.step) if view else shown.step,
                 on_compile=partial(echo, "wsnsim: compiling kernels, once ...", True) if talks else None,
                 batch=options.batch, watched=view and view.recorder, timeout=limit,

@@ -17,17 +17,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis import error_bounds
-from wsnsim.analysis.quantities import (
-    BOUND_NAMES,
-    BOUND_NOTE,
-    QUANTITIES,
-    beside,
-    bound_name,
-    flagged,
-    medians,
-    worth_showing,
-)
+from wsnsim.analysis import error_bounds, quantities
+from wsnsim.analysis.quantities import BOUND_NOTE, QUANTITIES, beside, bound_name, flagged, medians, worth_showing
 from wsnsim.analysis.result_facts import facts_of_file
 from wsnsim.analysis.summary_text import PublishedLookup
 from wsnsim.base.errors import ResultError
@@ -204,7 +195,7 @@ MIN_RUNS: Final = 5
 """Least number of Monte Carlo runs for an interval."""
 RUNS: Final = "Monte Carlo runs"
 PUBLISHED_KEYS: Final = ("rmse", "energy")
-BOUNDS: Final = [bound_name(readings, faults) for readings in BOUND_NAMES for faults in ((), ("stuck",))]
+BOUNDS: Final = [bound_name(readings, faults) for readings in quantities.BOUND_NAMES for faults in ((), ("stuck",))]
 EXPLAINED: Final = (
     {quantity.name: quantity.definition for quantity in QUANTITIES.values()}
     | dict.fromkeys(BOUNDS, BOUND_NOTE)
