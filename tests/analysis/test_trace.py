@@ -460,6 +460,6 @@ def test_a_target_that_leaves_the_field_is_the_subject_of_its_event():
         logged_events.LoggedEvent(1.0, 2, 0, -1, kind, "", 0, 0, -1, 0, 0, 0.0, "")
         for kind in ("leave", "return", "lost")
     ]
-    assert [row_in_words(row) for row in rows] == [
+    assert [logged_events.row_in_words(row) for row in rows] == [
         "the target: leave target 0", "the target: return target 0", "nobody: lost target 0",
     ]  # fmt: skip
