@@ -13,6 +13,7 @@ import math
 import textwrap
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 import pandas as pd
@@ -173,24 +174,24 @@ def columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
     """Return the headings of the table, and the cells of each row as texts."""
     table, name, shown = found.table, run_metric_name(found.metric), _shown_parts(found)
     faultless = " without faults" * (FAULTLESS in found.of_bounds)
-    candidates: list[tuple[bool, str, str, Callable[[pd.DataFrame, str], list[str]]]] = [
-        *((True, key, key, _settings) for key in found.keys),
-        (table["replicates"].nunique() > 1, "runs", "replicates", _settings),
+    candidates: list[tuple[bool, str, str, Cells]] = [
+        *((True, key, key, _each(_setting)) for key in found.keys),
+        (table["replicates"].nunique() > 1, "runs", "replicates", _each(_setting)),
         (True, f"median {name}{bracketed(found.unit)}", "median", _spreads),
-        (True, "mean", "mean", _numbers),
-        (shown["nees"], "median over steps", "nees_median", _numbers),
-        (shown["nees"], "singular", "singular", _counts),
-        (shown["bound"], f"CRLB{faultless}", "bound", _numbers),
-        (shown["tracked"], "tracked", "tracked", _percents),
+        (True, "mean", "mean", _each(_number)),
+        (shown["nees"], "median over steps", "nees_median", _each(_number)),
+        (shown["nees"], "singular", "singular", _each("{:.0f}".format)),
+        (shown["bound"], f"CRLB{faultless}", "bound", _each(_number)),
+        (shown["tracked"], "tracked", "tracked", _each(_percents)),
         (True, "lost at any time", "ever_lost", _shares),
-        (shown["lost at the end"], "at the end", "lost_fraction", _percents),
+        (shown["lost at the end"], "at the end", "lost_fraction", _each(_percents)),
         (found.metric != ENERGY and (table["energy"] > 0).any(), "energy [J]", "energy", _spreads),
-        (shown["per joule"], f"{name}/J", "error_per_joule", _numbers),
-        (shown["per joule"], "Pareto", "front", _flags),
+        (shown["per joule"], f"{name}/J", "error_per_joule", _each(_number)),
+        (shown["per joule"], "Pareto", "front", _each({True: "*", False: ""}.__getitem__)),
         (shown["difference"], "difference", "difference", _spreads),
-        (shown["difference"], "effect", "effect", _short_numbers),
-        (shown["difference"], "Wilcoxon p", "p_holm", _short_numbers),
-        (shown["McNemar"], "McNemar p of losses", "p_losses_holm", _short_numbers),
+        (shown["difference"], "effect", "effect", _each(partial(_number, digits=2))),
+        (shown["difference"], "Wilcoxon p", "p_holm", _each(partial(_number, digits=2))),
+        (shown["McNemar"], "McNemar p of losses", "p_losses_holm", _each(partial(_number, digits=2))),
     ]
     chosen = [(head, cells(table, column)) for wanted, head, column, cells in candidates if wanted]
     return [head for head, _ in chosen], [list(row) for row in zip(*(cells for _, cells in chosen), strict=True)]
@@ -255,28 +256,20 @@ def _notes(found: Comparison) -> list[str]:
     return [f"  {note}" for wanted, note in candidates if wanted]
 
 
-def _settings(table: pd.DataFrame, column: str) -> list[str]:
-    return ["-" if value is None or value is pd.NA or value != value else label([value]) for value in table[column]]
+Cells = Callable[[pd.DataFrame, str], list[str]]
+"""The texts of a column of a table, from the columns of its name."""
 
 
-def _counts(table: pd.DataFrame, column: str) -> list[str]:
-    return [f"{value:.0f}" for value in table[column]]
+def _each(cell: Callable[[Any], str]) -> Cells:
+    return lambda table, column: [cell(value) for value in table[column]]
 
 
-def _percents(table: pd.DataFrame, column: str) -> list[str]:
-    return [f"{100.0 * value:.0f} %" for value in table[column]]
+def _setting(value: Any) -> str:
+    return "-" if value is None or value is pd.NA or value != value else label([value])
 
 
-def _flags(table: pd.DataFrame, column: str) -> list[str]:
-    return ["*" if flag else "" for flag in table[column]]
-
-
-def _numbers(table: pd.DataFrame, column: str) -> list[str]:
-    return [_number(value) for value in table[column]]
-
-
-def _short_numbers(table: pd.DataFrame, column: str) -> list[str]:
-    return [_number(value, 2) for value in table[column]]
+def _percents(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
 
 
 def _number(value: float, digits: int = 4) -> str:

@@ -154,15 +154,14 @@ def _digests(scenario: Any) -> dict[str, str]:
 
 
 def _point_bounds(scenario: dict[str, object], replicates: Sequence[int], allowed: Plugins) -> PointBounds:
-    nothing = math.nan
     try:
         loaded = load(scenario, plugins=allowed)
         each, whole = (bound(loaded, replicates, kind) for kind in ("per_trajectory", "unconditional"))
     except WsnsimError as error:  # a point that cannot be run has no bound either
-        return PointBounds(nothing, nothing, str(error))
+        return PointBounds(math.nan, math.nan, str(error))
     return PointBounds(
-        float(np.median(each.of_replicates)) if not each.reason else nothing,
-        float(whole.of_replicates[0]) if not whole.reason else nothing,
+        float(np.median(each.of_replicates)) if not each.reason else math.nan,
+        float(whole.of_replicates[0]) if not whole.reason else math.nan,
         each.reason,
         tuple(dict.fromkeys((*each.of_readings, *whole.of_readings))),
     )

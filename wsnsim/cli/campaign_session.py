@@ -127,21 +127,21 @@ def run_plan(plan: Plan, options: Options, interrupts: Interrupts, by: tuple[str
     _check_engine_options(options)
     if options.dry_run:
         campaign.existing_manifest(Folder(path), plan.name)
-        estimate = estimate_cost(plan, Folder(path), _workers(options), shard, options.batch)
+        estimate = estimate_cost(plan, Folder(path), options.jobs or engines.available_cores(), shard, options.batch)
         print_estimate(plan.name, estimate, options.as_json)
         return 0
     folder = campaign.prepare(
         plan, path, by=by, baseline=options.baseline, command_line=command_line(),
         accept_code_change=options.accept_code_change,
     )  # fmt: skip
-    return _run(folder, shard, options, interrupts, _access(of_caller=True))
+    return _run(folder, shard, options, interrupts, access(Plugins.ANY))
 
 
 def resume(source: str, options: Options, interrupts: Interrupts) -> int:
     """Resume the campaign in a folder and return the exit code."""
     if options.dry_run:
         raise UsageError("--dry-run needs a sweep; `wsnsim info DIR` shows the progress of a campaign")
-    shard, allowed = _shard(options.shard), _access(of_caller=options.plugins)
+    shard, allowed = _shard(options.shard), access(Plugins.ANY if options.plugins else Plugins.INSTALLED)
     folder = campaign.reopen(source, options.accept_code_change)
     campaign.demand_permitted(folder, allowed.plugins)
     _check_engine_options(options)
@@ -163,7 +163,16 @@ def _run(folder: Folder, shard: Shard, options: Options, interrupts: Interrupts,
 
     with shown_live(LiveOptions() if options.live else None, view_at) as view:
         with view.following() if view else contextlib.nullcontext():
-            outcome = _run_missing(folder, engine, shard, options, interrupts, allowed)
+            # a signal stops the campaign, a second one at once
+            shown = display("none" if options.quiet else options.progress, CAMPAIGN)
+            with interrupts.noted() as should_stop, contextlib.closing(shown):
+                try:
+                    outcome = campaign.run_campaign(
+                        folder, engine, shard, shown.step, should_stop, options.batch, allowed
+                    )
+                except KeyboardInterrupt:
+                    echo_lines([f"wsnsim: resume with: {_resume_command(folder, shard, options)}"])
+                    raise
         code = 0
         if shard == WHOLE and not interrupts.number:
             code = print_comparison(folder, options, allowed.plugins)
@@ -173,30 +182,12 @@ def _run(folder: Folder, shard: Shard, options: Options, interrupts: Interrupts,
     return code
 
 
-def _run_missing(
-    folder: Folder, engine: Engine, shard: Shard, options: Options, interrupts: Interrupts, allowed: PluginAccess
-) -> CampaignOutcome:
-    """Run what is missing; a signal stops the campaign, a second one at once."""
-    shown = display("none" if options.quiet else options.progress, CAMPAIGN)
-    with interrupts.noted() as should_stop, contextlib.closing(shown):
-        try:
-            return campaign.run_campaign(folder, engine, shard, shown.step, should_stop, options.batch, allowed)
-        except KeyboardInterrupt:
-            echo_lines([f"wsnsim: resume with: {_resume_command(folder, shard, options)}"])
-            raise
-
-
-def _access(of_caller: bool) -> PluginAccess:
-    """What a campaign's scenarios may import: what they name if they are the caller's, or only what is installed."""
-    return access(Plugins.ANY if of_caller else Plugins.INSTALLED)
-
-
 def _engine(folder: Folder, options: Options) -> Engine:
     if options.scheduler is not None or options.scheduler_file is not None:
         from wsnsim.campaign.dask_engine import DaskEngine
 
         return DaskEngine(folder.path, options.scheduler, options.scheduler_file)
-    return engines.LocalEngine(_workers(options))
+    return engines.LocalEngine(options.jobs or engines.available_cores())
 
 
 def _check_engine_options(options: Options) -> None:
@@ -207,10 +198,6 @@ def _check_engine_options(options: Options) -> None:
         raise UsageError("--watch cannot be combined with --dry-run: nothing is run")
     if options.jobs and (options.scheduler is not None or options.scheduler_file is not None):
         raise UsageError("--jobs cannot be combined with --scheduler: the scheduler sets the number of workers")
-
-
-def _workers(options: Options) -> int:
-    return options.jobs or engines.available_cores()
 
 
 def _report_outcome(

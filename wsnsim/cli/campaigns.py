@@ -71,10 +71,16 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
             raise UsageError(f"{source} is a campaign, whose sweep is fixed; to change it, give the sweep file instead")
         return session.resume(source, options, interrupts)
     from wsnsim.scenario.sweep import is_sweep, load_sweep
+    from wsnsim.scenario.texts import find_or_none, shipped_sweeps
 
     if not is_sweep(source):
         if not vary:
-            raise UsageError(_why_no_sweep(source))
+            if Path(source).is_dir():
+                raise UsageError(f"folder holds no campaign: {source}")
+            if find_or_none(source) is not None:
+                raise UsageError(f"{source} is a scenario: give the axes to vary with --vary KEY=VALUES")
+            nearest = did_you_mean(source, shipped_sweeps())
+            raise UsageError(f"unknown sweep, scenario or campaign '{source}' ({nearest})")
         keys = "_".join(axis.partition("=")[0].strip().rpartition(".")[2] for axis in vary)
         changes["name"] = _file_name(f"{Path(source).stem}_by_{keys}")
     return session.run_plan(load_sweep(source, vary, overrides, **changes), options, interrupts, options.by)
@@ -136,16 +142,6 @@ def collect(shards: tuple[Path, ...], out: Path | None, metric: str, accept_code
     if missing:
         echo_lines([f"wsnsim: {into.path} is incomplete:", *campaign.describe_missing(missing, manifest)])
     return INCOMPLETE if missing else code
-
-
-def _why_no_sweep(source: str) -> str:
-    from wsnsim.scenario.texts import find_or_none, shipped_sweeps
-
-    if Path(source).is_dir():
-        return f"folder holds no campaign: {source}"
-    if find_or_none(source) is not None:
-        return f"{source} is a scenario: give the axes to vary with --vary KEY=VALUES"
-    return f"unknown sweep, scenario or campaign '{source}' ({did_you_mean(source, shipped_sweeps())})"
 
 
 def _file_name(text: str) -> str:

@@ -37,7 +37,14 @@ def export(
     if csv_folder is None and parquet_folder is None and matlab_file is None:
         raise UsageError("say what to write: --csv DIR, --parquet DIR or --mat FILE.mat")
     if matlab_file is not None:
-        _check_matlab_file(matlab_file, result)
+        if matlab_file.suffix != ".mat":
+            raise UsageError(f"--mat {matlab_file}: the name of a MATLAB file ends in .mat")
+        try:
+            writable(matlab_file, matlab_file)
+        except UsageError as error:
+            raise UsageError(str(error).replace("--out ", "--mat ")) from None
+        if result.exists():
+            not_the_result(matlab_file, result, "MATLAB file")
     with reading(result):
         from wsnsim.analysis import frames
 
@@ -48,18 +55,6 @@ def export(
         if matlab_file is not None:
             for table, rows in frames.matlab(result, matlab_file, tables):
                 echo(f"{matlab_file}: {table}: {rows:,} rows")
-
-
-def _check_matlab_file(file: Path, result: Path) -> None:
-    """Raise UsageError if the MATLAB file cannot be written there, before anything is read."""
-    if file.suffix != ".mat":
-        raise UsageError(f"--mat {file}: the name of a MATLAB file ends in .mat")
-    try:
-        writable(file, file)
-    except UsageError as error:
-        raise UsageError(str(error).replace("--out ", "--mat ")) from None
-    if result.exists():
-        not_the_result(file, result, "MATLAB file")
 
 
 PLOTS: Final = ("all", "track", "states", "error", "consistency", "energy", "particles")

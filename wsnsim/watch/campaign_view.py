@@ -66,11 +66,6 @@ class CampaignState:
         """Whether each run is on disk or has failed."""
         return self.done + self.failed >= self.total
 
-    def text(self) -> str:
-        """One line."""
-        failed = f", {self.failed} failed" if self.failed else ""
-        return f"{self.done} of {self.total} runs done{failed}, at {len(self.points)} points"
-
 
 def campaign_state(folder: Folder) -> CampaignState:
     """The state of a campaign.
@@ -145,7 +140,9 @@ class CampaignView(WatchServer):
 
     def state(self) -> str:
         """The state of the campaign in one line."""
-        return self._state.text()
+        state = self._state
+        failed = f", {state.failed} failed" if state.failed else ""
+        return f"{state.done} of {state.total} runs done{failed}, at {len(state.points)} points"
 
     def follow(self, until_complete: bool = False) -> None:
         """Look at the folder again and again, for ever or until the campaign is complete."""
