@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wsnsim.analysis import event_groups, logged_events
-from wsnsim.analysis.phrases import energy_in_words, listed, row_in_words
+from wsnsim.analysis.phrases import energy_in_words, listed
 from wsnsim.analysis.trace import as_json, text, trace
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
@@ -460,6 +460,6 @@ def test_a_target_that_leaves_the_field_is_the_subject_of_its_event():
         logged_events.LoggedEvent(1.0, 2, 0, -1, kind, "", 0, 0, -1, 0, 0, 0.0, "")
         for kind in ("leave", "return", "lost")
     ]
-    assert [row_in_words(row) for row in rows] == [
+    assert [logged_events.row_in_words(row) for row in rows] == [
         "the target: leave target 0", "the target: return target 0", "nobody: lost target 0",
     ]  # fmt: skip

@@ -46,7 +46,6 @@ def interrupted(monkeypatch):
             threading.Thread(target=send, daemon=True).start()
 
         monkeypatch.setattr(live, "say_where", say)
-        monkeypatch.setattr("wsnsim.cli.running.say_where", say)
         return addresses
 
     return when
@@ -104,8 +103,8 @@ def test_a_campaign_is_shown_while_it_computes_and_has_the_rows_of_any_other(
     interrupted, monkeypatch, capsys, tmp_path, ask, words
 ):
     """The signal comes when the command has printed its tables and waits: before, it would end the command with 130."""
-    waits, wait = threading.Event(), live.LiveCampaign._wait
-    monkeypatch.setattr(live.LiveCampaign, "_wait", lambda self: (waits.set(), wait(self)))
+    waits, stay = threading.Event(), live.stay
+    monkeypatch.setattr(live, "stay", lambda interrupts, wait: stay(interrupts, lambda: (waits.set(), wait())))
     assert main([*words, "-o", "alone"]) == 0
     told = capsys.readouterr().out
     addresses = interrupted(

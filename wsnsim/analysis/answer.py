@@ -55,7 +55,10 @@ def energy_clause(facts: ResultFacts) -> str:
         parts = "of which " + " and ".join(
             f"{shown} {unit} is {use}" for shown, (use, _) in zip(figures, named, strict=True)
         )
-    return f"{spent}, {parts}{_consequence(facts, uses.get(IDLE, 0.0) / total)}"
+    # where nearly all energy is idle listening of radios that no tracker switches off
+    always_on = facts.mean("awake") == 1.0 and "radio_on" not in facts.runs and facts.workload == "tracking"
+    idle = always_on and uses.get(IDLE, 0.0) / total >= ALMOST_ALL
+    return f"{spent}, {parts}" + ": trackers hardly differ in energy here" * idle
 
 
 def _uses(facts: ResultFacts) -> dict[str, float]:
@@ -65,14 +68,6 @@ def _uses(facts: ResultFacts) -> dict[str, float]:
         use = CAUSE_WORDS.get(cause, cause.replace("_", " "))
         found[use] = found.get(use, 0.0) + joules
     return dict(sorted(found.items(), key=lambda item: -item[1]))
-
-
-def _consequence(facts: ResultFacts, idle: float) -> str:
-    """What follows where nearly all energy is idle listening of radios that no tracker switches off."""
-    always_on = facts.mean("awake") == 1.0 and "radio_on" not in facts.runs
-    if not always_on or idle < ALMOST_ALL or facts.workload != "tracking":
-        return ""
-    return ": trackers hardly differ in energy here"
 
 
 def sink_clause(facts: ResultFacts) -> str:
@@ -154,7 +149,6 @@ def seconds(time: float) -> str:
 
 
 Source = Report | str | Path | Mapping[str, Table]
-NAN: Final = float("nan")
 SEEN: Final = 0.995
 """Share of tracked steps from which on all steps count as tracked."""
 
@@ -198,7 +192,7 @@ def _facts(source: Source, scenario: Any) -> ResultFacts:
     return facts_of_file(source) if isinstance(source, str | Path) else facts_of_tables(source, scenario)
 
 
-def sentence(facts: ResultFacts, crlb: float = NAN) -> str:
+def sentence(facts: ResultFacts, crlb: float = np.nan) -> str:
     """The sentence of known facts; empty if no run has finished.
 
     Args:
@@ -210,7 +204,8 @@ def sentence(facts: ResultFacts, crlb: float = NAN) -> str:
     if facts.workload != "tracking":
         first = collection_clause(facts) or reception_clause(facts)
     else:
-        first = _followed(facts, crlb) if _estimates(facts) else _no_estimate(facts)
+        known = facts.recorded.errors if facts.recorded.errors.size else facts.column("rmse")
+        first = _followed(facts, crlb) if np.isfinite(known).any() else _no_estimate(facts)
     clauses = (first, sink_clause(facts), energy_clause(facts), lifetime_clause(facts))
     return "; ".join(filter(None, clauses)) + "."
 
@@ -232,19 +227,13 @@ def comparable(facts: ResultFacts, crlb: Bound | None) -> float:
     """The time average of a bound at the steps of the errors that are judged; NaN without a bound."""
     steps = facts.recorded.steps
     if crlb is None or crlb.reason or not steps.size:
-        return NAN
+        return np.nan
     judged, each = facts.judged_errors, crlb.each
     if steps[0] < 1 or steps[-1] > each.shape[-1] or judged.shape[:2] != each.shape[:2]:
-        return NAN
-    errors = np.full(each.shape, NAN)
+        return np.nan
+    errors = np.full(each.shape, np.nan)
     errors[:, :, steps - 1] = judged
     return crlb.time_mean_at(errors)
-
-
-def _estimates(facts: ResultFacts) -> bool:
-    """Whether any step of any run has an estimate."""
-    known = facts.recorded.errors if facts.recorded.errors.size else facts.column("rmse")
-    return bool(np.isfinite(known).any())
 
 
 def _targets(facts: ResultFacts) -> int:

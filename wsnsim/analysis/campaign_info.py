@@ -15,7 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Sequence, Set
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, final
+from typing import Any, Final, final
 
 import numpy as np
 
@@ -23,10 +23,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.recording import read_text
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
-from wsnsim.scenario.sweep_schema import StoppingRule
-
-if TYPE_CHECKING:
-    from wsnsim.scenario.sweep_schema import Plan
+from wsnsim.scenario.sweep_schema import Plan, StoppingRule
 
 SCENARIO: Final = "scenario"
 """The swept key of a sweep over several scenarios."""
@@ -73,7 +70,10 @@ def code_json(folder: Folder) -> dict[str, Any]:
     changes = folder.manifest().code_changes
     if not changes:
         return {}
-    return {"code_changes": [dict(change) for change in changes], "runs_by_code": dict(_runs_by_code(folder))}
+    found: Counter[str] = Counter()
+    for batch in (batch for point in folder.manifest().points for batch in folder.batches(point.id)):
+        found[_code_of(batch.path)] += batch.last - batch.first + 1
+    return {"code_changes": [dict(change) for change in changes], "runs_by_code": dict(found)}
 
 
 def code_lines(folder: Folder) -> list[str]:
@@ -87,14 +87,6 @@ def code_lines(folder: Folder) -> list[str]:
         files = change.get("changed") or ["unknown files"]
         named = ", ".join(files[:MAX_NAMED]) + (f" and {len(files) - MAX_NAMED} more" if len(files) > MAX_NAMED else "")
         found.append(f"  {change.get('time')}: {change.get('before')} to {change.get('after')}: {named}")
-    return found
-
-
-def _runs_by_code(folder: Folder) -> Counter[str]:
-    found: Counter[str] = Counter()
-    for point in folder.manifest().points:
-        for batch in folder.batches(point.id):
-            found[_code_of(batch.path)] += batch.last - batch.first + 1
     return found
 
 
@@ -139,10 +131,7 @@ def info(path: str | Path) -> dict[str, Any]:
         "failed": folder.failures(),
         "files": files,
         "bytes": size,
-        "block": manifest.block,
-        "until": manifest.until,
-        "timeout": manifest.timeout,
-        "wsnsim_version": manifest.wsnsim_version,
+        **{key: getattr(manifest, key) for key in ("block", "until", "timeout", "wsnsim_version")},
         "provenance": dict(manifest.provenance),
         **code_json(folder),
     }
@@ -163,19 +152,15 @@ def info_text(path: str | Path) -> str:
         *code_lines(Folder(path)),
         "",
     ]
-    lines += [_point_line(point) for point in points[:MAX_LINES]]
+    for point in points[:MAX_LINES]:
+        settings = ", ".join(f"{key} = {label([value])}" for key, value in point["settings"].items())
+        runs = f"{point['done']:>5} of {point['replicates']:<5}"
+        lines.append(f"  {point['id']}  {runs}  {settings or 'the scenario unchanged'}")
     if len(points) > MAX_LINES:
         lines.append(f"  and {len(points) - MAX_LINES} more points")
     failed = list(about["failed"].items())
     lines += [f"  failed: {task}: {why.splitlines()[0] if why else ''}" for task, why in failed[:MAX_LINES]]
     return "\n".join(lines)
-
-
-def _point_line(point: dict[str, Any]) -> str:
-    settings = (
-        ", ".join(f"{key} = {label([value])}" for key, value in point["settings"].items()) or "the scenario unchanged"
-    )
-    return f"  {point['id']}  {point['done']:>5} of {point['replicates']:<5}  {settings}"
 
 
 PATIENCE: Final = 60.0

@@ -196,8 +196,7 @@ def _typed(values: Sequence[Any], owners: np.ndarray) -> Any:
     dtype = _type_of(values)
     if isinstance(dtype, pd.CategoricalDtype):
         values = [None if value is None else str(value) for value in values]
-    column = pd.Series(list(values), dtype=dtype)
-    return column.iloc[owners].reset_index(drop=True)
+    return pd.Series(list(values), dtype=dtype).iloc[owners].reset_index(drop=True)
 
 
 def _type_of(values: Sequence[Any]) -> Any:

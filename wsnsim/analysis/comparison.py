@@ -39,8 +39,7 @@ def same_runs(folder: Folder, manifest: Manifest) -> str:
     alike: dict[bytes, list[Mapping[str, Any]]] = {}
     for number, rows in runs.groupby(campaigns.POINT, sort=True):
         content = pd.util.hash_pandas_object(rows[names], index=False).to_numpy().tobytes()
-        settings = manifest.points[int(number)].settings
-        alike.setdefault(content, []).append(settings)
+        alike.setdefault(content, []).append(manifest.points[int(number)].settings)
     groups = [points for points in alike.values() if len(points) > 1]
     if not groups:
         return ""
@@ -132,7 +131,10 @@ def compare(
     sign = -1.0 if metric in MORE_IS_BETTER else 1.0
     table["front"] = False if metric in ONE_IS_BEST else _fronts(table, groups, sign)
     baseline = baseline_point(manifest, chosen, baseline or (manifest.baseline if by is None else None))
-    first = _baselines(manifest, table, groups, chosen, baseline)
+    names = [
+        label(manifest.points[_number(table, row)].settings.get(key) for key in chosen) for row in range(len(table))
+    ]
+    first = [(row, rows) for rows in groups.values() for row in rows if names[row] == baseline]
     unit, unpaired = _unit(folder, manifest, metric), ""
     if chosen:
         baselines, unpaired = _paired(table, manifest, first)
@@ -158,20 +160,9 @@ def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
 def as_json(found: Comparison) -> dict[str, Any]:
     """The comparison as plain values; unknown ones are NaN."""
     rows = found.table.astype(object).where(found.table.notna(), np.nan).to_dict("records")
-    return {
-        "name": found.name,
-        "metric": found.metric,
-        "unit": found.unit,
-        "lost": found.lost,
-        "keys": list(found.keys),
-        "by": list(found.by),
-        "points": rows,
-        "conclusions": conclusions_of(found),
-        "unpaired": found.unpaired,
-        "unbounded": found.unbounded,
-        "of_bounds": found.of_bounds,
-        "same": found.same,
-    }
+    values = {key: getattr(found, key) for key in ("name", "metric", "unit", "lost")}
+    values |= {"keys": list(found.keys), "by": list(found.by), "points": rows, "conclusions": conclusions_of(found)}
+    return values | {key: getattr(found, key) for key in ("unpaired", "unbounded", "of_bounds", "same")}
 
 
 def conclusions_of(found: Comparison) -> list[str]:
@@ -239,19 +230,6 @@ def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]], sign: float) -
             (sign * table["median"].iloc[rows]).tolist(), table["energy"].iloc[rows].tolist()
         )
     return flags.tolist()
-
-
-def _baselines(
-    manifest: Manifest,
-    table: pd.DataFrame,
-    groups: Mapping[Any, list[int]],
-    by: Sequence[str],
-    baseline: str | None,
-) -> list[tuple[int, list[int]]]:
-    """(row of the baseline, rows of its group) of each group whose baseline has results."""
-    names = [label(point.settings.get(key) for key in by) for point in manifest.points]
-    number = table[campaigns.POINT]
-    return [(row, rows) for rows in groups.values() for row in rows if names[number.iloc[row]] == baseline]
 
 
 def _paired(

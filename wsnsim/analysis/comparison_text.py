@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
+from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 import pandas as pd
@@ -72,8 +74,7 @@ def _of_group(found: Comparison, table: pd.DataFrame, names: tuple[str, ...]) ->
     known = _with_value(table)
     if len(known) < 2:
         return ""
-    order = _order(known, found.metric)
-    best = known.loc[order.index[0]]
+    best = known.loc[_order(known, found.metric).index[0]]
     tied = int((known["median"].map(number) == number(best["median"])).sum())  # what is shown must differ
     name, point = f"median {run_metric_name(found.metric)}", _name(best, names)
     value = f"{number(best['median'])}{f' {found.unit}' if found.unit not in ('', '1') else ''}"
@@ -171,125 +172,116 @@ def _conclusions(found: Comparison) -> list[str]:
 
 def columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
     """Return the headings of the table, and the cells of each row as texts."""
-    table, unit = found.table, found.unit
-    name = run_metric_name(found.metric)
-    heading = f"{name}{bracketed(unit)}"
-    columns: list[tuple[str, list[str]]] = [(key, [_setting(value) for value in table[key]]) for key in found.keys]
-    if table["replicates"].nunique() > 1:
-        columns.append(("runs", [str(count) for count in table["replicates"]]))
-    columns.append((f"median {heading}", [_spread(row, "median") for _, row in table.iterrows()]))
-    columns.append(("mean", [_number(value) for value in table["mean"]]))
-    if found.metric == "nees":
-        columns.append(("median over steps", [_number(value) for value in table["nees_median"]]))
-        columns.append(("singular", [f"{value:.0f}" for value in table["singular"]]))
-    if "bound" in table and table["bound"].notna().any():
-        columns.append(
-            ("CRLB" + " without faults" * (FAULTLESS in found.of_bounds), [_number(value) for value in table["bound"]])
-        )
-    if (table["tracked"] < SEEN).any():
-        columns.append(("tracked", [f"{100.0 * value:.0f} %" for value in table["tracked"]]))
-    columns.append(("lost at any time", [_share(row) for _, row in table.iterrows()]))
-    if found.metric != "lost" and (table["lost_fraction"] != table["ever_lost"]).any():
-        columns.append(("at the end", [f"{100.0 * value:.0f} %" for value in table["lost_fraction"]]))
-    if found.metric != ENERGY and table["energy"].notna().any() and (table["energy"] > 0).any():
-        columns.append(("energy [J]", [_spread(row, "energy") for _, row in table.iterrows()]))
-    if _per_joule(found):
-        columns.append((f"{name}/J", [_number(value) for value in table["error_per_joule"]]))
-        columns.append(("Pareto", ["*" if flag else "" for flag in table["front"]]))
-    if "difference" in table and table["pairs"].notna().any():
-        columns.append(("difference", [_spread(row, "difference") for _, row in table.iterrows()]))
-        columns.append(("effect", [_number(value, 2) for value in table["effect"]]))
-        columns.append(("Wilcoxon p", [_number(value, 2) for value in table["p_holm"]]))
-        if table["p_losses"].notna().any():
-            columns.append(("McNemar p of losses", [_number(value, 2) for value in table["p_losses_holm"]]))
-    cells = [values for _, values in columns]
-    return [head for head, _ in columns], [list(row) for row in zip(*cells, strict=True)]
+    table, name, shown = found.table, run_metric_name(found.metric), _shown_parts(found)
+    faultless = " without faults" * (FAULTLESS in found.of_bounds)
+    candidates: list[tuple[bool, str, str, Cells]] = [
+        *((True, key, key, _each(_setting)) for key in found.keys),
+        (table["replicates"].nunique() > 1, "runs", "replicates", _each(_setting)),
+        (True, f"median {name}{bracketed(found.unit)}", "median", _spreads),
+        (True, "mean", "mean", _each(_number)),
+        (shown["nees"], "median over steps", "nees_median", _each(_number)),
+        (shown["nees"], "singular", "singular", _each("{:.0f}".format)),
+        (shown["bound"], f"CRLB{faultless}", "bound", _each(_number)),
+        (shown["tracked"], "tracked", "tracked", _each(_percents)),
+        (True, "lost at any time", "ever_lost", _shares),
+        (shown["lost at the end"], "at the end", "lost_fraction", _each(_percents)),
+        (found.metric != ENERGY and (table["energy"] > 0).any(), "energy [J]", "energy", _spreads),
+        (shown["per joule"], f"{name}/J", "error_per_joule", _each(_number)),
+        (shown["per joule"], "Pareto", "front", _each({True: "*", False: ""}.__getitem__)),
+        (shown["difference"], "difference", "difference", _spreads),
+        (shown["difference"], "effect", "effect", _each(partial(_number, digits=2))),
+        (shown["difference"], "Wilcoxon p", "p_holm", _each(partial(_number, digits=2))),
+        (shown["McNemar"], "McNemar p of losses", "p_losses_holm", _each(partial(_number, digits=2))),
+    ]
+    chosen = [(head, cells(table, column)) for wanted, head, column, cells in candidates if wanted]
+    return [head for head, _ in chosen], [list(row) for row in zip(*(cells for _, cells in chosen), strict=True)]
+
+
+def _shown_parts(found: Comparison) -> dict[str, bool]:
+    """Which optional columns say something. Metric per joule and Pareto front need energy and a metric beside it."""
+    table = found.table
+    difference = "difference" in table and table["pairs"].notna().any()
+    of_error = found.metric != ENERGY and found.metric not in ONE_IS_BEST
+    return {
+        "nees": found.metric == "nees",
+        "bound": "bound" in table and table["bound"].notna().any(),
+        "tracked": (table["tracked"] < SEEN).any(),
+        "lost at the end": found.metric != "lost" and (table["lost_fraction"] != table["ever_lost"]).any(),
+        "per joule": of_error and (table["energy"] > 0).any(),
+        "difference": difference,
+        "McNemar": difference and table["p_losses"].notna().any(),
+    }
 
 
 def _notes(found: Comparison) -> list[str]:
-    table = found.table
-    name = run_metric_name(found.metric)
-    notes = ["  [ , ]: 95 % confidence intervals, of medians and differences by bootstrap, of shares by Wilson's score"]
-    if table["replicates"].max() < LEAST:
-        notes = [
-            f"  [ , ]: 95 % confidence intervals of shares by Wilson's score; of medians only from {LEAST} runs on"
-        ]
-    notes += [f"  lost: {found.lost}"] if found.lost else []
-    if found.metric in ONE_IS_BEST:
-        notes.append(f"  {name}: per degree of freedom; 1 is consistent, above 1 overconfident, below 1 cautious")
-    if found.metric == "nees":
-        notes.append(
-            "  median over steps: of each run, median over runs; a consistent filter has 0.69 in the plane, 0.45 on a\n"
-            "  line; singular: steps of all runs with a singular covariance, which have no NEES"
-        )
-    if _per_joule(found):
-        notes.append(f"  {name}/J: falls with every joule spent, so a smaller value alone is not better: see Pareto")
-    if (table["tracked"] < SEEN).any():
-        notes.append(
-            f"  tracked: share of the steps with an estimate in time; {name} is over the steps with an estimate"
-        )
+    """What the columns that are shown mean."""
+    table, name, shown = found.table, run_metric_name(found.metric), _shown_parts(found)
+    few, unknown = table["replicates"].max() < LEAST, int((table["replicates"] - table["known"]).sum())
     better = "larger" if found.metric in MORE_IS_BETTER else "smaller"
     among = "point of its group" if found.by and set(found.keys) - set(found.by) else "point"
-    if _per_joule(found) and table["front"].any():
-        notes.append(
-            f"  Pareto: * is on the Pareto front: no other {among} has both a {better} median {name} and less\n"
-            "  energy; points with more than 5 % of their runs lost at any time are left out"
-        )
-    if "difference" in table and table["pairs"].notna().any():
-        notes.append(
-            f"  difference: median over runs of the paired difference from {found.baseline}{_survivors(found)};\n"
-            "  effect: rank-biserial correlation, from -1 (always less) to 1 (always more);\n"
-            "  Wilcoxon p: signed-rank test, Holm-corrected over all pairs; the interval is of each pair alone"
-        )
-        if table["p_losses"].notna().any():
-            notes.append("  McNemar p: exact test of runs lost by one of the two alone, Holm-corrected over all pairs")
-    if "bound" in table and table["bound"].notna().any():
-        notes.append(
-            "  CRLB: trajectory-conditional Cramer-Rao lower bound of all readings in range, median over runs;\n"
-            "  not a strict bound: a filter may be below it on some trajectories (--json also has the posterior CRLB)"
-        )
-    unknown = int((table["replicates"] - table["known"]).sum())
-    if unknown:
-        notes.append(f"  without {name}: {counted(unknown, 'run')}; medians and means are over the others")
-    notes += [f"  no bound: {found.unbounded}"] if found.unbounded else []
-    notes += [f"  of the bound: {found.of_bounds}"] if found.of_bounds else []
-    notes += [f"  {found.same}"] if found.same else []
-    return [*notes, f"  {found.unpaired}"] if found.unpaired else notes
+    survivors = ",\n  over the runs in which neither lost its target at any time (difference_all: over all runs)"
+    some_lost = shown["difference"] and found.metric in ERRORS and (table["pairs"] < table["common"]).any()
+    candidates = [
+        (few, f"[ , ]: 95 % confidence intervals of shares by Wilson's score; of medians only from {LEAST} runs on"),
+        (not few, "[ , ]: 95 % confidence intervals, of medians and differences by bootstrap, of shares by Wilson's "
+         "score"),
+        (found.lost, f"lost: {found.lost}"),
+        (found.metric in ONE_IS_BEST,
+         f"{name}: per degree of freedom; 1 is consistent, above 1 overconfident, below 1 cautious"),
+        (shown["nees"],
+         "median over steps: of each run, median over runs; a consistent filter has 0.69 in the plane, 0.45 on a\n"
+         "  line; singular: steps of all runs with a singular covariance, which have no NEES"),
+        (shown["per joule"],
+         f"{name}/J: falls with every joule spent, so a smaller value alone is not better: see Pareto"),
+        (shown["tracked"],
+         f"tracked: share of the steps with an estimate in time; {name} is over the steps with an estimate"),
+        (shown["per joule"] and table["front"].any(),
+         f"Pareto: * is on the Pareto front: no other {among} has both a {better} median {name} and less\n"
+         "  energy; points with more than 5 % of their runs lost at any time are left out"),
+        (shown["difference"],
+         f"difference: median over runs of the paired difference from {found.baseline}{survivors if some_lost else ''};"
+         "\n  effect: rank-biserial correlation, from -1 (always less) to 1 (always more);\n"
+         "  Wilcoxon p: signed-rank test, Holm-corrected over all pairs; the interval is of each pair alone"),
+        (shown["McNemar"],
+         "McNemar p: exact test of runs lost by one of the two alone, Holm-corrected over all pairs"),
+        (shown["bound"],
+         "CRLB: trajectory-conditional Cramer-Rao lower bound of all readings in range, median over runs;\n"
+         "  not a strict bound: a filter may be below it on some trajectories (--json also has the posterior CRLB)"),
+        (unknown, f"without {name}: {counted(unknown, 'run')}; medians and means are over the others"),
+        (found.unbounded, f"no bound: {found.unbounded}"),
+        (found.of_bounds, f"of the bound: {found.of_bounds}"),
+        (found.same, found.same),
+        (found.unpaired, found.unpaired),
+    ]  # fmt: skip
+    return [f"  {note}" for wanted, note in candidates if wanted]
 
 
-def _per_joule(found: Comparison) -> bool:
-    """Whether metric per joule and Pareto front are shown.
-
-    They are not without energy, nor of the energy itself, nor of a metric of which 1 is best.
-    """
-    return found.metric != ENERGY and found.metric not in ONE_IS_BEST and bool((found.table["energy"] > 0).any())
+Cells = Callable[[pd.DataFrame, str], list[str]]
+"""The texts of a column of a table, from the columns of its name."""
 
 
-def _survivors(found: Comparison) -> str:
-    """On which runs errors are compared, if some were lost."""
-    lost = found.metric in ERRORS and (found.table["pairs"] < found.table["common"]).any()
-    return (
-        ",\n  over the runs in which neither lost its target at any time (difference_all: over all runs)"
-        if lost
-        else ""
-    )
+def _each(cell: Callable[[Any], str]) -> Cells:
+    return lambda table, column: [cell(value) for value in table[column]]
 
 
 def _setting(value: Any) -> str:
     return "-" if value is None or value is pd.NA or value != value else label([value])
 
 
+def _percents(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
+
+
 def _number(value: float, digits: int = 4) -> str:
     return f"{value:.{digits}g}" if math.isfinite(value) else "-"
 
 
-def _spread(row: pd.Series, name: str) -> str:
-    value, low, high = (float(row[key]) for key in (name, f"{name}_low", f"{name}_high"))
-    if not math.isfinite(value):
-        return "-"
-    return f"{_number(value)} [{_number(low)}, {_number(high)}]" if math.isfinite(low) else _number(value)
+def _spreads(table: pd.DataFrame, column: str) -> list[str]:
+    ends = zip(*(table[f"{column}{end}"] for end in ("", "_low", "_high")), strict=True)
+    numbers = [(_number(value), _number(low), _number(high)) for value, low, high in ends]
+    return [value if "-" in (value, low) else f"{value} [{low}, {high}]" for value, low, high in numbers]
 
 
-def _share(row: pd.Series) -> str:
-    value, low, high = (100.0 * float(row[f"ever_lost{end}"]) for end in ("", "_low", "_high"))
-    return f"{value:.0f} % [{low:.0f}, {high:.0f}]"
+def _shares(table: pd.DataFrame, column: str) -> list[str]:
+    ends = zip(*(100.0 * table[f"{column}{end}"] for end in ("", "_low", "_high")), strict=True)
+    return [f"{value:.0f} % [{low:.0f}, {high:.0f}]" for value, low, high in ends]

@@ -33,10 +33,10 @@ from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
 from wsnsim.base.errors import ResultError
+from wsnsim.base.metrics import mean_error
 from wsnsim.base.tables import TABLES
 from wsnsim.recording.folder import Folder
 
-NAN: Final = float("nan")
 ERRORS: Final = tuple(column.name for column in TABLES["runs"] if column.of_position)
 """Metrics that are compared on the runs that both points survive."""
 DIFFERENCE: Final = ("difference", "difference_low", "difference_high", "effect", "p", "pairs")
@@ -62,7 +62,7 @@ def pair_columns(here: pd.DataFrame, there: pd.DataFrame, metric: str) -> dict[s
     if not kept.all():
         whole = statistics.paired_difference(values, base)
     alone, other_alone = int((lost & ~other_lost).sum()), int((other_lost & ~lost).sum())
-    losses = (alone, other_alone, statistics.exact_mcnemar(alone, other_alone) if (lost | other_lost).any() else NAN)
+    losses = (alone, other_alone, statistics.exact_mcnemar(alone, other_alone) if (lost | other_lost).any() else np.nan)
     return {
         **dict(zip(DIFFERENCE, found, strict=True)),
         **dict(zip(WHOLE, whole[:3], strict=True)),
@@ -73,7 +73,7 @@ def pair_columns(here: pd.DataFrame, there: pd.DataFrame, metric: str) -> dict[s
 
 def with_pairs(table: pd.DataFrame, pairs: dict[int, dict[str, float]]) -> pd.DataFrame:
     """The table of a comparison with the columns of its pairs, by row; corrected over all pairs."""
-    numbers = {name: [pairs.get(row, {}).get(name, NAN) for row in range(len(table))] for name in NUMBERS}
+    numbers = {name: [pairs.get(row, {}).get(name, np.nan) for row in range(len(table))] for name in NUMBERS}
     for raw, adjusted in (("p", "p_holm"), ("p_losses", "p_losses_holm")):
         numbers[adjusted] = statistics.holm(numbers[raw])
     tests = [_test(pairs[row]["pairs"]) if row in pairs else "" for row in range(len(table))]
@@ -119,7 +119,7 @@ def _of_losses(pair: Pair, words: PairWords) -> str:
         return ""
     alone, other = int(pair["lost_alone"]), int(pair["baseline_lost_alone"])
     test = f"exact McNemar p = {p_value(pair['p_losses_holm'])}, Holm-corrected, {pair['common']:.0f} pairs"
-    if not bool(pair["p_losses_holm"] <= LEVEL):
+    if not pair["p_losses_holm"] <= LEVEL:
         return (
             f"no difference in losses is shown between {words.point} and {words.baseline}"
             f" ({counted(alone, 'run')} lost by the former alone, {other} by the latter alone, {test})"
@@ -133,7 +133,7 @@ def _of_metric(pair: Pair, words: PairWords) -> str:
     """The clause on the metric."""
     name, pairs = run_metric_name(words.metric), int(pair["pairs"])
     among = counted(pairs, "pair") + (
-        " of runs that both survive" if pairs < pair["common"] and _is_error(words) else ""
+        " of runs that both survive" if pairs < pair["common"] and words.metric in ERRORS else ""
     )
     if pairs < LEAST:
         return (
@@ -147,22 +147,12 @@ def _of_metric(pair: Pair, words: PairWords) -> str:
             f"no difference in {name} is shown between {words.point} and {words.baseline}:"
             f" median {number(value)}{unit}, 95 % [{number(low)}, {number(high)}], {test}"
         )
-    size, *ends = (value, low, high) if value > 0.0 else (-value, -high, -low)
+    ranks = ("better", "worse") if words.metric in ERRORS else ("lower", "higher")
+    size, *ends = (value, low, high) if value > 0.0 else (-value, -high, -low)  # without the sign
     return (
-        f"{words.point} is {number(size)}{unit} {_word(value, words)} than {words.baseline} in {name},"
+        f"{words.point} is {number(size)}{unit} {ranks[value >= 0.0]} than {words.baseline} in {name},"
         f" 95 % [{number(ends[0])}, {number(ends[1])}], {test}"
     )
-
-
-def _word(value: float, words: PairWords) -> str:
-    """'better' or 'worse' of an error, of which less is better; of other metrics, what is the larger."""
-    if _is_error(words):
-        return "better" if value < 0.0 else "worse"
-    return "lower" if value < 0.0 else "higher"
-
-
-def _is_error(words: PairWords) -> bool:
-    return words.metric in ERRORS
 
 
 def number(value: float) -> str:
@@ -194,11 +184,11 @@ class PointTraffic(NamedTuple):
         kind: the tracker's kind.
     """
 
-    late: float = NAN
-    missing: float = NAN
-    delay: float = NAN
-    step: float = NAN
-    handover: float = NAN
+    late: float = np.nan
+    missing: float = np.nan
+    delay: float = np.nan
+    step: float = np.nan
+    handover: float = np.nan
     timed: bool = False
     particles: int | None = None
     kind: str = ""
@@ -242,8 +232,7 @@ def _tracks(folder: Folder) -> pd.DataFrame | None:
     except ResultError:
         return None
     keys = [campaigns.POINT, "replicate"]
-    runs = campaigns.read(folder.path, "runs", ("replicate", "steps"))
-    return tracks.merge(runs[[*keys, "steps"]], on=keys)
+    return tracks.merge(campaigns.read(folder.path, "runs", ("replicate", "steps"))[[*keys, "steps"]], on=keys)
 
 
 def _of_point(scenario: dict[str, Any], tracks: pd.DataFrame | None) -> PointTraffic:
@@ -254,23 +243,18 @@ def _of_point(scenario: dict[str, Any], tracks: pd.DataFrame | None) -> PointTra
     steps, late, reports = (float(tracks[name].sum()) for name in ("steps", "late", "reports"))
     missing = steps - reports
     rate = scenario.get("mac", {}).get("rate")
-    bits = _mean(tracks["handover_bits"].to_numpy(dtype=np.float64))
+    bits = mean_error(tracks["handover_bits"].to_numpy(dtype=np.float64))
     delays = tracks["delay"].dropna().to_numpy(dtype=np.float64)
     return PointTraffic(
         (late - missing) / steps,
         missing / steps,
-        float(np.median(delays)) if delays.size else NAN,
+        float(np.median(delays)) if delays.size else np.nan,
         float(scenario["step"]),
-        bits / rate if rate else NAN,
+        bits / rate if rate else np.nan,
         bool(rate),
         particles,
         kind,
     )
-
-
-def _mean(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else NAN
 
 
 def _latency(name: str, one: PointTraffic) -> str:

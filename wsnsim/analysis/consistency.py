@@ -86,7 +86,8 @@ def step_consistency(path: str | Path, of: Statistic = "nees") -> StepConsistenc
     times[place[2]] = table["time"]
     squares, dofs = squares.sum(axis=1), dofs.sum(axis=1)  # of all targets of a run
     gaussian = bool((table["gaussian"] == 1).all())
-    low, high = _chi_squared(dofs.sum(axis=0)) if gaussian else _bootstrapped(squares, dofs)
+    counts = np.where(dofs.sum(axis=0) > 0, dofs.sum(axis=0), np.nan)
+    low, high = stats.chi2.ppf(TAILS[:, None], counts) / counts if gaussian else _bootstrapped(squares, dofs)
     per_run = _ratio(squares.sum(axis=1), dofs.sum(axis=1))
     values = _ratio(squares.sum(axis=0), dofs.sum(axis=0))
     average = metrics.mean_error(per_run), *interval(per_run, metrics.mean_error)
@@ -128,13 +129,6 @@ def _table(path: str | Path, of: Statistic) -> pd.DataFrame:
     return table.rename(columns={"nees": "square"}).assign(dof=dof)
 
 
-def _chi_squared(dofs: Floats) -> tuple[Floats, Floats]:
-    """The 95 % interval of a χ² variable per degree of freedom; NaN without one."""
-    counts = np.where(dofs > 0, dofs, np.nan)
-    low, high = stats.chi2.ppf(TAILS[:, None], counts) / counts
-    return low, high
-
-
 def _bootstrapped(squares: Floats, dofs: Floats) -> tuple[Floats, Floats]:
     """The 95 % bootstrap interval over the runs at each step, of squares and degrees of freedom (runs, steps)."""
     runs = len(squares)
@@ -149,6 +143,5 @@ def _bootstrapped(squares: Floats, dofs: Floats) -> tuple[Floats, Floats]:
 
 
 def _ratio(squares: Floats, dofs: Floats) -> Floats:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        result: Floats = np.where(dofs > 0, squares / dofs, np.nan)
+    result: Floats = np.divide(squares, dofs, out=np.full(np.shape(dofs), np.nan), where=dofs > 0)
     return result

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 import wsnsim.recording as recording
-from wsnsim.analysis.logged_events import BLOCK, layout_or_empty, ranges, rows_in
-from wsnsim.analysis.phrases import aligned, row_in_words
+from wsnsim.analysis.logged_events import BLOCK, layout_or_empty, ranges, row_in_words, rows_in
+from wsnsim.analysis.phrases import aligned
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.scenario.build import ABSENT, differing_leaves
 
@@ -91,12 +91,13 @@ def differ(a: str | Path, b: str | Path) -> ResultDifference:
     lacking += _lacking("replicate", *runs)
     both = [number for number in runs[0] if number in runs[1]]
     found = tuple(_parting(paths, number, rows) for number in both)
-    same = not lacking and all(all(one.tables.values()) for one in found)
+    same = not lacking and all(all(each.tables.values()) for each in found)
     plan = layout_or_empty(a)
-    return ResultDifference(
-        paths, same, _differing(paths, "scenario/resolved_json"), _differing(paths, "provenance_json", OF_THE_DAY),
-        lacking, found, plan.units[plan.position[0]] if plan.position else "",
-    )  # fmt: skip
+    names = ("scenario/resolved_json", "provenance_json")
+    one, other = ([stored_json(path, name) for name in names] for path in paths)
+    unit = plan.units[plan.position[0]] if plan.position else ""
+    changed = differing_leaves(one[0], other[0]), differing_leaves(one[1], other[1], OF_THE_DAY)
+    return ResultDifference(paths, same, *changed, lacking, found, unit)
 
 
 def as_json(found: ResultDifference) -> dict[str, Any]:
@@ -111,6 +112,7 @@ def _parting(
     of_run = {name: (a.get(replicate, nothing), b.get(replicate, nothing)) for name, (a, b) in rows.items()}
     first = {name: _first(paths, name, pair) for name, pair in of_run.items()}
     network = _first(paths, "nodes", of_run["nodes"], OF_NETWORK) is None if "nodes" in of_run else None
+    columns = [set(recording.tables(path)["truth"].columns) if "truth" in first else set() for path in paths]
     event, at = None, first.get("events")
     if at is not None:
         one, other = of_run["events"]
@@ -118,7 +120,7 @@ def _parting(
     return ReplicateDifference(
         replicate,
         {name: row is None for name, row in first.items()},
-        (first["truth"] is None and _like(paths, "truth")) if "truth" in first else None,
+        (first["truth"] is None and columns[0] == columns[1]) if "truth" in first else None,
         network,
         event,
         _reading(paths, of_run["readings"]) if first.get("readings") is not None else None,
@@ -162,12 +164,6 @@ def _equal(a: np.ndarray, b: np.ndarray, words: tuple[tuple[str, ...], tuple[str
     if a.dtype == b.dtype == np.float64:
         return np.asarray((a.view(np.uint64) == b.view(np.uint64)) | (np.isnan(a) & np.isnan(b)))
     return np.asarray(a == b)
-
-
-def _like(paths: tuple[str, str], table: str) -> bool:
-    """Whether a table has the same columns in both."""
-    one, other = (recording.tables(path)[table].columns for path in paths)
-    return set(one) == set(other)
 
 
 def _event(path: str, rows: slice, at: int) -> tuple[float, int, str] | None:
@@ -228,11 +224,6 @@ def _figures(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, Pai
     return {name: (sides[0][name][0].item(), sides[1][name][0].item()) for name in names}
 
 
-def _differing(paths: tuple[str, str], name: str, but: Sequence[str] = ()) -> dict[str, Pair]:
-    """{dotted key: (A, B)} of what differs in a JSON text of the two."""
-    return differing_leaves(stored_json(paths[0], name), stored_json(paths[1], name), but)
-
-
 def _lacking(what: str, a: Any, b: Any) -> list[str]:
     """What only one of the two holds, as sentences."""
     blank = "" if what.endswith(".") else " "
@@ -265,16 +256,13 @@ def _parting_lines(one: ReplicateDifference, unit: str) -> list[str]:
     if one.event is not None:
         number, *sides = one.event
         lines.append(f"  first differing event: number {number + 1:,} of the run")
-        lines += [f"    {name}: {_event_line(side)}" for name, side in zip("AB", sides, strict=True)]
+        words = [f"{side[0]:.9g} s, step {side[1]}, {side[2]}" if side else "no further event" for side in sides]
+        lines += [f"    {name}: {word}" for name, word in zip("AB", words, strict=True)]
     if one.reading is not None:
         lines.append(f"  first differing reading: {_reading_line(one.reading)}")
     if one.estimate is not None:
         lines.append(f"  first differing estimate: step {_estimate_line(one.estimate, unit)}")
     return lines + _figure_lines(one.figures)
-
-
-def _event_line(event: tuple[float, int, str] | None) -> str:
-    return "no further event" if event is None else f"{event[0]:.9g} s, step {event[1]}, {event[2]}"
 
 
 def _reading_line(first: Mapping[str, Any]) -> str:

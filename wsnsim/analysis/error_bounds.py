@@ -1,6 +1,6 @@
 """Cramér-Rao bounds beside the errors of a result file, and of a campaign.
 
-    in_range(path) -> Bound or None        time_averages(path) -> {readings: bound, ...}
+    found_bound(path, readings, plugins) -> Bound or None        time_averages(path) -> {readings: bound, ...}
     with_bounds(comparison, folder) -> comparison with the columns `bound` and `bound_unconditional`
 
 The trajectory-conditional CRLBs are tight but not strict bounds, see `wsnsim.bounds`. A file without a scenario, of
@@ -42,11 +42,6 @@ def lacking(path: str | Path, plugins: bool = False) -> str:
     return f"the bound {why.partition(': ')[2]}" if why else ""
 
 
-def in_range(path: str | Path, plugins: bool = False) -> Bound | None:
-    """The bound for all readings in range."""
-    return _found(path, "in_range", plugins)
-
-
 def time_averages(path: str | Path, plugins: bool = False) -> dict[str, float]:
     """The time average of each bound over the steps that have an estimate, in the position's unit.
 
@@ -54,12 +49,13 @@ def time_averages(path: str | Path, plugins: bool = False) -> dict[str, float]:
     """
     log = tables(path).get("events")
     known = READINGS if log is not None and log.rows else ("in_range",)
-    found = {readings: bound for readings in known if (bound := _found(path, readings, plugins)) is not None}
+    found = {readings: bound for readings in known if (bound := found_bound(path, readings, plugins)) is not None}
     means = {readings: bound.time_mean_at(_errors(path, bound)) for readings, bound in found.items()}
     return {readings: mean for readings, mean in means.items() if np.isfinite(mean)}
 
 
-def _found(path: str | Path, readings: str, plugins: bool) -> Bound | None:
+def found_bound(path: str | Path, readings: str, plugins: bool) -> Bound | None:
+    """The bound for these readings; None if there is none."""
     try:
         found = bound_of_run(path, readings, plugins=plugins)
     except WsnsimError:
@@ -158,15 +154,14 @@ def _digests(scenario: Any) -> dict[str, str]:
 
 
 def _point_bounds(scenario: dict[str, object], replicates: Sequence[int], allowed: Plugins) -> PointBounds:
-    nothing = math.nan
     try:
         loaded = load(scenario, plugins=allowed)
         each, whole = (bound(loaded, replicates, kind) for kind in ("per_trajectory", "unconditional"))
     except WsnsimError as error:  # a point that cannot be run has no bound either
-        return PointBounds(nothing, nothing, str(error))
+        return PointBounds(math.nan, math.nan, str(error))
     return PointBounds(
-        float(np.median(each.of_replicates)) if not each.reason else nothing,
-        float(whole.of_replicates[0]) if not whole.reason else nothing,
+        float(np.median(each.of_replicates)) if not each.reason else math.nan,
+        float(whole.of_replicates[0]) if not whole.reason else math.nan,
         each.reason,
         tuple(dict.fromkeys((*each.of_readings, *whole.of_readings))),
     )

@@ -201,7 +201,7 @@ def group_events(
     rows = list(rows)
     heads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
     for row in rows:
-        if row.kind == "drop" and row.frame == 0 and (row.what == EXPIRED):
+        if row.kind == "drop" and row.frame == 0 and row.what == EXPIRED:
             message = messages.get((True, row.sequence))
             if message is None:
                 _add_action(row, False, actions, found.append)

@@ -20,7 +20,6 @@ from typing import Any, Final
 import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wsnsim.base import metrics
@@ -68,7 +67,6 @@ def write_figure(draw: Callable[[Figure], None], out: Path, size: tuple[float, f
     """Write the figure that `draw` fills. Raises ResultError if it cannot be written."""
     with style.context(["default", STYLE]):
         figure = Figure(figsize=size, layout="constrained")
-        FigureCanvasAgg(figure)
         draw(figure)
         if title:
             figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
@@ -80,9 +78,7 @@ def figure_of(panels: list[Panel]) -> Figure:
     """A figure with these panels in one or two columns."""
     across = min(len(panels), 2)
     down = ceil(len(panels) / across)
-    size = (5.4 * across, 3.6 * down) if across > 1 else (6.4, 4.6)
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(5.4 * across, 3.6 * down) if across > 1 else (6.4, 4.6), layout="constrained")
     cells = figure.subplots(down, across, squeeze=False).ravel()
     for cell, panel in zip(cells, panels, strict=False):
         panel(cell)

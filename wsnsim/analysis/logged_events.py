@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from wsnsim.analysis.phrases import counted, energy_in_words
 from wsnsim.analysis.plot_data import StateLayout, layout
 from wsnsim.recording import attributes, meanings, read_table, row_count
 
@@ -38,6 +39,22 @@ class LoggedEvent(NamedTuple):
     bits: int
     joules: float
     cause: str
+
+
+def row_in_words(row: LoggedEvent) -> str:
+    """One event with all of its columns."""
+    joules = f"{energy_in_words(row.joules)} ({row.cause})" if row.joules else ""
+    facts = [
+        f"'{row.what}'" if row.what else "",
+        f"peer {row.peer}" if row.peer >= 0 else "to everyone" if row.kind in ("send", "relay") else "",
+        f"target {row.target}" if row.target >= 0 else "",
+        f"frame {row.frame} of message {row.sequence}" if row.frame else "",
+        counted(row.packets, "packet") if row.packets else "",
+        counted(row.bits, "bit") if row.bits else "",
+        joules,
+    ]
+    who = f"node {row.node}" if row.node >= 0 else "the target" if row.kind in ("leave", "return") else "nobody"
+    return f"{who}: {row.kind} {', '.join(filter(None, facts))}".rstrip()
 
 
 class OtherSteps(NamedTuple):
@@ -102,8 +119,7 @@ def _blocks(
     path: str | Path, columns: Sequence[str], table: str = "events"
 ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
     """(first row, columns) of each block in turn."""
-    count = row_count(path, table)
-    for start in range(0, count, BLOCK):
+    for start in range(0, row_count(path, table), BLOCK):
         yield start, read_table(path, table, columns, slice(start, start + BLOCK))
 
 

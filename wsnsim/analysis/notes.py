@@ -269,13 +269,6 @@ def parts(positions: Floats, reach: float) -> list[Ints]:
     return _joined(len(positions), KDTree(positions).query_pairs(reach))
 
 
-def recorded_parts(link: RecordsLinks, nodes: int) -> list[Ints]:
-    """The nodes of each connected part of a network of recorded links, the largest first."""
-    found = [link.heard(0, source) for source in range(nodes)]
-    usable = {(i, to) for i, (ids, _, ratios) in enumerate(found) for to in ids[ratios >= USABLE].tolist()}
-    return _joined(nodes, {(a, b) for a, b in usable if (b, a) in usable})
-
-
 def _joined(nodes: int, pairs: Iterable[tuple[int, int]]) -> list[Ints]:
     """The nodes of each part that pairs of linked nodes join, the largest first."""
     import networkx as nx  # slow to import; for `wsnsim check` alone
@@ -292,7 +285,10 @@ def parted(setup: NetworkSetup | BeaconSetup, positions: Floats) -> str:
     if not 1 < len(positions) <= MOST or not np.isfinite(reach):
         return ""
     if isinstance(setup.link, RecordsLinks):
-        found, links = recorded_parts(setup.link, len(positions)), "recorded link that delivers half of the frames"
+        heard = [setup.link.heard(0, source) for source in range(len(positions))]
+        usable = {(i, to) for i, (ids, _, ratios) in enumerate(heard) for to in ids[ratios >= USABLE].tolist()}
+        found = _joined(len(positions), {(a, b) for a, b in usable if (b, a) in usable})
+        links = "recorded link that delivers half of the frames"
     elif said := nobody(positions, reach):
         return said
     else:

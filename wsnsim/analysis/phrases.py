@@ -1,6 +1,6 @@
 """The phrases of a step's description: events, quantities and nodes in words.
 
-row_in_words(row);   energy_in_words(joules);   counted(3, 'packet');   listed(nodes);   StepContext
+energy_in_words(joules);   counted(3, 'packet');   listed(nodes);   StepContext
 """
 
 from __future__ import annotations
@@ -8,10 +8,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
-
-if TYPE_CHECKING:
-    from wsnsim.analysis.logged_events import LoggedEvent
+from typing import Final, NamedTuple
 
 MOST_NODES: Final = 24
 """Maximum number of nodes that a sentence lists (our choice)."""
@@ -106,22 +103,6 @@ class StepContext:
     def target(self, number: int) -> str:
         """The target in parentheses; empty if there is only one."""
         return f" (target {number})" if self.several and number >= 0 else ""
-
-
-def row_in_words(row: LoggedEvent) -> str:
-    """One event with all of its columns."""
-    joules = f"{energy_in_words(row.joules)} ({row.cause})" if row.joules else ""
-    facts = [
-        f"'{row.what}'" if row.what else "",
-        f"peer {row.peer}" if row.peer >= 0 else "to everyone" if row.kind in ("send", "relay") else "",
-        f"target {row.target}" if row.target >= 0 else "",
-        f"frame {row.frame} of message {row.sequence}" if row.frame else "",
-        counted(row.packets, "packet") if row.packets else "",
-        counted(row.bits, "bit") if row.bits else "",
-        joules,
-    ]
-    who = f"node {row.node}" if row.node >= 0 else "the target" if row.kind in ("leave", "return") else "nobody"
-    return f"{who}: {row.kind} {', '.join(filter(None, facts))}".rstrip()
 
 
 def energy_in_words(joules: float) -> str:

@@ -80,12 +80,7 @@ def lacking(path: str | Path, what: str) -> str:
             return f"table {table} was not recorded; run the scenario with record.{table}=true"
         if not sizes[table].rows:
             return EMPTY.get(table, f"table {table} has no rows")
-    return _without_nees(path) if what == "consistency" else ""
-
-
-def _without_nees(path: str | Path) -> str:
-    """Why the consistency of the estimates is unknown; empty if it is known."""
-    if not np.isfinite(recording.read_table(path, "estimates", ["nees"])["nees"]).any():
+    if what == "consistency" and not np.isfinite(recording.read_table(path, "estimates", ["nees"])["nees"]).any():
         return "no estimate has a covariance with an inverse"
     return ""
 

@@ -16,21 +16,9 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from wsnsim.analysis import error_bounds, plot_data
+from wsnsim.analysis import error_bounds, figure_style, plot_data
 from wsnsim.analysis.consistency import Statistic, step_consistency
-from wsnsim.analysis.figure_style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PALE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    YELLOW,
-    quartiles,
-)
+from wsnsim.analysis.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, YELLOW, quartiles
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.plot_data import Columns, StateLayout, bracketed
 from wsnsim.analysis.quantities import loss_rule
@@ -41,7 +29,7 @@ from wsnsim.base.tables import CAUSES
 from wsnsim.recording import read_table, table_names
 
 CAUSE_COLOURS: Final = dict(
-    zip(CAUSES, (ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, PALE, PURPLE, BLACK), strict=True)
+    zip(CAUSES, (ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, figure_style.PALE, PURPLE, BLACK), strict=True)
 )
 LOG_FROM: Final = 100.0
 """Ratio of the largest to the smallest error from which on the axis is logarithmic (our choice)."""
@@ -100,7 +88,7 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
         shown = np.concatenate([mean, middle])
     name = f"error of {of_runs}" if len(rows) == 1 else "RMSE"
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=name, **_marks(mean))
-    if (limit := error_bounds.in_range(path, plugins)) is not None:
+    if (limit := error_bounds.found_bound(path, "in_range", plugins)) is not None:
         bound = limit.rmse[steps - 1]
         faults = fault_kinds(plot_data.stored_json(path, "scenario/resolved_json"))
         name = "trajectory-conditional CRLB" + (" without faults" if faults else "")

@@ -22,8 +22,6 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.files import read_sections
 
-NAN: Final = float("nan")
-
 
 def time_averaged_rmse(errors: Floats) -> float:
     """The mean over the steps of the RMSE at a step, of errors (runs, targets, steps)."""
@@ -32,25 +30,25 @@ def time_averaged_rmse(errors: Floats) -> float:
 
 def median_time(times: Floats) -> float:
     """The median time of an event that may not happen (NaN); NaN if it does not happen in half of the runs."""
-    middle = float(np.median(np.where(np.isfinite(times), times, np.inf))) if times.size else NAN
-    return middle if np.isfinite(middle) else NAN
+    middle = float(np.median(np.where(np.isfinite(times), times, np.inf))) if times.size else np.nan
+    return middle if np.isfinite(middle) else np.nan
 
 
 def share_above_zero(values: Floats) -> float:
     """The share of the known values that are above zero; NaN without one."""
     known = values[np.isfinite(values)]
-    return float(np.mean(known > 0.0)) if known.size else NAN
+    return float(np.mean(known > 0.0)) if known.size else np.nan
 
 
 def interval(samples: Floats, statistic: Callable[[Floats], float]) -> tuple[float, float]:
     """The 95 % bootstrap interval of a statistic over the rows; NaN with fewer than five, or if nothing is known."""
-    return metrics.bootstrap_interval(samples, statistic) if np.isfinite(samples).any() else (NAN, NAN)
+    return metrics.bootstrap_interval(samples, statistic) if np.isfinite(samples).any() else (np.nan, np.nan)
 
 
 def delivery_ratio(receptions: Floats) -> float:
     """Successful receptions as a share of the intended ones, of (runs, 2) counts."""
     successful, intended = receptions.sum(axis=0)
-    return float(successful / intended) if intended > 0 else NAN
+    return float(successful / intended) if intended > 0 else np.nan
 
 
 STATISTICS: Final[dict[str, Callable[[Floats], float]]] = {
@@ -102,7 +100,7 @@ class SummaryQuantity:
     def value(self, facts: ResultFacts) -> float:
         """The value over all runs; NaN if it is unknown."""
         samples = self.samples(facts)
-        return STATISTICS[self.statistic](samples) if samples.size else NAN
+        return STATISTICS[self.statistic](samples) if samples.size else np.nan
 
     def interval(self, facts: ResultFacts) -> tuple[float, float]:
         """The 95 % bootstrap interval over runs; NaN with fewer than five runs, or if the value is unknown.
@@ -183,7 +181,7 @@ def loss_rule(runs: Mapping[str, Floats], unit: str) -> str:
         runs: columns of the table `runs`; `lost_window` and `lost_limit` may be missing.
         unit: the unit of the position.
     """
-    windows, limits = (np.asarray(runs.get(key, NAN), dtype=np.float64) for key in ("lost_window", "lost_limit"))
+    windows, limits = (np.asarray(runs.get(key, np.nan), dtype=np.float64) for key in ("lost_window", "lost_limit"))
     if not windows.size or not np.isfinite(windows).all():
         return ""
     above = f"error above {_span(limits)} {unit}".rstrip() + " or " if np.isfinite(limits).any() else ""

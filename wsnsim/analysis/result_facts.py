@@ -27,7 +27,6 @@ MANY_ROWS: Final = 500_000
 """Rows of the table `energy` above which the energy is summed from `energy_steps`, if that is shorter (our choice)."""
 SHORT: Final = ("runs", "tracks", "reports")
 """The tables, without `energy`, that are read as a whole."""
-NAN: Final = float("nan")
 
 
 class RecordedErrors(NamedTuple):
@@ -42,15 +41,6 @@ class RecordedErrors(NamedTuple):
     replicates: Ints = np.empty(0, dtype=np.int64)
     steps: Ints = np.empty(0, dtype=np.int64)
     errors: Floats = np.empty((0, 0, 0))
-
-
-class _Context(NamedTuple):
-    """What is known of a result beside its tables: names and units as in `ResultFacts`."""
-
-    unit: str
-    workload: str
-    faults: tuple[str, ...]
-    position: int
 
 
 @dataclass(frozen=True)
@@ -87,7 +77,7 @@ class ResultFacts:
     @property
     def consistent(self) -> float:
         """The median NEES per column of a consistent filter."""
-        return metrics.CONSISTENT_MEDIANS.get(self.position, NAN)
+        return metrics.CONSISTENT_MEDIANS.get(self.position, np.nan)
 
     @property
     def has_network(self) -> bool:
@@ -96,7 +86,7 @@ class ResultFacts:
 
     def column(self, name: str) -> Floats:
         """A column of `runs`; NaN for each run if there is none."""
-        return self.runs.get(name, np.full(self.count, NAN))
+        return self.runs.get(name, np.full(self.count, np.nan))
 
     def mean(self, name: str) -> float:
         """The mean of the known values of a column of `runs`; NaN without one."""
@@ -105,7 +95,7 @@ class ResultFacts:
     @property
     def limit(self) -> float:
         """The error from which on a track is lost; infinite if it is only without an estimate, NaN if it is unknown."""
-        return float(self.column("lost_limit").min()) if self.count else NAN
+        return float(self.column("lost_limit").min()) if self.count else np.nan
 
     @property
     def ever_lost(self) -> Bools:
@@ -131,7 +121,7 @@ class ResultFacts:
         if not lost.any() or lost.all():
             return self.recorded.errors
         numbers = self.column("replicate")[lost]
-        return np.where(np.isin(self.recorded.replicates, numbers)[:, None, None], NAN, self.recorded.errors)
+        return np.where(np.isin(self.recorded.replicates, numbers)[:, None, None], np.nan, self.recorded.errors)
 
 
 def facts_of_report(report: Report) -> ResultFacts:
@@ -148,13 +138,13 @@ def facts_of_report(report: Report) -> ResultFacts:
         _columns(read_table(report.out, "reports")) if recorded else {},
         RecordedErrors(np.array([row["replicate"] for row in rows]), np.arange(1, steps + 1), errors_of(report, steps)),
         joules_of(report),
-        *_Context(unit, _workload(about), fault_kinds(about), len(report.position) if report.states else 0),
+        **_context(unit, about, len(report.position) if report.states else 0),
     )
 
 
 def errors_of(report: Report, steps: int) -> Floats:
     """(runs, targets, steps) position errors of a report, NaN after the end of a run."""
-    errors = np.full((len(report.summaries), len(report.summaries[0].tracks), steps), NAN)
+    errors = np.full((len(report.summaries), len(report.summaries[0].tracks), steps), np.nan)
     for into, one in zip(errors, report.summaries, strict=True):
         if one.errors.size:
             into[:, : one.errors.shape[1]] = one.errors
@@ -180,7 +170,7 @@ def facts_of_file(path: str | Path) -> ResultFacts:
         found["energy"] = read_table(path, energy[0], ["replicate", "cause", "joules"])
     about, root = read_json(path, "scenario/resolved_json", optional=True), attributes(path)
     position = len(root["position"] or ()) if root["states"] else 0
-    return _of_columns(found, _Context(position_unit(path), _workload(about), fault_kinds(about), position))
+    return _of_columns(found, _context(position_unit(path), about, position))
 
 
 def position_unit(path: str | Path) -> str:
@@ -197,18 +187,18 @@ def facts_of_tables(found: Mapping[str, Table], scenario: Any) -> ResultFacts:
             `estimates`, `energy` and `reports` say more.
         scenario: the Scenario of the runs.
     """
-    setup, about = scenarios.build(scenario), scenarios.resolved(scenario)
+    setup = scenarios.build(scenario)
     motion = setup.motions[0] if isinstance(setup, TrackingSetup) else None
     unit, position = (motion.units[motion.position[0]], len(motion.position)) if motion else ("m", 0)
-    return _of_columns(found, _Context(unit, _workload(about), fault_kinds(about), position))
+    return _of_columns(found, _context(unit, scenarios.resolved(scenario), position))
 
 
-def _of_columns(found: Mapping[str, Table], context: _Context) -> ResultFacts:
+def _of_columns(found: Mapping[str, Table], context: dict[str, Any]) -> ResultFacts:
     runs = _columns(found.get("runs", {}))
     count = next(iter(runs.values())).size if runs else 0
     joules = _joules(found.get("energy", {}), count) if count else {}
     tracks, reports = _by_run(found.get("tracks", {}), count), _columns(found.get("reports", {}))
-    return ResultFacts(runs, tracks, reports, _errors(found.get("estimates", {})), joules, *context)
+    return ResultFacts(runs, tracks, reports, _errors(found.get("estimates", {})), joules, **context)
 
 
 def _columns(table: Table) -> dict[str, Floats]:
@@ -232,7 +222,7 @@ def _errors(table: Table) -> RecordedErrors:
     (numbers, row), (targets, target), (steps, step) = (
         np.unique(np.asarray(table[name]), return_inverse=True) for name in names
     )
-    errors = np.full((numbers.size, targets.size, steps.size), NAN)
+    errors = np.full((numbers.size, targets.size, steps.size), np.nan)
     errors[row, target, step] = np.asarray(table["error"])
     return RecordedErrors(numbers.astype(np.int64), steps.astype(np.int64), errors)
 
@@ -254,8 +244,9 @@ def fault_kinds(resolved: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(str(fault.get("kind")) for fault in resolved.get("faults", ()))
 
 
-def _workload(resolved: Mapping[str, Any]) -> str:
-    """The kind of the workload of a resolved scenario."""
+def _context(unit: str, resolved: Mapping[str, Any], position: int) -> dict[str, Any]:
+    """What is known of a result beside its tables, from its resolved scenario: fields of `ResultFacts`."""
     workload = resolved.get("workload")
     kind = workload.get("kind") if isinstance(workload, Mapping) else None
-    return kind if isinstance(kind, str) else "tracking"
+    workload = kind if isinstance(kind, str) else "tracking"
+    return {"unit": unit, "workload": workload, "faults": fault_kinds(resolved), "position": position}

@@ -35,11 +35,8 @@ def info(path: str | Path, plugins: bool = False, facts: ResultFacts | None = No
         "file": str(path),
         "answer": answer(path, plugins=plugins, facts=facts),
         "bytes": Path(path).stat().st_size,
-        "status": root["status"],
-        "schema_version": root["schema_version"],
-        "wsnsim_version": root["wsnsim_version"],
-        "name": scenario.get("name"),
-        "seed": scenario.get("seed"),
+        **{key: root[key] for key in ("status", "schema_version", "wsnsim_version")},
+        **{key: scenario.get(key) for key in ("name", "seed")},
         "replicates": len(runs["replicate"]) if runs else None,
         "tables": {
             name: {"rows": size.rows, "columns": list(size.columns), "bytes": size.stored_bytes}

@@ -84,20 +84,23 @@ def run_size(setup: Setup, replicates: int, batch: bool = True) -> RunSize:
     neighbours = _within(setup, setup.link.reach) if isinstance(setup, RadioSetup) else 0.0
     if isinstance(setup, BeaconSetup):
         pairs = nodes * neighbours
-        events = nodes * _periods(setup) * (1.0 + neighbours)
+        period: Any = getattr(setup.workload, "period", None)
+        events = nodes * (setup.duration / period if period else 0.0) * (1.0 + neighbours)
     elif isinstance(setup, NetworkSetup):
         pairs = min(nodes, steps * members) * neighbours
         events = steps * (OF_MEMBERS * members + (OF_SEARCHERS * neighbours if setup.nodes_search else 0.0))
     else:
         pairs = events = 0.0
-    particles = _particles(setup) * max(members if isinstance(setup, NetworkSetup) else 1.0, 1.0)
+    held = float(getattr(getattr(setup, "tracker", None), "particles", 0) or 0)  # at each member or in all
+    particles = held * max(members if isinstance(setup, NetworkSetup) else 1.0, 1.0)
     many = batch and replicates > 1 and offers_batch(setup)
     seconds = _seconds(setup, events, steps * particles) * (BATCHED if many else 1.0)
-    states = COPIES * NUMBER * (steps + particles) * _dimensions(setup)
+    dimensions = len(setup.motions[0].columns) if isinstance(setup, TrackingSetup) else 0
+    states = COPIES * NUMBER * (steps + particles) * dimensions
     rows = FILE_PER_STEP * steps + FILE_PER_NODE * nodes
     rows += FILE_PER_EVENT * events if setup.record.get("events") else 0.0
     rows += FILE_PER_LINK * pairs if setup.record.get("links") else 0.0
-    rows += NUMBER * steps * particles * _dimensions(setup) if setup.record.get("particles") else 0.0
+    rows += NUMBER * steps * particles * dimensions if setup.record.get("particles") else 0.0
     memory = PROGRAM + MEMORY_PER_NODE * nodes + MEMORY_PER_PAIR * pairs + states
     return RunSize(steps, nodes, replicates, pairs, events, seconds * replicates, memory, FILE + rows * replicates)
 
@@ -160,22 +163,6 @@ def _nodes(setup: Setup) -> int:
         return len(sample_positions(setup, reach, 0))
     except RunError:
         return 1
-
-
-def _periods(setup: BeaconSetup) -> float:
-    """How often each node sends in a run."""
-    period: Any = getattr(setup.workload, "period", None)
-    return setup.duration / period if period else 0.0
-
-
-def _particles(setup: Setup) -> float:
-    """The particles of a tracker, at each member or in all; 0 without."""
-    return float(getattr(getattr(setup, "tracker", None), "particles", 0) or 0)
-
-
-def _dimensions(setup: Setup) -> int:
-    """The components of a target's state."""
-    return len(setup.motions[0].columns) if isinstance(setup, TrackingSetup) else 0
 
 
 def _duration(seconds: float) -> str:

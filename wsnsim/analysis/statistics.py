@@ -26,7 +26,6 @@ NORMAL: Final = NormalDist().inv_cdf(1.0 - TAIL)
 """Standard deviations from the mean to the ends of the interval of a Gaussian."""
 MOST_SAMPLED: Final = 2_000_000
 """Values that the bootstrap samples at once: bounds the memory."""
-NAN: Final = float("nan")
 
 
 class IntervalEstimate(NamedTuple):
@@ -61,16 +60,20 @@ class PairedDifference(NamedTuple):
 
 def median(values: Floats) -> IntervalEstimate:
     """The median of the known values with its bootstrap interval."""
-    known = _known(values)
-    low, high = _bootstrapped(known, np.median)
-    return IntervalEstimate(float(np.median(known)) if known.size else NAN, low, high, known.size)
+    return _estimated(values, np.median)
 
 
 def mean(values: Floats) -> IntervalEstimate:
     """The mean of the known values with its bootstrap interval."""
-    known = _known(values)
-    low, high = _bootstrapped(known, np.mean)
-    return IntervalEstimate(float(np.mean(known)) if known.size else NAN, low, high, known.size)
+    return _estimated(values, np.mean)
+
+
+def _estimated(values: Floats, statistic: Any) -> IntervalEstimate:
+    array = np.asarray(values, dtype=np.float64)
+    known = array[np.isfinite(array)]
+    return IntervalEstimate(
+        float(statistic(known)) if known.size else math.nan, *_bootstrapped(known, statistic), known.size
+    )
 
 
 def interval_of_median(values: Floats) -> tuple[float, float]:
@@ -83,7 +86,7 @@ def share(flags: Bools) -> IntervalEstimate:
     """The share of runs in which something happened, with its score interval (Wilson 1927)."""
     count = len(flags)
     if not count:
-        return IntervalEstimate(NAN, NAN, NAN, 0)
+        return IntervalEstimate(math.nan, math.nan, math.nan, 0)
     happened = int(np.count_nonzero(flags))
     part, square = happened / count, NORMAL * NORMAL
     middle = (2.0 * happened + square) / (2.0 * (count + square))
@@ -97,7 +100,7 @@ def paired_difference(values: Floats, baseline: Floats) -> PairedDifference:
     pairs = pairs[np.isfinite(pairs).all(axis=1)]
     differences = pairs[:, 0] - pairs[:, 1]
     if not differences.size:
-        return PairedDifference(NAN, NAN, NAN, NAN, NAN, 0)
+        return PairedDifference(math.nan, math.nan, math.nan, math.nan, math.nan, 0)
     low, high = _bootstrapped(differences, np.median)
     effect, p = _ranked(differences)
     return PairedDifference(float(np.median(differences)), low, high, effect, p, differences.size)
@@ -120,7 +123,7 @@ def exact_mcnemar(one: int, other: int) -> float:
 def holm(p: Sequence[float]) -> list[float]:
     """P-values adjusted for the number of tests, by Holm (1979), in the same order; NaN, not tested, does not count."""
     tested = sorted((value, i) for i, value in enumerate(p) if value == value)
-    adjusted, highest = [NAN] * len(p), 0.0
+    adjusted, highest = [math.nan] * len(p), 0.0
     for rank, (value, i) in enumerate(tested):
         highest = max(highest, min(1.0, (len(tested) - rank) * value))
         adjusted[i] = highest
@@ -168,7 +171,7 @@ def _exact_p(ranks: Ints, positive: Bools) -> float:
 def _bootstrapped(known: Floats, statistic: Any) -> tuple[float, float]:
     """The interval by percentile bootstrap."""
     if known.size < LEAST:
-        return NAN, NAN
+        return math.nan, math.nan
     if (known == known[0]).all():
         return float(known[0]), float(known[0])
     rng = np.random.Generator(np.random.Philox(known.size))
@@ -178,8 +181,3 @@ def _bootstrapped(known: Floats, statistic: Any) -> tuple[float, float]:
         found.append(statistic(known[chosen], axis=-1))
     low, high = np.quantile(np.concatenate(found), (TAIL, 1.0 - TAIL))
     return float(low), float(high)
-
-
-def _known(values: Floats) -> Floats:
-    array = np.asarray(values, dtype=np.float64)
-    return array[np.isfinite(array)]

@@ -8,19 +8,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
+from wsnsim.analysis import phrases
 from wsnsim.analysis.event_groups import LoggedBurst, LoggedMessage, NodeAction
-from wsnsim.analysis.phrases import (
-    FROM_NODES,
-    LOSSES,
-    PARCELS,
-    REASONS,
-    VERBS,
-    Sentence,
-    StepContext,
-    counted,
-    energy_in_words,
-    listed,
-)
+from wsnsim.analysis.phrases import PARCELS, REASONS, VERBS, Sentence, StepContext, counted, energy_in_words, listed
 
 
 def describe(actions: Iterable[NodeAction | LoggedMessage], context: StepContext) -> list[Sentence]:
@@ -69,7 +59,7 @@ def _interaction(action: NodeAction, who: str, context: StepContext) -> str:
         "handover": f"{who} handed over to {peer} by the message that woke it"
         if action.what == "message"
         else f"{who} started the handover to {peer}",
-        "lost": f"the track was lost: {LOSSES.get(action.what, what) or 'no reason given'}"
+        "lost": f"the track was lost: {phrases.LOSSES.get(action.what, what) or 'no reason given'}"
         + (f" ({who})" if action.nodes[0] >= 0 else ""),
         "reacquire": f"{who} initiated the track again, from readings",
         "acquire": f"{who} initiated a track",
@@ -108,7 +98,8 @@ def outcome(message: LoggedMessage) -> str:
     hop = message.hop
     arrived = [frame for frame in hop if frame.arrived]
     if message.ended or (not arrived and not message.goes_on):
-        lost = "arrived in part" if arrived else _loss(hop)
+        unlucky = "collided" if hop[-1].collided else "lost on the way" if hop[-1].dropped else "cut short"
+        lost = "arrived in part" if arrived else unlucky
         return f"{lost}, then given up: {_reason(message.ended)}" if message.ended else lost
     if message.goes_on:
         return "still on its way when the step ended"
@@ -121,11 +112,6 @@ def outcome(message: LoggedMessage) -> str:
 
 def _reason(word: str) -> str:
     return REASONS.get(word, word.replace("_", " "))
-
-
-def _loss(hop: Sequence[LoggedBurst]) -> str:
-    last = hop[-1]
-    return "collided" if last.collided else "lost on the way" if last.dropped else "cut short"
 
 
 def _got(hop: Sequence[LoggedBurst]) -> int:
@@ -255,7 +241,7 @@ def _sum(group: Sequence[LoggedMessage], context: StepContext) -> str:
         clause = "all arrived"
     goal, verb = next(iter(goals)), "sent" if group[0].begun else "continued to send"
     if gathers:
-        who = "members" if goal in context.heads and group[0].what not in FROM_NODES else "nodes"
+        who = "members" if goal in context.heads and group[0].what not in phrases.FROM_NODES else "nodes"
         begin = f"{len(group)} {who} {verb} {_parcel(group[0].what, True)} to {context.node(goal)}"
     else:
         begin = f"{context.node(group[0].source)} {verb} {_parcel(group[0].what, False)} to {len(group)} nodes"
@@ -263,8 +249,7 @@ def _sum(group: Sequence[LoggedMessage], context: StepContext) -> str:
 
 
 def _broadcasts(group: Sequence[LoggedMessage]) -> str:
-    heard = [_audience(one) for one in group]
-    got, of, collided = (sum(counts) for counts in zip(*heard, strict=True))
+    got, of, collided = (sum(counts) for counts in zip(*[_audience(one) for one in group], strict=True))
     unsent = sum(not one.frames for one in group)
     clause = f"received {got:,} of {of:,} times" + (f", {collided:,} collided" if collided else "")
     clause += f", {unsent} not sent" if unsent else ""

@@ -27,7 +27,6 @@ from wsnsim.bounds import READINGS, bounds_of_run
 from wsnsim.recording import meanings, read_table
 
 SCHEMA_VERSION = 1
-NAN = float("nan")
 STILL_COUNTED: Final = ("in_range", "alive")
 """Quantities of networks that have a value without one."""
 
@@ -45,12 +44,12 @@ class RunBounds(NamedTuple):
         every: whether those of active members and of the readings that arrived were asked for.
     """
 
-    rmse: float = NAN
+    rmse: float = math.nan
     kind: str = ""
     reason: str = ""
-    active: float = NAN
-    arrived: float = NAN
-    judged: float = NAN
+    active: float = math.nan
+    arrived: float = math.nan
+    judged: float = math.nan
     every: bool = False
 
 
@@ -110,10 +109,13 @@ def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) 
     facts = facts_of_report(report)
     found = {key: quantity.value(facts) for key, quantity in QUANTITIES.items()}
     if without_network(report):
-        found |= dict.fromkeys((key for key in NETWORK_ONLY if key in found and key not in STILL_COUNTED), NAN)
+        found |= dict.fromkeys((key for key in NETWORK_ONLY if key in found and key not in STILL_COUNTED), math.nan)
     for key in flagged("interval"):
         found[f"{key}_low"], found[f"{key}_high"] = QUANTITIES[key].interval(facts)
-    clusters = NAN if without_network(report) else float(np.mean([summary.clusters for summary in report.summaries]))
+    lost = facts.tracks["lost"] > 0
+    clusters = (
+        math.nan if without_network(report) else float(np.mean([summary.clusters for summary in report.summaries]))
+    )
     return {
         **_head(report, sentence(facts, limits.judged)),
         "steps": int(facts.runs["steps"].max()),
@@ -123,7 +125,7 @@ def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) 
         "lost_fraction": found.pop("lost"),
         **found,
         **_column_rmse(report),
-        "rmse_of_kept": _rmse_of_kept(facts),
+        "rmse_of_kept": metrics.time_mean_rmse(facts.recorded.errors[~lost]) if not lost.all() else math.nan,
         "joules": dict(facts.joules),
         "clusters": clusters,
         "runs_with_deaths": int(np.isfinite(facts.runs["first_death"]).sum()),
@@ -198,12 +200,6 @@ def _column_rmse(report: Report) -> dict[str, dict[str, float]]:
     return {"column_rmse": pooled, "column_rmse_median": middle}
 
 
-def _rmse_of_kept(facts: ResultFacts) -> float:
-    """The time-averaged RMSE of the tracks that were not lost; NaN if all were."""
-    lost = facts.tracks["lost"] > 0
-    return metrics.time_mean_rmse(facts.recorded.errors[~lost]) if not lost.all() else NAN
-
-
 MEAN_COLUMNS: Final = ("frames_sent", "in_range", "delivered", "collided", "access_failures", "alive")
 """The columns of `runs` whose mean the summary of a run without targets has."""
 IN_RANGE: Final = 0.5
@@ -220,8 +216,8 @@ def _figures_without_target(report: Report) -> dict[str, Any]:
         **_head(report, sentence(facts)),
         "duration": report.scenario.duration,
         **means,
-        "delivered_share": means["delivered"] / in_range if in_range else NAN,
-        "collided_share": means["collided"] / in_range if in_range else NAN,
+        "delivered_share": means["delivered"] / in_range if in_range else math.nan,
+        "collided_share": means["collided"] / in_range if in_range else math.nan,
         **_link_figures(report),
         **clock_figures(report),
         **_report_figures(report, facts),
@@ -233,7 +229,7 @@ def _figures_without_target(report: Report) -> dict[str, Any]:
 
 def _link_figures(report: Report) -> dict[str, float]:
     """Links in range, neighbours of a node, share of links with a reception, and receptions over other links."""
-    unknown = dict.fromkeys(("links", "neighbours", "found_share", "over_weak_links"), NAN)
+    unknown = dict.fromkeys(("links", "neighbours", "found_share", "over_weak_links"), math.nan)
     if not dict(report.scenario.record).get("links"):
         return unknown
     table = read_table(report.out, "links", ["replicate", "source", "chance", "received"])
@@ -255,10 +251,10 @@ def clock_figures(report: Report) -> dict[str, float]:
     NaN where the table was not recorded.
     """
     if not dict(report.scenario.record).get("clocks"):
-        return {f"clock_{name}": NAN for name in CLOCK_COLUMNS}
+        return {f"clock_{name}": math.nan for name in CLOCK_COLUMNS}
     table = read_table(report.out, "clocks", ["replicate", *CLOCK_COLUMNS])
     last = np.flatnonzero(np.diff(table["replicate"].astype(np.int64), append=-1))
-    return {f"clock_{name}": float(table[name][last].mean()) if last.size else NAN for name in CLOCK_COLUMNS}
+    return {f"clock_{name}": float(table[name][last].mean()) if last.size else math.nan for name in CLOCK_COLUMNS}
 
 
 def _report_figures(report: Report, facts: ResultFacts) -> dict[str, Any]:
@@ -271,7 +267,7 @@ def _report_figures(report: Report, facts: ResultFacts) -> dict[str, Any]:
     table = facts.reports
     received = table.get("received", np.empty(0))
     arrived = np.isfinite(received)
-    known = {"received_share": NAN, "report_delay": NAN, "hops": NAN, "sinks": {}, "dropped": {}}
+    known = {"received_share": math.nan, "report_delay": math.nan, "hops": math.nan, "sinks": {}, "dropped": {}}
     if received.size:
         known |= {"received_share": float(arrived.mean()), "dropped": _dropped(report, facts.count)}
     if arrived.any():

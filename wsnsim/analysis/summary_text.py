@@ -11,25 +11,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from wsnsim.analysis import quantities
 from wsnsim.analysis.notes import OF_THREE
 from wsnsim.analysis.phrases import REASONS, aligned, counted, wrapped
-from wsnsim.analysis.quantities import (
-    BOUND_NOTE,
-    CONSISTENCY_NOTE,
-    FIGURES,
-    ONLY_IF_NOT_ZERO,
-    QUANTITIES,
-    beside,
-    bound_name,
-)
-from wsnsim.analysis.summary import (
-    NOT_COMPUTED,
-    RunBounds,
-    as_json,
-    bounds_of_report,
-    clock_figures,
-    without_network,
-)
+from wsnsim.analysis.quantities import CONSISTENCY_NOTE, FIGURES, ONLY_IF_NOT_ZERO, QUANTITIES, beside, bound_name
+from wsnsim.analysis.summary import NOT_COMPUTED, RunBounds, as_json, bounds_of_report, clock_figures, without_network
 from wsnsim.base.results import Report
 from wsnsim.base.tables import ONE_IS_BEST
 from wsnsim.scenario import resolved
@@ -111,7 +97,7 @@ def _lines_of_target(summary: _SummaryRows, source: str, limits: RunBounds) -> l
         rows += [*summary.energy(), *summary.network(), *summary.lifetime(), *summary.clocks()]
     table = aligned([row[:2] for row in rows])
     lines = [f"{line}  {row[2]}".rstrip() for line, row in zip(table, rows, strict=True)]
-    lines += [f"  {BOUND_NOTE}"] if limits.every and math.isfinite(figures["bound"]) else []
+    lines += [f"  {quantities.BOUND_NOTE}"] if limits.every and math.isfinite(figures["bound"]) else []
     lines += [f"  {CONSISTENCY_NOTE}"] if any(math.isfinite(figures[key]) for key in ONE_IS_BEST) else []
     lines += [] if figures["bound_reason"] in ("", NOT_COMPUTED.reason) else [f"  no bound: {figures['bound_reason']}"]
     return lines + [f"  note: {note}" for note in figures["notes"]]

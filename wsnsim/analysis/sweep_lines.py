@@ -97,7 +97,12 @@ def lines_of(folder: Folder, metric: str = "rmse", key: str | None = None) -> Sw
     settings = [point.settings for point in manifest.points]
     swept = _swept(manifest, settings, key)
     others, companions = _others(manifest, settings, swept)
-    by = _along(others[0], others[1:], manifest.keys, settings, swept) if others else (swept, *companions)
+    by = (swept, *companions)
+    if others:  # the key whose values are compared, and those that it determines
+        held = (swept, *others[1:])
+        by = others[:1] + tuple(
+            k for k in manifest.keys if k not in (*others, swept) and not _follows(settings, k, held)
+        )
     baseline = manifest.baseline if set(by) == set(manifest.by) else None
     found = comparison.compare(folder, metric, [key for key in manifest.keys if key in by], baseline)
     here = [settings[number] for number in found.table[campaigns.POINT]]
@@ -143,14 +148,6 @@ def _others(manifest: Manifest, settings: Sequence[Settings], swept: str) -> tup
         else:
             others.append(key)
     return tuple(others), tuple(companions)
-
-
-def _along(
-    first: str, rest: Sequence[str], keys: Sequence[str], settings: Sequence[Settings], swept: str
-) -> tuple[str, ...]:
-    """The key whose values are compared, and those that it determines."""
-    held = (swept, *rest)
-    return (first, *(k for k in keys if k not in (first, *held) and not _follows(settings, k, held)))
 
 
 def _follows(settings: Sequence[Settings], key: str, leaders: Sequence[str]) -> bool:

@@ -111,17 +111,12 @@ def _drawn(axes: Axes, lines: SweepLines, name: str, scale: float = 1.0) -> Floa
             axes.plot(places, value, linestyle=DASHES[line.dash % len(DASHES)], linewidth=1.3, **look)
         else:
             ends = np.nan_to_num(np.array([value - low, high - value]))
-            axes.errorbar(_aside(lines, number, places), value, ends, linestyle="", elinewidth=1.1, capsize=2, **look)
+            if lines.words and len(lines.lines) > 1:  # lines are offset so that they do not overlap
+                places = places + 0.5 * (number / (len(lines.lines) - 1) - 0.5)
+            axes.errorbar(places, value, ends, linestyle="", elinewidth=1.1, capsize=2, **look)
         shown += [value, low, high]
     together = np.concatenate(shown)
     return together[np.isfinite(together)]
-
-
-def _aside(lines: SweepLines, number: int, places: Floats) -> Floats:
-    """The places of a line's points; with words on the axis, lines are offset so that they do not overlap."""
-    if not lines.words or len(lines.lines) == 1:
-        return places
-    return places + 0.5 * (number / (len(lines.lines) - 1) - 0.5)
 
 
 def _colour(lines: SweepLines, line: SweepLine) -> Any:

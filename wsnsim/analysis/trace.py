@@ -81,11 +81,11 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
     known = sorted({row["target"] for row in (*truths, *estimates)})
     if target is not None and target not in known:
         raise UsageError(f"{path}: no target {target}; it has {', '.join(map(str, known)) or 'none'}")
-    if network:
-        if "events" not in table_names(path):
-            raise ResultError(
-                f"{path}: events were not recorded, so no step can be described; record them with: wsnsim run {path} --set record.events=true --out FILE.h5"
-            )
+    if network and "events" not in table_names(path):
+        raise ResultError(
+            f"{path}: events were not recorded, so no step can be described; record them with: "
+            f"wsnsim run {path} --set record.events=true --out FILE.h5"
+        )
     rows = [
         row
         for row in (rows_at(path, replicate, step) if network else [])
@@ -118,9 +118,7 @@ def as_json(picked: StepTrace) -> dict[str, Any]:
     """The step as plain values; times in s."""
     return {
         "file": picked.path,
-        "replicate": picked.replicate,
-        "step": picked.step,
-        "start": picked.start,
+        **{key: getattr(picked, key) for key in ("replicate", "step", "start")},
         "seconds": picked.dt,
         "network": picked.network,
         "targets": {
@@ -169,7 +167,8 @@ def _heads(rows: Sequence[LoggedEvent], estimates: Sequence[Record], step: int) 
 
 def _issued(estimates: Sequence[Record], dt: float, path: str | Path) -> dict[tuple[int, float], str]:
     """The name of each estimate by target and time of issue."""
-    unit = _unit(path)
+    plan = layout_or_empty(path)
+    unit = f" {plan.units[plan.position[0]]}".rstrip() if plan.position else ""
     return {
         (row["target"], row["issued"]): f"the estimate of step {row['step']}, position error {row['error']:.3g}{unit}"
         + _late(row, dt)
@@ -181,12 +180,6 @@ def _issued(estimates: Sequence[Record], dt: float, path: str | Path) -> dict[tu
 def _late(row: Record, dt: float) -> str:
     late = row["issued"] - (row["step"] + 1) * dt
     return f", late by {1e3 * late:.3g} ms" if row["late"] and late > 0 else ""
-
-
-def _unit(path: str | Path) -> str:
-    plan = layout_or_empty(path)
-    unit = plan.units[plan.position[0]] if plan.position else ""
-    return f" {unit}" if unit else ""
 
 
 def _spent(path: str | Path, replicate: int, step: int) -> dict[str, float] | None:

@@ -60,13 +60,6 @@ def demand_several(trackers: Any) -> None:
         raise UsageError(f"trackers: expected at least two to compare, {TRACKERS}, got {shown_value(trackers)}")
 
 
-def overrides_given(overrides: Overrides | None) -> tuple[Override, ...]:
-    """Return the overrides as a tuple; None means none."""
-    if overrides is None:
-        return ()
-    return listed(overrides)
-
-
 def tables_given(keep: Any) -> tuple[str, ...]:
     """Return the names in `keep`; None means none."""
     if keep is None:
@@ -182,7 +175,7 @@ def overrides_of(
         known = {*KEYS, *_arguments_of(function)}
         raise UsageError(f"{function}() has no argument '{unknown}' ({did_you_mean(unknown, known)})")
     seeded: list[Override] = [] if seed is None else [("seed", seed)]
-    return (*_changes_of(changes), *overrides_given(overrides), *seeded, *_kept(keep))
+    return (*_changes_of(changes), *(() if overrides is None else listed(overrides)), *seeded, *_kept(keep))
 
 
 def _arguments_of(function: str) -> list[str]:

@@ -221,7 +221,9 @@ class Result:
         return summary_of(replace(self._report, out=file), published, bounds, json)
 
     def __repr__(self) -> str:
-        return f"<Result {_one_line(self._report)}, {self.out or 'in memory'}>"
+        found = [counted(len(self.replicates), "Monte Carlo run")]
+        found += [f"{name} {value}" for key, name, value in _quantities(self._report) if key in ("rmse", "energy")]
+        return f"<Result {self.name}: {', '.join(found)}, {self.out or 'in memory'}>"
 
     def __str__(self) -> str:
         return self.summary()
@@ -276,13 +278,6 @@ class Result:
 def _without(path: Path, error: WsnsimError) -> WsnsimError:
     """The same error without the name of a temporary file."""
     return type(error)(str(error).replace(f"{path}: ", ""))
-
-
-def _one_line(report: Report) -> str:
-    """Return name, number of runs, error and energy."""
-    found = [counted(len(report.summaries), "Monte Carlo run")]
-    found += [f"{name} {value}" for key, name, value in _quantities(report) if key in ("rmse", "energy")]
-    return f"{report.scenario.name}: {', '.join(found)}"
 
 
 def _html(report: Report, answer: str, place: str, tables: tuple[str, ...]) -> str:

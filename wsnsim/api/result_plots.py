@@ -56,10 +56,7 @@ class ResultPlots:
             ResultError: the tables `truth` and `estimates` were not recorded.
             UsageError: there is no such run or target.
         """
-        from wsnsim.analysis import plots
-
-        with self._file() as path, _axes(ax) as axes:
-            return plots.track(axes, path, _run(path, replicate), target)
+        return self._drawn("track", ax, replicate=replicate, target=target)
 
     def states(
         self, column: str | None = None, *, replicate: int | None = None, target: int = 0, ax: Axes | None = None
@@ -76,11 +73,12 @@ class ResultPlots:
             ResultError: the tables `truth` and `estimates` were not recorded.
             UsageError: there is no such column, run or target.
         """
-        from wsnsim.analysis import plot_data, plots
+        from wsnsim.analysis import plot_data
 
-        with self._file() as path, _axes(ax) as axes:
-            chosen = column or next(iter(plot_data.layout(path).units))
-            return plots.states(axes, path, chosen, _run(path, replicate), target)
+        if not column:
+            with self._file() as path:
+                column = next(iter(plot_data.layout(path).units))
+        return self._drawn("states", ax, column=column, replicate=replicate, target=target)
 
     def error(self, *, ax: Axes | None = None) -> Axes:
         """Draw the position error at each step over all runs: RMSE, median, quartiles and the CRLB.
@@ -91,10 +89,7 @@ class ResultPlots:
         Raises:
             ResultError: the table `estimates` was not recorded.
         """
-        from wsnsim.analysis import plots
-
-        with self._file() as path, _axes(ax) as axes:
-            return plots.error(axes, path, plugins=True)
+        return self._drawn("error", ax, plugins=True)
 
     def consistency(self, *, ax: Axes | None = None) -> Axes:
         """Draw NEES and NIS per degree of freedom at each step: 1 is consistent, above is overconfident.
@@ -105,10 +100,7 @@ class ResultPlots:
         Raises:
             ResultError: the table `estimates` was not recorded.
         """
-        from wsnsim.analysis import plots
-
-        with self._file() as path, _axes(ax) as axes:
-            return plots.consistency(axes, path)
+        return self._drawn("consistency", ax)
 
     def energy(self, *, ax: Axes | None = None) -> Axes:
         """Draw the energy (J) that the network has spent by each step, stacked by cause.
@@ -119,10 +111,7 @@ class ResultPlots:
         Raises:
             ResultError: the table `energy_steps` was not recorded, or there is no network.
         """
-        from wsnsim.analysis import plots
-
-        with self._file() as path, _axes(ax) as axes:
-            return plots.energy(axes, path)
+        return self._drawn("energy", ax)
 
     def particles(
         self,
@@ -146,19 +135,21 @@ class ResultPlots:
             ResultError: the table `particles` was not recorded.
             UsageError: there is no such step, column, run or target.
         """
+        return self._drawn("particles", ax, step=step, column=column, replicate=replicate, target=target)
+
+    def _drawn(self, what: str, ax: Axes | None, **options: Any) -> Axes:
+        """A plot; without a number, of the first run, and of the last step that has particles."""
         from wsnsim.analysis import plot_data, plots
+        from wsnsim.analysis.replicate_tables import first_replicate
 
         with self._file() as path, _axes(ax) as axes:
-            run = _run(path, replicate)
-            last = plot_data.last_step_with_particles(path, run, target) if step is None else step
-            return plots.particles(axes, path, last, column, run, target)
-
-
-def _run(path: Path, replicate: int | None) -> int:
-    """The run to draw: the one wanted, or the first of the file."""
-    from wsnsim.analysis.replicate_tables import first_replicate
-
-    return first_replicate(path) if replicate is None else replicate
+            if options.get("replicate", 0) is None:
+                options["replicate"] = first_replicate(path)
+            if options.get("step", 0) is None:
+                run = options["replicate"], options["target"]
+                options["step"] = plot_data.last_step_with_particles(path, *run)
+            axes_drawn: Axes = getattr(plots, what)(axes, path, **options)
+            return axes_drawn
 
 
 @contextmanager

@@ -6,27 +6,21 @@ sentences of `wsnsim compare`, and as HTML in a notebook.
 
 from __future__ import annotations
 
-import contextlib
 import html
 import os
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Unpack, final
+from typing import Any, Final, Unpack, final
+
+import pandas as pd
 
 from wsnsim.analysis import comparison
-from wsnsim.api.arguments import (
-    Changes,
-    demand_several,
-    demand_sweep,
-    demand_trackers,
-    named_as_in_python,
-    overrides_of,
-    shown,
-)
+from wsnsim.api import arguments
+from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, named_as_in_python, overrides_of, shown
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
 from wsnsim.base.runs import run_count
 from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress
@@ -35,9 +29,6 @@ from wsnsim.campaign.sweeping import sweep as run_sweep
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario import Overrides
 from wsnsim.scenario.load import Override
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @final
@@ -232,9 +223,14 @@ def _swept(
     temporary = Path(tempfile.mkdtemp(prefix="wsnsim-")) if out is None else None
     folder = temporary / "sweep" if temporary else Path(str(out))
     on_progress = None if isinstance(progress, bool) else progress
-    with _removed_on_error(temporary), shown(progress, "sweep", "runs") as step, named_as_in_python():
-        report = on_progress if step is None else lambda now: step(now.done, now.total)
-        outcome = run_sweep(source, out=folder, overrides=chosen, progress=report, **options)
+    try:
+        with shown(progress, "sweep", "runs") as step, named_as_in_python():
+            report = on_progress if step is None else lambda now: step(now.done, now.total)
+            outcome = run_sweep(source, out=folder, overrides=chosen, progress=report, **options)
+    except BaseException:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+        raise
     return SweepResult(folder, outcome, temporary)
 
 
@@ -293,21 +289,13 @@ def compare(  # noqa: PLR0913
     if workers is None and needs_main_guard():
         workers = 0
     chosen = overrides_of("compare", changes, overrides, seed, ())
-    demand_several(trackers)
+    arguments.demand_several(trackers)
     options = {"replicates": replicates, "trackers": trackers, "workers": workers}
     found = _swept(source, out, chosen, progress, options)
-    _demand_complete(found.outcome)
+    if not found.complete:
+        reasons = list(dict.fromkeys(found.failed.values())) or [found.outcome.stopped or "runs are missing"]
+        raise RunError(f"the comparison is not complete: {'; '.join(reasons[:SHOWN])}")
     return shown_comparison(comparison.compare(found.out, metric, by, baseline))
-
-
-@contextlib.contextmanager
-def _removed_on_error(folder: Path | None) -> Iterator[None]:
-    try:
-        yield
-    except BaseException:
-        if folder is not None:
-            shutil.rmtree(folder, ignore_errors=True)
-        raise
 
 
 def _campaign(folder: Any) -> Path:
@@ -318,11 +306,3 @@ def _campaign(folder: Any) -> Path:
             " such as trackers=['ekf', 'pf']"
         )
     return Path(folder)
-
-
-def _demand_complete(outcome: CampaignOutcome) -> None:
-    """Raise RunError with the first reasons if runs failed."""
-    if outcome.complete:
-        return
-    reasons = list(dict.fromkeys(outcome.failed.values())) or [outcome.stopped or "runs are missing"]
-    raise RunError(f"the comparison is not complete: {'; '.join(reasons[:SHOWN])}")

@@ -119,7 +119,9 @@ def _report(raised: BaseException) -> int:
     try:
         raise raised
     except click.ClickException as error:
-        return _print_error(f"{error.format_message()}{_hint(error)}", 2)
+        context = error.ctx if isinstance(error, click.UsageError) else None
+        hint = f" (see '{context.command_path} --help')" if context else ""
+        return _print_error(f"{error.format_message()}{hint}", 2)
     except ScenarioError as error:
         return _print_error(str(error), error.exit_code, prefix="")
     except WsnsimError as error:
@@ -129,10 +131,11 @@ def _report(raised: BaseException) -> int:
     except (KeyboardInterrupt, click.Abort):
         return _print_error("interrupted", 130)
     except BrokenPipeError:
-        return _close_stdout()
+        redirect_to_nowhere(1)  # so that the interpreter's last flush does not fail
+        return 141
     except OSError as error:
         _print_traceback()
-        _close_stdout()
+        redirect_to_nowhere(1)
         return _print_error(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 1)
     except (Exception, SystemExit) as error:
         return _report_unexpected(error)
@@ -153,17 +156,6 @@ def _report_unexpected(error: BaseException) -> int:
 def _print_error(message: str, code: int, prefix: str = "wsnsim: error: ") -> int:
     echo(f"{prefix}{message}", err=True)
     return code
-
-
-def _hint(error: click.ClickException) -> str:
-    context = error.ctx if isinstance(error, click.UsageError) else None
-    return f" (see '{context.command_path} --help')" if context else ""
-
-
-def _close_stdout() -> int:
-    """Redirect stdout to nowhere, so that the interpreter's last flush does not fail. Return the exit code."""
-    redirect_to_nowhere(1)
-    return 141
 
 
 def _print_traceback() -> None:

@@ -11,7 +11,8 @@ import math
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from types import SimpleNamespace
+from typing import Any, Final
 
 import wsnsim.campaign as campaign
 from wsnsim.analysis import campaign_info  # not comparison: pandas may start a thread, and workers would be spawned
@@ -22,12 +23,15 @@ from wsnsim.campaign import WHOLE, CampaignOutcome, Shard, engines, needs_permis
 from wsnsim.campaign.engines import Engine
 from wsnsim.campaign.sweeping import CostEstimate, estimate_cost
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.live import LiveOptions, campaign_shown_live
+from wsnsim.cli.live import LiveOptions, linger, shown_live
 from wsnsim.cli.progress import CAMPAIGN, display, duration
 from wsnsim.cli.shared import INCOMPLETE, METRIC, command_line, echo, echo_json, echo_lines
 from wsnsim.recording.folder import Folder, Manifest
 from wsnsim.scenario.registry import PluginAccess, Plugins, access
 from wsnsim.scenario.sweep_schema import Plan
+
+Options = SimpleNamespace
+"""The values of the options that `sweep` and `compare` share: how a campaign is run, and what is compared."""
 
 
 def print_estimate(name: str, estimate: CostEstimate, as_json: bool) -> None:
@@ -43,18 +47,7 @@ def print_estimate(name: str, estimate: CostEstimate, as_json: bool) -> None:
     echo(f"  estimated from {estimate.source}")
 
 
-class ComparisonOptions(NamedTuple):
-    """What is compared in a campaign's results, and where the table goes."""
-
-    metric: str
-    by: tuple[str, ...]
-    baseline: str | None
-    csv: Path | None
-    as_json: bool
-    bound: bool
-
-
-def check_comparison(options: ComparisonOptions, plan: Plan | Manifest, by: Sequence[str]) -> None:
+def check_comparison(options: Options, plan: Plan | Manifest, by: Sequence[str]) -> None:
     """Raise UsageError, before anything runs, if the comparison would fail or could not be written."""
     if options.metric not in METRICS:
         nearest = did_you_mean(options.metric, METRICS)
@@ -71,7 +64,7 @@ def check_comparison(options: ComparisonOptions, plan: Plan | Manifest, by: Sequ
         raise UsageError(f"--csv {options.csv}: folder does not exist: {options.csv.parent}")
 
 
-def print_comparison(folder: Folder, options: ComparisonOptions, plugins: Plugins | None = None) -> int:
+def print_comparison(folder: Folder, options: Options, plugins: Plugins | None = None) -> int:
     """Print the comparison of what is on disk. `plugins`: which ones its scenarios may name, if bounds are shown.
 
     Returns:
@@ -105,7 +98,8 @@ def print_comparison(folder: Folder, options: ComparisonOptions, plugins: Plugin
 
 
 def _write_csv(table: Any, path: Path) -> None:
-    unsafe = [name for name in table if any(printable(value) != value for value in _texts(table[name]))]
+    texts = {name: [value for value in table[name] if isinstance(value, str)] for name in table}
+    unsafe = [name for name in table if any(printable(value) != value for value in texts[name])]
     escaped = {name: [printable(str(value)) for value in table[name]] for name in unsafe}
     try:
         table.assign(**escaped).to_csv(path, index=False)
@@ -113,124 +107,90 @@ def _write_csv(table: Any, path: Path) -> None:
         raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def _texts(values: Any) -> list[str]:
-    return [value for value in values if isinstance(value, str)]
-
-
 MAX_FAILURES: Final = 5
 """Failures that are printed."""
 
 
-class SessionOptions(NamedTuple):
-    """The options that `sweep` and `compare` share: how a campaign is run, and what is compared."""
-
-    out: Path | None
-    jobs: int | None
-    scheduler: str | None
-    scheduler_file: Path | None
-    shard: str | None
-    live: bool
-    dry_run: bool
-    batch: bool
-    quiet: bool
-    progress: str
-    accept_code_change: bool
-    plugins: bool
-    comparison: ComparisonOptions
-
-
-def options_of(given: dict[str, Any]) -> tuple[SessionOptions, tuple[str, ...], dict[str, Any]]:
+def options_of(given: dict[str, Any]) -> tuple[Options, tuple[str, ...], dict[str, Any]]:
     """The options of a session, the overrides with the seed, and the changes of the sweep (replicates, timeout)."""
     overrides, seed = given.pop("overrides"), given.pop("seed")
     seeded = overrides if seed is None else (*overrides, f"seed={seed}")
     changes = {name: given.pop(name) for name in ("replicates", "timeout")}
-    comparison = ComparisonOptions(**{name: given.pop(name) for name in ComparisonOptions._fields})
-    return SessionOptions(comparison=comparison, **given), seeded, changes
+    return Options(**given), seeded, changes
 
 
-def run_plan(plan: Plan, options: SessionOptions, interrupts: Interrupts, by: tuple[str, ...]) -> int:
+def run_plan(plan: Plan, options: Options, interrupts: Interrupts, by: tuple[str, ...]) -> int:
     """Prepare the campaign of a sweep, or resume it, run what is missing, and return the exit code."""
     path = options.out or Path("results") / plan.name
     shard = _shard(options.shard)
-    check_comparison(options.comparison, plan, by)
+    check_comparison(options, plan, by)
     _check_engine_options(options)
     if options.dry_run:
         campaign.existing_manifest(Folder(path), plan.name)
-        estimate = estimate_cost(plan, Folder(path), _workers(options), shard, options.batch)
-        print_estimate(plan.name, estimate, options.comparison.as_json)
+        estimate = estimate_cost(plan, Folder(path), options.jobs or engines.available_cores(), shard, options.batch)
+        print_estimate(plan.name, estimate, options.as_json)
         return 0
     folder = campaign.prepare(
-        plan, path, by=by, baseline=options.comparison.baseline, command_line=command_line(),
+        plan, path, by=by, baseline=options.baseline, command_line=command_line(),
         accept_code_change=options.accept_code_change,
     )  # fmt: skip
-    return _run(folder, shard, options, interrupts, _access(of_caller=True))
+    return _run(folder, shard, options, interrupts, access(Plugins.ANY))
 
 
-def resume(source: str, options: SessionOptions, interrupts: Interrupts) -> int:
+def resume(source: str, options: Options, interrupts: Interrupts) -> int:
     """Resume the campaign in a folder and return the exit code."""
     if options.dry_run:
         raise UsageError("--dry-run needs a sweep; `wsnsim info DIR` shows the progress of a campaign")
-    shard, allowed = _shard(options.shard), _access(of_caller=options.plugins)
+    shard, allowed = _shard(options.shard), access(Plugins.ANY if options.plugins else Plugins.INSTALLED)
     folder = campaign.reopen(source, options.accept_code_change)
     campaign.demand_permitted(folder, allowed.plugins)
     _check_engine_options(options)
     manifest = folder.manifest()
-    check_comparison(options.comparison, manifest, options.comparison.by or manifest.by)
+    check_comparison(options, manifest, options.by or manifest.by)
     if (difference := campaign.differing_code(manifest)) and not options.quiet:
         echo_lines([f"wsnsim: {folder.path} is complete and only shown: {difference}"])
     return _run(folder, shard, options, interrupts, allowed)
 
 
-def _run(folder: Folder, shard: Shard, options: SessionOptions, interrupts: Interrupts, allowed: PluginAccess) -> int:
+def _run(folder: Folder, shard: Shard, options: Options, interrupts: Interrupts, allowed: PluginAccess) -> int:
     """Run what is missing, print the comparison, say what is still missing, and show it as long as it is watched."""
     engine = _engine(folder, options)
-    with campaign_shown_live(folder, options.comparison.metric, LiveOptions() if options.live else None) as view:
-        with view.following():
-            outcome = _run_missing(folder, engine, shard, options, interrupts, allowed)
-        code = _print_answer(folder, outcome, shard, options, interrupts, allowed)
-        if not interrupts.number:
-            view.show_end(options.quiet, interrupts)
+
+    def view_at(port: int) -> Any:
+        from wsnsim.watch.campaign_view import CampaignView
+
+        return CampaignView(folder, options.metric, port=port)
+
+    with shown_live(LiveOptions() if options.live else None, view_at) as view:
+        with view.following() if view else contextlib.nullcontext():
+            # a signal stops the campaign, a second one at once
+            shown = display("none" if options.quiet else options.progress, CAMPAIGN)
+            with interrupts.noted() as should_stop, contextlib.closing(shown):
+                try:
+                    outcome = campaign.run_campaign(
+                        folder, engine, shard, shown.step, should_stop, options.batch, allowed
+                    )
+                except KeyboardInterrupt:
+                    echo_lines([f"wsnsim: resume with: {_resume_command(folder, shard, options)}"])
+                    raise
+        code = 0
+        if shard == WHOLE and not interrupts.number:
+            code = print_comparison(folder, options, allowed.plugins)
+        code = _report_outcome(folder, outcome, shard, options, interrupts) or code
+        if view and not interrupts.number:
+            linger("the address still shows the campaign; ", options.quiet, interrupts, view.look)
     return code
 
 
-def _run_missing(
-    folder: Folder, engine: Engine, shard: Shard, options: SessionOptions, interrupts: Interrupts, allowed: PluginAccess
-) -> CampaignOutcome:
-    """Run what is missing; a signal stops the campaign, a second one at once."""
-    shown = display("none" if options.quiet else options.progress, CAMPAIGN)
-    with interrupts.noted() as should_stop, contextlib.closing(shown):
-        try:
-            return campaign.run_campaign(folder, engine, shard, shown.step, should_stop, options.batch, allowed)
-        except KeyboardInterrupt:
-            echo_lines([f"wsnsim: resume with: {_resume_command(folder, shard, options)}"])
-            raise
-
-
-def _print_answer(
-    folder: Folder, outcome: CampaignOutcome, shard: Shard, options: SessionOptions, interrupts: Interrupts,
-    allowed: PluginAccess,
-) -> int:  # fmt: skip
-    """Print the comparison and what is still missing; returns the exit code."""
-    code = 0
-    if shard == WHOLE and not interrupts.number:
-        code = print_comparison(folder, options.comparison, allowed.plugins)
-    return _report_outcome(folder, outcome, shard, options, interrupts) or code
-
-
-def _access(of_caller: bool) -> PluginAccess:
-    """What a campaign's scenarios may import: what they name if they are the caller's, or only what is installed."""
-    return access(Plugins.ANY if of_caller else Plugins.INSTALLED)
-
-
-def _engine(folder: Folder, options: SessionOptions) -> Engine:
+def _engine(folder: Folder, options: Options) -> Engine:
     if options.scheduler is not None or options.scheduler_file is not None:
         from wsnsim.campaign.dask_engine import DaskEngine
 
         return DaskEngine(folder.path, options.scheduler, options.scheduler_file)
-    return engines.LocalEngine(_workers(options))
+    return engines.LocalEngine(options.jobs or engines.available_cores())
 
 
-def _check_engine_options(options: SessionOptions) -> None:
+def _check_engine_options(options: Options) -> None:
     """Raise UsageError, before anything is written, if options exclude each other."""
     if options.scheduler is not None and options.scheduler_file is not None:
         raise UsageError("--scheduler cannot be combined with --scheduler-file")
@@ -240,18 +200,18 @@ def _check_engine_options(options: SessionOptions) -> None:
         raise UsageError("--jobs cannot be combined with --scheduler: the scheduler sets the number of workers")
 
 
-def _workers(options: SessionOptions) -> int:
-    return options.jobs or engines.available_cores()
-
-
 def _report_outcome(
-    folder: Folder, outcome: CampaignOutcome, shard: Shard, options: SessionOptions, interrupts: Interrupts
+    folder: Folder, outcome: CampaignOutcome, shard: Shard, options: Options, interrupts: Interrupts
 ) -> int:
     """Print what failed, what is missing and how to resume; return the exit code."""
     manifest = folder.manifest()
-    lines = [] if options.quiet else _surplus(folder, manifest)
+    points, runs = (0, 0) if options.quiet else folder.outside_manifest(manifest)
+    beside = f"{folder.path} also holds {points} points and {runs} runs outside this campaign; they are kept"
+    lines = [f"wsnsim: {beside}"] if points or runs else []
     lines += [f"wsnsim: worker {worker} was left out: it {why}" for worker, why in outcome.left_out.items()]
-    lines += _failures(folder, outcome)
+    lines += [f"wsnsim: {task} failed: {reason}" for task, reason in list(outcome.failed.items())[:MAX_FAILURES]]
+    if (more := len(outcome.failed) - MAX_FAILURES) > 0:
+        lines.append(f"wsnsim: {more} more tasks failed; see {folder.path / 'failed'}")
     if outcome.stopped and not interrupts.number:
         lines.append(f"wsnsim: error: the campaign was stopped: {outcome.stopped}")
     if outcome.missing:
@@ -269,43 +229,19 @@ def _report_outcome(
     return INCOMPLETE if not outcome.complete or outcome.stopped else 0
 
 
-def _surplus(folder: Folder, manifest: Manifest) -> list[str]:
-    """A line on results in the folder that do not belong to the campaign as it is defined now."""
-    points, runs = folder.outside_manifest(manifest)
-    if not points and not runs:
-        return []
-    return [f"wsnsim: {folder.path} also holds {points} points and {runs} runs outside this campaign; they are kept"]
-
-
-def _failures(folder: Folder, outcome: CampaignOutcome) -> list[str]:
-    """Lines on the first failures."""
-    lines = [f"wsnsim: {task} failed: {reason}" for task, reason in list(outcome.failed.items())[:MAX_FAILURES]]
-    if len(outcome.failed) > MAX_FAILURES:
-        more = len(outcome.failed) - MAX_FAILURES
-        lines.append(f"wsnsim: {more} more tasks failed; see {folder.path / 'failed'}")
-    return lines
-
-
-def _resume_command(folder: Folder, shard: Shard, options: SessionOptions) -> str:
+def _resume_command(folder: Folder, shard: Shard, options: Options) -> str:
     """The command that resumes the campaign."""
     words = ["wsnsim", "sweep", str(folder.path)]
     if shard.total > 1:
         words += ["--shard", f"{shard.number}/{shard.total}"]
-    comparison = options.comparison
-    values: dict[str, object] = {
-        "jobs": options.jobs,
-        "scheduler": options.scheduler,
-        "scheduler-file": options.scheduler_file,
-        "metric": comparison.metric if comparison.metric != METRIC else None,
-        "baseline": comparison.baseline,
-        "csv": comparison.csv,
-    }
-    for name, value in values.items():
-        words += [f"--{name}", str(value)] if value is not None else []
-    words += [word for key in comparison.by for word in ("--by", key)]
+    for name in ("jobs", "scheduler", "scheduler_file", "metric", "baseline", "csv"):
+        value = getattr(options, name)
+        if value is not None and (name, value) != ("metric", METRIC):
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    words += [word for key in options.by for word in ("--by", key)]
     words += [] if options.batch else ["--no-batch"]
     words += ["--plugins"] if needs_permission(folder) else []
-    words += [f"--{name}" for name, wanted in (("bound", comparison.bound), ("json", comparison.as_json)) if wanted]
+    words += [f"--{name}" for name, wanted in (("bound", options.bound), ("json", options.as_json)) if wanted]
     return shlex.join(words)
 
 

@@ -72,14 +72,19 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
             raise UsageError(f"{source} is a campaign, whose sweep is fixed; to change it, give the sweep file instead")
         return session.resume(source, options, interrupts)
     from wsnsim.scenario.sweep import is_sweep, load_sweep
+    from wsnsim.scenario.texts import find_or_none, shipped_sweeps
 
     if not is_sweep(source):
         if not vary:
-            raise UsageError(_why_no_sweep(source))
+            if Path(source).is_dir():
+                raise UsageError(f"folder holds no campaign: {source}")
+            if find_or_none(source) is not None:
+                raise UsageError(f"{source} is a scenario: give the axes to vary with --vary KEY=VALUES")
+            nearest = did_you_mean(source, shipped_sweeps())
+            raise UsageError(f"unknown sweep, scenario or campaign '{source}' ({nearest})")
         keys = "_".join(axis.partition("=")[0].strip().rpartition(".")[2] for axis in vary)
         changes["name"] = _file_name(f"{Path(source).stem}_by_{keys}")
-    plan = load_sweep(source, vary, overrides, **changes)
-    return session.run_plan(plan, options, interrupts, options.comparison.by)
+    return session.run_plan(load_sweep(source, vary, overrides, **changes), options, interrupts, options.by)
 
 
 @group.command()
@@ -117,7 +122,7 @@ def compare(
     # trackers with parameters are swept as whole blocks, those without by their kind
     tracker_key = ("tracker" if "tracker" in plan.keys else "tracker.kind",) if trackers else ()
     by = [*(["scenario"] if len(sources) > 1 else []), *tracker_key]
-    return session.run_plan(plan, options, interrupts, options.comparison.by or tuple(by))
+    return session.run_plan(plan, options, interrupts, options.by or tuple(by))
 
 
 @group.command()
@@ -135,21 +140,11 @@ def collect(shards: tuple[Path, ...], out: Path | None, metric: str, accept_code
     into = Folder(out or shards[0])
     manifest = campaign.collect([Folder(shard) for shard in shards], into, accept_code_change)
     missing = campaign.missing(into)
-    code = session.print_comparison(into, session.ComparisonOptions(metric, (), None, None, as_json, bound=False))
+    options = session.Options(metric=metric, by=(), baseline=None, csv=None, as_json=as_json, bound=False)
+    code = session.print_comparison(into, options)
     if missing:
         echo_lines([f"wsnsim: {into.path} is incomplete:", *campaign.describe_missing(missing, manifest)])
     return INCOMPLETE if missing else code
-
-
-def _why_no_sweep(source: str) -> str:
-    """The message about a source that is neither a sweep nor a campaign, given without axes."""
-    from wsnsim.scenario.texts import find_or_none, shipped_sweeps
-
-    if Path(source).is_dir():
-        return f"folder holds no campaign: {source}"
-    if find_or_none(source) is not None:
-        return f"{source} is a scenario: give the axes to vary with --vary KEY=VALUES"
-    return f"unknown sweep, scenario or campaign '{source}' ({did_you_mean(source, shipped_sweeps())})"
 
 
 def _file_name(text: str) -> str:

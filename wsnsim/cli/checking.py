@@ -1,6 +1,6 @@
 """Checking a scenario. Plug-ins that it names are imported in a process of their own, which may exit or hang.
 
-check(CheckRequest("x.yaml", (), False), 20.0) -> CheckAnswer
+check(("x.yaml", (), False), 20.0) -> CheckAnswer
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Final, NamedTuple
 
@@ -22,12 +21,8 @@ FAILED: Final = 1
 INVALID: Final = 2
 
 
-class CheckRequest(NamedTuple):
-    """What to check: a scenario or a result, overrides, and whether a result may name any plug-in."""
-
-    source: str
-    overrides: tuple[str, ...]
-    plugins: bool
+Request = tuple[str, tuple[str, ...], bool]
+"""What to check: a scenario or a result, overrides, and whether a result may name any plug-in."""
 
 
 class CheckAnswer(NamedTuple):
@@ -42,7 +37,7 @@ class _PluginNamed(BaseException):  # an Exception would be reported as one of t
     """A scenario names a plug-in, which must not be imported here."""
 
 
-def check(request: CheckRequest, limit: float) -> CheckAnswer:
+def check(request: Request, limit: float) -> CheckAnswer:
     """Check a scenario; its plug-ins, if it names any, have `limit` seconds.
 
     Raises:
@@ -59,18 +54,18 @@ def check(request: CheckRequest, limit: float) -> CheckAnswer:
         return _checked_apart(request, limit)
 
 
-def _checked(request: CheckRequest) -> CheckAnswer:
+def _checked(request: Request) -> CheckAnswer:
     import wsnsim.scenario as scenario
     from wsnsim.analysis import notes
 
     try:
-        setup = scenario.build(loaded(request.source, request.overrides, request.plugins))
+        setup = scenario.build(loaded(*request))
     except ScenarioError as error:
         return CheckAnswer(INVALID, [str(error)], [])
-    return CheckAnswer(0, [], [f"{request.source}: ok", *(f"  note: {note}" for note in notes.of_setup(setup))])
+    return CheckAnswer(0, [], [f"{request[0]}: ok", *(f"  note: {note}" for note in notes.of_setup(setup))])
 
 
-def _checked_apart(request: CheckRequest, limit: float) -> CheckAnswer:
+def _checked_apart(request: Request, limit: float) -> CheckAnswer:
     """Check a scenario in another process, and kill it after the limit."""
     context = multiprocessing.get_context("spawn")
     ours, its = context.Pipe(duplex=False)
@@ -94,14 +89,21 @@ def _checked_apart(request: CheckRequest, limit: float) -> CheckAnswer:
         process.join()
         ours.close()
     who = f"plug-in {last.kind}" if last else "the check"
-    return CheckAnswer(INVALID, [f"{request.source}: error: {who} {reason}"], [])
+    return CheckAnswer(INVALID, [f"{request[0]}: error: {who} {reason}"], [])
 
 
-def _answer(connection: Connection, request: CheckRequest) -> None:
+def _answer(connection: Connection, request: Request) -> None:
     """Check a scenario in this process, and send the plug-ins that are imported and the answer."""
     with contextlib.suppress(OSError):
         os.dup2(2, 1)  # what a plug-in prints is no answer
-    with watching_imports(_once(connection.send)):
+    sent: set[str] = set()
+
+    def send_first(plugin: PluginImport) -> None:
+        if plugin.kind not in sent:
+            sent.add(plugin.kind)
+            connection.send(plugin)
+
+    with watching_imports(send_first):
         try:
             found = _checked(request)
         except WsnsimError as error:
@@ -110,17 +112,5 @@ def _answer(connection: Connection, request: CheckRequest) -> None:
             fault = plugin_fault(error)
             if not fault or os.environ.get("WSNSIM_TRACEBACK"):
                 raise
-            found = CheckAnswer(FAILED, [f"{request.source}: error: {fault} ({TRACEBACK_HINT})"], [])
+            found = CheckAnswer(FAILED, [f"{request[0]}: error: {fault} ({TRACEBACK_HINT})"], [])
     connection.send(found)
-
-
-def _once(send: Callable[[PluginImport], None]) -> Callable[[PluginImport], None]:
-    """Return a function that sends each plug-in once."""
-    sent: set[str] = set()
-
-    def send_first(plugin: PluginImport) -> None:
-        if plugin.kind not in sent:
-            sent.add(plugin.kind)
-            send(plugin)
-
-    return send_first

@@ -38,7 +38,7 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...], plugins: bool, t
 
     code = 0
     for source in sources:
-        found = checking.check(checking.CheckRequest(source, overrides, plugins), timeout)
+        found = checking.check((source, overrides, plugins), timeout)
         for line in found.errors:
             echo(line, err=True)
         for line in found.lines:
@@ -240,8 +240,7 @@ def _no_module(name: str) -> str:
 
 def _starter(role: str, suffix: str, name: str) -> str:
     """Return the text of a plug-in's module ('py') or scenario ('yaml'), with the names that the user chose."""
-    source = Path(__file__).parent / "starters" / f"{role}.{suffix}"
-    text = source.read_text(encoding="utf-8")
+    text = (Path(__file__).parent / "starters" / f"{role}.{suffix}").read_text(encoding="utf-8")
     return text.replace(f"Plugin{role.capitalize()}", class_name(name)).replace("plugin_name", name)
 
 

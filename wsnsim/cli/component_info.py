@@ -8,20 +8,17 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from wsnsim.base.errors import UsageError
 from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.requests import PACKET_BITS
+from wsnsim.base.setups import RadioSetup
 from wsnsim.cli.listing import paragraph, table, wrapped_table
 from wsnsim.scenario import datasheets
 from wsnsim.scenario.texts import find_or_none, find_sheet, sheet_of
-
-if TYPE_CHECKING:
-    from wsnsim.base.setups import RadioSetup
 
 PACKET: Final = f"{PACKET_BITS // 8} bytes"
 
@@ -52,46 +49,16 @@ class InfoRow(NamedTuple):
         return {"value": self.value, "unit": self.si, "what": self.note}
 
 
-@dataclass(frozen=True)
-class InfoSection:
-    """Rows under a title; `note` is the head of their last column, and `grid` holds lists of equal length."""
-
-    title: str
-    note: str
-    rows: Sequence[InfoRow]
-    grid: Sequence[InfoRow] = ()
-
-    def text(self) -> str:
-        """The title and a table, and the grid as a table of its own."""
-        parts = [paragraph(line) for line in self.title.splitlines()]
-        parts.append(wrapped_table(["", "value", "unit", self.note], [[*row[:4]] for row in self.rows]))
-        if self.grid:
-            heads = [f"{row.name} [{row.unit}]" for row in self.grid]
-            lines = zip(*(row.shown.split(", ") for row in self.grid), strict=True)
-            parts += ["", table(heads, [list(line) for line in lines])]
-            parts += [paragraph(f"{row.name}: {row.note}", "  ", "    ") for row in self.grid]
-        return "\n".join(parts)
-
-
-@dataclass(frozen=True)
-class ComponentInfo:
-    """Sections, and the same content as plain values."""
-
-    sections: Sequence[InfoSection]
-    plain: Mapping[str, Any]
-
-    def text(self) -> str:
-        """The sections as text."""
-        return "\n\n".join(section.text() for section in self.sections)
-
-    def as_json(self) -> dict[str, Any]:
-        """The values in SI units."""
-        return dict(self.plain)
-
-
-def is_described(source: str) -> bool:
-    """Return whether a datasheet or a scenario has this name."""
-    return bool(what_it_is(source))
+def _text(title: str, note: str, rows: Sequence[InfoRow], grid: Sequence[InfoRow] = ()) -> str:
+    """Rows in a table under a title; `note` heads their last column, and `grid` holds lists of equal length."""
+    parts = [paragraph(line) for line in title.splitlines()]
+    parts.append(wrapped_table(["", "value", "unit", note], [[*row[:4]] for row in rows]))
+    if grid:
+        heads = [f"{row.name} [{row.unit}]" for row in grid]
+        lines = zip(*(row.shown.split(", ") for row in grid), strict=True)
+        parts += ["", table(heads, [list(line) for line in lines])]
+        parts += [paragraph(f"{row.name}: {row.note}", "  ", "    ") for row in grid]
+    return "\n".join(parts)
 
 
 def what_it_is(source: str) -> str:
@@ -102,8 +69,10 @@ def what_it_is(source: str) -> str:
     return "scenario" if find_or_none(source) is not None else ""
 
 
-def describe(source: str, plugins: bool = False) -> ComponentInfo:
-    """The values of a datasheet or of a scenario's radio, by its file or name. Without `plugins`, none is imported.
+def describe(source: str, as_json: bool, plugins: bool = False) -> str | dict[str, Any]:
+    """The values of a datasheet or of a scenario's radio, by its file or name, as text or in SI units.
+
+    Without `plugins`, none is imported.
 
     Raises:
         ScenarioError: the file is invalid.
@@ -111,29 +80,35 @@ def describe(source: str, plugins: bool = False) -> ComponentInfo:
     """
     file = find_sheet(source, Path())
     if file is not None and sheet_of(file):
-        return _describe_datasheet(datasheets.datasheet(file, plugins))
-    return _describe_scenario(source, plugins)
+        return _describe_datasheet(datasheets.datasheet(file, plugins), as_json)
+    return _describe_scenario(source, as_json, plugins)
 
 
-def _describe_datasheet(sheet: datasheets.Datasheet) -> ComponentInfo:
+def _describe_datasheet(sheet: datasheets.Datasheet, as_json: bool) -> str | dict[str, Any]:
     given = {value.field: value for value in sheet.values}
     head = [str(given[name].value) for name in ("name", "source") if name in given]
-    rows = [_datasheet_row(value) for value in sheet.values if value.field not in ("name", "source")]
+    rows = [
+        InfoRow(
+            value.field,
+            *_number_and_unit(value.written, value.unit),
+            value.source,
+            value.value,
+            value.unit,
+            value.about,
+        )
+        for value in sheet.values
+        if value.field not in ("name", "source")
+    ]
     lists = {row.name: len(row.value) for row in rows if isinstance(row.value, tuple)}
     grid = [row for row in rows if row.name in lists] if len(lists) > 1 and len(set(lists.values())) == 1 else []
     title = f"{head[0] if head else sheet.file.stem}: a {sheet.sheet}" + (f", from {head[1]}" if head[1:] else "")
-    section = InfoSection(title, "source", [row for row in rows if row not in grid], grid)
+    if not as_json:
+        return _text(title, "source", [row for row in rows if row not in grid], grid)
     values = {
         row.name: {"value": row.value, "unit": row.si, "what": row.description, "source": row.note} for row in rows
     }
     plain = {"part": sheet.file.stem, "file": str(sheet.file), "sheet": sheet.sheet, "values": values}
-    return ComponentInfo([section], plain | {name: given[name].value for name in ("name", "source") if name in given})
-
-
-def _datasheet_row(value: datasheets.SheetValue) -> InfoRow:
-    """A value as the datasheet writes it."""
-    shown, unit = _number_and_unit(value.written, value.unit)
-    return InfoRow(value.field, shown, unit, value.source, value.value, value.unit, value.about)
+    return plain | {name: given[name].value for name in ("name", "source") if name in given}
 
 
 def _number_and_unit(written: object, unit: str) -> tuple[str, str]:
@@ -150,17 +125,14 @@ def _number_and_unit(written: object, unit: str) -> tuple[str, str]:
 
 
 def _number(value: object) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
+    if value is None or isinstance(value, bool):
+        return {None: "-", True: "yes", False: "no"}[value]
     if isinstance(value, tuple):
         return ", ".join(_number(item) for item in value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _describe_scenario(source: str, plugins: bool) -> ComponentInfo:
-    from wsnsim.base.setups import RadioSetup
+def _describe_scenario(source: str, as_json: bool, plugins: bool) -> str | dict[str, Any]:
     from wsnsim.scenario import Plugins, build, load
 
     loaded = load(source, plugins=Plugins.ANY if plugins else Plugins.NONE)
@@ -168,22 +140,22 @@ def _describe_scenario(source: str, plugins: bool) -> ComponentInfo:
     if not isinstance(setup, RadioSetup):
         raise UsageError(f"{source} has no network (network: none), and therefore no radio to describe")
     components = {"energy": setup.energy, "mac": setup.mac, "link": setup.link}
-    sections, plain = [], {}
+    texts, plain = [], {}
     for role, component in components.items():
         kind = getattr(loaded, role).kind
         fields, derived = list(_fields(component)), list(DERIVED[role](setup))
         title = f"{role}: {kind}. {(type(component).__doc__ or '').partition(chr(10))[0]}"
         sources = _sources(type(component))
-        sections.append(InfoSection("\n".join([title, *sources]), "description", fields))
+        texts.append(_text("\n".join([title, *sources]), "description", fields))
         if derived:
-            sections.append(InfoSection(f"{role}: derived values", "description", derived))
+            texts.append(_text(f"{role}: derived values", "description", derived))
         plain[role] = {
             "kind": kind,
             "sources": sources,
             "values": {row.name: row.as_json() for row in fields},
             "derived": {row.name: row.as_json() for row in derived},
         }
-    return ComponentInfo(sections, {"scenario": loaded.name, **plain})
+    return {"scenario": loaded.name, **plain} if as_json else "\n\n".join(texts)
 
 
 def _sources(component: type[Any]) -> list[str]:
@@ -238,8 +210,8 @@ def _derived_energy(setup: RadioSetup) -> Iterator[InfoRow]:
 
 def _derived_mac(setup: RadioSetup) -> Iterator[InfoRow]:
     mac: Any = setup.mac
-    yield from _attributes(mac, [("payload_bits", "bit", "largest payload of a frame")])
-    yield from _attributes(mac, [("ack_bits", "bit", "acknowledgement on the air")])
+    sizes = (("payload_bits", "bit", "largest payload of a frame"), ("ack_bits", "bit", "acknowledgement on the air"))
+    yield from _attributes(mac, sizes)
     bits = _on_air(mac)
     if hasattr(mac, "bits"):
         yield _row("packet", bits, "bit", f"on the air, with a payload of {PACKET}")
@@ -257,8 +229,7 @@ def _derived_link(setup: RadioSetup) -> Iterator[InfoRow]:
         yield _row("audible", link.audible, "m", "distance beyond which nothing is received")
     floor = ("floor", "dBm", "weaker frames are neither received nor interfere")
     noise = ("noise", "mW", "noise of the receiver, derived from its sensitivity")
-    rounds = ("rounds", "", "rounds of the recording on this channel")
-    yield from _attributes(link, [floor, noise, rounds])
+    yield from _attributes(link, [floor, noise, ("rounds", "", "rounds of the recording on this channel")])
 
 
 def _on_air(mac: Any) -> int:

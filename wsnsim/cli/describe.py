@@ -50,22 +50,20 @@ def _what(word: str, plugins: bool, as_json: bool, only_files: bool) -> Answer:
 
 def _kinds(words: Sequence[str], as_json: bool) -> Answer | None:
     """What the kinds or the role are that words name; None if there are none."""
-    if len(words) == 1 and _is_path(words[0]):
-        return None
-    if len(words) == 1 and _is_role(words[0]):
-        return listed(role_named(words[0]).name, as_json)
+    if len(words) == 1:
+        if _is_path(words[0]):
+            return None
+        if any(words[0] in (role.name, role.plural) for role in ROLES.values()) and not kinds_named(words[0]):
+            return listed(role_named(words[0]).name, as_json)
     found = described(words)
     if not found:
         return None
-    other = len(words) == 1 and component_info.is_described(words[0])
+    what = component_info.what_it_is(words[0]) if len(words) == 1 else ""
     if as_json:
-        more = component_info.describe(words[0]).as_json() if other else {}
-        return {"kinds": [kind.as_json() for kind in found]} | more
-    text = kinds_text(found)
-    if other:
-        what = component_info.what_it_is(words[0])
-        text += f"\n\nThere is also a {what} of this name: wsnsim info {what} {words[0]}"
-    return text
+        more: Any = component_info.describe(words[0], as_json) if what else {}
+        return {"kinds": [kind.as_json() for kind in found], **more}
+    other = f"\n\nThere is also a {what} of this name: wsnsim info {what} {words[0]}" if what else ""
+    return kinds_text(found) + other
 
 
 def _is_path(word: str) -> bool:
@@ -73,13 +71,14 @@ def _is_path(word: str) -> bool:
 
 
 def _file(word: str, plugins: bool, as_json: bool, only_files: bool) -> Answer:
-    if component_info.is_described(word):
-        found = component_info.describe(word, plugins)
-        return found.as_json() if as_json else found.text()
+    if component_info.what_it_is(word):
+        return component_info.describe(word, as_json, plugins)
     if text := "" if _is_path(word) else word_text(word):
         return {"word": word, "text": text} if as_json else text
     names = [kind for role in ROLES for kind in kinds(role)]
-    names += [*shipped(), *shipped_parts(), *ROLES, *words_known()]
+    columns = (column.name for columns in TABLES.values() for column in columns)
+    # keys are left out: to find them, every kind is imported
+    names += [*shipped(), *shipped_parts(), *ROLES, *dict.fromkeys([*TABLES, *columns, *every_command()])]
     if (known := in_known_case(word, [*names, *_longer_names()])) != word:
         return _what(known, plugins, as_json, only_files)
     nearest = did_you_mean(Path(word).stem, names, "see `wsnsim list`")
@@ -123,11 +122,6 @@ def _described(role: str, kind: str) -> KindInfo:
         raise UsageError(str(error.args[0]) if isinstance(error, LookupError) else str(error)) from None
 
 
-def _is_role(word: str) -> bool:
-    """Whether a word is the name of a role, and of no kind."""
-    return any(word in (role.name, role.plural) for role in ROLES.values()) and not kinds_named(word)
-
-
 def kinds_text(infos: Sequence[KindInfo]) -> str:
     """Return the descriptions as text, one below the other."""
     return "\n\n".join("\n".join(_sections(kind)) for kind in infos)
@@ -148,8 +142,10 @@ def _sections(kind: KindInfo) -> Iterator[str]:
         yield from _aligned([(f"{name}:", [text]) for name, text in kind.facts], "")
     yield "\nParameters:" if kind.parameters else "\nNo parameters."
     yield from _aligned([(one.name, [one.meaning, values_of(one)]) for one in kind.parameters], "  ")
-    yield "\n" + paragraph(f"A scenario with it, which `wsnsim check` accepts{_with_files(kind)}:")
-    yield textwrap.indent(kind.example.text(f"try_{_file_name(kind.kind)}").rstrip(), "  ")
+    files = " and ".join(kind.example.files)
+    beside = f" (here with {files} beside it)" if files else ""
+    yield "\n" + paragraph(f"A scenario with it, which `wsnsim check` accepts{beside}:")
+    yield textwrap.indent(kind.example.text(f"try_{kind.kind.rpartition(':')[2].lower()}").rstrip(), "  ")
     for name, content in kind.example.files.items():
         yield f"{name}:\n{textwrap.indent(content.rstrip(), '  ')}"
     yield f"In Python:\n  {kind.import_line}"
@@ -170,21 +166,6 @@ def values_of(one: ParameterInfo) -> str:
     return f"{default}; {one.takes}"
 
 
-def _with_files(kind: KindInfo) -> str:
-    files = " and ".join(kind.example.files)
-    return f" (here with {files} beside it)" if files else ""
-
-
-def _file_name(kind: str) -> str:
-    return kind.rpartition(":")[2].lower()
-
-
-def words_known() -> list[str]:
-    """Return the tables, columns and commands. Keys are left out: to find them, every kind is imported."""
-    columns = (column.name for columns in TABLES.values() for column in columns)
-    return list(dict.fromkeys([*TABLES, *columns, *every_command()]))
-
-
 def word_text(word: str) -> str:
     """Return what a word is in results, scenarios and on the command line; '' if it is nothing there."""
     return "\n\n".join(part for part in (_table(word), _columns(word), _keys(word), _command(word)) if part)
@@ -192,9 +173,7 @@ def word_text(word: str) -> str:
 
 def _table(word: str) -> str:
     table, _, column = word.partition(".")
-    if table not in TABLES:
-        return ""
-    rows = [[one.name, one.units or "-", _meaning(one)] for one in TABLES[table]]
+    rows = [[one.name, one.units or "-", _meaning(one)] for one in TABLES.get(table, ())]
     found = [row for row in rows if column in ("", row[0])]
     if not found:
         return ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -37,7 +37,14 @@ def export(
     if csv_folder is None and parquet_folder is None and matlab_file is None:
         raise UsageError("say what to write: --csv DIR, --parquet DIR or --mat FILE.mat")
     if matlab_file is not None:
-        _check_matlab_file(matlab_file, result)
+        if matlab_file.suffix != ".mat":
+            raise UsageError(f"--mat {matlab_file}: the name of a MATLAB file ends in .mat")
+        try:
+            writable(matlab_file, matlab_file)
+        except UsageError as error:
+            raise UsageError(str(error).replace("--out ", "--mat ")) from None
+        if result.exists():
+            not_the_result(matlab_file, result, "MATLAB file")
     with reading(result):
         from wsnsim.analysis import frames
 
@@ -48,18 +55,6 @@ def export(
         if matlab_file is not None:
             for table, rows in frames.matlab(result, matlab_file, tables):
                 echo(f"{matlab_file}: {table}: {rows:,} rows")
-
-
-def _check_matlab_file(file: Path, result: Path) -> None:
-    """Raise UsageError if the MATLAB file cannot be written there, before anything is read."""
-    if file.suffix != ".mat":
-        raise UsageError(f"--mat {file}: the name of a MATLAB file ends in .mat")
-    try:
-        writable(file, file)
-    except UsageError as error:
-        raise UsageError(str(error).replace("--out ", "--mat ")) from None
-    if result.exists():
-        not_the_result(file, result, "MATLAB file")
 
 
 PLOTS: Final = ("all", "track", "states", "error", "consistency", "energy", "particles")
@@ -77,17 +72,7 @@ PLOTS: Final = ("all", "track", "states", "error", "consistency", "energy", "par
     "--out", "-o", type=PATH, metavar="PLOT", help="A .png, .svg or .pdf file; default FILE.png or DIR/figures.png."
 )
 @shared.plugins_option
-def plot(
-    result: Path,
-    what: str,
-    column: str | None,
-    metric: str | None,
-    step: int | None,
-    replicate: int | None,
-    target: int | None,
-    out: Path | None,
-    plugins: bool,
-) -> None:
+def plot(result: Path, what: str, metric: str | None, out: Path | None, plugins: bool, **chosen: Any) -> None:
     """Plot a result, or a campaign over one of its swept keys."""
     import wsnsim.recording as recording
     from wsnsim.analysis import figures
@@ -95,26 +80,26 @@ def plot(
     from wsnsim.recording.folder import Folder
 
     if result.is_dir():
-        if what != "all" or any(value is not None for value in (step, replicate, target)):
+        if what != "all" or any(chosen[name] is not None for name in ("step", "replicate", "target")):
             raise UsageError(f"{result} is a folder: a campaign takes only --column, --metric and --out")
         folder = Folder(result)
         folder.manifest()
         path = _plot_path(out or result / "figures.png")
-        _print_plotted(figures.draw_campaign(folder, path, metric or "rmse", column))
+        _print_plotted(figures.draw_campaign(folder, path, metric or "rmse", chosen["column"]))
         return
     if metric is not None:
         raise UsageError("--metric needs the folder of a campaign")
-    for name, value in (("column", column), ("step", step), ("replicate", replicate), ("target", target)):
-        if value is not None and name not in figures.TAKES[what]:
+    for name in figures.TAKES["all"]:
+        if chosen[name] is not None and name not in figures.TAKES[what]:
             takes = ", ".join(other for other, names in figures.TAKES.items() if name in names)
             raise UsageError(f"--{name} cannot be combined with --what {what}; it can with {takes}")
     plot_file = out or result.with_suffix(".png")
     suffix_of(plot_file)
     recording.attributes(result)
     path = not_the_result(_plot_path(plot_file), result, "plot")
-    chosen = figures.PlotSelection(column, step, replicate or 0, target or 0, plugins)
+    given = {name: value for name, value in chosen.items() if value is not None}
     with reading(result):
-        drawn = figures.draw(result, path, what, chosen)
+        drawn = figures.draw(result, path, what, figures.PlotSelection(**given, plugins=plugins))
     _print_plotted(drawn)
 
 
@@ -148,14 +133,7 @@ def _print_plotted(plotted: WrittenFigure) -> None:
 )
 @shared.bounds_option
 @shared.plugins_option
-def report(
-    results: tuple[Path, ...],
-    out: Path | None,
-    replicate: int | None,
-    megabytes: float,
-    bounds: bool,
-    plugins: bool,
-) -> None:
+def report(results: tuple[Path, ...], out: Path | None, megabytes: float, **options: Any) -> None:
     """Write one HTML page of results, with a replay.
 
     The page needs no other file and loads nothing from the Internet.
@@ -171,7 +149,7 @@ def report(
     for result in results:
         not_the_result(path, result, "page")
     with reading(*results):
-        written = pages.write(results, path, replicate, int(1e6 * megabytes), published, plugins, bounds)
+        written = pages.write(results, path, limit=int(1e6 * megabytes), published=published, **options)
     echo(f"{written.path}: {written.size / 1e6:.2f} MB; open it in a browser")
     for note in written.notes:
         echo(f"  {note}")

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.scenario import shipped
-from wsnsim.scenario.registry import ROLES, Kind, Role, kinds, role_named
+from wsnsim.scenario.registry import ROLES, Role, kinds, role_named
 from wsnsim.scenario.texts import sheet_of, shipped_parts, shipped_sweeps
 
 COLUMNS: Final = ("kind", "idea", "paper")
@@ -60,18 +60,15 @@ def _datasheets(as_json: bool) -> str | dict[str, Any]:
 
 
 def _role_json(role: Role) -> dict[str, Any]:
-    rows = [row._asdict() for row in kinds(role.name).values()]
-    return {"purpose": role.purpose, "default": role.default, "group": role.group, "kinds": rows}
+    about = {key: getattr(role, key) for key in ("purpose", "default", "group")}
+    return about | {"kinds": [row._asdict() for row in kinds(role.name).values()]}
 
 
 def _role_text(role: Role) -> str:
-    cells = [[_cell(row, name, role) for name in COLUMNS] for row in kinds(role.name).values()]
+    cells = [
+        [row.kind + " (default)" * (row.kind == role.default), row.idea, row.paper] for row in kinds(role.name).values()
+    ]
     return f"{role.plural}: {role.purpose}\n{wrapped_table(list(COLUMNS), cells)}"
-
-
-def _cell(row: Kind, name: str, role: Role) -> str:
-    text = str(getattr(row, name))
-    return f"{text} (default)" if name == "kind" and text == role.default else text
 
 
 def _text(path: Path) -> str:
@@ -102,8 +99,7 @@ def wrapped_table(headings: list[str], rows: Sequence[list[str]], indent: str = 
     widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
     available = width() - len(indent) - 2 * (len(widths) - 1)
     while sum(widths) > available and max(widths[1:]) > NARROWEST:
-        widest = max(range(1, len(widths)), key=lambda i: widths[i])
-        widths[widest] -= 1
+        widths[max(range(1, len(widths)), key=lambda i: widths[i])] -= 1
     lines = []
     for row in [headings, *rows]:
         cells = [[row[0]], *(_wrapped(cell, size) for cell, size in zip(row[1:], widths[1:], strict=True))]

@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, final
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -18,10 +18,6 @@ from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import echo
 
 if TYPE_CHECKING:
-    from wsnsim.base.runs import Progress
-    from wsnsim.base.tables import Recorder
-    from wsnsim.recording.folder import Folder
-    from wsnsim.watch.campaign_view import CampaignView
     from wsnsim.watch.run_view import RunView
 
 
@@ -45,101 +41,35 @@ live_options = shared.with_options(
 """The options of a live view."""
 
 
-@final
-class LiveRun:
-    """The live view of a run; without a view, nothing is shown.
-
-    Attributes:
-        recorder: what makes the recorder through which the run is watched, None if nobody watches.
-    """
-
-    def __init__(self, view: RunView | None, options: LiveOptions) -> None:
-        self._view, self._options = view, options
-        self.recorder: Callable[[Recorder], Recorder] | None = view.recorder if view else None
-
-    def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
-        """A function that passes on the progress, also to the view."""
-
-        def report(progress: Progress) -> None:
-            if self._view:
-                self._view.report(progress)
-            step(progress)
-
-        return report
-
-    def show_result(self, result: Path, page: Path | None, quiet: bool, interrupts: Interrupts) -> None:
-        """Show the page of the result until the user has seen enough."""
-        if self._view is None or (self._options.ends and not self._view.has_tab):
-            return
-        self._view.finish(page_of(result, page, plugins=True))
-        if self._options.ends:
-            self._view.wait_for_tabs()
-        else:
-            if not quiet:
-                echo("wsnsim: the address now shows the result; Ctrl-C ends the server", err=True)
-            stay(interrupts, threading.Event().wait)
-
-
 @contextlib.contextmanager
-def shown_live(title: str, options: LiveOptions | None) -> Iterator[LiveRun]:
-    """The live view of a run, whose server is closed at the end; one that shows nothing without options."""
+def shown_live(options: LiveOptions | None, view: Callable[[int], Any]) -> Iterator[Any]:
+    """The view at a port, whose server is closed at the end; None, so that nothing is shown, without options."""
     if options is None:
-        yield LiveRun(None, LiveOptions())
+        yield None
         return
-    from wsnsim.watch.run_view import RunView
-
-    with RunView(title, options.port) as view:
-        say_where(view.url, options)
-        yield LiveRun(view, options)
+    with view(options.port) as shown:
+        say_where(shown.url, options)
+        yield shown
 
 
-@final
-class LiveCampaign:
-    """The live view of a campaign that this process runs; without a view, nothing is shown."""
-
-    def __init__(self, view: CampaignView | None = None) -> None:
-        self._view = view
-
-    def following(self) -> contextlib.AbstractContextManager[None]:
-        """A context in which the view follows the campaign's folder."""
-        return self._view.following() if self._view else contextlib.nullcontext()
-
-    def show_end(self, quiet: bool, interrupts: Interrupts) -> None:
-        """Show the last state until the user has seen enough."""
-        if self._view is None:
-            return
-        if not quiet:
-            echo("wsnsim: the address still shows the campaign; Ctrl-C ends the server", err=True)
-        stay(interrupts, self._wait)
-
-    def _wait(self) -> None:
-        assert self._view, "there is a view"
-        self._view.look()
-        threading.Event().wait()
-
-
-@contextlib.contextmanager
-def campaign_shown_live(folder: Folder, metric: str, options: LiveOptions | None) -> Iterator[LiveCampaign]:
-    """The live view of a campaign, whose server is closed at the end; one that shows nothing without options."""
-    if options is None:
-        yield LiveCampaign()
+def show_result(
+    view: RunView, options: LiveOptions, result: Path, page: Path | None, quiet: bool, interrupts: Interrupts
+) -> None:
+    """Show the page of the result of a run until the user has seen enough."""
+    if options.ends and not view.has_tab:
         return
-    from wsnsim.watch.campaign_view import CampaignView
+    view.finish(page_of(result, page, plugins=True))
+    if options.ends:
+        view.wait_for_tabs()
+    else:
+        linger("the address now shows the result; ", quiet, interrupts)
 
-    with CampaignView(folder, metric, port=options.port) as view:
-        say_where(view.url, options)
-        yield LiveCampaign(view)
 
-
-def show_page(page: str, options: LiveOptions, quiet: bool, interrupts: Interrupts) -> None:
-    """Serve a page until Ctrl-C."""
-    from wsnsim.watch.server import page_server
-
-    with page_server(page, options.port) as server:
-        say_where(server.url, options)
-        if not quiet:
-            echo("wsnsim: Ctrl-C ends the server", err=True)
-        stay(interrupts, threading.Event().wait)
+def linger(said: str, quiet: bool, interrupts: Interrupts, look: Callable[[], object] = bool) -> None:
+    """Serve until Ctrl-C what a last look gives."""
+    if not quiet:
+        echo(f"wsnsim: {said}Ctrl-C ends the server", err=True)
+    stay(interrupts, lambda: (look(), threading.Event().wait()))
 
 
 def say_where(url: str, options: LiveOptions) -> None:

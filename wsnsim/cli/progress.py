@@ -14,7 +14,7 @@ import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, Protocol, final
+from typing import Any, Final, final
 
 import click
 
@@ -25,16 +25,14 @@ INTERVAL: Final = 30.0
 """Seconds after which a line is printed although less than 10 % more is done."""
 
 
-class ProgressDisplay(Protocol):
-    """Shows progress."""
+class ProgressDisplay:
+    """Shows progress; this one shows nothing."""
 
     def step(self, progress: Any) -> None:
         """Show the progress."""
-        ...
 
     def close(self) -> None:
         """Remove what must not stay on the terminal."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ class ProgressFormat:
 
 
 @final
-class _ProgressBar:
+class _ProgressBar(ProgressDisplay):
     """One line on the terminal, redrawn."""
 
     def __init__(self, form: ProgressFormat) -> None:
@@ -116,7 +114,7 @@ class _Stderr:
 
 
 @final
-class _ProgressLines:
+class _ProgressLines(ProgressDisplay):
     """A line for every 10 % or 30 s, or for every step."""
 
     def __init__(self, form: ProgressFormat, line: Callable[[Any], str], every: bool) -> None:
@@ -131,20 +129,6 @@ class _ProgressLines:
         if self._every or tenths > self._tenths or progress.wall - self._wall >= INTERVAL:
             self._tenths, self._wall = tenths, progress.wall
             tell(self._line(progress))
-
-    def close(self) -> None:
-        """Nothing to remove."""
-
-
-@final
-class _NoProgress:
-    """Shows nothing."""
-
-    def step(self, progress: Any) -> None:
-        """Show nothing."""
-
-    def close(self) -> None:
-        """Nothing to remove."""
 
 
 def _speed(progress: Any) -> str:
@@ -251,7 +235,7 @@ def _is_terminal() -> bool:
 def display(mode: str, of: ProgressFormat) -> ProgressDisplay:
     """The display of progress in one of the `MODES`; `auto` is a bar on a terminal and lines elsewhere."""
     if mode == "none":
-        return _NoProgress()
+        return ProgressDisplay()
     if mode == "auto":
         mode = "bar" if _is_terminal() else "plain"
     if mode == "bar":

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,47 +15,20 @@ from wsnsim.base.errors import UsageError
 from wsnsim.base.process import gc_disabled
 from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.live import LiveOptions, live_options, page_of, say_where, show_page, shown_live, stay
+from wsnsim.cli.live import LiveOptions, linger, live_options, page_of, show_result, shown_live, stay
 from wsnsim.cli.progress import RUN, display
-from wsnsim.cli.shared import (
-    PATH,
-    command_line,
-    echo,
-    echo_answer,
-    group,
-    is_campaign,
-    loaded,
-    reading,
-    seconds_of,
-    writable,
-)
+from wsnsim.cli.shared import echo, echo_answer, group, is_campaign, loaded, reading, seconds_of, writable
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
-
-
-class RunOptions(NamedTuple):
-    """The options that `run` and `watch` share."""
-
-    overrides: tuple[str, ...]
-    replicates: int | None
-    seed: int | None
-    out: Path | None
-    bounds: bool
-    with_page: bool
-    plugins: bool
-    as_json: bool
-    batch: bool
-    quiet: bool
-    progress: str
-    timeout: str | None
+    from wsnsim.watch.run_view import RunView
 
 
 run_options = shared.with_options(
     shared.overrides_option,
     click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Number of Monte Carlo runs."),
     shared.seed_option,
-    click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
+    click.option("--out", "-o", type=shared.PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5."),
     shared.bounds_option,
     click.option("--report", "with_page", is_flag=True, help="Also write the HTML page, beside the result."),
     shared.plugins_option,
@@ -73,11 +48,14 @@ run_options = shared.with_options(
 @click.pass_obj
 def run(interrupts: Interrupts, /, source: str, live: bool, **given: Any) -> None:
     """Run a scenario and write its result."""
-    run_scenario(source, RunOptions(**given), interrupts, LiveOptions() if live else None)
+    run_scenario(source, SimpleNamespace(**given), interrupts, LiveOptions() if live else None)
 
 
-def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live: LiveOptions | None = None) -> None:
-    """Run a scenario, write its result and print its summary; with `live` options, show it in a browser meanwhile."""
+def run_scenario(source: str, options: Any, interrupts: Interrupts, live: LiveOptions | None = None) -> None:
+    """Run a scenario, write its result and print its summary; with `live` options, show it in a browser meanwhile.
+
+    `options`: the values of `run_options` by name.
+    """
     seeded = options.overrides if options.seed is None else (*options.overrides, f"seed={options.seed}")
     scenario = loaded(source, seeded, options.plugins)
     limit = None if options.timeout is None else seconds_of("--timeout", options.timeout)
@@ -92,25 +70,33 @@ def run_scenario(source: str, options: RunOptions, interrupts: Interrupts, live:
     talks = not options.quiet and options.progress not in ("json", "none")
     if talks:
         _say_notes(scenario, options.replicates or scenario.replicates, options.batch)
-    with shown_live(scenario.name, live) as view:
+
+    def view_at(port: int) -> RunView:
+        from wsnsim.watch.run_view import RunView
+
+        return RunView(scenario.name, port)
+
+    with shown_live(live, view_at) as view:
         with (
             sole_writer(path),
             contextlib.closing(display("none" if options.quiet else options.progress, RUN)) as shown,
         ):
             report = experiment.run(
-                scenario, replicates=options.replicates, out=path, command_line=command_line(),
-                progress=view.reporting(shown.step), on_compile=_say_compiling if talks else None,
-                batch=options.batch, watched=view.recorder, timeout=limit,
+                scenario, replicates=options.replicates, out=path, command_line=shared.command_line(),
+                progress=view.reporting(shown.step) if view else shown.step,
+                on_compile=partial(echo, "wsnsim: compiling kernels, once ...", True) if talks else None,
+                batch=options.batch, watched=view and view.recorder, timeout=limit,
             )  # fmt: skip
         if talks and report.compiled:
             echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)
         echo_answer(summary_of(report, published, options.bounds, options.as_json))
         if page:
             _write_page(path, page, options)
-        view.show_result(path, page, options.quiet, interrupts)
+        if view and live:
+            show_result(view, live, path, page, options.quiet, interrupts)
 
 
-def _write_page(result: Path, page: Path, options: RunOptions) -> None:
+def _write_page(result: Path, page: Path, options: Any) -> None:
     """Write the page of a result that has just been made, whose plug-ins may therefore be imported."""
     import wsnsim.report as pages
     from wsnsim.papers import published
@@ -130,10 +116,6 @@ def _say_notes(scenario: Scenario, replicates: int, batch: bool) -> None:
     for note in (*notes.before_a_run(setup), run_size.warning(size, run_size.free_memory())):
         if note:
             echo(f"wsnsim: note: {note}", err=True)
-
-
-def _say_compiling() -> None:
-    echo("wsnsim: compiling kernels, once ...", err=True)
 
 
 def _page_path(result: Path) -> Path:
@@ -175,7 +157,9 @@ def watch(
     or that of --out. FILE.h5 is a result, whose page is shown.
     """
     live, interrupts = LiveOptions(port, browser, ends), context.obj
-    if _is_finished_result(source):
+    from wsnsim.scenario.texts import is_result
+
+    if not Path(source).is_dir() and is_result(source):
         _refuse_options_of_runs(context, OF_RESULTS, f"a result; to run its scenario: wsnsim run {source} --watch")
         _demand_campaign(metric, column)
         _show_result(Path(source), live, interrupts, given)
@@ -183,7 +167,7 @@ def watch(
     folder = _folder(source, given["out"])
     if folder is None:
         _demand_campaign(metric, column)
-        run_scenario(source, RunOptions(**given), interrupts, live)
+        run_scenario(source, SimpleNamespace(**given), interrupts, live)
         return None
     _refuse_options_of_runs(context, OF_CAMPAIGNS, "a campaign, which another process runs")
     return _follow(folder, metric or "rmse", column, live, interrupts, given["quiet"])
@@ -205,13 +189,6 @@ def _folder(source: str, out: Path | None) -> Path | None:
     return folder
 
 
-def _is_finished_result(source: str) -> bool:
-    """Whether the source is a result, and no campaign's folder."""
-    from wsnsim.scenario.texts import is_result
-
-    return not Path(source).is_dir() and is_result(source)
-
-
 def _demand_campaign(metric: str | None, column: str | None) -> None:
     if metric or column:
         raise UsageError("--metric and --column need a campaign")
@@ -225,13 +202,15 @@ def _show_result(result: Path, live: LiveOptions, interrupts: Interrupts, given:
         ResultError: the file cannot be read.
     """
     import wsnsim.recording as recording
+    from wsnsim.watch.server import page_server
 
     recording.attributes(result)
     if live.ends:
         raise UsageError(f"--exit: {result} is a result, whose run has ended; wsnsim report {result} writes its page")
     with reading(result):
         page = page_of(result, None, given["plugins"], given["bounds"])
-    show_page(page, live, given["quiet"], interrupts)
+    with shown_live(live, partial(page_server, page)):
+        linger("", given["quiet"], interrupts)
 
 
 def _refuse_options_of_runs(context: click.Context, allowed: Sequence[str], what: str) -> None:
@@ -249,8 +228,7 @@ def _follow(
     from wsnsim.recording.folder import Folder
     from wsnsim.watch.campaign_view import CampaignView
 
-    with CampaignView(Folder(folder), metric, column, live.port) as view:
-        say_where(view.url, live)
+    with shown_live(live, partial(CampaignView, Folder(folder), metric, column)) as view:
         stay(interrupts, lambda: view.follow(until_complete=live.ends))
         if not quiet:
             echo(f"wsnsim: {folder}: {view.state()}", err=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib
 import json
 import sys
@@ -61,16 +62,8 @@ class _CommandGroup(click.Group):
         return super().resolve_command(ctx, args)
 
 
-def _print_version(ctx: click.Context, option: click.Parameter, wanted: bool) -> None:
-    if wanted:
-        echo(f"wsnsim {__version__}")
-        ctx.exit()
-
-
 @click.group(cls=_CommandGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.option(
-    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Show the version."
-)
+@click.version_option(__version__, message="wsnsim %(version)s", help="Show the version.")
 def group() -> None:
     """Simulate wireless sensor networks that track moving targets, joule by joule.
 
@@ -88,13 +81,7 @@ def every_command() -> Mapping[str, click.Command]:
 
 def with_options(*options: Callable[[Any], Any]) -> Callable[[Command], Command]:
     """Return a decorator that adds several options, the first one first in the help."""
-
-    def add(command: Command) -> Command:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return add
+    return lambda command: functools.reduce(lambda given, option: option(given), reversed(options), command)
 
 
 overrides_option = click.option(

@@ -10,7 +10,7 @@ import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from wsnsim.analysis import result_info
 from wsnsim.analysis.figure_style import replacing
@@ -81,21 +81,14 @@ def write(
 
 def _sections(results: Sequence[Path], replicate: int | None, plugins: bool) -> list[PageSection]:
     """The section of each result. All results are checked before the figures, which take time, are drawn."""
-    infos = [_info(path, plugins) for path in results]
+    infos = [result_info.info(path, plugins) for path in results]
     chosen = [first_replicate(path) if replicate is None else replicate for path in results]
     for path, number in zip(results, chosen, strict=True):
         check_replicate(path, number)
     return [
-        PageSection(info, name, number, *svg_figures(info["path"], number, plugins))
-        for info, name, number in zip(infos, page_sections.names(infos), chosen, strict=True)
+        PageSection(info, path, name, number, *svg_figures(path, number, plugins))
+        for info, path, name, number in zip(infos, results, page_sections.names(infos, results), chosen, strict=True)
     ]
-
-
-def _info(path: Path, plugins: bool) -> dict[str, Any]:
-    return result_info.info(path, plugins) | {
-        "path": path,
-        "source": page_sections.stored_text(path, "scenario/source_yaml"),
-    }
 
 
 def _replays(sections: Sequence[PageSection], room: int) -> list[Replay]:

@@ -17,17 +17,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis import error_bounds
-from wsnsim.analysis.quantities import (
-    BOUND_NAMES,
-    BOUND_NOTE,
-    QUANTITIES,
-    beside,
-    bound_name,
-    flagged,
-    medians,
-    worth_showing,
-)
+from wsnsim.analysis import error_bounds, quantities
+from wsnsim.analysis.quantities import BOUND_NOTE, QUANTITIES, beside, bound_name, flagged, medians, worth_showing
 from wsnsim.analysis.result_facts import facts_of_file
 from wsnsim.analysis.summary_text import PublishedLookup
 from wsnsim.base.errors import ResultError
@@ -47,7 +38,8 @@ class PageSection:
     """What the page shows of one result.
 
     Attributes:
-        info: the answer of `wsnsim info`, with the file's path and the scenario's text.
+        info: the answer of `wsnsim info`.
+        path: the result file.
         name: name of the result in the page.
         replicate: the run that is replayed.
         figures: figures, the most important first.
@@ -55,15 +47,11 @@ class PageSection:
     """
 
     info: Mapping[str, Any]
+    path: Path
     name: str
     replicate: int
     figures: list[SvgFigure]
     left_out: list[str]
-
-    @property
-    def path(self) -> Path:
-        """The result file."""
-        return Path(self.info["path"])
 
 
 def isolated(text: object) -> str:
@@ -71,13 +59,13 @@ def isolated(text: object) -> str:
     return f"<bdi>{html.escape(str(text))}</bdi>"
 
 
-def names(infos: Sequence[Mapping[str, Any]]) -> list[str]:
+def names(infos: Sequence[Mapping[str, Any]], files: Sequence[Path]) -> list[str]:
     """The scenarios' names; where results share one, with their files and as many folders as needed."""
-    bare = [str(info["name"] or info["path"].stem) for info in infos]
+    bare = [str(info["name"] or file.stem) for info, file in zip(infos, files, strict=True)]
     result = list(bare)
     for name in {name for name in bare if bare.count(name) > 1}:
         rows = [row for row, each in enumerate(bare) if each == name]
-        paths = [infos[row]["path"].resolve().parts for row in rows]
+        paths = [files[row].resolve().parts for row in rows]
         for row, path in zip(rows, paths, strict=True):
             result[row] = f"{name}, {'/'.join(path[-_distinct_depth(paths) :])}"
     return result
@@ -147,14 +135,11 @@ def _figure(figure: SvgFigure, prefix: str) -> str:
     return f'<figure role="img" aria-label="{html.escape(figure.label)}">{svg}</figure>'
 
 
-def stored_text(path: Path, name: str) -> str:
-    """A text stored in the result, '' if there is none."""
-    return read_text(path, name, optional=True)
-
-
 def _scenario(section: PageSection) -> str:
     """The scenario as it was written, and with every default."""
-    source, resolved = section.info["source"], stored_text(section.path, "scenario/resolved_json")
+    source, resolved = (
+        read_text(section.path, f"scenario/{name}", optional=True) for name in ("source_yaml", "resolved_json")
+    )
     if not source and not resolved:
         return "<p>The result does not contain its scenario.</p>"
     shown = f"<pre>{html.escape(_shortened(source))}</pre>" if source else ""
@@ -210,7 +195,7 @@ MIN_RUNS: Final = 5
 """Least number of Monte Carlo runs for an interval."""
 RUNS: Final = "Monte Carlo runs"
 PUBLISHED_KEYS: Final = ("rmse", "energy")
-BOUNDS: Final = [bound_name(readings, faults) for readings in BOUND_NAMES for faults in ((), ("stuck",))]
+BOUNDS: Final = [bound_name(readings, faults) for readings in quantities.BOUND_NAMES for faults in ((), ("stuck",))]
 EXPLAINED: Final = (
     {quantity.name: quantity.definition for quantity in QUANTITIES.values()}
     | dict.fromkeys(BOUNDS, BOUND_NOTE)
@@ -253,7 +238,8 @@ def summary_table(
 
 def _table(labels: Sequence[str], columns: Sequence[Cells], names: Sequence[str]) -> str:
     """A table with a row per label."""
-    head = "".join(f'<th scope="col">{_breakable(name)}</th>' for name in names)
+    broken = [re.sub("([_/,])", r"\1<wbr>", html.escape(name)) for name in names]
+    head = "".join(f'<th scope="col"><bdi>{name}</bdi></th>' for name in broken)
     rows = "".join(
         f'<tr><th scope="row">{explained(label, EXPLAINED[label])}</th>'
         + "".join(f"<td>{column.get(label, '')}</td>" for column in columns)
@@ -269,12 +255,6 @@ def _table(labels: Sequence[str], columns: Sequence[Cells], names: Sequence[str]
 def explained(term: str, explanation: str) -> str:
     """A term as HTML, with an explanation on hover, on focus and by tap."""
     return f'<span class="term" tabindex="0" data-tip="{html.escape(explanation)}">{html.escape(term)}</span>'
-
-
-def _breakable(name: str) -> str:
-    """A result's name as the head of its column, with line breaks allowed after '_', '/' and ','."""
-    broken = re.sub("([_/,])", r"\1<wbr>", html.escape(name))
-    return f"<bdi>{broken}</bdi>"
 
 
 def _cells(path: Path, published: PublishedLookup | None, plugins: bool, bounds: bool) -> Cells:

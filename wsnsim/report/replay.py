@@ -97,12 +97,17 @@ def _encoded(run: ReplicateTables, detail: DetailLevel) -> tuple[dict[str, Any],
     if run.cloud:
         add_particles(encoder)
     _add_notes(encoder)
-    header = {
-        "last": run.last, "stride": detail.stride, "frames": encoder.frames, "targets": run.targets,
+    return _header(encoder, run.last, charge), encoder
+
+
+def _header(encoder: ReplayEncoder, last: int, charge: list[float] | None) -> dict[str, Any]:
+    """What a viewer knows before the columns. `last`: the last step; `charge`: as `add_nodes` returns it."""
+    run = encoder.run
+    return {
+        "last": last, "stride": encoder.detail.stride, "frames": encoder.frames, "targets": run.targets,
         "box": encoder.box, "dt": run.dt if np.isfinite(run.dt) else None, "flat": run.flat, "axes": run.axes,
         "messages": run.words, "nodes": encoder.drawn.size, "charge": charge, "trajectory": TRAJECTORY, "trail": TRAIL,
     }  # fmt: skip
-    return header, encoder
 
 
 def _add_notes(encoder: ReplayEncoder) -> None:
@@ -172,11 +177,6 @@ class ReplayPortions:
         self.known = 0
 
     @property
-    def frames(self) -> int:
-        """Number of frames of the whole run."""
-        return self._whole.frames
-
-    @property
     def stride(self) -> int:
         """Steps per frame."""
         return self._whole.detail.stride
@@ -192,16 +192,12 @@ class ReplayPortions:
                 encoder.columns["charge"] = self._levels
         if run.truth:
             add_track(encoder, "truth", run.truth)
-        return encoder.text({
-            "last": self._last, "stride": encoder.detail.stride, "frames": encoder.frames, "targets": run.targets,
-            "box": encoder.box, "dt": run.dt, "flat": run.flat, "axes": run.axes, "messages": [], "notes": [],
-            "nodes": encoder.drawn.size, "charge": self._scale(), "trajectory": TRAJECTORY, "trail": TRAIL,
-        })  # fmt: skip
+        return encoder.text(_header(encoder, self._last, self._scale()) | {"notes": []})
 
     def add(self, tables: PortionTables, last: int) -> str:
         """The frames up to that of step `last`, as text. There may be none, but estimates of earlier steps."""
         stride = self._whole.detail.stride
-        until = min(self.frames, (last // stride if last < self._last else self.frames - 1) + 1)
+        until = min(self._whole.frames, (last // stride if last < self._last else self._whole.frames - 1) + 1)
         count = max(until - self.known, 0)
         run = replace(self._run, events=tables.events, guess=tables.guess, cloud=tables.cloud, words=tables.words)
         encoder = replace(self._whole, run=run, columns={}, first=self.known, frames=count)
@@ -229,7 +225,7 @@ class ReplayPortions:
         kept = np.minimum(frame * stride, self._last) == run.guess["step"]
         target = np.searchsorted(self._run.targets, run.guess["target"])
         x, y = (np.where(np.isfinite(values), values, np.nan)[kept] for values in run.places(run.guess))
-        encoder.columns["place"] = (target * self.frames + frame)[kept].astype("<u4")
+        encoder.columns["place"] = (target * self._whole.frames + frame)[kept].astype("<u4")
         encoder.columns["estimate_x"] = quantised(np.where(np.isnan(y), np.nan, x), box[0], box[2])
         encoder.columns["estimate_y"] = quantised(y, box[1], box[3])
         encoder.columns["error"] = run.guess["error"][kept].astype("<f4")

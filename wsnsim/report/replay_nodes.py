@@ -46,6 +46,7 @@ def add_nodes(encoder: ReplayEncoder) -> list[float] | None:
         history.add_changes(encoder)
         encoder.columns["state"] = history.initial
     else:
+        # without an event log, every node is awake until its death
         dead = np.flatnonzero(np.isfinite(nodes["died_at"])) if np.isfinite(encoder.run.dt) else np.empty(0, np.int64)
         steps = np.ceil(nodes["died_at"][dead] / encoder.run.dt).clip(0, encoder.run.last)
         encoder.columns["state"] = np.full(encoder.drawn.size, AWAKE, np.uint8)
@@ -107,7 +108,8 @@ def _add_charge(encoder: ReplayEncoder, nodes: Columns) -> list[float] | None:
         others = np.setdiff1d(np.arange(encoder.drawn.size), followed)
         if (share[others] < 1.0).any():
             encoder.notes.append(
-                f"the residual energy of {followed.size:,} nodes is shown over time; that of the others is the final one"
+                f"the residual energy of {followed.size:,} nodes is shown over time; that of the others is "
+                "the final one"
             )
         encoder.columns["charge"][followed] = top
         levels = _level(1.0 - _spent(encoder, nodes, followed) / initial[followed, None], low, top)

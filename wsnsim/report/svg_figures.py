@@ -14,7 +14,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
@@ -58,12 +57,8 @@ class SvgFigure(NamedTuple):
     svg: str
 
 
-class _Panel(NamedTuple):
-    """A figure to draw: its name, the function that draws it, and the target that it shows, if it shows one."""
-
-    name: str
-    draw: Callable[[Axes], Axes]
-    target: int | None = None
+_Panel = tuple[str, Callable[[Axes], Axes], int | None]
+"""A figure to draw: its name, the function that draws it, and the target that it shows, if it shows one."""
 
 
 def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list[SvgFigure], list[str]]:
@@ -78,16 +73,19 @@ def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list
         left_out.append(why)
     figures = []
     possible = {name for name, reason in reasons.items() if not reason}
-    targets = _targets(path, replicate) if "track" in possible else []
+    targets = []
+    if "track" in possible:
+        truth = read_table(path, "truth", ["replicate", "target"])
+        targets = np.unique(truth["target"][truth["replicate"] == replicate]).tolist()
     if len(targets) > MAX_TARGETS:
         left_out.append(f"only the tracks of the first {MAX_TARGETS} of {len(targets):,} targets are drawn")
     with style.context(["default", PAGE_STYLE]):
         panels = list(_panels(path, replicate, possible, targets, plugins))
         for panel in tracked(panels, f"figures of {path.name} drawn"):
             try:
-                figures.append(_drawn(panel, len(targets) > 1))
+                figures.append(_drawn(*panel, len(targets) > 1))
             except (ResultError, UsageError) as error:
-                left_out.append(f"without {panel.name}: {error}")
+                left_out.append(f"without {panel[0]}: {error}")
     return figures, left_out
 
 
@@ -102,25 +100,18 @@ def _panels(path: Path, replicate: int, possible: set[str], targets: list[int], 
         for target in of_targets.get(name, [None]):
             chosen = PlotSelection(replicate=replicate, target=target or 0, plugins=plugins)
             for title, draw in panels_of(path, name, chosen, among_all=True):
-                yield _Panel(title, draw, target)
+                yield title, draw, target
 
 
-def _targets(path: Path, replicate: int) -> list[int]:
-    """The targets of a run."""
-    truth = read_table(path, "truth", ["replicate", "target"])
-    return [int(target) for target in np.unique(truth["target"][truth["replicate"] == replicate])]
-
-
-def _drawn(panel: _Panel, several_targets: bool) -> SvgFigure:
+def _drawn(name: str, draw: Callable[[Axes], Axes], target: int | None, several_targets: bool) -> SvgFigure:
     """A figure as SVG without its XML prologue. If there are several targets, the title names the one shown."""
     figure = Figure(figsize=SIZE)
-    FigureCanvasAgg(figure)
     axes = figure.subplots(gridspec_kw=MARGINS)
-    panel.draw(axes)
-    if several_targets and panel.target is not None:
+    draw(axes)
+    if several_targets and target is not None:
         title = axes.get_title(loc="left")
-        if not title.endswith(f", target {panel.target}"):
-            axes.set_title(f"{title}, target {panel.target}", loc="left", pad=20)
+        if not title.endswith(f", target {target}"):
+            axes.set_title(f"{title}, target {target}", loc="left", pad=20)
     _wrap_legend(axes)
     if axes.get_yscale() == "log":  # powers of ten would be formulas, which are not text
         axes.yaxis.set_major_formatter("{x:g}")
@@ -132,7 +123,7 @@ def _drawn(panel: _Panel, several_targets: bool) -> SvgFigure:
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = buffer.getvalue()
     svg = re.sub(r"\s*<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
-    return SvgFigure(panel.name, axes.get_title(loc="left"), svg)
+    return SvgFigure(name, axes.get_title(loc="left"), svg)
 
 
 def _wrap_legend(axes: Axes) -> None:
@@ -180,7 +171,6 @@ def sweep_svgs(folder: Folder, metric: str = "rmse", key: str | None = None) -> 
         for name in PLOTS:
             if name not in left_out:
                 figure = Figure(figsize=SIZE, layout="constrained")
-                FigureCanvasAgg(figure)
                 axes = getattr(sweep_plots, name)(figure.subplots(), lines)
                 text = io.StringIO()
                 figure.savefig(text, format="svg", metadata={"Date": None})

@@ -9,12 +9,12 @@ The folder is only read. What the page asks for is answered from what was read l
 from __future__ import annotations
 
 import contextlib
-import math
 import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, final
+from statistics import median_high
+from typing import Any, Final, NamedTuple, final
 
 import numpy as np
 
@@ -31,8 +31,7 @@ MOST_POINTS: Final = 300
 """Points, and failures, that are listed (our choice)."""
 
 
-@dataclass(frozen=True)
-class PointState:
+class PointState(NamedTuple):
     """One point: its settings, runs on disk, failed and wanted, and the median processor time of a run (s)."""
 
     settings: str
@@ -66,11 +65,6 @@ class CampaignState:
     def complete(self) -> bool:
         """Whether each run is on disk or has failed."""
         return self.done + self.failed >= self.total
-
-    def text(self) -> str:
-        """One line."""
-        failed = f", {self.failed} failed" if self.failed else ""
-        return f"{self.done} of {self.total} runs done{failed}, at {len(self.points)} points"
 
 
 def campaign_state(folder: Folder) -> CampaignState:
@@ -119,7 +113,7 @@ SVG_POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data
 
 
 @final
-class CampaignView:
+class CampaignView(WatchServer):
     """A server that shows a campaign's folder.
 
     Args:
@@ -142,23 +136,13 @@ class CampaignView:
         self._looked, self._computes = threading.Event(), False
         self._draw()
         self._page = page("campaign.html", self._state.name, script_of([static_text("campaign.js", "wsnsim.watch")]))
-        self._server = WatchServer(self._answer, port)
-
-    @property
-    def url(self) -> str:
-        """The address of the view."""
-        return self._server.url
+        super().__init__(self._answer, port)
 
     def state(self) -> str:
         """The state of the campaign in one line."""
-        return self._state.text()
-
-    def __enter__(self) -> CampaignView:
-        self._server.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._server.__exit__(*error)
+        state = self._state
+        failed = f", {state.failed} failed" if state.failed else ""
+        return f"{state.done} of {state.total} runs done{failed}, at {len(state.points)} points"
 
     def follow(self, until_complete: bool = False) -> None:
         """Look at the folder again and again, for ever or until the campaign is complete."""
@@ -227,11 +211,12 @@ class CampaignView:
     def _told(self) -> dict[str, Any]:
         """The state as the page takes it."""
         state, curves = self._state, self._curves
+        known = [point.seconds for point in state.points if point.seconds is not None]
         return {
             "done": state.done, "failed": state.failed, "total": state.total, "running": state.running,
             "computes": self._computes, "complete": state.complete, "left": self._left(state),
-            "seconds": _median(state),
-            "points": [[p.settings, p.done, p.failed, p.wanted, p.seconds] for p in state.points],
+            "seconds": median_high(known) if known else None,
+            "points": state.points,
             "failures": list(state.failures.items()), "version": self._version, "why": self._why,
             "curves": [[name, title] for name, (title, _) in curves.drawn.items()],
             "left_out": list(curves.left_out.items()),
@@ -243,8 +228,3 @@ class CampaignView:
         if new <= 0 or state.complete:
             return None
         return (time.monotonic() - self._began) / new * (state.total - state.done - state.failed)
-
-
-def _median(state: CampaignState) -> float | None:
-    known = sorted(p.seconds for p in state.points if p.seconds is not None and math.isfinite(p.seconds))
-    return known[len(known) // 2] if known else None

@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, Final, NamedTuple, final
+from typing import Any, Final, final
 
 import numpy as np
 
@@ -34,13 +34,6 @@ FOLLOWED: Final = ("events", "particles")
 """Tables whose rows are kept as they are written."""
 
 
-class NewEstimate(NamedTuple):
-    """An estimate of a target that was not seen before."""
-
-    target: int
-    issued: Issued
-
-
 @dataclass(frozen=True)
 class RunPiece:
     """What happened in a run since the last look.
@@ -49,7 +42,7 @@ class RunPiece:
         step: number of the present step; those before it are over.
         time: simulated time in s.
         rows: rows of the tables `FOLLOWED`, as they were written.
-        estimates: new estimates.
+        estimates: new estimates, each with the number of its target.
         heads: (target, step, head) of the steps since the last look.
         joules: energy in J that the network has spent, by cause; empty without a network.
         residual: (N,) residual energies in J, None without a network.
@@ -59,7 +52,7 @@ class RunPiece:
     step: int
     time: float
     rows: Mapping[str, list[Mapping[str, Any]]]
-    estimates: list[NewEstimate]
+    estimates: list[tuple[int, Issued]]
     heads: list[tuple[int, int, int]]
     joules: tuple[float, ...]
     residual: np.ndarray | None
@@ -122,7 +115,7 @@ class LiveRecorder:
         estimates, heads = [], []
         for track in now.tracks:
             seen, headed = self._seen.get(track.target, 0), self._headed.get(track.target, 0)
-            estimates += [NewEstimate(track.target, each) for each in islice(track.estimates.values(), seen, None)]
+            estimates += [(track.target, each) for each in islice(track.estimates.values(), seen, None)]
             heads += [(track.target, step, head) for step, head in enumerate(track.heads[headed : now.step], headed)]
             self._seen[track.target], self._headed[track.target] = len(track.estimates), now.step
         rows, self._rows = self._rows, {}
@@ -205,17 +198,17 @@ class LiveFrames:
             if rows:
                 self._rows[table] = _chosen(rows, rows["step"] >= self._encoded())
 
-    def _guess(self, estimates: Sequence[NewEstimate]) -> Columns:
+    def _guess(self, estimates: Sequence[tuple[int, Issued]]) -> Columns:
         """The rows of estimates, with their errors."""
         setup, truths = self._start.setup, self._start.truths
         if not estimates or not isinstance(setup, TrackingSetup):
             return NONE
         place = list(setup.motions[0].position)
-        targets = np.array([each.target for each in estimates])
-        steps = np.array([each.issued.step for each in estimates])
-        means = np.array([each.issued.estimate.mean for each in estimates])[:, place]
+        targets = np.array([target for target, _ in estimates])
+        steps = np.array([issued.step for _, issued in estimates])
+        means = np.array([issued.estimate.mean for _, issued in estimates])[:, place]
         true = np.array([truths[target][step, place] for target, step in zip(targets, steps, strict=True)])
-        heads = np.array([each.issued.head for each in estimates])
+        heads = np.array([issued.head for _, issued in estimates])
         error = np.sqrt(((means - true) ** 2).sum(axis=1))
         return _row_columns(targets, steps, setup.dt, dict(zip(self._position(), means.T, strict=True)), error, heads)
 

@@ -17,8 +17,8 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Mapping
-from typing import Any, Final, final
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Self, final
 
 from wsnsim.base.rows import RunStart
 from wsnsim.base.runs import Progress
@@ -39,7 +39,7 @@ Queued = RunStart | RunPiece | threading.Event | None
 
 
 @final
-class RunView:
+class RunView(WatchServer):
     """A server that shows one call of `experiment.run`.
 
     Args:
@@ -61,22 +61,16 @@ class RunView:
         self._asked, self._given = -math.inf, threading.Event()
         sources = [*map(static_text, SCRIPTS), *(static_text(n, "wsnsim.watch") for n in LIVE_SCRIPTS)]
         self._page = page("run.html", title, script_of(sources))
-        self._server = WatchServer(self._answer, port)
+        super().__init__(self._answer, port)
         self._encoder = threading.Thread(target=self._encode, name="watch frames", daemon=True)
 
-    @property
-    def url(self) -> str:
-        """The address of the view."""
-        return self._server.url
-
-    def __enter__(self) -> RunView:
-        self._server.__enter__()
+    def __enter__(self) -> Self:
         self._encoder.start()
-        return self
+        return super().__enter__()
 
     def __exit__(self, *error: object) -> None:
         self._queue.put(None)
-        self._server.__exit__(*error)
+        super().__exit__(*error)
 
     def recorder(self, file: Recorder) -> Recorder:
         """The recorder through which the run is watched."""
@@ -85,6 +79,15 @@ class RunView:
     def report(self, progress: Progress) -> None:
         """Take the progress of the run."""
         self._progress = progress
+
+    def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
+        """A function that takes the progress, and passes it on."""
+
+        def report(progress: Progress) -> None:
+            self.report(progress)
+            step(progress)
+
+        return report
 
     def settle(self) -> None:
         """Wait until all that has happened so far is encoded."""
@@ -109,7 +112,7 @@ class RunView:
     def _encode(self) -> None:
         """Encode what is in the queue; pieces that have come since the last time are encoded together."""
         while True:
-            items: list[Queued] = [self._queue.get()]
+            items: list[Any] = [self._queue.get()]
             with contextlib.suppress(queue.Empty):
                 while True:
                     items.append(self._queue.get_nowait())
@@ -119,14 +122,10 @@ class RunView:
                 elif kind is RunPiece:
                     self._add(list(group))
                 elif kind is threading.Event:
-                    self._settled(list(group))
+                    for event in group:
+                        event.set()
                 else:
                     return
-
-    @staticmethod
-    def _settled(events: list[Any]) -> None:
-        for event in events:
-            event.set()
 
     def _begin(self, start: Any) -> None:
         frames = LiveFrames(start)

@@ -22,7 +22,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, Final, final
+from typing import Any, Final, Self
 from urllib.parse import parse_qsl, urlsplit
 
 from wsnsim.base.errors import UsageError
@@ -64,7 +64,6 @@ Answers = Callable[[str, Mapping[str, str]], HttpAnswer | None]
 """Gives the answer to a name below the token and its parameters, None if there is none."""
 
 
-@final
 class WatchServer:
     """The server, which answers in threads of its own until it is closed.
 
@@ -77,13 +76,13 @@ class WatchServer:
     """
 
     def __init__(self, answers: Answers, port: int = 0) -> None:
-        self._token = secrets.token_urlsafe(24)
+        self._token, self._answers = secrets.token_urlsafe(24), answers
         try:
             self._server = _Server((HOST, port), _Handler)
         except OSError as error:
             raise UsageError(f"--port {port}: cannot be used: {error.strerror or error}") from None
         self.port = int(self._server.server_address[1])
-        self._server.gate = _Gate(self._token, self.port, answers)
+        self._server.gate = self
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.1,), name="watch", daemon=True)
 
     @property
@@ -91,7 +90,7 @@ class WatchServer:
         """The address with its token."""
         return f"http://{HOST}:{self.port}/{self._token}/"
 
-    def __enter__(self) -> WatchServer:
+    def __enter__(self) -> Self:
         self._thread.start()
         return self
 
@@ -100,23 +99,15 @@ class WatchServer:
         self._server.server_close()
         self._thread.join()
 
-
-@dataclass(frozen=True)
-class _Gate:
-    """Decides what is answered."""
-
-    token: str
-    port: int
-    answers: Answers
-
-    def answer(self, target: str, headers: Mapping[str, str]) -> HttpAnswer:
+    def reply(self, target: str, headers: Mapping[str, str]) -> HttpAnswer:
+        """What is sent to a request, whose address and headers may be anything."""
         if not self._is_own(headers):
             return _refusal(HTTPStatus.FORBIDDEN)
         address = urlsplit(target)
         token, slash, name = address.path.removeprefix("/").partition("/")
-        if not hmac.compare_digest(token.encode(), self.token.encode()) or not slash:
+        if not hmac.compare_digest(token.encode(), self._token.encode()) or not slash:
             return _refusal(HTTPStatus.NOT_FOUND)
-        found = self.answers(name, dict(parse_qsl(address.query, max_num_fields=10)))
+        found = self._answers(name, dict(parse_qsl(address.query, max_num_fields=10)))
         return found or _refusal(HTTPStatus.NOT_FOUND)
 
     def _is_own(self, headers: Mapping[str, str]) -> bool:
@@ -141,7 +132,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
     request_queue_size = 2 * MOST_REQUESTS
-    gate: _Gate
+    gate: WatchServer
 
     def __init__(self, *where: Any) -> None:
         self.open: dict[Any, tuple[bool, float]] = {}
@@ -190,7 +181,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         try:
-            answer = self.server.gate.answer(self.path, dict(self.headers.items()))
+            answer = self.server.gate.reply(self.path, dict(self.headers.items()))
         except ValueError:  # an address that is none
             answer = _refusal(HTTPStatus.BAD_REQUEST)
         if answer.status == HTTPStatus.OK:
