@@ -5,10 +5,8 @@ WorkloadWorld(setup, replicate, positions, streams, recorder).run() -> NetworkOu
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import cast
 
 import numpy as np
 
@@ -29,25 +27,28 @@ from wsnsim.network.radio.transport import Transport
 from wsnsim.network.result_rows import NetworkOutcome, ReportRows
 
 
-class _Repeating(ABC):
+class Repeating:
     """Nodes send again and again, each at a phase of its own; one that is down or asleep when it is due does not.
 
-    `sent` is the number of times that nodes tried to send.
+    `send(node)` sends once, from `start_at` s on. `sent` is the number of times that nodes tried to send.
     """
 
-    def __init__(self, component: Periodic | PeriodicCollection, services: WorkloadServices) -> None:
-        self._component = component
-        self._services = services
+    def __init__(
+        self, services: WorkloadServices, send: Callable[[int], None], nodes: Iterable[int], period: float,
+        start_at: float = 0.0,
+    ) -> None:  # fmt: skip
+        self._services, self._send = services, send
+        self._nodes, self._period, self._start_at = nodes, period, start_at
         self._actions: dict[int, Callable[[], None]] = {}
         self.sent = 0
 
-    def _begin(self, nodes: Iterable[int], start_at: float) -> None:
-        """Set the timers of nodes, at random phases after a time in s."""
-        services, period = self._services, self._component.period
+    def begin(self) -> None:
+        """Set the timers of the nodes, at random phases."""
+        services, period = self._services, self._period
         phases = (uniforms(derive_all(services.key, np.arange(len(services.positions))), 0) * period).tolist()
-        for node in nodes:
+        for node in self._nodes:
             self._actions[node] = partial(self._act, node, services.lasts(node, period))
-            services.call_later(start_at + phases[node], self._actions[node])
+            services.call_later(self._start_at + phases[node], self._actions[node])
 
     def _act(self, node: int, period: float) -> None:
         """Let a node send if it is up and awake, and set its timer again, to a period in true seconds."""
@@ -59,35 +60,18 @@ class _Repeating(ABC):
             self._send(node)
         services.call_later(period, self._actions[node])
 
-    @abstractmethod
-    def _send(self, node: int) -> None: ...
+
+def beacons(component: Periodic, services: WorkloadServices) -> Repeating:
+    """Return the built-in workload of a network without targets: all nodes broadcast beacons."""
+    send = partial(services.broadcast, bits=component.bits, code=services.code_of("beacon"))
+    return Repeating(services, send, range(len(services.positions)), component.period)
 
 
-class Beacons(_Repeating):
-    """The built-in workload of a network without targets: all nodes broadcast beacons."""
-
-    def __init__(self, component: Periodic, services: WorkloadServices) -> None:
-        super().__init__(component, services)
-        self._code = services.code_of("beacon")
-
-    def begin(self) -> None:
-        """Set the timer of every node's first beacon."""
-        self._begin(range(len(self._services.positions)), 0.0)
-
-    def _send(self, node: int) -> None:
-        self._services.broadcast(node, self._component.bits, self._code)
-
-
-class CollectionReports(_Repeating):
-    """The workload in which all nodes but the sinks report."""
-
-    def begin(self) -> None:
-        """Set the timer of every node's first report, at a random phase after `start_at`."""
-        nodes = [node for node in range(len(self._services.positions)) if node not in self._services.sinks]
-        self._begin(nodes, cast(PeriodicCollection, self._component).start_at)
-
-    def _send(self, node: int) -> None:
-        self._services.collect(node, self._component.bits, "report", _ignore)
+def collection_reports(component: PeriodicCollection, services: WorkloadServices) -> Repeating:
+    """Return the workload in which all nodes but the sinks report."""
+    nodes = [node for node in range(len(services.positions)) if node not in services.sinks]
+    send = partial(services.collect, bits=component.bits, what="report", on_end=_ignore)
+    return Repeating(services, send, nodes, component.period, component.start_at)
 
 
 def _ignore(outcome: object) -> None:

@@ -181,9 +181,9 @@ class Reception:
     def _broadcast(self, sent: Transmission) -> Received:
         """The result of a broadcast if distance alone decides, and nobody can die of it."""
         received = ids = sent.neighbours.ids
-        collided = {} if sent.overlapping is None else self._collided_until(sent)
-        self._count(sent, ids.size, ids.size - len(collided), len(collided))
-        if collided:
+        lost = 0
+        if sent.overlapping is not None and (collided := self._collided_until(sent)):
+            lost = len(collided)
             groups: dict[float, list[int]] = {}
             airtime = sent.end - sent.start
             for node, until in collided.items():
@@ -191,6 +191,7 @@ class Reception:
             for share, group in groups.items():
                 self._charge(sent, np.array(group), share, COLLIDE, RX, lasting=True)
             received = np.array([node for node in sent.neighbours.id_list if node not in collided], dtype=np.int64)
+        self._count(sent, ids.size, ids.size - lost, lost)
         if received.size:
             self._charge(sent, received, WHOLE, RECEIVE, RX, lasting=True)
         self._on.note(sent, ids)
