@@ -89,7 +89,7 @@ class MechanismRole(NamedTuple):
     Attributes:
         port: The protocol of a component that starts its own mechanism.
         members: What a mechanism must have.
-        built_in: "module:class or function" of the built-in mechanisms under `wsnsim.network`, by name; a run imports its own only.
+        built_in: "module:name" of the built-in mechanisms under `wsnsim.network`; a run imports its own only.
         others: Names of mechanisms that are not made here, for messages.
     """
 

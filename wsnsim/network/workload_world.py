@@ -82,13 +82,13 @@ class WorkloadNetwork(NetworkServices):
     """What a workload may use of a network (`mechanisms.WorkloadServices`). `key` is the workload's random key."""
 
     def __init__(
-        self, stack: RadioStack, transport: Transport, reports: ReportRows, sinks: Sequence[int], key: int
+        self, stack: RadioStack, transport: Transport, reports: ReportRows, key: int
     ) -> None:  # fmt: skip
         super().__init__(stack.radio.env, stack.radio.nodes, stack.clocks)
         self._mac = stack.mac
         self._transport = transport
         self._reports = reports
-        self.sinks = sinks
+        self.sinks: Sequence[int] = stack.sinks
         self.key = key
         self.positions = stack.radio.nodes.positions
         self.code_of: Callable[[str], int] = stack.radio.log.code
@@ -121,15 +121,16 @@ class WorkloadWorld(BaseNetwork):
         sensors = Sensors(positions, np.ones((len(positions), 0)))
         super().__init__(setup, replicate, sensors, streams, recorder, count_links=recorder.wants("links"))
         self._stack.radio.topology.find_all()
-        services = WorkloadNetwork(self._stack, self._transport, self._reports, self._sinks, streams.key("beacons"))
+        services = WorkloadNetwork(self._stack, self._transport, self._reports, streams.key("beacons"))
         self.workload: WorkloadMechanism = make_mechanism("workload", setup.workload, services)
-        self._faults = self._make_faults(streams.key("faults"), lambda target: None, {})
 
     def run(self, progress: OnTime | None = None) -> NetworkOutcome:
         """Run to the end and return the outcome. Errors name the seed, the run and the simulated time."""
-        self._start()
+        return self._run(self._run_steps(progress))
+
+    def _start(self) -> None:
+        super()._start()
         self.workload.begin()
-        return self._run_until(self._env.process(self._run_steps(progress)))
 
     def _run_steps(self, progress: OnTime | None) -> Acting[None]:
         for step in range(self._setup.steps + 1):

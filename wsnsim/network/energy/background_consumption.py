@@ -39,8 +39,9 @@ class BackgroundConsumption:
     """
 
     def __init__(
-        self, env: simpy.Environment, table: PowerTable, sleep_states: SleepStates, size: int, horizon: float
-    ) -> None:
+        self, env: simpy.Environment, table: PowerTable, sleep_states: SleepStates, size: int, horizon: float,
+        battery: float, check: Callable[[int], None],
+    ) -> None:  # fmt: skip
         """Begin at time 0.
 
         Args:
@@ -49,6 +50,8 @@ class BackgroundConsumption:
             sleep_states: Which nodes are awake; all are in its mode `rest`.
             size: Number of nodes.
             horizon: End of the run in s.
+            battery: Initial charge of a node in J.
+            check: Called with a node that may have run out, or with EVERYBODY.
         """
         self._env = env
         self._table = table
@@ -67,23 +70,14 @@ class BackgroundConsumption:
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
         self.network = NetworkTotals(table, sleep_states, size, self._per_switch)
         self._grand_totals, self._grand = self.network.array, self.network.joules
-        self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon)
-        self.most = self._watch.most
+        self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon, battery, check)
+        self.most, self.timers = self._watch.most, self._watch.timers
         self._free = not (self.most or self._per_switch or table.duties)
         """Whether nothing is consumed: time costs nothing, or the run is over."""
-        self._start_duties(size)
-
-    def _start_duties(self, size: int) -> None:
-        """Begin with all radios at level 0."""
-        self._levels = RadioLevels(self._table, size)
+        self._levels = RadioLevels(table, size)
         self._duty_cycled = self._levels.active
-        self._off = np.array(self._table.off)
+        self._off = np.array(table.off)
         self._off_of = scalars(self._off)
-
-    def start(self, battery: float, check: Callable[[int], None]) -> None:
-        """Begin to watch batteries of a charge; `check(node)` is called when a node may have run out."""
-        self._watch.start(battery, check)
-        self.timers = self._watch.timers
 
     def _charges(self, node: int) -> tuple[list[tuple[int, float]], float]:
         """(cause, joules) since the node was settled, negative if paid in advance; and the seconds it was awake."""
