@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple, cast
+from typing import cast
 
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, failed_run
+from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.mac_mechanisms import FollowsRestarts
 from wsnsim.base.mechanisms import SensorDefect, SyncMechanism
 from wsnsim.base.rng import Streams
@@ -27,17 +27,6 @@ from wsnsim.network.radio.transport import Transport
 from wsnsim.network.result_rows import ClockErrors, EnergySteps, NetworkOutcome, ReportRows
 
 
-class Sensors(NamedTuple):
-    """Where the nodes stand: positions (N, 2) in m; their sensors' constants, traits (N, T); and the positions assumed.
-
-    `assumed` (N, 2) are the positions in m that filters, cluster heads and messages use; None: those where they stand.
-    """
-
-    positions: Floats
-    traits: Floats
-    assumed: Floats | None = None
-
-
 class BaseNetwork(ABC):
     """A network: its nodes, their radio stack, the faults, and how nodes go down and come back.
 
@@ -45,7 +34,7 @@ class BaseNetwork(ABC):
     """
 
     def __init__(
-        self, setup: RadioSetup, replicate: int, sensors: Sensors, streams: Streams, recorder: Recorder,
+        self, setup: RadioSetup, replicate: int, nodes: InitialConditions, streams: Streams, recorder: Recorder,
         count_links: bool = False,
     ) -> None:  # fmt: skip
         self._setup = setup
@@ -53,10 +42,10 @@ class BaseNetwork(ABC):
         self._recorder = recorder
         self._follower = follower_of(recorder)
         self._event_log = log = EventLog(recorder, replicate)
-        self._stack = stack = make_radio_stack(setup, sensors.positions, sensors.traits, streams, log, count_links)
+        self._stack = stack = make_radio_stack(setup, nodes.positions, nodes.traits, streams, log, count_links)
         self._env, self._nodes = stack.radio.env, stack.radio.nodes
-        if sensors.assumed is not None and sensors.assumed is not sensors.positions:
-            self._nodes.assumed = Places(sensors.assumed)
+        if nodes.assumed is not nodes.positions:
+            self._nodes.assumed = Places(nodes.assumed)
         self._clock = StepClock(self._env, setup.dt)
         hops = Hops(stack.radio, stack.mac)
         self._forwarding = make_forwarding(setup, stack, hops, streams.key("routing"))

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.mechanisms import WorkloadMechanism, WorkloadServices
 from wsnsim.base.requests import Parcel
 from wsnsim.base.rng import Streams, derive_all, uniforms
@@ -18,7 +20,7 @@ from wsnsim.base.runs import OnTime
 from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND, Recorder
 from wsnsim.models.workloads import Periodic, PeriodicCollection
-from wsnsim.network.base_network import BaseNetwork, Sensors
+from wsnsim.network.base_network import BaseNetwork
 from wsnsim.network.event_log import Acting, event, then
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
@@ -30,15 +32,15 @@ from wsnsim.network.result_rows import NetworkOutcome, ReportRows
 class Repeating:
     """Nodes send again and again, each at a phase of its own; one that is down or asleep when it is due does not.
 
-    `send(node)` sends once, from `start_at` s on. `sent` is the number of times that nodes tried to send.
+    `send(node, bits, what)` sends once, from `start_at` s on. `sent` is the number of times that nodes tried to send.
     """
 
     def __init__(
-        self, services: WorkloadServices, send: Callable[[int], None], nodes: Iterable[int], period: float,
-        start_at: float = 0.0,
+        self, component: Periodic | PeriodicCollection, services: WorkloadServices, nodes: Iterable[int],
+        send: Callable[[int, int, Any], None], what: Any, start_at: float = 0.0,
     ) -> None:  # fmt: skip
-        self._services, self._send = services, send
-        self._nodes, self._period, self._start_at = nodes, period, start_at
+        self._services, self._nodes, self._send, self._what = services, nodes, send, what
+        self._period, self._bits, self._start_at = component.period, component.bits, start_at
         self._actions: dict[int, Callable[[], None]] = {}
         self.sent = 0
 
@@ -57,21 +59,24 @@ class Repeating:
             return
         if services.is_awake(node):
             self.sent += 1
-            self._send(node)
+            self._send(node, self._bits, self._what)
         services.call_later(period, self._actions[node])
 
 
 def beacons(component: Periodic, services: WorkloadServices) -> Repeating:
     """Return the built-in workload of a network without targets: all nodes broadcast beacons."""
-    send = partial(services.broadcast, bits=component.bits, code=services.code_of("beacon"))
-    return Repeating(services, send, range(len(services.positions)), component.period)
+    everyone, code = range(len(services.positions)), services.code_of("beacon")
+    return Repeating(component, services, everyone, services.broadcast, code)
 
 
 def collection_reports(component: PeriodicCollection, services: WorkloadServices) -> Repeating:
     """Return the workload in which all nodes but the sinks report."""
     nodes = [node for node in range(len(services.positions)) if node not in services.sinks]
-    send = partial(services.collect, bits=component.bits, what="report", on_end=_ignore)
-    return Repeating(services, send, nodes, component.period, component.start_at)
+
+    def collect(node: int, bits: int, what: str) -> None:
+        services.collect(node, bits, what, _ignore)
+
+    return Repeating(component, services, nodes, collect, "report", component.start_at)
 
 
 def _ignore(outcome: object) -> None:
@@ -118,8 +123,8 @@ class WorkloadWorld(BaseNetwork):
     def __init__(
         self, setup: BeaconSetup, replicate: int, positions: Floats, streams: Streams, recorder: Recorder
     ) -> None:
-        sensors = Sensors(positions, np.ones((len(positions), 0)))
-        super().__init__(setup, replicate, sensors, streams, recorder, count_links=recorder.wants("links"))
+        nodes = InitialConditions(positions, np.ones((len(positions), 0)), [], [], positions)
+        super().__init__(setup, replicate, nodes, streams, recorder, count_links=recorder.wants("links"))
         self._stack.radio.topology.find_all()
         services = WorkloadNetwork(self._stack, self._transport, self._reports, streams.key("beacons"))
         self.workload: WorkloadMechanism = make_mechanism("workload", setup.workload, services)

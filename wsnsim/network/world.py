@@ -1,6 +1,6 @@
 """A network that tracks targets: its nodes, its tracks and the order of what happens in a step.
 
-    World(setup, replicate, sensors, targets, streams, recorder).run() -> NetworkOutcome
+    World(setup, replicate, conditions, paths, streams, recorder).run() -> NetworkOutcome
 
 At each step the nodes in range of a target wake and sense, a track without a head gets one, and every head starts its
 step. With moving heads, awake nodes also search for lost targets between steps.
@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
-from wsnsim.base.arrays import Estimate, Floats, planar
+from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import TrackNow, write_readings
 from wsnsim.base.runs import OnTime
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import Recorder
-from wsnsim.network.base_network import BaseNetwork, Sensors
+from wsnsim.network.base_network import BaseNetwork
 from wsnsim.network.clusters.coordination import ClusterCoordination
 from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.estimates import Estimates
@@ -33,19 +33,11 @@ from wsnsim.network.result_rows import NetworkOutcome
 from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
 
 
-class Targets(NamedTuple):
-    """The targets: per target its trajectory (steps + 1, D) and its prior.
-
-    `paths` are the trajectories at the `setup.polls` instants of a step at which nodes search; if empty, `truths`.
-    """
-
-    truths: Sequence[Floats]
-    priors: Sequence[Estimate]
-    paths: Sequence[Floats] = ()
-
-
 class World(BaseNetwork):
-    """One network, its targets and the order of events in a step."""
+    """One network, its targets and the order of events in a step.
+
+    `paths` are the trajectories of the targets at the `setup.polls` instants of a step at which nodes search.
+    """
 
     _setup: NetworkSetup
 
@@ -53,19 +45,21 @@ class World(BaseNetwork):
         self,
         setup: NetworkSetup,
         replicate: int,
-        sensors: Sensors,
-        targets: Targets,
+        conditions: InitialConditions,
+        paths: Sequence[Floats],
         streams: Streams,
         recorder: Recorder,
     ) -> None:
-        super().__init__(setup, replicate, sensors, streams, recorder)
+        super().__init__(setup, replicate, conditions, streams, recorder)
         nodes, clock, log, transport = self._nodes, self._clock, self._event_log, self._transport
         self._log = ProtocolLog(clock, log)
-        self._tracks = tuple(Track(i, prior, self._env.event()) for i, prior in enumerate(targets.priors))
-        points = [truth[:, list(motion.position)] for truth, motion in zip(targets.truths, setup.motions, strict=True)]
+        self._tracks = tuple(Track(i, prior, self._env.event()) for i, prior in enumerate(conditions.priors))
+        points = [
+            truth[:, list(motion.position)] for truth, motion in zip(conditions.truths, setup.motions, strict=True)
+        ]
         self._in_field = [setup.deploy.field.contains(planar(path)).tolist() for path in points]
         wrong = Imperfections(setup.detection, self._stack.clocks, setup.dt, streams.key("sense"), self._defects)
-        available = make_readings(setup, targets.truths, nodes, wrong, wrong.key)
+        available = make_readings(setup, conditions.truths, nodes, wrong, wrong.key)
         readings: CurrentReadings = [{} for _ in points]
         network = NetworkView(setup, clock, self._log, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counters = WakeUpCounters(network, points)
@@ -81,7 +75,7 @@ class World(BaseNetwork):
             self._processes,
             self._estimates,
             WakeAhead(network, self._make_wake_up_service(network, streams.key("wakeup"))),
-            TargetSearch(network, available, targets.paths or targets.truths, wrong, streams.key("search")),
+            TargetSearch(network, available, paths or conditions.truths, wrong, streams.key("search")),
         )
         for sink in self._stack.sinks:
             nodes.keep_awake(sink)

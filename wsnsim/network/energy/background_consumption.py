@@ -34,7 +34,6 @@ class BackgroundConsumption:
 
     Attributes:
         most: Joules that one node can consume at most in the whole run.
-        timers: The battery timers.
         network: The totals of the network.
     """
 
@@ -55,12 +54,12 @@ class BackgroundConsumption:
         """
         self._env = env
         self._table = table
-        self._model = model = table.model
+        model = table.model
         self._sleep_states = sleep_states
         rest = sleep_states.rest
         self._radio, self._radio_cause, self._share = table.radio, table.radio_cause, table.share
         self._processor, self._processor_cause = table.processor, table.processor_cause
-        self._sensor, self._scheduled = table.sensor, table.scheduled
+        self._scheduled = table.scheduled
         self._per_switch = (model.switching(Mode.AWAKE, Mode.ASLEEP) + model.switching(Mode.ASLEEP, Mode.AWAKE)) / 2.0
         self._states = np.full(size, int(rest), dtype=np.int16)
         self._settled_at, self._radio_busy, self._computed = (np.zeros(size) for _ in range(3))
@@ -69,9 +68,9 @@ class BackgroundConsumption:
         self._radio_busy_of, self._computed_of = scalars(self._radio_busy), scalars(self._computed)
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
         self.network = NetworkTotals(table, sleep_states, size, self._per_switch)
-        self._grand_totals, self._grand = self.network.array, self.network.joules
+        self._grand = self.network.joules
         self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon, battery, check)
-        self.most, self.timers = self._watch.most, self._watch.timers
+        self.most = self._watch.most
         self._free = not (self.most or self._per_switch or table.duties)
         """Whether nothing is consumed: time costs nothing, or the run is over."""
         self._levels = RadioLevels(table, size)
@@ -117,7 +116,7 @@ class BackgroundConsumption:
                 charges = self._table.by_state(state, passed, busy, computed)
             of_duty = [] if not self._duty_cycled else charges[-2:]
             for cause, joules in charges[: len(charges) - len(of_duty)]:
-                if cause != SENSE or self._sensor[state]:
+                if cause != SENSE or self._table.sensor[state]:
                     yield chosen, cause, np.maximum(joules, 0.0)
             for cause, joules in of_duty:
                 yield chosen, cause, joules + self._levels.added[cause][chosen]
@@ -149,13 +148,13 @@ class BackgroundConsumption:
         """`mark_radio_busy` for different nodes (n,)."""
         if self._free:
             return
-        mark_busy(nodes, seconds, self._radio_busy, self._states, self._counts, *self._radio_law, self._grand_totals)
+        mark_busy(nodes, seconds, self._radio_busy, self._states, self._counts, *self._radio_law, self.network.array)
         if self._duty_cycled:
             self._grand[ON] += float(self._off @ self._counts) * seconds
 
     def mark_computing(self, node: int, cycles: float) -> None:
         """The processor of a node computes for a number of cycles."""
-        seconds = self._model.seconds(cycles)
+        seconds = self._table.model.seconds(cycles)
         state = self._state[node]
         self._grand[self._processor_cause[state]] -= self._processor[state] * seconds
         self._computed_of[node] += seconds
@@ -177,7 +176,9 @@ class BackgroundConsumption:
 
     def switching(self, node: int, mode: Mode) -> float:
         """Joules of the change of a node to a mode."""
-        return self._model.switching(self._resolved(node, Mode(self._state[node] % MODES)), self._resolved(node, mode))
+        return self._table.model.switching(
+            self._resolved(node, Mode(self._state[node] % MODES)), self._resolved(node, mode)
+        )
 
     def _resolved(self, node: int, mode: Mode) -> Mode:
         """The mode, or what the schedule says now if it is SCHEDULED."""

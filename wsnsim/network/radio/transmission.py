@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -112,10 +112,11 @@ class SomeRadiosOn(RadiosOn):
 class UseCounter:
     """Counts how often each link or sender was used in the present step.
 
-    A random draw of a frame is derived from the step and this number. It therefore does not depend on earlier steps.
+    A random draw of a frame is derived from `key`, the step and this number, and so does not depend on earlier steps.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, key: int) -> None:
+        self.key = key
         self._uses: dict[Hashable, tuple[int, int]] = {}
 
     def next(self, user: Hashable, step: int) -> int:
@@ -124,13 +125,6 @@ class UseCounter:
         count = count + 1 if last_step == step else 1
         self._uses[user] = step, count
         return count
-
-
-class LossSamples(NamedTuple):
-    """The key of the random losses of a network, and the numbers of the frames that may be lost."""
-
-    key: int
-    uses: UseCounter
 
 
 class _Counts:
