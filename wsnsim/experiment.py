@@ -38,10 +38,9 @@ from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TableLayout, Tr
 from wsnsim.base.tables import Memory, Recorder
 from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation
 from wsnsim.models.coverage import coverage_of_living
-from wsnsim.network.base_network import Sensors
 from wsnsim.network.imperfect_readings import standalone_reports
 from wsnsim.network.result_rows import network_result, write_tables
-from wsnsim.network.world import Targets, World
+from wsnsim.network.world import World
 from wsnsim.offline import offers_batch
 from wsnsim.recording.provenance import provenance
 from wsnsim.recording.writer import MemoryResult, ResultFile
@@ -154,9 +153,7 @@ def _in_network(
 ) -> RunResult:
     """A run of a network that tracks targets."""
     paths = sample_paths(setup, conditions.truths, replicate)
-    sensors = Sensors(conditions.positions, conditions.traits, conditions.assumed)
-    targets = Targets(conditions.truths, conditions.priors, paths)
-    outcome = World(setup, replicate, sensors, targets, Streams(setup.seed, replicate), recorder).run(progress)
+    outcome = World(setup, replicate, conditions, paths, Streams(setup.seed, replicate), recorder).run(progress)
     write_tables(outcome, replicate, setup, recorder)
     covered = coverage_of_living(setup.deploy, setup.sensor.reach, outcome.nodes.positions, outcome.nodes.living)
     return network_result(outcome, setup, covered)

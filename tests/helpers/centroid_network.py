@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Estimate
+from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.requests import PACKET_BITS, Compute, Gather, Member, Parcel, Send
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import estimate_rows, truth_rows
@@ -25,9 +26,8 @@ from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
 from wsnsim.models.workloads import NoSink
-from wsnsim.network.base_network import Sensors
 from wsnsim.network.result_rows import NetworkOutcome, network_columns, write_tables
-from wsnsim.network.world import Targets, World
+from wsnsim.network.world import World
 
 
 def reading_of(member: Member) -> Parcel:
@@ -129,7 +129,8 @@ class Run:
             truths = [motion.truth(made.steps, made.dt, stream) for motion in made.motions]
         self.truths = truths
         priors = [Estimate(truth[0], np.diag([25.0, 9.0, 25.0, 9.0])) for truth in truths]
-        world = World(made, replicate, Sensors(self.positions, traits), Targets(truths, priors), streams, self.memory)
+        conditions = InitialConditions(self.positions, traits, truths, priors, self.positions)
+        world = World(made, replicate, conditions, (), streams, self.memory)
         self.outcome: NetworkOutcome = world.run()
         write_tables(self.outcome, replicate, made, self.memory)
         self.errors = np.array([self._write_track(track, replicate) for track in self.outcome.tracks])

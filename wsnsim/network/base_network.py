@@ -3,52 +3,38 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import NamedTuple, cast
+from typing import cast
 
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, failed_run
+from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.mac_mechanisms import FollowsRestarts
 from wsnsim.base.mechanisms import SensorDefect, SyncMechanism
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import RunNow, TrackNow, follower_of
 from wsnsim.base.setups import RadioSetup
 from wsnsim.base.tables import Recorder
-from wsnsim.network.event_log import EventLog, StepClock
+from wsnsim.network.event_log import Acting, EventLog, StepClock
 from wsnsim.network.faults import FaultSchedule, FaultSite
 from wsnsim.network.mechanisms import NetworkSyncServices, make_mechanism
 from wsnsim.network.node_states import Places
 from wsnsim.network.radio.datagrams import Forwarding, Hops
-from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, sink_nodes
+from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack
 from wsnsim.network.radio.routing import PathForwarding, Router
 from wsnsim.network.radio.transport import Transport
 from wsnsim.network.result_rows import ClockErrors, EnergySteps, NetworkOutcome, ReportRows
 
 
-class Sensors(NamedTuple):
-    """Where the nodes stand: positions (N, 2) in m; their sensors' constants, traits (N, T); and the positions assumed.
-
-    `assumed` (N, 2) are the positions in m that filters, cluster heads and messages use; None: those where they stand.
-    """
-
-    positions: Floats
-    traits: Floats
-    assumed: Floats | None = None
-
-
 class BaseNetwork(ABC):
     """A network: its nodes, their radio stack, the faults, and how nodes go down and come back.
 
-    A subclass defines what happens in a step and how a death is logged, and makes the faults.
+    A subclass defines what happens in a step and how a death is logged.
     """
 
-    _faults: FaultSchedule
-
     def __init__(
-        self, setup: RadioSetup, replicate: int, sensors: Sensors, streams: Streams, recorder: Recorder,
+        self, setup: RadioSetup, replicate: int, nodes: InitialConditions, streams: Streams, recorder: Recorder,
         count_links: bool = False,
     ) -> None:  # fmt: skip
         self._setup = setup
@@ -56,14 +42,13 @@ class BaseNetwork(ABC):
         self._recorder = recorder
         self._follower = follower_of(recorder)
         self._event_log = log = EventLog(recorder, replicate)
-        self._stack = stack = make_radio_stack(setup, sensors.positions, sensors.traits, streams, log, count_links)
+        self._stack = stack = make_radio_stack(setup, nodes.positions, nodes.traits, streams, log, count_links)
         self._env, self._nodes = stack.radio.env, stack.radio.nodes
-        if sensors.assumed is not None and sensors.assumed is not sensors.positions:
-            self._nodes.assumed = Places(sensors.assumed)
+        if nodes.assumed is not nodes.positions:
+            self._nodes.assumed = Places(nodes.assumed)
         self._clock = StepClock(self._env, setup.dt)
-        self._sinks = sink_nodes(setup, self._nodes)
         hops = Hops(stack.radio, stack.mac)
-        self._forwarding = make_forwarding(setup, stack, hops, self._sinks, streams.key("routing"))
+        self._forwarding = make_forwarding(setup, stack, hops, streams.key("routing"))
         stack.radio.topology.on_change = self._forwarding.forget_links
         self._transport = Transport(stack.radio, stack.mac, hops, self._forwarding)
         self._reports = ReportRows(self._env, log, self._transport)
@@ -71,28 +56,29 @@ class BaseNetwork(ABC):
         sync = NetworkSyncServices(self._env, self._nodes, stack.clocks, stack.mac, log, streams.key("sync"))
         self._sync: SyncMechanism = make_mechanism("sync", setup.sync, sync)
         self._clock_errors = ClockErrors(stack.clocks, self._nodes, self._sync, recorder)
-
-    def _make_faults(
-        self, key: int, head_of: Callable[[int], int | None], defects: dict[int, SensorDefect]
-    ) -> FaultSchedule:
-        """Return the faults of the scenario; sensor defects are put into `defects`."""
-        actions = self._crash, self._restart, head_of
-        site = FaultSite(self._env, self._nodes, self._event_log, self._stack.clocks, *actions, defects)
-        return FaultSchedule(self._setup.faults, site, key, self._setup.dt)
+        self._fault_key, self._defects = streams.key("faults"), dict[int, SensorDefect]()
 
     def _start(self) -> None:
         """Take down the nodes that died while the network was built, and begin with the faults."""
+        actions = self._crash, self._restart, self._head_of
+        site = FaultSite(self._env, self._nodes, self._event_log, self._stack.clocks, *actions, self._defects)
+        faults = FaultSchedule(self._setup.faults, site, self._fault_key, self._setup.dt)
         self._nodes.on_death = self._handle_death
         for node in self._nodes.died_early:
             self._handle_death(node)
-        self._faults.start()
+        faults.start()
         self._forwarding.start()
         self._sync.begin()
 
-    def _run_until(self, ended: simpy.Event) -> NetworkOutcome:
-        """Run until an event, and return the outcome. Errors name the seed, the run and the simulated time."""
+    def _run(self, steps: Acting[None], ended: simpy.Event | None = None) -> NetworkOutcome:
+        """Start, take the steps to their end or until `ended`, and return the outcome.
+
+        Errors name the seed, the run and the simulated time.
+        """
+        self._start()
+        process = self._env.process(steps)
         try:
-            self._env.run(until=ended)
+            self._env.run(until=process if ended is None else process | ended)
         except ResultError:
             raise
         except (Exception, SystemExit) as raised:  # a plug-in may exit
@@ -125,6 +111,10 @@ class BaseNetwork(ABC):
             scheduled = self._nodes.consumption.network.scheduled(np.array([now]))[0]
             joules = [float(sum(each)) for each in zip(self._nodes.totals_now(), scheduled, strict=True)]
             self._follower.follow(RunNow(step, now, self._tracks_now(), joules, self._nodes.residual_energies()))
+
+    def _head_of(self, target: int) -> int | None:
+        """The cluster head of a target; None in a network without targets."""
+        return None
 
     def _tracks_now(self) -> list[TrackNow]:
         """The tracks so far; none in a network without targets."""
@@ -161,11 +151,12 @@ class BaseNetwork(ABC):
         self._stack.mac.silence(node)
 
 
-def make_forwarding(setup: RadioSetup, stack: RadioStack, hops: Hops, sinks: tuple[int, ...], key: int) -> Forwarding:
+def make_forwarding(setup: RadioSetup, stack: RadioStack, hops: Hops, key: int) -> Forwarding:
     """Return how the datagrams of a scenario find their way. `key`: the random key of what nodes do for it."""
     if setup.routing.weight == "etx":
         from wsnsim.models.workloads import CollectionTreeProtocol
         from wsnsim.network.radio.collection_tree import CollectionTree
 
-        return CollectionTree(stack, hops, cast(CollectionTreeProtocol, setup.routing), sinks, key)
-    return PathForwarding(stack.radio, hops, Router(stack.radio, setup.routing.weight, setup.link.audible), sinks)
+        return CollectionTree(stack, hops, cast(CollectionTreeProtocol, setup.routing), stack.sinks, key)
+    router = Router(stack.radio, setup.routing.weight, setup.link.audible)
+    return PathForwarding(stack.radio, hops, router, stack.sinks)

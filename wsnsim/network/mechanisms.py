@@ -89,7 +89,7 @@ class MechanismRole(NamedTuple):
     Attributes:
         port: The protocol of a component that starts its own mechanism.
         members: What a mechanism must have.
-        built_in: "module:class" of the built-in mechanisms under `wsnsim.network`, by name; a run imports its own only.
+        built_in: "module:name" of the built-in mechanisms under `wsnsim.network`; a run imports its own only.
         others: Names of mechanisms that are not made here, for messages.
     """
 
@@ -123,8 +123,8 @@ ROLES: Final = {
         "invite": "clusters.wake_up_service:InvitationWakeUp",
     }, ("none",)),
     "workload": MechanismRole(StartsWorkload, ("begin",), {
-        "beacons": "workload_world:Beacons",
-        "collection": "workload_world:CollectionReports",
+        "beacons": "workload_world:beacons",
+        "collection": "workload_world:collection_reports",
     }, ("tracking",)),
 }  # fmt: skip
 """The mechanisms of all roles. A new built-in one has a line here; a plug-in starts its own."""

@@ -34,10 +34,12 @@ class Nodes(NodeStates):
         on_death: Called with a node whose battery is empty (since `died_at`); until set, `died_early` collects them.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self, positions: Floats, traits: Floats, battery: float, reach: float,
-        sleep_states: SleepStates | None = None, consumption: BackgroundConsumption | None = None,
+        sleep_states: SleepStates | None = None, env: simpy.Environment | None = None, table: PowerTable | None = None,
+        horizon: float = 0.0,
     ) -> None:  # fmt: skip
+        """By default time costs nothing. `table`: the power of a node in each state; `horizon`: end of the run in s."""
         super().__init__(positions, traits, reach, SleepStates() if sleep_states is None else sleep_states)
         self.battery = battery
         self.died_at: dict[int, float] = {}
@@ -45,13 +47,12 @@ class Nodes(NodeStates):
         self.died_early: list[int] = []
         self.on_death: Callable[[int], None] = self.died_early.append
         self._spent = self.ledger.spent_by
-        if consumption is None:
-            table = PowerTable(NoPower())
-            consumption = BackgroundConsumption(simpy.Environment(), table, self.sleep_states, self.size, 0.0)
-        self.consumption = consumption
+        self.consumption = BackgroundConsumption(
+            env or simpy.Environment(), table or PowerTable(NoPower()), self.sleep_states, self.size, horizon, battery,
+            self._check,
+        )  # fmt: skip
         # A node owes at most `most` until it is settled, and may still consume as much: below twice that, settle first.
         self._reserve, self._tight = self.consumption.most, 2.0 * self.consumption.most
-        self.consumption.start(battery, self._check)
 
     def note_clock(self, node: int) -> None:
         """The clock of a node has been stepped or corrected: its schedule changes at other times than expected."""

@@ -5,14 +5,14 @@ WorkloadWorld(setup, replicate, positions, streams, recorder).run() -> NetworkOu
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import cast
+from typing import Any
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.mechanisms import WorkloadMechanism, WorkloadServices
 from wsnsim.base.requests import Parcel
 from wsnsim.base.rng import Streams, derive_all, uniforms
@@ -20,7 +20,7 @@ from wsnsim.base.runs import OnTime
 from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND, Recorder
 from wsnsim.models.workloads import Periodic, PeriodicCollection
-from wsnsim.network.base_network import BaseNetwork, Sensors
+from wsnsim.network.base_network import BaseNetwork
 from wsnsim.network.event_log import Acting, event, then
 from wsnsim.network.mechanisms import NetworkServices, make_mechanism
 from wsnsim.network.radio.datagrams import A_SINK, Datagram
@@ -29,25 +29,28 @@ from wsnsim.network.radio.transport import Transport
 from wsnsim.network.result_rows import NetworkOutcome, ReportRows
 
 
-class _Repeating(ABC):
+class Repeating:
     """Nodes send again and again, each at a phase of its own; one that is down or asleep when it is due does not.
 
-    `sent` is the number of times that nodes tried to send.
+    `send(node, bits, what)` sends once, from `start_at` s on. `sent` is the number of times that nodes tried to send.
     """
 
-    def __init__(self, component: Periodic | PeriodicCollection, services: WorkloadServices) -> None:
-        self._component = component
-        self._services = services
+    def __init__(
+        self, component: Periodic | PeriodicCollection, services: WorkloadServices, nodes: Iterable[int],
+        send: Callable[[int, int, Any], None], what: Any, start_at: float = 0.0,
+    ) -> None:  # fmt: skip
+        self._services, self._nodes, self._send, self._what = services, nodes, send, what
+        self._period, self._bits, self._start_at = component.period, component.bits, start_at
         self._actions: dict[int, Callable[[], None]] = {}
         self.sent = 0
 
-    def _begin(self, nodes: Iterable[int], start_at: float) -> None:
-        """Set the timers of nodes, at random phases after a time in s."""
-        services, period = self._services, self._component.period
+    def begin(self) -> None:
+        """Set the timers of the nodes, at random phases."""
+        services, period = self._services, self._period
         phases = (uniforms(derive_all(services.key, np.arange(len(services.positions))), 0) * period).tolist()
-        for node in nodes:
+        for node in self._nodes:
             self._actions[node] = partial(self._act, node, services.lasts(node, period))
-            services.call_later(start_at + phases[node], self._actions[node])
+            services.call_later(self._start_at + phases[node], self._actions[node])
 
     def _act(self, node: int, period: float) -> None:
         """Let a node send if it is up and awake, and set its timer again, to a period in true seconds."""
@@ -56,38 +59,24 @@ class _Repeating(ABC):
             return
         if services.is_awake(node):
             self.sent += 1
-            self._send(node)
+            self._send(node, self._bits, self._what)
         services.call_later(period, self._actions[node])
 
-    @abstractmethod
-    def _send(self, node: int) -> None: ...
+
+def beacons(component: Periodic, services: WorkloadServices) -> Repeating:
+    """Return the built-in workload of a network without targets: all nodes broadcast beacons."""
+    everyone, code = range(len(services.positions)), services.code_of("beacon")
+    return Repeating(component, services, everyone, services.broadcast, code)
 
 
-class Beacons(_Repeating):
-    """The built-in workload of a network without targets: all nodes broadcast beacons."""
+def collection_reports(component: PeriodicCollection, services: WorkloadServices) -> Repeating:
+    """Return the workload in which all nodes but the sinks report."""
+    nodes = [node for node in range(len(services.positions)) if node not in services.sinks]
 
-    def __init__(self, component: Periodic, services: WorkloadServices) -> None:
-        super().__init__(component, services)
-        self._code = services.code_of("beacon")
+    def collect(node: int, bits: int, what: str) -> None:
+        services.collect(node, bits, what, _ignore)
 
-    def begin(self) -> None:
-        """Set the timer of every node's first beacon."""
-        self._begin(range(len(self._services.positions)), 0.0)
-
-    def _send(self, node: int) -> None:
-        self._services.broadcast(node, self._component.bits, self._code)
-
-
-class CollectionReports(_Repeating):
-    """The workload in which all nodes but the sinks report."""
-
-    def begin(self) -> None:
-        """Set the timer of every node's first report, at a random phase after `start_at`."""
-        nodes = [node for node in range(len(self._services.positions)) if node not in self._services.sinks]
-        self._begin(nodes, cast(PeriodicCollection, self._component).start_at)
-
-    def _send(self, node: int) -> None:
-        self._services.collect(node, self._component.bits, "report", _ignore)
+    return Repeating(component, services, nodes, collect, "report", component.start_at)
 
 
 def _ignore(outcome: object) -> None:
@@ -98,13 +87,13 @@ class WorkloadNetwork(NetworkServices):
     """What a workload may use of a network (`mechanisms.WorkloadServices`). `key` is the workload's random key."""
 
     def __init__(
-        self, stack: RadioStack, transport: Transport, reports: ReportRows, sinks: Sequence[int], key: int
+        self, stack: RadioStack, transport: Transport, reports: ReportRows, key: int
     ) -> None:  # fmt: skip
         super().__init__(stack.radio.env, stack.radio.nodes, stack.clocks)
         self._mac = stack.mac
         self._transport = transport
         self._reports = reports
-        self.sinks = sinks
+        self.sinks: Sequence[int] = stack.sinks
         self.key = key
         self.positions = stack.radio.nodes.positions
         self.code_of: Callable[[str], int] = stack.radio.log.code
@@ -134,18 +123,19 @@ class WorkloadWorld(BaseNetwork):
     def __init__(
         self, setup: BeaconSetup, replicate: int, positions: Floats, streams: Streams, recorder: Recorder
     ) -> None:
-        sensors = Sensors(positions, np.ones((len(positions), 0)))
-        super().__init__(setup, replicate, sensors, streams, recorder, count_links=recorder.wants("links"))
+        nodes = InitialConditions(positions, np.ones((len(positions), 0)), [], [], positions)
+        super().__init__(setup, replicate, nodes, streams, recorder, count_links=recorder.wants("links"))
         self._stack.radio.topology.find_all()
-        services = WorkloadNetwork(self._stack, self._transport, self._reports, self._sinks, streams.key("beacons"))
+        services = WorkloadNetwork(self._stack, self._transport, self._reports, streams.key("beacons"))
         self.workload: WorkloadMechanism = make_mechanism("workload", setup.workload, services)
-        self._faults = self._make_faults(streams.key("faults"), lambda target: None, {})
 
     def run(self, progress: OnTime | None = None) -> NetworkOutcome:
         """Run to the end and return the outcome. Errors name the seed, the run and the simulated time."""
-        self._start()
+        return self._run(self._run_steps(progress))
+
+    def _start(self) -> None:
+        super()._start()
         self.workload.begin()
-        return self._run_until(self._env.process(self._run_steps(progress)))
 
     def _run_steps(self, progress: OnTime | None) -> Acting[None]:
         for step in range(self._setup.steps + 1):

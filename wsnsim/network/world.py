@@ -1,6 +1,6 @@
 """A network that tracks targets: its nodes, its tracks and the order of what happens in a step.
 
-    World(setup, replicate, sensors, targets, streams, recorder).run() -> NetworkOutcome
+    World(setup, replicate, conditions, paths, streams, recorder).run() -> NetworkOutcome
 
 At each step the nodes in range of a target wake and sense, a track without a head gets one, and every head starts its
 step. With moving heads, awake nodes also search for lost targets between steps.
@@ -10,18 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
-from wsnsim.base.arrays import Estimate, Floats, planar
+from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import TrackNow, write_readings
 from wsnsim.base.runs import OnTime
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import Recorder
-from wsnsim.network.base_network import BaseNetwork, Sensors
-from wsnsim.network.clusters.coordination import ClusterCoordination, HeadMessages, HeadServices, make_head_protocol
+from wsnsim.network.base_network import BaseNetwork
+from wsnsim.network.clusters.coordination import ClusterCoordination
 from wsnsim.network.clusters.driver import DriverServices, Processors
-from wsnsim.network.clusters.elections import Elections
 from wsnsim.network.clusters.estimates import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Track
@@ -34,20 +33,11 @@ from wsnsim.network.result_rows import NetworkOutcome
 from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
 
 
-class Targets(NamedTuple):
-    """The targets: per target its trajectory (steps + 1, D) and its prior.
-
-    Where nodes search several times in a step, `paths` has each trajectory at `setup.polls` instants per step;
-    otherwise it is empty, and nodes search along `truths`.
-    """
-
-    truths: Sequence[Floats]
-    priors: Sequence[Estimate]
-    paths: Sequence[Floats] = ()
-
-
 class World(BaseNetwork):
-    """One network, its targets and the order of events in a step."""
+    """One network, its targets and the order of events in a step.
+
+    `paths` are the trajectories of the targets at the `setup.polls` instants of a step at which nodes search.
+    """
 
     _setup: NetworkSetup
 
@@ -55,51 +45,40 @@ class World(BaseNetwork):
         self,
         setup: NetworkSetup,
         replicate: int,
-        sensors: Sensors,
-        targets: Targets,
+        conditions: InitialConditions,
+        paths: Sequence[Floats],
         streams: Streams,
         recorder: Recorder,
     ) -> None:
-        super().__init__(setup, replicate, sensors, streams, recorder)
-        self._log = ProtocolLog(self._clock, self._event_log)
-        self._processors = Processors(self._clock, self._nodes, self._event_log, setup.energy, setup.cpu)
-        self._tracks = tuple(Track(i, prior, self._env.event()) for i, prior in enumerate(targets.priors))
-        points = [truth[:, list(motion.position)] for truth, motion in zip(targets.truths, setup.motions, strict=True)]
+        super().__init__(setup, replicate, conditions, streams, recorder)
+        nodes, clock, log, transport = self._nodes, self._clock, self._event_log, self._transport
+        self._log = ProtocolLog(clock, log)
+        self._tracks = tuple(Track(i, prior, self._env.event()) for i, prior in enumerate(conditions.priors))
+        points = [
+            truth[:, list(motion.position)] for truth, motion in zip(conditions.truths, setup.motions, strict=True)
+        ]
         self._in_field = [setup.deploy.field.contains(planar(path)).tolist() for path in points]
-        self._assemble(targets, points, streams)
-
-    def _assemble(self, targets: Targets, points: Sequence[Floats], streams: Streams) -> None:
-        """Give each component the services that it uses."""
-        setup, nodes, clock = self._setup, self._nodes, self._clock
-        imperfections = Imperfections(setup.detection, self._stack.clocks, setup.dt, streams.key("sense"))
-        available = make_readings(setup, targets.truths, nodes, imperfections, imperfections.key)
+        wrong = Imperfections(setup.detection, self._stack.clocks, setup.dt, streams.key("sense"), self._defects)
+        available = make_readings(setup, conditions.truths, nodes, wrong, wrong.key)
         readings: CurrentReadings = [{} for _ in points]
         network = NetworkView(setup, clock, self._log, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counters = WakeUpCounters(network, points)
-        self._intervals = intervals = WakeIntervals(setup, clock, nodes, self._stack.mac)
-        on_wake = self._wake_up_counters.count_wake
-        self._processes = NodeProcesses(self._env, nodes, self._log, on_wake)
-        sensing = SensingServices(clock, nodes, self._processes, self._event_log, available, setup.energy.sense())
+        self._processes = NodeProcesses(self._env, nodes, self._log, self._wake_up_counters.count_wake)
+        sensing = SensingServices(clock, nodes, self._processes, log, available, setup.energy.sense())
         self._sensing = make_sensing(sensing, readings, setup.nodes_search)
-        self._coordination = ClusterCoordination(clock, self._log, self._processes, self._tracks)
-        self._estimates = Estimates(network, self._reports, self._sinks, self._recorder, self._replicate)
-        deadline, log = setup.waits.gather, self._log
-        driver = DriverServices(self._env, nodes, self._transport, self._processors, log, deadline, intervals)
-        self._coordination.protocol = make_head_protocol(
-            HeadServices(
-                network,
-                HeadMessages(network, self._transport, intervals),
-                driver,
-                Elections(network, self._transport, self._processes, self._coordination.appoint),
-                self._estimates,
-                WakeAhead(network, self._make_wake_up_service(network, streams.key("wakeup"))),
-                self._processes,
-                TargetSearch(network, available, targets.paths or targets.truths, imperfections, streams.key("search")),
-            )
+        self._intervals = WakeIntervals(setup, clock, nodes, self._stack.mac)
+        self._processors = Processors(clock, nodes, log, setup.energy, setup.cpu)
+        self._estimates = Estimates(network, self._reports, self._stack.sinks, recorder, replicate)
+        self._coordination = ClusterCoordination(
+            self._tracks,
+            DriverServices(network, transport, self._processors, self._intervals),
+            self._processes,
+            self._estimates,
+            WakeAhead(network, self._make_wake_up_service(network, streams.key("wakeup"))),
+            TargetSearch(network, available, paths or conditions.truths, wrong, streams.key("search")),
         )
-        for sink in self._sinks:
+        for sink in self._stack.sinks:
             nodes.keep_awake(sink)
-        self._faults = self._make_faults(streams.key("faults"), self._coordination.head_of, imperfections.defects)
 
     def _make_wake_up_service(self, network: NetworkView, key: int) -> WakeUpService | None:
         """Make the service that wakes nodes for heads and destinations for their last hop; None if wake-ups are off."""
@@ -112,11 +91,8 @@ class World(BaseNetwork):
 
     def run(self, progress: OnTime | None = None) -> NetworkOutcome:
         """Run to the end and return the outcome. Errors name the seed, the run and the simulated time."""
-        self._start()
-        steps = self._env.process(self._run_steps(progress))
-        outcome = self._run_until(self._env.any_of([steps, self._coordination.ended]))
         return replace(
-            outcome,
+            self._run(self._run_steps(progress), self._coordination.ended),
             cycles=self._processors.operations,
             tracks=self._tracks,
             hurried=self._intervals.share(),
@@ -142,6 +118,9 @@ class World(BaseNetwork):
                 for track in self._tracks:
                     self._coordination.fill_vacancy(track, poll)
             yield env.timeout((step + 1) * setup.dt - env.now)
+
+    def _head_of(self, target: int) -> int | None:
+        return self._coordination.head_of(target)
 
     def _tracks_now(self) -> list[TrackNow]:
         return [TrackNow(track.target, track.estimates, track.heads) for track in self._tracks]

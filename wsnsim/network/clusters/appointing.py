@@ -19,7 +19,6 @@ from wsnsim.base.requests import Delivery, Flow, GatheredReadings, GatherReading
 from wsnsim.network.clusters.cluster import AppointedCluster
 from wsnsim.network.clusters.coordination import HeadServices
 from wsnsim.network.clusters.driver import Driver
-from wsnsim.network.clusters.network_view import Outlooks
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 from wsnsim.network.event_log import Acting
@@ -57,7 +56,6 @@ class AppointingProtocol(StandingClusterProtocol):
     def __init__(self, services: HeadServices) -> None:
         super().__init__(services)
         self._policy = cast(AppointingPolicy, self._setup.clusters)
-        self._outlooks = Outlooks(services.network)
         tracker = self._setup.tracker
         self._payload_of = tracker.announcement if isinstance(tracker, Announces) else (lambda belief, scene: None)
 
@@ -78,7 +76,7 @@ class AppointingProtocol(StandingClusterProtocol):
         """Start a track from its prior or from readings, and have nodes woken before the first step."""
         services, head, step = self._services, handover.successor, handover.belief_step
         prior, count = yield from self._first_estimate(track, handover, readings)
-        outlook = self._outlooks.of_estimate(track.target, head, prior)
+        outlook = self._network.first_outlook(track.target, head, prior)
         cluster = yield from self._appointed(track, handover, outlook, None)
         driver, scene = self._driver(track, cluster), cluster.scene(0)
         belief = yield from driver.perform(self._setup.tracker.start(prior, scene))
@@ -95,7 +93,7 @@ class AppointingProtocol(StandingClusterProtocol):
         network, head, step = self._network, handover.successor, handover.belief_step
         scene = AppointedCluster(network, track.target, head).scene(0)
         scene = replace(scene, step=step, time=step * scene.dt)
-        outlook = self._outlooks.of_belief(track.target, head, [head], handover.belief, scene)
+        outlook = self._network.outlook(track.target, head, [head], handover.belief, scene)
         payload = self._payload_of(handover.belief, scene)
         cluster = yield from self._appointed(track, handover, outlook, payload)
         if network.clock.step == step:
@@ -215,7 +213,7 @@ class AppointingProtocol(StandingClusterProtocol):
     def _renew(self, lead: AppointedLead) -> Acting[Handover | None]:
         """Appoint more members or hand over, if the expected information of the members is too small."""
         track, cluster = lead.track, lead.cluster
-        outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.known, lead.belief, lead.scene)
+        outlook = self._network.outlook(track.target, cluster.head, cluster.known, lead.belief, lead.scene)
         if self._may_be_unheard(lead):
             appointment = self._policy.appointment(outlook)
             yield from self._announce(track, cluster, appointment, self._payload_of(lead.belief, lead.scene))

@@ -24,7 +24,7 @@ from wsnsim.network.clusters.estimates import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 from wsnsim.network.clusters.wake_ahead import WakeAhead
-from wsnsim.network.event_log import Acting, ProtocolLog, StepClock, then
+from wsnsim.network.event_log import Acting, then
 from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
@@ -195,23 +195,35 @@ PROTOCOLS: Final = {
 class ClusterCoordination:
     """Owns the assignment of heads to tracks. A head leads a track in an activity of its own process.
 
-    `protocol` says how a track is led; it is set once, before the simulation starts. `ended` fires when the last
-    cluster is done after which the scenario ends the run.
+    `ended` fires when the run ends with a cluster.
+
+    Args:
+        tracks: The tracks, one per target.
+        driver: What performs the requests of trackers.
+        processes: The processes of the nodes.
+        estimates: What tracks report.
+        wake_ahead: Has nodes woken for the next step.
+        search: What awake nodes detect of a target without a track.
     """
 
-    protocol: HeadProtocol
-
-    def __init__(self, clock: StepClock, log: ProtocolLog, processes: NodeProcesses, tracks: Sequence[Track]) -> None:
-        self._clock = clock
-        self._log = log
-        self._processes = processes
-        self._tracks = tracks
-        self.ended = clock.env.event()
+    def __init__(
+        self, tracks: Sequence[Track], driver: DriverServices, processes: NodeProcesses, estimates: Estimates,
+        wake_ahead: WakeAhead, search: TargetSearch,
+    ) -> None:  # fmt: skip
+        network, transport = driver.network, driver.transport
+        self._clock, self._log = network.clock, network.log
+        self._processes, self._tracks = processes, tracks
+        self.ended = network.clock.env.event()
+        elections = Elections(network, transport, processes, self.appoint)
+        messages = HeadMessages(network, transport, driver.intervals)
+        self._protocol = make_head_protocol(
+            HeadServices(network, messages, driver, elections, estimates, wake_ahead, processes, search)
+        )
 
     def fill_vacancy(self, track: Track, poll: int) -> None:
         """Look for a head, if the track has none and no election is under way."""
         if track.head is None and track.election is None:
-            handover = self.protocol.fill_vacancy(track, poll)
+            handover = self._protocol.fill_vacancy(track, poll)
             if handover is not None:
                 self.appoint(track, handover)
 
@@ -244,7 +256,7 @@ class ClusterCoordination:
         try:
             if not handover.acts_now:
                 yield track.tick
-            following = yield from self.protocol.lead(track, handover)
+            following = yield from self._protocol.lead(track, handover)
             if following is not None:
                 self._dissolve(track)
                 self.appoint(track, following)
@@ -267,7 +279,7 @@ class ClusterCoordination:
         """Dismiss the members of the track's cluster; their memories are lost."""
         if track.cluster is not None:
             track.clusters[-1].released = self._clock.now
-            self.protocol.release(track, track.cluster)
+            self._protocol.release(track, track.cluster)
             track.cluster = None
 
     def _lose(self, track: Track, why: str) -> None:

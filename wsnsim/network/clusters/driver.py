@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Bools, Reading
 from wsnsim.base.errors import PluginAnswerError, RunError
@@ -34,8 +33,8 @@ from wsnsim.base.requests import (
 )
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.clusters.collection import Collection
-from wsnsim.network.clusters.network_view import WakeIntervals
-from wsnsim.network.event_log import Acting, EventLog, ProtocolLog, StepClock, event
+from wsnsim.network.clusters.network_view import NetworkView, WakeIntervals
+from wsnsim.network.event_log import Acting, EventLog, StepClock, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
@@ -95,17 +94,11 @@ class HeadDied(Exception):
 
 
 class DriverServices(NamedTuple):
-    """What drivers use. `deadline`: of gathers without one of their own, in s; None: all must have ended.
+    """What drivers use. `intervals`: the nodes' wake intervals, short at the head and at members that hear from it."""
 
-    `intervals`: the nodes' wake intervals, which are short at the head, and at members that hear from it.
-    """
-
-    env: simpy.Environment
-    nodes: Nodes
+    network: NetworkView
     transport: Transport
     processors: Processors
-    log: ProtocolLog
-    deadline: float | None
     intervals: WakeIntervals
 
 
@@ -134,12 +127,12 @@ class Driver:
         window: tuple[float, float] | None = None, one_hop: bool = True,
     ) -> None:  # fmt: skip
         self._services = services
-        self._env = services.env
-        self._alive = services.nodes.alive
+        self._env = services.network.clock.env
+        self._alive = services.network.nodes.alive
         self._target = target
         self._head = head
         self._members = members
-        self.collection = Collection(services.env, services.transport, target, head, window, one_hop)
+        self.collection = Collection(self._env, services.transport, target, head, window, one_hop)
         self.readings = 0
         self.heard: dict[int, Reading] = {}
         self.answered: set[int] = set()
@@ -257,13 +250,13 @@ class Driver:
         return GatheredReadings(tuple(arrived), values, journeys)
 
     def _deadline_of(self, request: Gather | GatherReadings) -> float | None:
-        return self._services.deadline if request.deadline is None else request.deadline
+        return self._services.network.setup.waits.gather if request.deadline is None else request.deadline
 
     def _scatter(self, request: Scatter) -> Acting[dict[int, Bools]]:
         head, parcels = self._head, {node: each for node, each in request.parcels.items() if node in self._members}
         packets = sum([parcel.packets for node, parcel in parcels.items() if node != head])
         what = next(iter(parcels.values())).what if parcels else ""
-        self._services.log.add("allocate", self._target, head, what, packets=packets)
+        self._services.network.log.add("allocate", self._target, head, what, packets=packets)
         masks = yield from self.collection.exchange([head] * len(parcels), list(parcels), list(parcels.values()))
         return self._deliver(
             {

@@ -74,6 +74,37 @@ class NetworkView(NamedTuple):
         away = ((self.nodes.assumed.positions[np.array(candidates)] - point) ** 2).sum(axis=1)
         return candidates[int(np.argmin(away))]
 
+    def outlook(self, target: int, head: int, members: Sequence[int], belief: Any, scene: Scene) -> Outlook:
+        """What a head foresees that holds a belief of the time of `scene`, for policies that see the geometry."""
+        setup, ahead = self.setup, self._ahead(scene)
+        succession = forecast = setup.tracker.forecast(belief, scene, ahead)
+        if isinstance(setup.tracker, ForecastsSuccession):
+            succession = setup.successor_forecast(belief, scene, ahead)
+        return self._outlook(target, head, members, forecast, succession)
+
+    def first_outlook(self, target: int, head: int, estimate: Estimate) -> Outlook:
+        """What a head foresees that knows the first estimate of a track, of this step."""
+        clock, motion = self.clock, self.setup.filter_motions[target]
+        forecast = _one_step_on(estimate, motion, clock.dt, clock.step * clock.dt)
+        return self._outlook(target, head, [head], forecast, forecast)
+
+    def _outlook(
+        self, target: int, head: int, members: Sequence[int], forecast: Estimate, succession: Estimate
+    ) -> Outlook:
+        return Outlook(
+            head=head,
+            place=self.nodes.assumed.positions[head],
+            members=np.array(members, dtype=np.int64),
+            time=self.clock.next_step,
+            dt=self.clock.dt,
+            forecast=forecast,
+            succession=succession,
+            motion=self.setup.filter_motions[target],
+            sensor=self.setup.filter_sensor,
+            reach=self.nodes.reach,
+            nodes_near=self.nodes_near,
+        )
+
 
 class TargetSearch:
     """What awake nodes detect at the `setup.polls` instants of a step at which they search.
@@ -110,51 +141,6 @@ class TargetSearch:
             return None
         chances = uniforms(derive_all(derive(self._key, target, step, poll), able), 0)
         return int(able[np.argmin(chances)]), awake
-
-
-class Outlooks:
-    """Puts together what a head foresees, for cluster policies that see the geometry.
-
-    outlooks.of_belief(track.target, cluster, belief, scene) -> Outlook      outlooks.of_estimate(...) -> Outlook
-    """
-
-    def __init__(self, network: NetworkView) -> None:
-        self._network = network
-        self._forecasts_succession = isinstance(network.setup.tracker, ForecastsSuccession)
-
-    def of_belief(self, target: int, head: int, members: Sequence[int], belief: Any, scene: Scene) -> Outlook:
-        """What a head foresees that holds a belief of the time of `scene`."""
-        setup, ahead = self._network.setup, self._network.clock.step - scene.step + 1
-        succession = forecast = setup.tracker.forecast(belief, scene, ahead)
-        if self._forecasts_succession:
-            succession = setup.successor_forecast(belief, scene, ahead)
-        return self._outlook(target, head, members, forecast, succession)
-
-    def of_estimate(self, target: int, head: int, estimate: Estimate) -> Outlook:
-        """What a head foresees that knows the first estimate of a track, of this step."""
-        network = self._network
-        clock, motion = network.clock, network.setup.filter_motions[target]
-        forecast = _one_step_on(estimate, motion, clock.dt, clock.step * clock.dt)
-        return self._outlook(target, head, [head], forecast, forecast)
-
-    def _outlook(
-        self, target: int, head: int, members: Sequence[int], forecast: Estimate, succession: Estimate
-    ) -> Outlook:
-        network = self._network
-        setup, clock, nodes = network.setup, network.clock, network.nodes
-        return Outlook(
-            head=head,
-            place=nodes.assumed.positions[head],
-            members=np.array(members, dtype=np.int64),
-            time=clock.next_step,
-            dt=clock.dt,
-            forecast=forecast,
-            succession=succession,
-            motion=setup.filter_motions[target],
-            sensor=setup.filter_sensor,
-            reach=nodes.reach,
-            nodes_near=network.nodes_near,
-        )
 
 
 def _one_step_on(estimate: Estimate, motion: MotionModel, dt: float, time: float) -> Estimate:

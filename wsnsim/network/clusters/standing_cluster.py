@@ -18,7 +18,6 @@ from wsnsim.base.requests import Flow
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
 from wsnsim.network.clusters.coordination import HeadServices
 from wsnsim.network.clusters.driver import Driver, HeadDied
-from wsnsim.network.clusters.network_view import Outlooks
 from wsnsim.network.clusters.track import Handover, LastClusterDone, NotDelivered, Track, TrackLost
 from wsnsim.network.event_log import Acting
 
@@ -33,7 +32,6 @@ class StandingClusterProtocol:
         self._log = services.network.log
         policy = services.network.setup.clusters
         self._geometry = policy if isinstance(policy, SeesGeometry) else None
-        self._outlooks = Outlooks(services.network)
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """Hold an election among the nodes that sense the target; its winner becomes head without a handover."""
@@ -165,14 +163,14 @@ class StandingClusterProtocol:
         """Whether another node must lead: by the geometry if the policy sees it, otherwise by counts."""
         if self._geometry is None:
             return self._setup.clusters.must_hand_over(cluster.active(), cluster.size)
-        outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.roster(), belief, scene)
+        outlook = self._network.outlook(track.target, cluster.head, cluster.roster(), belief, scene)
         return self._geometry.must_appoint(outlook) and self._geometry.next_head(outlook) != cluster.head
 
     def _next_head(self, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> int | None:
         """The next head by the policy: by the geometry if the policy sees it, otherwise by the predicted position."""
         network, node = self._network, None
         if self._geometry is not None:
-            outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.roster(), belief, scene)
+            outlook = self._network.outlook(track.target, cluster.head, cluster.roster(), belief, scene)
             node = self._geometry.next_head(outlook)
         if node is not None:
             return node

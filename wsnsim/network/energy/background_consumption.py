@@ -35,13 +35,13 @@ class BackgroundConsumption:
 
     Attributes:
         most: Joules that one node can consume at most in the whole run.
-        timers: The battery timers.
         network: The totals of the network.
     """
 
     def __init__(
-        self, env: simpy.Environment, table: PowerTable, sleep_states: SleepStates, size: int, horizon: float
-    ) -> None:
+        self, env: simpy.Environment, table: PowerTable, sleep_states: SleepStates, size: int, horizon: float,
+        battery: float, check: Callable[[int], None],
+    ) -> None:  # fmt: skip
         """Begin at time 0.
 
         Args:
@@ -50,15 +50,17 @@ class BackgroundConsumption:
             sleep_states: Which nodes are awake; all are in its mode `rest`.
             size: Number of nodes.
             horizon: End of the run in s.
+            battery: Initial charge of a node in J.
+            check: Called with a node that may have run out, or with EVERYBODY.
         """
         self._env = env
         self._table = table
-        self._model = model = table.model
+        model = table.model
         self._sleep_states = sleep_states
         rest = sleep_states.rest
         self._radio, self._radio_cause, self._share = table.radio, table.radio_cause, table.share
         self._processor, self._processor_cause = table.processor, table.processor_cause
-        self._sensor, self._scheduled = table.sensor, table.scheduled
+        self._scheduled = table.scheduled
         self._per_switch = (model.switching(Mode.AWAKE, Mode.ASLEEP) + model.switching(Mode.ASLEEP, Mode.AWAKE)) / 2.0
         self._states = np.full(size, int(rest), dtype=np.int16)
         # seconds at which each node was settled, and those excluded since then for its radio and its processor
@@ -69,24 +71,15 @@ class BackgroundConsumption:
         self._radio_busy_of, self._computed_of = scalars(self._radio_busy), scalars(self._computed)
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
         self.network = NetworkTotals(table, sleep_states, size, self._per_switch)
-        self._network_array, self._network_joules = self.network.array, self.network.joules
-        self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon)
+        self._network_joules = self.network.joules
+        self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon, battery, check)
         self.most = self._watch.most
         self._free = not (self.most or self._per_switch or table.duties)
         """Whether nothing is consumed: time costs nothing, or the run is over."""
-        self._start_duties(size)
-
-    def _start_duties(self, size: int) -> None:
-        """Begin with all radios at level 0."""
-        self._levels = RadioLevels(self._table, size)
+        self._levels = RadioLevels(table, size)
         self._duty_cycled = self._levels.active
-        self._off = np.array(self._table.off)
+        self._off = np.array(table.off)
         self._off_of = scalars(self._off)
-
-    def start(self, battery: float, check: Callable[[int], None]) -> None:
-        """Begin to watch batteries of a charge; `check(node)` is called when a node may have run out."""
-        self._watch.start(battery, check)
-        self.timers = self._watch.timers
 
     def _charges(self, node: int) -> tuple[list[tuple[int, float]], float]:
         """(cause, joules) since the node was settled, negative if paid in advance; and the seconds it was awake."""
@@ -126,7 +119,7 @@ class BackgroundConsumption:
                 charges = self._table.by_state(state, passed, busy, computed)
             of_duty = [] if not self._duty_cycled else charges[-2:]
             for cause, joules in charges[: len(charges) - len(of_duty)]:
-                if cause != SENSE or self._sensor[state]:
+                if cause != SENSE or self._table.sensor[state]:
                     yield chosen, cause, np.maximum(joules, 0.0)
             for cause, joules in of_duty:
                 yield chosen, cause, joules + self._levels.added[cause][chosen]
@@ -158,13 +151,13 @@ class BackgroundConsumption:
         """`mark_radio_busy` for different nodes (n,)."""
         if self._free:
             return
-        mark_busy(nodes, seconds, self._radio_busy, self._states, self._counts, *self._radio_law, self._network_array)
+        mark_busy(nodes, seconds, self._radio_busy, self._states, self._counts, *self._radio_law, self.network.array)
         if self._duty_cycled:
             self._network_joules[ON] += float(self._off @ self._counts) * seconds
 
     def mark_computing(self, node: int, cycles: float) -> None:
         """Exclude the time in which the processor of a node computes a number of cycles."""
-        seconds = self._model.seconds(cycles)
+        seconds = self._table.model.seconds(cycles)
         state = self._state[node]
         self._network_joules[self._processor_cause[state]] -= self._processor[state] * seconds
         self._computed_of[node] += seconds
@@ -186,7 +179,9 @@ class BackgroundConsumption:
 
     def switching(self, node: int, mode: Mode) -> float:
         """Joules that the change of a node to a mode costs."""
-        return self._model.switching(self._resolved(node, Mode(self._state[node] % MODES)), self._resolved(node, mode))
+        return self._table.model.switching(
+            self._resolved(node, Mode(self._state[node] % MODES)), self._resolved(node, mode)
+        )
 
     def _resolved(self, node: int, mode: Mode) -> Mode:
         """The mode, or what the schedule says now if it is SCHEDULED."""

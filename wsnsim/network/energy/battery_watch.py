@@ -76,9 +76,20 @@ class BatteryWatch:
     """
 
     def __init__(
-        self, env: simpy.Environment, table: PowerTable, sleep_states: SleepStates, per_switch: float, horizon: float
-    ) -> None:
-        """Find the limits. `per_switch`: mean joules of a change between awake and asleep; `horizon`: end in s."""
+        self, env: simpy.Environment, table: PowerTable, sleep_states: SleepStates, per_switch: float, horizon: float,
+        battery: float, check: Callable[[int], None],
+    ) -> None:  # fmt: skip
+        """Find the limits, and begin to watch.
+
+        Args:
+            env: The clock.
+            table: The power of a node in each state.
+            sleep_states: Which nodes are awake.
+            per_switch: Mean joules of a change between awake and asleep.
+            horizon: End of the run in s.
+            battery: Initial charge of a node in J.
+            check: Called with a node that may have run out, or with EVERYBODY.
+        """
         self._env = env
         self._table = table
         self._sleep_states = sleep_states
@@ -89,12 +100,9 @@ class BatteryWatch:
         self._changes = 4.0 * per_switch  # half of it pays two changes that come at once, however slow
         if per_switch:
             self.most += sleep_states.most_switches(horizon) * per_switch
-
-    def start(self, battery: float, check: Callable[[int], None]) -> None:
-        """Begin to watch batteries of a charge; `check(node)` is called when a node may have run out."""
-        self.timers = BatteryTimers(self._env, check)
-        rest = self._sleep_states.rest
-        resting = 2.0 * self._most_by_schedule if rest is Mode.SCHEDULED else self._table.total(int(rest))
+        self.timers = BatteryTimers(env, check)
+        rest = sleep_states.rest
+        resting = 2.0 * self._most_by_schedule if rest is Mode.SCHEDULED else table.total(int(rest))
         if resting > 0 and battery <= self.most:
             self.timers.set(battery / resting if battery > self._changes else 0.0, EVERYBODY)
 

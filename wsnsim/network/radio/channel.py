@@ -27,11 +27,11 @@ from wsnsim.network.radio.topology import RadioServices
 from wsnsim.network.radio.transmission import (
     NOBODY,
     LinkCounters,
-    LossSamples,
     OnEnd,
     RadiosOn,
     SomeRadiosOn,
     Transmission,
+    UseCounter,
     overlap,
 )
 
@@ -47,22 +47,16 @@ class Channel:
         radio: The services of the radio.
         mac: The MAC component, which knows airtime and turnaround.
         assessment: Duration of a clear channel assessment, in s.
-        losses: The random losses, shared by all channels.
+        losses: The numbers of the frames that may be lost, shared by all channels.
         links: Counts broadcasts per link; None: nobody does.
         listening: Which radios are on; None: those of all nodes that are awake.
     """
 
     def __init__(
-        self, radio: RadioServices, mac: FramedMac, assessment: float, losses: LossSamples,
+        self, radio: RadioServices, mac: FramedMac, assessment: float, losses: UseCounter,
         links: LinkCounters | None, listening: Listening | None = None,
     ) -> None:  # fmt: skip
-        energy = radio.energy
-        self._env = radio.env
-        self._nodes = radio.nodes
-        self._log = radio.log
-        self._energy = energy
-        self._topology = radio.topology
-        self._counters = radio.counters
+        self._env, self._nodes, self._topology, self._energy, self._log, self._counters = radio
         self._mac = mac
         captures = radio.topology.link.captures
         self._radios_on = RadiosOn(radio.nodes) if listening is None else SomeRadiosOn(radio.nodes, listening)
@@ -71,7 +65,7 @@ class Channel:
         self._assessment = assessment
         self._links = links
         self._turnaround = mac.turnaround
-        power = continuous_power(energy)
+        power = continuous_power(radio.energy)
         self._turnaround_joules = 0.0 if power is None else 2.0 * power.turnaround()
         self._side = 2.0 * max(radio.topology.link.audible, 1e-9)
         self._cells: dict[tuple[int, int], list[Transmission]] = {}

@@ -193,9 +193,7 @@ class CollectionTree:
         self, stack: RadioStack, hops: Hops, routing: CollectionTreeProtocol, sinks: Sequence[int], key: int
     ) -> None:
         radio = stack.radio
-        self._env = radio.env
-        self._nodes = radio.nodes
-        self._topology = radio.topology
+        self._env, self._nodes, self._topology, *_ = radio
         self._clocks = stack.clocks
         self._hops = hops
         self._routing = routing

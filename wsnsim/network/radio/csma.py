@@ -13,6 +13,7 @@ from typing import Any
 import simpy
 
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
+from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.models.access import Csma
 from wsnsim.network.radio.mac_services import (
     ContentionPeriods,
@@ -95,9 +96,11 @@ class CsmaMechanism(SenderQueues[_Sender]):
 
     def _back_off(self, sender: _Sender, pause: float = 0.0) -> None:
         """Wait for a random number of backoff periods below 2^BE, then assess the channel."""
-        mac = self._mac
-        number = sender.draw(self._key, self._log.step)
-        periods = number >> (64 - sender.exponent) if sender.exponent else 0
+        mac, step = self._mac, self._log.step
+        if sender.step != step:  # as `FrameSender.draw`, without the call
+            sender.step, sender.state = step, derive(self._key, sender.node, step)
+        sender.state = (sender.state + GOLDEN) & MASK
+        periods = mix(sender.state) >> (64 - sender.exponent) if sender.exponent else 0
         timeout = self._env.timeout(pause + periods * mac.backoff * sender.clock_scale + mac.cca, sender)
         timeout.callbacks.append(self._assess)
 

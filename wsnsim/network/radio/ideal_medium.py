@@ -49,15 +49,9 @@ class IdealMedium:
     """
 
     def __init__(self, radio: RadioServices, key: int, rate: float | None = None) -> None:
-        self._env = radio.env
-        self._nodes = radio.nodes
-        self._log = radio.log
-        self._energy = radio.energy
-        self._topology = radio.topology
-        self._counters = radio.counters
-        self._key = key
+        self._env, self._nodes, self._topology, self._energy, self._log, self._counters = radio
         self._seconds_per_bit = 0.0 if rate is None else 1.0 / rate
-        self._uses = UseCounter()
+        self._uses = UseCounter(key)
         self._hop_costs: dict[tuple[int, int, int], HopCost] = {}
 
     def carry(self, burst: Burst) -> None:
@@ -228,7 +222,7 @@ class IdealMedium:
     def _link_key(self, source: int, node: int) -> int:
         """The random key of a burst on a link: a function of link, step, and number of its use in the step."""
         step = self._log.step
-        return derive(self._key, source, node, step, self._uses.next((source, node), step))
+        return derive(self._uses.key, source, node, step, self._uses.next((source, node), step))
 
     def _drop(self, burst: Burst, number: int, code: int, node: int) -> None:
         self._log.add(
@@ -248,9 +242,7 @@ class IdealMechanism:
     """
 
     def __init__(self, mac: IdealMac, services: NetworkMacServices) -> None:
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
-        self._log = services.radio.log
+        self._env, self._nodes, _, _, self._log, _ = services.radio
         self._rate = mac.rate
         self._medium = IdealMedium(services.radio, services.key("link"), mac.rate)
         self._silenced: dict[int, int] = {}

@@ -19,7 +19,7 @@ from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import event
 from wsnsim.network.mechanisms import NetworkServices
 from wsnsim.network.radio.topology import RadioServices
-from wsnsim.network.radio.transmission import LinkCounters, LossSamples, UseCounter
+from wsnsim.network.radio.transmission import LinkCounters, UseCounter
 
 if TYPE_CHECKING:
     from wsnsim.network.radio.channel import Channel
@@ -40,8 +40,8 @@ class NetworkMacServices(NetworkServices):
     ) -> None:  # fmt: skip
         super().__init__(radio.env, radio.nodes, clocks)
         self.radio, self.clocks, self.sinks = radio, clocks, sinks
-        self._packing, self._streams, self.links = packing, streams, links
-        self._uses = UseCounter()
+        self._packing, self.links = packing, links
+        self._losses = UseCounter(streams.key("link"))
         self.counters, self.key = radio.counters, streams.key
         self.hold_awake, self.release, self.signal = radio.nodes.begin_sending, radio.nodes.end_sending, radio.env.event
 
@@ -64,8 +64,7 @@ class NetworkMacServices(NetworkServices):
         """
         from wsnsim.network.radio.channel import Channel
 
-        losses = LossSamples(self._streams.key("link"), self._uses)
-        return Channel(self.radio, mac, assessment, losses, self.links, listening)
+        return Channel(self.radio, mac, assessment, self._losses, self.links, listening)
 
     def fragmentation(self, mac: FramedMac) -> Fragmentation:
         """Return what splits bursts into the frames of a MAC."""

@@ -17,7 +17,6 @@ from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRadio
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.local_schedules import LocalSchedules
 from wsnsim.network.energy.power_table import PowerTable
 from wsnsim.network.event_log import EventLog
@@ -30,12 +29,16 @@ from wsnsim.network.radio.transmission import LinkCounters
 
 
 class RadioStack(NamedTuple):
-    """What every network is built on, with targets or without."""
+    """What every network is built on, with targets or without.
+
+    `sinks` are the nodes nearest to the points of the scenario, each once; none if it has no sink.
+    """
 
     radio: RadioServices
     clocks: Clocks
     mac: MacMechanism
     links: LinkCounters | None
+    sinks: tuple[int, ...] = ()
 
 
 def make_radio_stack(
@@ -58,15 +61,9 @@ def make_radio_stack(
     topology.follow_rounds(env)
     links = LinkCounters(nodes.positions, topology) if count_links else None
     radio = RadioServices(env, nodes, topology, setup.energy, log, Counters())
-    sinks = sink_nodes(setup, nodes)
+    sinks = tuple(dict.fromkeys(nodes.grid.nearest(np.array(point)) for point in setup.sink_points))
     services = NetworkMacServices(radio, setup.packing, clocks, streams, links, sinks)
-    mac: MacMechanism = make_mechanism("mac", setup.mac, services)
-    return RadioStack(radio, clocks, mac, links)
-
-
-def sink_nodes(setup: RadioSetup, nodes: Nodes) -> tuple[int, ...]:
-    """Return the sinks: the nodes nearest to the points of the scenario, each once; none if it has no sink."""
-    return tuple(dict.fromkeys(nodes.grid.nearest(np.array(point)) for point in setup.sink_points))
+    return RadioStack(radio, clocks, make_mechanism("mac", setup.mac, services), links, sinks)
 
 
 def make_nodes(
@@ -91,8 +88,8 @@ def make_nodes(
     searching = 0.0 if model is None and not duties else _search_power(setup)
     model = NoPower() if model is None else model
     table = PowerTable(model, duties, searching, _standby_power(setup, model))
-    consumption = BackgroundConsumption(env, table, sleep_states, len(positions), setup.duration)
-    nodes = Nodes(positions, traits, setup.energy.battery, setup.link.reach, sleep_states, consumption)
+    battery, reach = setup.energy.battery, setup.link.reach
+    nodes = Nodes(positions, traits, battery, reach, sleep_states, env, table, setup.duration)
     if nodes.follows_schedules:
         clocks.on_step.append(nodes.note_clock)
     return nodes

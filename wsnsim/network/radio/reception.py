@@ -19,7 +19,7 @@ from wsnsim.kernels.reception import COLLIDED, FOREIGN, HEARD_OTHER, HIT, LOST, 
 from wsnsim.network.event_log import EACH, event
 from wsnsim.network.radio.capture import CapturingReceivers
 from wsnsim.network.radio.topology import RadioServices
-from wsnsim.network.radio.transmission import LossSamples, RadiosOn, Transmission
+from wsnsim.network.radio.transmission import RadiosOn, Transmission, UseCounter
 
 DROP: Final = KIND["drop"]
 WHOLE: Final = 1.0
@@ -42,16 +42,12 @@ class Reception:
     """
 
     def __init__(
-        self, radio: RadioServices, losses: LossSamples, on: RadiosOn, receivers: CapturingReceivers | None = None
+        self, radio: RadioServices, losses: UseCounter, on: RadiosOn, receivers: CapturingReceivers | None = None
     ) -> None:
-        self._env = radio.env
-        self._nodes = radio.nodes
-        self._log = radio.log
-        self._topology = radio.topology
+        self._env, self._nodes, self._topology, _, self._log, self._counters = radio
         self._on = on
         self._receivers = receivers
-        self._counters = radio.counters
-        self._uses = losses.uses
+        self._uses = losses
         self._key = np.uint64(losses.key)
         self._groups = np.empty((0, 4))
 
@@ -60,14 +56,19 @@ class Reception:
 
         A broadcast is meant for the neighbours that are awake: those asleep do not count as missed.
         """
-        nodes, ids, frame = self._nodes, sent.neighbours.ids, sent.frame
+        nodes, ids = self._nodes, sent.neighbours.ids
         listening = self._on.hears(ids, sent.start)
         if self._receivers is not None:
             self._receivers.lock_started()
         lasting = nodes.can_all_receive(ids, sent.costs[2])
-        undisturbed = lasting and not nodes.disturbed and frame.to == EVERYONE and self._topology.distance_only
+        undisturbed = lasting and not nodes.disturbed and sent.frame.to == EVERYONE and self._topology.distance_only
         if undisturbed and (listening is None or listening.all()):
             return self._broadcast(sent)
+        return self._sort_out(sent, listening, lasting)
+
+    def _sort_out(self, sent: Transmission, listening: Bools | None, lasting: bool) -> Received:
+        """The result of any frame: `listening` (n,) neighbours, None for all; `lasting`: none of them can die of it."""
+        nodes, ids, frame = self._nodes, sent.neighbours.ids, sent.frame
         hears, everyone = ALL if listening is None else listening, frame.to == EVERYONE
         if sent.asleep is not None:
             hears = ~np.isin(ids, sent.asleep) & (True if listening is None else listening)
@@ -181,9 +182,9 @@ class Reception:
     def _broadcast(self, sent: Transmission) -> Received:
         """The result of a broadcast if distance alone decides, and nobody can die of it."""
         received = ids = sent.neighbours.ids
-        collided = {} if sent.overlapping is None else self._collided_until(sent)
-        self._count(sent, ids.size, ids.size - len(collided), len(collided))
-        if collided:
+        lost = 0
+        if sent.overlapping is not None and (collided := self._collided_until(sent)):
+            lost = len(collided)
             groups: dict[float, list[int]] = {}
             airtime = sent.end - sent.start
             for node, until in collided.items():
@@ -191,6 +192,7 @@ class Reception:
             for share, group in groups.items():
                 self._charge(sent, np.array(group), share, COLLIDE, RX, lasting=True)
             received = np.array([node for node in sent.neighbours.id_list if node not in collided], dtype=np.int64)
+        self._count(sent, ids.size, ids.size - lost, lost)
         if received.size:
             self._charge(sent, received, WHOLE, RECEIVE, RX, lasting=True)
         self._on.note(sent, ids)

@@ -60,10 +60,7 @@ class Router:
     """
 
     def __init__(self, radio: RadioServices, weight: str, longest: float) -> None:
-        self._env = radio.env
-        self._nodes = radio.nodes
-        self._topology = radio.topology
-        self._energy = radio.energy
+        self._env, self._nodes, self._topology, self._energy, *_ = radio
         self._weight = weight
         self._longest = longest
         self._graph: LinkGraph | None = None

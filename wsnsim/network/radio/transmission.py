@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -113,10 +113,11 @@ class SomeRadiosOn(RadiosOn):
 class UseCounter:
     """Counts how often each link or sender was used in the present step.
 
-    The random numbers of a frame are derived from the step and this number, and so do not depend on earlier steps.
+    Random numbers of a frame are derived from `key`, the step and this number, and so do not depend on earlier steps.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, key: int) -> None:
+        self.key = key
         self._uses: dict[Hashable, tuple[int, int]] = {}
 
     def next(self, user: Hashable, step: int) -> int:
@@ -125,13 +126,6 @@ class UseCounter:
         count = count + 1 if last_step == step else 1
         self._uses[user] = step, count
         return count
-
-
-class LossSamples(NamedTuple):
-    """The key of the random losses of a network, and the numbers of the frames that may be lost."""
-
-    key: int
-    uses: UseCounter
 
 
 class _Counts:

@@ -43,7 +43,7 @@ class Transport:
         self._forwarding = forwarding
         self.hops = hops
         as_lists = defined_together(type(mac), "send_unicasts", "send")
-        self._send_unicasts = cast(IdealMechanism, mac).send_unicasts if as_lists else _send_no_unicasts
+        self._send_unicasts = cast(IdealMechanism, mac).send_unicasts if as_lists else None
         self.keeps_idle_slots = isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots
         self.expect: Callable[[int, Sequence[int]], None] = (
             mac.expect if isinstance(mac, ExpectsMembers) else (lambda head, members: None)
@@ -91,7 +91,7 @@ class Transport:
             An event that fires when the last has ended. None, and nothing is sent, where they need a datagram each: the
             MAC takes time, or some node is several hops away.
         """
-        if self._send_unicasts is _send_no_unicasts:
+        if self._send_unicasts is None:
             return None
         ends = [*zip(unicasts.sources, unicasts.destinations, strict=True)]
         near = one_hop and self.hops.wake_neighbour is None and self._pairs.issuperset(ends)
@@ -149,8 +149,3 @@ class Transport:
         if self.hops.wake_neighbour is not None and self.hops.sleeps(to):
             return False
         return one_hop or self._forwarding.is_one_hop(source, to)
-
-
-def _send_no_unicasts(unicasts: Unicasts) -> simpy.Event | None:
-    """Return None: the MAC sends bursts only."""
-    return None
