@@ -72,14 +72,14 @@ class BackgroundConsumption:
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
         self.network = NetworkTotals(table, sleep_states, size, self._per_switch)
         self._network_joules = self.network.joules
-        self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon, battery, check)
-        self.most = self._watch.most
-        self._free = not (self.most or self._per_switch or table.duties)
-        """Whether nothing is consumed: time costs nothing, or the run is over."""
         self._levels = RadioLevels(table, size)
         self._duty_cycled = self._levels.active
         self._off = np.array(table.off)
         self._off_of = scalars(self._off)
+        self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon, battery, check)
+        self.most = self._watch.most
+        self._free = not (self.most or self._per_switch or table.duties)
+        """Whether nothing is consumed: time costs nothing, or the run is over."""
 
     def _charges(self, node: int) -> tuple[list[tuple[int, float]], float]:
         """(cause, joules) since the node was settled, negative if paid in advance; and the seconds it was awake."""

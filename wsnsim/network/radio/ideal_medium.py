@@ -6,7 +6,7 @@ The mechanism decides when a burst is sent, and calls `IdealMedium.carry(burst)`
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 import simpy
@@ -15,8 +15,9 @@ from wsnsim.base.arrays import Bools
 from wsnsim.base.frames import EVERYONE, SEND, Burst, Received, full_burst
 from wsnsim.base.requests import Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.models.access import IdealMac
+from wsnsim.network.energy.ledger import UnicastCost
 from wsnsim.network.event_log import Acting, Event, event, then
 from wsnsim.network.radio.datagrams import Unicasts
 from wsnsim.network.radio.mac_services import NetworkMacServices
@@ -24,19 +25,9 @@ from wsnsim.network.radio.topology import RadioServices
 from wsnsim.network.radio.transmission import UseCounter
 
 RELAY, RECEIVE, DROP = KIND["relay"], KIND["receive"], KIND["drop"]
-TX, RX, RECEIVED = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"], CAUSE["rx"]
+TX, RX = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
 MOST_HOP_COSTS: Final = 20_000
 """Costs of hops that are kept."""
-
-
-class HopCost(NamedTuple):
-    """Bits of a unicast, and joules: the sender's electronics and amplifier, their sum, and the receiver's."""
-
-    bits: int
-    electronics: float
-    amplifier: float
-    sent: float
-    received: float
 
 
 class IdealMedium:
@@ -52,7 +43,7 @@ class IdealMedium:
         self._env, self._nodes, self._topology, self._energy, self._log, self._counters = radio
         self._seconds_per_bit = 0.0 if rate is None else 1.0 / rate
         self._uses = UseCounter(key)
-        self._hop_costs: dict[tuple[int, int, int], HopCost] = {}
+        self._hop_costs: dict[tuple[int, int, int], UnicastCost] = {}
 
     def carry(self, burst: Burst) -> None:
         """Perform a burst: charge and log it, and write into it what arrived. A dead node sends nothing."""
@@ -78,12 +69,11 @@ class IdealMedium:
             for burst in unicasts.split():
                 self.carry(burst)
             return
-        counters, log, ledger, target = self._counters, self._log, self._nodes.ledger, unicasts.target
+        counters, log, target = self._counters, self._log, unicasts.target
+        self._nodes.ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
         now, step, number, rows = self._env.now, log.step, counters.frames_sent, list[Event]()
         sends = zip(unicasts.sources, unicasts.destinations, unicasts.parcels, costs, strict=True)
-        for source, to, parcel, (bits, electronics, amplifier, sent, received) in sends:
-            ledger.book_transmission(source, electronics, amplifier)
-            ledger.book(to, RECEIVED, received)
+        for source, to, parcel, (bits, _, _, sent, received) in sends:
             number, packets, code = number + 1, parcel.packets, log.code(parcel.what)
             rows += (
                 (now, step, target, source, SEND, code, number, number, to, packets, bits, sent, TX),
@@ -95,7 +85,7 @@ class IdealMedium:
         counters.in_range += len(costs)
         counters.delivered += len(costs)
 
-    def _unicast_costs(self, unicasts: Unicasts) -> list[HopCost] | None:
+    def _unicast_costs(self, unicasts: Unicasts) -> list[UnicastCost] | None:
         """What each unicast costs; None unless all of them arrive and nobody may die of them."""
         nodes = self._nodes
         if not self._topology.distance_only or nodes.disturbed:
@@ -107,18 +97,18 @@ class IdealMedium:
             bits = parcel.packets * parcel.packet_bits
             cost = known.get((source, to, bits)) or self._hop_cost(source, to, bits)
             costs.append(cost)
-            joules += cost.sent + cost.received
+            joules += cost[3] + cost[4]
             if not bits:
                 return None
         outlast = nodes.all_outlast(unicasts.sources, joules) and nodes.all_outlast(unicasts.destinations, joules)
         return costs if outlast else None
 
-    def _hop_cost(self, source: int, to: int, bits: int) -> HopCost:
+    def _hop_cost(self, source: int, to: int, bits: int) -> UnicastCost:
         """What it costs to send and to receive some bits; kept, since nodes stand still."""
         if len(self._hop_costs) >= MOST_HOP_COSTS:
             self._hop_costs.clear()
         electronics, amplifier = self._energy.transmit(bits, self._nodes.distance(source, to))
-        cost = HopCost(bits, electronics, amplifier, electronics + amplifier, self._energy.receive(bits))
+        cost = (bits, electronics, amplifier, electronics + amplifier, self._energy.receive(bits))
         self._hop_costs[source, to, bits] = cost
         return cost
 
