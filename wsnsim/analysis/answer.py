@@ -306,14 +306,9 @@ def _lost(facts: ResultFacts, lost: int) -> str:
         return f"{subject} was lost{_rule(facts)} {how}" + (
             f" (for {percent(share)} of the steps)" if share > 0.0 else ""
         )
-    again = f" (and found again in {_share(found, lost)} of these)" if lost > 1 else " (and found again)"
+    some = f"{found:,}" if found < lost else "both" if lost == 2 else "all"
+    again = f" (and found again in {some} of these)" if lost > 1 else " (and found again)"
     return f"{subject} was lost{_rule(facts)} in {runs(lost, facts.count)}{again * (found > 0)}"
-
-
-def _share(some: int, every: int) -> str:
-    if some < every:
-        return f"{some:,}"
-    return "both" if every == 2 else "all"
 
 
 def _error(facts: ResultFacts) -> tuple[str, float]:

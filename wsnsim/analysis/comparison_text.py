@@ -39,7 +39,7 @@ def answer(found: Comparison) -> str:
     others = [key for key in found.keys if key not in names]
     groups: dict[str, list[int]] = {}
     for row in range(len(found.table)):
-        where = ", ".join(f"{key} = {_shown(found.table[key].iloc[row])}" for key in others)
+        where = ", ".join(f"{key} = {label([_plain(found.table[key].iloc[row])])}" for key in others)
         groups.setdefault(where, []).append(row)
     if len(groups) > MOST_SENTENCES:
         return _counted(found, [found.table.iloc[rows] for rows in groups.values()], names, others)
@@ -123,10 +123,6 @@ def _word(metric: str) -> str:
 def _name(row: pd.Series, names: tuple[str, ...]) -> str:
     """The point's values of the compared keys."""
     return label(_plain(row[name]) for name in names)
-
-
-def _shown(value: Any) -> str:
-    return label([_plain(value)])
 
 
 def _plain(value: Any) -> Any:
@@ -265,7 +261,7 @@ def _each(cell: Callable[[Any], str]) -> Cells:
 
 
 def _setting(value: Any) -> str:
-    return "-" if value is None or value is pd.NA or value != value else label([value])
+    return "-" if _plain(value) is None else label([value])
 
 
 def _percents(share: float) -> str:

@@ -76,15 +76,10 @@ def with_pairs(table: pd.DataFrame, pairs: dict[int, dict[str, float]]) -> pd.Da
     numbers = {name: [pairs.get(row, {}).get(name, np.nan) for row in range(len(table))] for name in NUMBERS}
     for raw, adjusted in (("p", "p_holm"), ("p_losses", "p_losses_holm")):
         numbers[adjusted] = statistics.holm(numbers[raw])
-    tests = [_test(pairs[row]["pairs"]) if row in pairs else "" for row in range(len(table))]
+    counts = [pairs[row]["pairs"] if row in pairs else 0 for row in range(len(table))]
+    exact = [f"{WILCOXON}, exact" if count <= statistics.EXACT else WILCOXON for count in counts]
+    tests: list[Any] = [name if count else "" for name, count in zip(exact, counts, strict=True)]
     return table.assign(**{name: np.array(column, dtype=np.float64) for name, column in numbers.items()}, test=tests)
-
-
-def _test(pairs: float) -> Any:
-    """The name of the test of the metric: exact up to `statistics.EXACT` pairs, then by the normal approximation."""
-    if not pairs:
-        return ""
-    return f"{WILCOXON}, exact" if pairs <= statistics.EXACT else WILCOXON
 
 
 LEVEL: Final = 0.05

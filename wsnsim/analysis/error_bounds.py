@@ -74,7 +74,6 @@ def _errors(path: str | Path, found: Bound) -> Floats:
 
 MOST: Final = 100
 """Runs whose trajectories count at most: more change only the third digit."""
-BOUNDED: Final = ("rmse",)
 
 
 class PointBounds(NamedTuple):
@@ -102,7 +101,7 @@ def with_bounds(found: Comparison, folder: Folder, plugins: Plugins | None = Non
     a bound has NaN, and `unbounded` says why. Bounds are kept beside the campaign, see `recording.kept`.
     `plugins` says which plug-ins the campaign's scenarios may name; by default none.
     """
-    if found.metric not in BOUNDED:
+    if found.metric != "rmse":
         return found
     manifest, known = folder.manifest(), {}
     kept = KeptAnswers(folder.path / KEPT / "bounds.json")

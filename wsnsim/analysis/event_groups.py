@@ -174,15 +174,6 @@ class NodeAction:
     bits: int = 0
     joules: float = 0.0
 
-    def add(self, row: LoggedEvent) -> None:
-        """Add an event."""
-        self.until = row.time
-        self.nodes.append(row.node)
-        self.count += 1
-        self.packets += row.packets
-        self.bits += row.bits
-        self.joules += row.joules
-
 
 def group_events(
     rows: Iterable[LoggedEvent], other_steps: Mapping[int, OtherSteps] | None = None
@@ -263,7 +254,12 @@ def _add_action(
         actions[key] = action, nodes
         append(action)
     nodes.add(row.node)
-    action.add(row)
+    action.until = row.time
+    action.nodes.append(row.node)
+    action.count += 1
+    action.packets += row.packets
+    action.bits += row.bits
+    action.joules += row.joules
 
 
 def _add_burst_event(

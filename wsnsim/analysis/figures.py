@@ -121,7 +121,9 @@ def panels_of(path: Path, what: str, choice: PlotSelection, among_all: bool) -> 
     """The panels of one plot: (name, function that draws it)."""
     options: dict[str, Any] = {"replicate": choice.replicate, "target": choice.target}
     if what == "states":
-        for column in _columns(plot_data.layout(path), choice.column, among_all):
+        plan = plot_data.layout(path)
+        shown_by_track = among_all and tuple(plan.units) == plan.position  # the only column, over time
+        for column in (choice.column,) if choice.column is not None else () if shown_by_track else plan.units:
             yield f"state {column}", partial(plots.states, path=path, column=column, **options)
         return
     if what == "particles":
@@ -130,10 +132,3 @@ def panels_of(path: Path, what: str, choice: PlotSelection, among_all: bool) -> 
     elif what != "track":
         options = {"plugins": choice.plugins} if what == "error" else {}
     yield what, partial(getattr(plots, what), path=path, **options)
-
-
-def _columns(plan: plot_data.StateLayout, wanted: str | None, among_all: bool) -> tuple[str, ...]:
-    """The state columns to plot: the one wanted, or all; none if the track already shows the only one over time."""
-    if wanted is not None:
-        return (wanted,)
-    return () if among_all and tuple(plan.units) == plan.position else tuple(plan.units)

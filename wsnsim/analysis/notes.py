@@ -34,8 +34,6 @@ from wsnsim.recording import read_json
 ALWAYS, BEFORE_A_RUN, IN_A_CHECK = "always", "before a run", "in a check"
 SURELY_LINKED: Final = 3.0
 """With more expected neighbours than this (mean over the field), some nodes are surely within range of another."""
-NO_ESTIMATE: Final = "no step has an estimate"
-NO_NETWORK: Final = "no network is simulated"
 UNKNOWN: Final = "it is not known in any run"
 OF_THREE: Final = ("rmse_three", "mean_error_three", "median_error_three")
 """Errors at the steps with three readings or more."""
@@ -205,9 +203,9 @@ def _reason(key: str, report: Report, figures: Mapping[str, Any]) -> str:
     if base.startswith("bound") and figures["bound_reason"]:
         return str(figures["bound_reason"])
     if base in NETWORK_ONLY and report.scenario.network is not None:
-        return NO_NETWORK
+        return "no network is simulated"
     if base in OF_THREE and math.isnan(figures["rmse"]):
-        return NO_ESTIMATE
+        return "no step has an estimate"
     return (FIGURES[base].unknown if base in FIGURES else "") or UNKNOWN
 
 

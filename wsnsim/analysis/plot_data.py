@@ -59,14 +59,6 @@ class StateLayout(NamedTuple):
             raise UsageError(f"{path}: no state column '{column}' ({did_you_mean(column, self.units)})")
 
 
-class PositionErrors(NamedTuple):
-    """Position errors (runs, targets, steps), NaN without an estimate; the recorded steps, and their times (s)."""
-
-    errors: Floats
-    steps: Ints
-    times: Floats
-
-
 def bracketed(unit: str) -> str:
     """A unit in brackets as it follows a label; empty for a pure number."""
     return f" [{unit}]" if unit not in ("", "1") else ""
@@ -148,8 +140,11 @@ def woken_regions(path: str | Path, replicate: int, target: int) -> Columns:
     return _chosen(held, (held["replicate"] == replicate) & (held["target"] == target))
 
 
-def errors(path: str | Path) -> PositionErrors:
-    """The position errors of a result file, at every step that has rows in the table `estimates`."""
+def errors(path: str | Path) -> tuple[Floats, Ints, Floats]:
+    """The position errors of a file, (runs, targets, steps), NaN without an estimate; the steps; their times (s).
+
+    The steps are those that have rows in the table `estimates`.
+    """
     table = recording.read_table(path, "estimates", ["replicate", "target", "step", "time", "error"])
     axes = [np.unique(table[name], return_inverse=True) for name in ("replicate", "target", "step")]
     result = np.full([known.size for known, _ in axes], np.nan)
@@ -157,7 +152,7 @@ def errors(path: str | Path) -> PositionErrors:
     steps, at = axes[-1]
     times = np.zeros(len(steps))
     times[at] = table["time"]
-    return PositionErrors(result, steps, times)
+    return result, steps, times
 
 
 def spent(path: str | Path) -> tuple[Floats, Floats, int]:

@@ -110,12 +110,14 @@ def warning(size: RunSize, free: float) -> str:
     if size.seconds <= HOUR and size.memory <= free:
         return ""
     lasts = _duration(size.seconds)
+    large = size.file >= 0.1 * GIGABYTE
+    file = f"{_figure(size.file / GIGABYTE)} GB" if large else f"{_figure(size.file / 1e6)} MB"
     memory = f"{_figure(size.memory / GIGABYTE)} GB of memory"
     if size.memory > free:
         memory += f", of which {_figure(free / GIGABYTE)} GB are free"
     return (
         f"{size.steps:,} steps x {size.nodes:,} nodes x {size.replicates:,} runs take about {lasts} and {memory}, and "
-        f"a file of {_bytes(size.file)}; Ctrl-C ends it"
+        f"a file of {file}; Ctrl-C ends it"
     )
 
 
@@ -171,10 +173,6 @@ def _duration(seconds: float) -> str:
         if seconds >= 2.0 * length:
             return f"{_figure(seconds / length)} {unit}"
     return f"{_figure(seconds)} s"
-
-
-def _bytes(count: float) -> str:
-    return f"{_figure(count / GIGABYTE)} GB" if count >= 0.1 * GIGABYTE else f"{_figure(count / 1e6)} MB"
 
 
 def _figure(value: float) -> str:

@@ -20,7 +20,7 @@ from matplotlib.ticker import LogLocator
 from wsnsim.analysis.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from wsnsim.analysis.plot_data import EMPTY, bracketed
 from wsnsim.analysis.quantities import run_metric_name
-from wsnsim.analysis.sweep_lines import SweepLine, SweepLines, lines_of
+from wsnsim.analysis.sweep_lines import SweepLines, lines_of
 from wsnsim.base.arrays import Floats
 
 __all__ = ["SweepLines", "differences", "energy", "lines_of", "lost", "median"]
@@ -99,11 +99,16 @@ def lacking(lines: SweepLines) -> dict[str, str]:
 def _drawn(axes: Axes, lines: SweepLines, name: str, scale: float = 1.0) -> Floats:
     """Draw each line with its band; returns all drawn values as one array."""
     shown: list[Floats] = []
-    named, pale = _named(lines), 0.15 if len(lines.lines) <= len(DASHES) else 0.08
+    count, pale = len(lines.lines), 0.15 if len(lines.lines) <= len(DASHES) else 0.08
+    named = np.linspace(0, count - 1, min(count, MOST_LABELS)).round() if count > 1 else np.empty(0)
+    shades = 1 + max(line.colour for line in lines.lines)
     for number, line in enumerate(lines.lines):
         value, low, high = (scale * lines.column(f"{name}{end}", line) for end in ("", "_low", "_high"))
         places = lines.places[list(line.rows)]
-        look: dict[str, Any] = {"color": _colour(lines, line), "markersize": 4}
+        colour: Any = COLOURS[line.colour % len(COLOURS)]
+        if shades > len(COLOURS):  # a shade by the order of the values
+            colour = matplotlib.colormaps["viridis"](line.colour / (shades - 1))
+        look: dict[str, Any] = {"color": colour, "markersize": 4}
         look["marker"] = MARKS[line.dash % len(MARKS)]
         look["label"] = line.label if number in named else f"_{line.label}"
         if lines.joined:
@@ -117,20 +122,6 @@ def _drawn(axes: Axes, lines: SweepLines, name: str, scale: float = 1.0) -> Floa
         shown += [value, low, high]
     together = np.concatenate(shown)
     return together[np.isfinite(together)]
-
-
-def _colour(lines: SweepLines, line: SweepLine) -> Any:
-    """A colour of the palette; with too many values for it, a shade by their order."""
-    many = 1 + max(line.colour for line in lines.lines)
-    return COLOURS[line.colour] if many <= len(COLOURS) else matplotlib.colormaps["viridis"](line.colour / (many - 1))
-
-
-def _named(lines: SweepLines) -> set[int]:
-    """The lines that the legend names: none if there is only one, and at most `MOST_LABELS`."""
-    count = len(lines.lines)
-    if count == 1:
-        return set()
-    return set(np.linspace(0, count - 1, min(count, MOST_LABELS)).round().astype(int).tolist())
 
 
 def _band(lines: SweepLines) -> str:

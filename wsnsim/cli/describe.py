@@ -22,7 +22,6 @@ from wsnsim.cli.listing import listed, paragraph, wrapped_table
 from wsnsim.cli.shared import every_command, is_campaign, reading
 from wsnsim.scenario.fields import PartError
 from wsnsim.scenario.kind_info import KindInfo, kind_info, kinds_named
-from wsnsim.scenario.parameter_info import ParameterInfo
 from wsnsim.scenario.registry import AT_TOP, ROLES, find, kinds, role_named, search
 from wsnsim.scenario.texts import is_result, shipped, shipped_parts
 
@@ -141,7 +140,9 @@ def _sections(kind: KindInfo) -> Iterator[str]:
         yield ""
         yield from _aligned([(f"{name}:", [text]) for name, text in kind.facts], "")
     yield "\nParameters:" if kind.parameters else "\nNo parameters."
-    yield from _aligned([(one.name, [one.meaning, values_of(one)]) for one in kind.parameters], "  ")
+    defaults = ["required" if one.default is None else f"default {one.default}" for one in kind.parameters]
+    pairs = zip(kind.parameters, defaults, strict=True)
+    yield from _aligned([(one.name, [one.meaning, f"{default}; {one.takes}"]) for one, default in pairs], "  ")
     files = " and ".join(kind.example.files)
     beside = f" (here with {files} beside it)" if files else ""
     yield "\n" + paragraph(f"A scenario with it, which `wsnsim check` accepts{beside}:")
@@ -158,12 +159,6 @@ def _aligned(items: Sequence[tuple[str, Sequence[str]]], indent: str) -> Iterato
         for i, text in enumerate(texts):
             start = indent + (name if i == 0 else "").ljust(size)
             yield paragraph(text, start, " " * len(start))
-
-
-def values_of(one: ParameterInfo) -> str:
-    """Return what a parameter takes: 'default 400; whole number (dimensionless), 1 to 1e7'."""
-    default = "required" if one.default is None else f"default {one.default}"
-    return f"{default}; {one.takes}"
 
 
 def word_text(word: str) -> str:

@@ -138,9 +138,13 @@ def _nodes(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> 
         RunError: A position cannot be read. The message names file and line.
         StorageError: The copy cannot be written.
     """
-    named = _beside(nodes, out)
-    if nodes is None or tracks.origin == (0.0, 0.0):
-        return named, []
+    if nodes is None:
+        return None, []
+    if not nodes.is_file():
+        raise UsageError(f"--nodes {nodes}: file does not exist")
+    place = nodes.resolve()
+    if tracks.origin == (0.0, 0.0):
+        return Path(nodes.name) if place.parent == out.resolve().parent else place, []
     from wsnsim.interop import trajectories
 
     copy = out.with_name(f"{out.stem}_nodes.csv")
@@ -149,17 +153,6 @@ def _nodes(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> 
         raise UsageError(f"{copy} would be replaced by the shifted positions: give another name to --out")
     trajectories.write_shifted_nodes(nodes, copy, tracks.origin)
     return Path(copy.name), [copy]
-
-
-def _beside(nodes: Path | None, out: Path) -> Path | None:
-    """The file of positions as a scenario beside `out` names it. Raises UsageError if it does not exist."""
-    if nodes is None:
-        return None
-    if not nodes.is_file():
-        raise UsageError(f"--nodes {nodes}: file does not exist")
-    if nodes.resolve().parent == out.resolve().parent:
-        return Path(nodes.name)
-    return nodes.resolve()
 
 
 def _format(kind: str) -> TraceFormat:

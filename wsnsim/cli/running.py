@@ -21,7 +21,6 @@ from wsnsim.cli.shared import echo, echo_answer, group, is_campaign, loaded, rea
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
-    from wsnsim.watch.run_view import RunView
 
 
 run_options = shared.with_options(
@@ -71,7 +70,7 @@ def run_scenario(source: str, options: Any, interrupts: Interrupts, live: LiveOp
     if talks:
         _say_notes(scenario, options.replicates or scenario.replicates, options.batch)
 
-    def view_at(port: int) -> RunView:
+    def view_at(port: int) -> Any:
         from wsnsim.watch.run_view import RunView
 
         return RunView(scenario.name, port)

@@ -66,15 +66,11 @@ def names(infos: Sequence[Mapping[str, Any]], files: Sequence[Path]) -> list[str
     for name in {name for name in bare if bare.count(name) > 1}:
         rows = [row for row, each in enumerate(bare) if each == name]
         paths = [files[row].resolve().parts for row in rows]
+        depths = range(1, max(map(len, paths)) + 1)  # how many last parts make the paths distinct
+        depth = next(depth for depth in depths if len({path[-depth:] for path in paths}) == len(set(paths)))
         for row, path in zip(rows, paths, strict=True):
-            result[row] = f"{name}, {'/'.join(path[-_distinct_depth(paths) :])}"
+            result[row] = f"{name}, {'/'.join(path[-depth:])}"
     return result
-
-
-def _distinct_depth(paths: Sequence[tuple[str, ...]]) -> int:
-    """How many last parts of the paths make them distinct."""
-    different, deepest = len(set(paths)), max(map(len, paths))
-    return next(depth for depth in range(1, deepest + 1) if len({path[-depth:] for path in paths}) == different)
 
 
 def lead(section: PageSection, replay: Replay) -> str:

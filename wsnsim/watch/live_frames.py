@@ -194,9 +194,8 @@ class LiveFrames:
 
     def _forget_rows(self) -> None:
         """Forget the rows that no later frame needs."""
-        for table, rows in self._rows.items():
-            if rows:
-                self._rows[table] = _chosen(rows, rows["step"] >= self._encoded())
+        kept = {table: rows["step"] >= self._encoded() for table, rows in self._rows.items() if rows}
+        self._rows |= {table: _chosen(self._rows[table], rows) for table, rows in kept.items()}
 
     def _guess(self, estimates: Sequence[tuple[int, Issued]]) -> Columns:
         """The rows of estimates, with their errors."""
