@@ -9,7 +9,6 @@ import pytest
 
 import wsnsim.scenario as scenario
 from wsnsim import experiment
-from wsnsim.analysis.difference import _differing as differing_origins
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import Memory
 from wsnsim.cli import main
@@ -17,6 +16,7 @@ from wsnsim.offline import batch, offers_batch
 from wsnsim.offline.batch import Batches
 from wsnsim.recording import read_table, read_text
 from wsnsim.trackers.bootstrap_pf import Sir
+from wsnsim.verification import _excuses
 
 TABLES = dict.fromkeys(("runs", "tracks", "nodes", "truth", "estimates", "covariances"), True)
 CASES = {
@@ -194,8 +194,8 @@ def test_whole_runs_of_another_shape_are_refused(tmp_path, monkeypatch):
 
 def test_files_of_a_plug_ins_whole_runs_are_verified_with_a_tolerance():
     made = {"engine": "batch", "plugins": ["tracker mine"]}
-    assert differing_origins(made, {}) == ["engine"]
-    assert differing_origins({**made, "engine": "composed"}, {}) == differing_origins({**made, "plugins": []}, {}) == []
+    assert _excuses(made, {}) == ["engine"]
+    assert _excuses({**made, "engine": "composed"}, {}) == _excuses({**made, "plugins": []}, {}) == []
 
 
 @pytest.mark.parametrize("place", ["wsnsim.trackers.bootstrap_pf.cloud_runs", "wsnsim.offline.batch.sample_readings"])

@@ -179,10 +179,10 @@ def test_of_several_results_the_least_important_figures_are_left_out_first(tmp_p
 
 
 def test_results_of_one_name_are_told_apart_by_as_many_folders_as_differ(tmp_path):
-    abouts = [{"name": name, "path": tmp_path / place} for name, place in (
+    results = (
         ("a", "one/b/r0.h5"), ("a", "two/b/r0.h5"), ("c", "x.h5"), ("d", "x.h5"), ("d", "y.h5"), ("e", "z"), ("e", "z"),
-    )]  # fmt: skip
-    named = page_sections.names(abouts)
+    )  # fmt: skip
+    named = page_sections.names([{"name": name} for name, _ in results], [tmp_path / place for _, place in results])
     assert named == ["a, one/b/r0.h5", "a, two/b/r0.h5", "c", "d, x.h5", "d, y.h5", "e, z", "e, z"]
 
 
