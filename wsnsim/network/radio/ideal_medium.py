@@ -72,15 +72,14 @@ class IdealMedium:
         counters, log, target = self._counters, self._log, unicasts.target
         self._nodes.ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
         now, step, number, rows = self._env.now, log.step, counters.frames_sent, list[Event]()
-        sends = zip(unicasts.sources, unicasts.destinations, unicasts.parcels, costs, strict=True)
-        for source, to, parcel, (bits, _, _, sent, received) in sends:
-            number, packets, code = number + 1, parcel.packets, log.code(parcel.what)
-            rows += (
-                (now, step, target, source, SEND, code, number, number, to, packets, bits, sent, TX),
-                (now, step, target, to, RECEIVE, code, number, number, source, packets, bits, received, RX),
-            )
-            counters.packets_sent += packets
+        packets = [parcel.packets for parcel in unicasts.parcels]
+        codes = [log.code(parcel.what) for parcel in unicasts.parcels]
+        sends = zip(unicasts.sources, unicasts.destinations, packets, codes, costs, strict=True)
+        for number, (source, to, count, code, (bits, _, _, sent, received)) in enumerate(sends, number + 1):
+            rows.append((now, step, target, source, SEND, code, number, number, to, count, bits, sent, TX))
+            rows.append((now, step, target, to, RECEIVE, code, number, number, source, count, bits, received, RX))
         log.extend(rows)
+        counters.packets_sent += sum(packets)
         counters.frames_sent = number
         counters.in_range += len(costs)
         counters.delivered += len(costs)
