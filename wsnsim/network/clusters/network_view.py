@@ -189,7 +189,8 @@ class WakeIntervals:
 
     def shorten_for_next_step(self, nodes: Iterable[int]) -> None:
         """The same until the next step, and for as long after it as woken nodes wait, but for a step at least."""
-        self.shorten(nodes, self._clock.next_step + self._after)
+        if self._mechanism is not None:
+            self.shorten(nodes, self._clock.next_step + self._after)
 
     def forget(self, node: int) -> None:
         """A node went down: it restarts at the long interval. The time that it had left is taken back."""

@@ -126,6 +126,8 @@ class BackgroundConsumption:
 
     def settle(self, node: int) -> Charges:
         """Return what a node has consumed since it was last settled, and regard it as booked."""
+        if self._free:
+            return ()
         charges, passed = self._charges(node)
         state = self._state[node]
         if self._duty_cycled:
@@ -199,8 +201,9 @@ class BackgroundConsumption:
 
     def _enter(self, node: int, after: int) -> None:
         """A settled node is in another state from now on."""
-        busy, computed = self._radio_busy_of[node], self._computed_of[node]
-        self.network.change_state(self._state[node], after, busy, computed, self._env.now)
+        if not self._free:
+            busy, computed = self._radio_busy_of[node], self._computed_of[node]
+            self.network.change_state(self._state[node], after, busy, computed, self._env.now)
         self._state[node] = after
         self._since[node] = self._env.now
         if self._duty_cycled:

@@ -71,16 +71,17 @@ class IdealMedium:
             return
         counters, log, target = self._counters, self._log, unicasts.target
         self._nodes.ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
-        now, step, number, rows = self._env.now, log.step, counters.frames_sent, list[Event]()
+        now, step, rows = self._env.now, log.step, list[Event]()
         packets = [parcel.packets for parcel in unicasts.parcels]
         codes = [log.code(parcel.what) for parcel in unicasts.parcels]
         sends = zip(unicasts.sources, unicasts.destinations, packets, codes, costs, strict=True)
-        for number, (source, to, count, code, (bits, _, _, sent, received)) in enumerate(sends, number + 1):
+        first = counters.frames_sent + 1
+        for number, (source, to, count, code, (bits, _, _, sent, received)) in enumerate(sends, first):
             rows.append((now, step, target, source, SEND, code, number, number, to, count, bits, sent, TX))
             rows.append((now, step, target, to, RECEIVE, code, number, number, source, count, bits, received, RX))
         log.extend(rows)
         counters.packets_sent += sum(packets)
-        counters.frames_sent = number
+        counters.frames_sent += len(costs)
         counters.in_range += len(costs)
         counters.delivered += len(costs)
 
