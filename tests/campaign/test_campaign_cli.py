@@ -115,8 +115,11 @@ def test_a_dry_run_says_what_it_would_take_and_writes_nothing(
 def test_a_dry_run_of_a_campaign_that_is_begun_counts_what_is_there(
     sweep: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    assert main(["sweep", sweep, "--dry-run", "--json"]) == 0
+    estimated = json.loads(capsys.readouterr().out)["size"]
     assert main(["sweep", sweep, "-q"]) == 0
     capsys.readouterr()
+    assert estimated == pytest.approx(sum(file.stat().st_size for file in Path().rglob("*.h5")), rel=0.2)
     assert main(["sweep", sweep, "--dry-run", "--json", "--replicates", "5"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["done"], answer["left"], answer["tasks"]) == (8, 2, 2)

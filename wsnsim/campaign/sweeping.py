@@ -218,7 +218,7 @@ def _unit_cost(plan: Plan, folder: Folder, batch: bool) -> tuple[float, float, s
 
 
 def _trial(point: Point, block: int, batch: bool) -> tuple[float, float]:
-    """(seconds, bytes) of one replicate, or the mean of a whole block if that is fast. The result is not kept."""
+    """(seconds of a replicate, bytes of a file), from one replicate, or from a block if that is fast."""
     loaded = scenario.load(json.loads(point.resolved))
     started_at = time.monotonic()
 
@@ -235,4 +235,4 @@ def _trial(point: Point, block: int, batch: bool) -> tuple[float, float]:
         if report.summaries[0].run["cpu_seconds"] < BLOCK_TIME / block:
             report = experiment.run(loaded, replicates=block, out=file, batch=batch)
         count = len(report.summaries)
-        return fmean(summary.run["cpu_seconds"] for summary in report.summaries), file.stat().st_size / count
+        return fmean(summary.run["cpu_seconds"] for summary in report.summaries), file.stat().st_size * block / count
