@@ -1,4 +1,4 @@
-"""What a reader must know: what is hardly meant in a scenario, and what stands beside the figures of its runs.
+"""Notes for readers: on values of a scenario that are probably not intended, and beside the figures of its runs.
 
     before_a_run(setup), of_setup(setup) -> notes, by the table `RULES`
     of_report(report, figures) -> notes            reasons(report, figures) -> {figure without a value: reason}
@@ -110,7 +110,7 @@ A check looks at the whole graph of links in place of the nearest nodes; a run t
 
 
 def before_a_run(setup: Setup) -> list[str]:
-    """What the values of a scenario make hardly meant, a sentence each, and whether no node can reach another."""
+    """A sentence on each value that is probably not intended, and whether no node can reach another."""
     return _noted(BEFORE_A_RUN, setup)
 
 

@@ -1,4 +1,4 @@
-"""What is valid in a scenario and yet hardly meant, or changes nothing: the rules of `notes.RULES` on values.
+"""Rules of `notes.RULES` on values of a scenario that are valid but probably not intended, or have no effect.
 
 Each rule yields a note for what it finds in a setup: the path of a value, what is wrong with it, with the figures, and
 the nearest remedy.

@@ -290,8 +290,7 @@ def compare(  # noqa: PLR0913
         workers = 0
     chosen = overrides_of("compare", changes, overrides, seed, ())
     arguments.demand_several(trackers)
-    options = {"replicates": replicates, "trackers": trackers, "workers": workers}
-    found = _swept(source, out, chosen, progress, options)
+    found = _swept(source, out, chosen, progress, {"replicates": replicates, "trackers": trackers, "workers": workers})
     if not found.complete:
         reasons = list(dict.fromkeys(found.failed.values())) or [found.outcome.stopped or "runs are missing"]
         raise RunError(f"the comparison is not complete: {'; '.join(reasons[:SHOWN])}")

@@ -48,9 +48,9 @@ class Streams:
         """A fresh Generator at the start of the named stream."""
         return np.random.Generator(np.random.Philox(self._sequence(name)))
 
-    def key(self, name: str) -> int:
+    def key(self, stream: str) -> int:
         """The 64-bit key of the named stream, for counter draws."""
-        return int(self._sequence(name).generate_state(1, np.uint64)[0])
+        return int(self._sequence(stream).generate_state(1, np.uint64)[0])
 
 
 def mix(x: int) -> int:

@@ -149,10 +149,10 @@ class Words:
     def __init__(self, words: Iterable[str] = ("",)) -> None:
         self._codes = {word: code for code, word in enumerate(words)}
 
-    def code(self, word: str) -> int:
+    def code(self, what: str) -> int:
         """The code of a word; a new word gets the next one."""
-        code = self._codes.setdefault(word, len(self._codes))
-        assert code < 256, f"more than 256 different words in a category column, the last being {word!r}"
+        code = self._codes.setdefault(what, len(self._codes))
+        assert code < 256, f"more than 256 different words in a category column, the last being {what!r}"
         return code
 
     def all(self) -> tuple[str, ...]:

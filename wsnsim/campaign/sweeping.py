@@ -187,7 +187,7 @@ def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE
     missing = {point: sorted(set(numbers) - folder.done(point)) for point, numbers in wanted.items()}
     left = sum(map(len, missing.values()))
     tasks = sum(1 for numbers in missing.values() for _ in consecutive(numbers, block))
-    seconds, file_size, source = _unit_cost(plan, folder, batch) if left else (0.0, 0.0, "nothing is missing")
+    seconds, size, source = _unit_cost(plan, folder, batch) if left else (0.0, 0.0, "nothing is missing")
     total = sum(map(len, wanted.values()))
     cpu = seconds * left
     return CostEstimate(
@@ -198,17 +198,18 @@ def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE
         tasks=tasks,
         cpu_seconds=cpu,
         wall_seconds=cpu / max(1, min(workers, tasks)) if tasks else 0.0,
-        size=file_size * tasks,
+        size=size * left,
         source=source,
     )
 
 
 def _unit_cost(plan: Plan, folder: Folder, batch: bool) -> tuple[float, float, str]:
-    """(seconds per replicate, bytes per file, source), from existing results or from trials of some points."""
-    files = [batch.path for point in plan.points for batch in folder.batches(point.id)][:MAX_SAMPLES]
+    """(seconds, bytes) of a replicate and their source: existing results, or trials of some points."""
+    files = [batch for point in plan.points for batch in folder.batches(point.id)][:MAX_SAMPLES]
     if files:
-        seconds = [read_table(file, "runs", ["cpu_seconds"])["cpu_seconds"].mean() for file in files]
-        return float(np.mean(seconds)), fmean(file.stat().st_size for file in files), f"{len(files)} existing files"
+        seconds = [read_table(file.path, "runs", ["cpu_seconds"])["cpu_seconds"].mean() for file in files]
+        sizes = [file.path.stat().st_size / (file.last - file.first + 1) for file in files]
+        return float(np.mean(seconds)), float(np.mean(sizes)), f"{len(files)} existing files"
     last = len(plan.points) - 1
     chosen = np.unique(np.linspace(0, last, min(MAX_TRIALS, last + 1)).astype(int)).tolist()  # evenly spread
     trials = [_trial(plan.points[index], plan.block, batch) for index in chosen]
@@ -218,7 +219,7 @@ def _unit_cost(plan: Plan, folder: Folder, batch: bool) -> tuple[float, float, s
 
 
 def _trial(point: Point, block: int, batch: bool) -> tuple[float, float]:
-    """(seconds of a replicate, bytes of a file), from one replicate, or from a block if that is fast."""
+    """(seconds, bytes) of one replicate, or the mean of a block if that is fast. The result is not kept."""
     loaded = scenario.load(json.loads(point.resolved))
     started_at = time.monotonic()
 
@@ -235,4 +236,4 @@ def _trial(point: Point, block: int, batch: bool) -> tuple[float, float]:
         if report.summaries[0].run["cpu_seconds"] < BLOCK_TIME / block:
             report = experiment.run(loaded, replicates=block, out=file, batch=batch)
         count = len(report.summaries)
-        return fmean(summary.run["cpu_seconds"] for summary in report.summaries), file.stat().st_size * block / count
+        return fmean(summary.run["cpu_seconds"] for summary in report.summaries), file.stat().st_size / count

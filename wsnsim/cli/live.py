@@ -65,11 +65,11 @@ def show_result(
         linger("the address now shows the result; ", quiet, interrupts)
 
 
-def linger(said: str, quiet: bool, interrupts: Interrupts, look: Callable[[], object] = bool) -> None:
-    """Serve until Ctrl-C what a last look gives."""
+def linger(note: str, quiet: bool, interrupts: Interrupts, refresh: Callable[[], object] = lambda: None) -> None:
+    """Serve the last state until Ctrl-C, after it was refreshed."""
     if not quiet:
-        echo(f"wsnsim: {said}Ctrl-C ends the server", err=True)
-    stay(interrupts, lambda: (look(), threading.Event().wait()))
+        echo(f"wsnsim: {note}Ctrl-C ends the server", err=True)
+    stay(interrupts, lambda: (refresh(), threading.Event().wait()))
 
 
 def say_where(url: str, options: LiveOptions) -> None:

@@ -34,7 +34,7 @@ class BaseNetwork(ABC):
     """
 
     def __init__(
-        self, setup: RadioSetup, replicate: int, nodes: InitialConditions, streams: Streams, recorder: Recorder,
+        self, setup: RadioSetup, replicate: int, conditions: InitialConditions, streams: Streams, recorder: Recorder,
         count_links: bool = False,
     ) -> None:  # fmt: skip
         self._setup = setup
@@ -42,10 +42,12 @@ class BaseNetwork(ABC):
         self._recorder = recorder
         self._follower = follower_of(recorder)
         self._event_log = log = EventLog(recorder, replicate)
-        self._stack = stack = make_radio_stack(setup, nodes.positions, nodes.traits, streams, log, count_links)
+        self._stack = stack = make_radio_stack(
+            setup, conditions.positions, conditions.traits, streams, log, count_links
+        )
         self._env, self._nodes = stack.radio.env, stack.radio.nodes
-        if nodes.assumed is not nodes.positions:
-            self._nodes.assumed = Places(nodes.assumed)
+        if conditions.assumed is not conditions.positions:
+            self._nodes.assumed = Places(conditions.assumed)
         self._clock = StepClock(self._env, setup.dt)
         hops = Hops(stack.radio, stack.mac)
         self._forwarding = make_forwarding(setup, stack, hops, streams.key("routing"))

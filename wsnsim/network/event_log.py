@@ -136,7 +136,7 @@ Acting: TypeAlias = Generator[simpy.Event, Any, Result]
 
 def then(event: simpy.Event, action: Callable[..., Any], *arguments: Any) -> None:
     """Call an action with arguments when an event fires, after those that wait for it already."""
-    assert event.callbacks is not None, "an event that has fired calls nobody"
+    assert event.callbacks is not None, "the event must not have been processed yet"
     event.callbacks.append(lambda _: action(*arguments))
 
 

@@ -147,7 +147,7 @@ class SiteServices(NetworkServices):
 
 
 class OutageMechanism:
-    """The nodes are down for the duration; a `restart` ends what other faults do to them, too."""
+    """The nodes are down for the duration; a `restart` also ends the outages that other faults cause."""
 
     def __init__(self, fault: Any, services: FaultServices) -> None:
         self._services = services

@@ -55,8 +55,11 @@ class NetworkSyncServices(NetworkServices):
         self.key = key
         self.size = nodes.size
         self.next_change: Callable[[int], float] = nodes.sleep_states.next_change
-        self.clock: Callable[[int], float] = clocks.local_time
         self.own_clock: Callable[[int], float] = clocks.raw_time
+
+    def clock(self, node: int) -> float:
+        """What the clock of a node shows now, in s."""
+        return self._clocks.local_time(node)
 
     def set_clock(self, node: int, shows: float, rate: float) -> None:
         """Correct the clock of a node: it shows `shows` now, and its own clock counts `rate` s per second of it."""

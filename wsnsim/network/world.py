@@ -58,8 +58,9 @@ class World(BaseNetwork):
             truth[:, list(motion.position)] for truth, motion in zip(conditions.truths, setup.motions, strict=True)
         ]
         self._in_field = [setup.deploy.field.contains(planar(path)).tolist() for path in points]
-        wrong = Imperfections(setup.detection, self._stack.clocks, setup.dt, streams.key("sense"), self._defects)
-        available = make_readings(setup, conditions.truths, nodes, wrong, wrong.key)
+        clocks, key = self._stack.clocks, streams.key("sense")
+        imperfections = Imperfections(setup.detection, clocks, setup.dt, key, self._defects)
+        available = make_readings(setup, conditions.truths, nodes, imperfections, key)
         readings: CurrentReadings = [{} for _ in points]
         network = NetworkView(setup, clock, self._log, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counters = WakeUpCounters(network, points)
@@ -75,7 +76,7 @@ class World(BaseNetwork):
             self._processes,
             self._estimates,
             WakeAhead(network, self._make_wake_up_service(network, streams.key("wakeup"))),
-            TargetSearch(network, available, paths or conditions.truths, wrong, streams.key("search")),
+            TargetSearch(network, available, paths or conditions.truths, imperfections, streams.key("search")),
         )
         for sink in self._stack.sinks:
             nodes.keep_awake(sink)

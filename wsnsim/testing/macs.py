@@ -24,7 +24,6 @@ from wsnsim.testing.table import SCENARIOS, demand, demand_same_events, demand_s
 
 HEAD: Final = 0
 MEMBERS: Final = tuple(range(1, 9))
-FAR: Final = 9
 POSITIONS: Final = np.array([(0.0, 0.0), *((30.0 * np.cos(a), 30.0 * np.sin(a)) for a in MEMBERS), (500.0, 0.0)])
 """A cluster head, eight members around it, and a node out of range."""
 PATIENCE: Final = 60.0

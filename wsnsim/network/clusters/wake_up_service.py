@@ -163,10 +163,16 @@ class WakeUpService(NetworkServices):
         self._radio: WakeUpRadio = getattr(setup.wakeup, "radio", WakeUpRadio())
         stronger = 0.0 if self._radio.power is None else self._radio.power - getattr(setup.link, "power", 0.0)
         self._least_power = self._radio.sensitivity - self._radio.path_gain - stronger
-        self.clock: Callable[[int], float] = clocks.local_time
-        self.nodes_within: Callable[[Point, float], Ints] = network.nodes.assumed.grid.within
         self._calls = 0
         self._mechanism: WakeUpMechanism = make_mechanism("wakeup", setup.wakeup, self)
+
+    def clock(self, node: int) -> float:
+        """What the clock of a node shows now, in s."""
+        return self._clocks.local_time(node)
+
+    def nodes_within(self, centre: Point, radius: float) -> Ints:
+        """(n,) the nodes that stand within `radius` m of a point, by the positions that nodes assume."""
+        return self._nodes.assumed.grid.within(centre, radius)
 
     def start(self, track: Track, node: int, message: WakeUpMessage, foreseen: bool) -> None:
         """Begin a round; returns at once."""
