@@ -22,7 +22,7 @@ from wsnsim.models.appointed import Appointed
 from wsnsim.models.faults import Crash
 from wsnsim.models.links import Disk, LogNormal
 from wsnsim.network.clusters.cluster import AppointedCluster
-from wsnsim.network.clusters.coordination import HeadMessages
+from wsnsim.network.clusters.head_services import HeadMessages
 
 
 def test_nodes_that_do_not_sense_are_members_too_and_no_others_wake_for_it():

@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wsnsim.base import metrics
@@ -67,6 +68,7 @@ def write_figure(draw: Callable[[Figure], None], out: Path, size: tuple[float, f
     """Write the figure that `draw` fills. Raises ResultError if it cannot be written."""
     with style.context(["default", STYLE]):
         figure = Figure(figsize=size, layout="constrained")
+        FigureCanvasAgg(figure)  # figures of studies measure their texts
         draw(figure)
         if title:
             figure.suptitle(title, x=0.01, ha="left", fontweight="bold")

@@ -13,7 +13,6 @@ put files into it.
 from __future__ import annotations
 
 import errno
-import gzip
 import hashlib
 import io
 import os
@@ -95,6 +94,8 @@ MOST_BYTES: Final = 200_000_000
 
 def decompressed(file: BinaryIO) -> io.BufferedReader:
     """The content of gzip data; reading beyond `MOST_BYTES` is an OSError."""
+    import gzip  # few runs read compressed files
+
     return io.BufferedReader(_Limited(gzip.GzipFile(fileobj=file)))
 
 
@@ -102,7 +103,7 @@ def decompressed(file: BinaryIO) -> io.BufferedReader:
 class _Limited(io.RawIOBase):
     """Decompressed content that ends with an error where there is too much of it."""
 
-    def __init__(self, content: gzip.GzipFile) -> None:
+    def __init__(self, content: Any) -> None:
         self._content, self._left = content, MOST_BYTES
 
     def readable(self) -> bool:
@@ -110,7 +111,7 @@ class _Limited(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         """Read into the buffer, and return the number of bytes. Raises OSError beyond `MOST_BYTES`."""
-        count = self._content.readinto(buffer)
+        count: int = self._content.readinto(buffer)
         self._left -= count
         if self._left < 0:
             limit = f"more than {MOST_BYTES // 10**6} MB when decompressed"

@@ -17,8 +17,8 @@ from wsnsim.base.optional_ports import Announces
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Delivery, Flow, GatheredReadings, GatherReadings, Parcel
 from wsnsim.network.clusters.cluster import AppointedCluster
-from wsnsim.network.clusters.coordination import HeadServices
 from wsnsim.network.clusters.driver import Driver
+from wsnsim.network.clusters.head_services import HeadServices
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 from wsnsim.network.event_log import Acting

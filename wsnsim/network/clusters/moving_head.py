@@ -23,9 +23,9 @@ from wsnsim.base.optional_ports import Portable
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Parcel
 from wsnsim.network.clusters.cluster import Cluster
-from wsnsim.network.clusters.coordination import HeadServices
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.election import strength_of
+from wsnsim.network.clusters.head_services import HeadServices
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 from wsnsim.network.event_log import Acting
 from wsnsim.network.radio.datagrams import Datagram

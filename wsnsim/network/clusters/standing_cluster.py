@@ -16,8 +16,8 @@ from wsnsim.base.network_ports import SeesGeometry
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Flow
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
-from wsnsim.network.clusters.coordination import HeadServices
 from wsnsim.network.clusters.driver import Driver, HeadDied
+from wsnsim.network.clusters.head_services import HeadServices
 from wsnsim.network.clusters.track import Handover, LastClusterDone, NotDelivered, Track, TrackLost
 from wsnsim.network.event_log import Acting
 
