@@ -120,6 +120,8 @@ def test_failures_and_running_tasks_are_counted(folder):
     assert (state.done, state.failed, state.running) == (6, 1, 1)
     assert list(state.failures.values()) == ["took too long"]
     assert state.total == 12 and not state.complete
+    with CampaignView(folder) as view:
+        assert view.state() == "6 of 12 runs done, 1 failed, at 2 points"
 
 
 def test_a_campaign_that_has_just_begun_says_so(folder, ask):

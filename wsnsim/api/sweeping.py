@@ -284,10 +284,9 @@ def compare(  # noqa: PLR0913
         if changes or replicates is not None or overrides or seed is not None or out is not None:
             raise UsageError("compare() runs a scenario only with trackers, such as trackers=['ekf', 'pf']")
         folder = source.out if isinstance(source, SweepResult) else source
-        known = folder if isinstance(folder, Folder) else _campaign(folder)
-        return shown_comparison(comparison.compare(known, metric, by, baseline))
-    if workers is None and needs_main_guard():
-        workers = 0
+        folder = folder if isinstance(folder, Folder) else _campaign(folder)
+        return shown_comparison(comparison.compare(folder, metric, by, baseline))
+    workers = 0 if workers is None and needs_main_guard() else workers
     chosen = overrides_of("compare", changes, overrides, seed, ())
     arguments.demand_several(trackers)
     found = _swept(source, out, chosen, progress, {"replicates": replicates, "trackers": trackers, "workers": workers})

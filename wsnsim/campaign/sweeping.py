@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -187,9 +188,9 @@ def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE
     missing = {point: sorted(set(numbers) - folder.done(point)) for point, numbers in wanted.items()}
     left = sum(map(len, missing.values()))
     tasks = sum(1 for numbers in missing.values() for _ in consecutive(numbers, block))
-    seconds, size, source = _unit_cost(plan, folder, batch) if left else (0.0, 0.0, "nothing is missing")
+    cost, source = _unit_cost(plan, folder, batch) if left else (UnitCost(0.0, 0.0, 0.0), "nothing is missing")
     total = sum(map(len, wanted.values()))
-    cpu = seconds * left
+    cpu = cost.seconds * left
     return CostEstimate(
         points=len(plan.points),
         replicates=total,
@@ -198,28 +199,35 @@ def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE
         tasks=tasks,
         cpu_seconds=cpu,
         wall_seconds=cpu / max(1, min(workers, tasks)) if tasks else 0.0,
-        size=size * left,
+        size=cost.first * tasks + cost.further * (left - tasks),
         source=source,
     )
 
 
-def _unit_cost(plan: Plan, folder: Folder, batch: bool) -> tuple[float, float, str]:
-    """(seconds, bytes) of a replicate and their source: existing results, or trials of some points."""
-    files = [batch for point in plan.points for batch in folder.batches(point.id)][:MAX_SAMPLES]
+class UnitCost(NamedTuple):
+    """The CPU time of a run in s, and the bytes of the first run in a file and of a further one."""
+
+    seconds: float
+    first: float
+    further: float
+
+
+def _unit_cost(plan: Plan, folder: Folder, batch: bool) -> tuple[UnitCost, str]:
+    """What a run costs, and the source: existing results, of which each run has its share, or trials of some points."""
+    files = [batch.path for point in plan.points for batch in folder.batches(point.id)][:MAX_SAMPLES]
     if files:
-        seconds = [read_table(file.path, "runs", ["cpu_seconds"])["cpu_seconds"].mean() for file in files]
-        sizes = [file.path.stat().st_size / (file.last - file.first + 1) for file in files]
-        return float(np.mean(seconds)), float(np.mean(sizes)), f"{len(files)} existing files"
+        seconds = [read_table(file, "runs", ["cpu_seconds"])["cpu_seconds"] for file in files]
+        share = fmean(file.stat().st_size / len(runs) for file, runs in zip(files, seconds, strict=True))
+        return UnitCost(fmean(runs.mean() for runs in seconds), share, share), f"{len(files)} existing files"
     last = len(plan.points) - 1
     chosen = np.unique(np.linspace(0, last, min(MAX_TRIALS, last + 1)).astype(int)).tolist()  # evenly spread
     trials = [_trial(plan.points[index], plan.block, batch) for index in chosen]
-    seconds, size = ([trial[i] for trial in trials] for i in (0, 1))
     source = f"trial runs at {len(chosen)} points" if len(chosen) > 1 else "one trial run"
-    return float(np.mean(seconds)), float(np.mean(size)), source
+    return UnitCost(*np.mean(trials, axis=0).tolist()), source
 
 
-def _trial(point: Point, block: int, batch: bool) -> tuple[float, float]:
-    """(seconds, bytes) of one replicate, or the mean of a block if that is fast. The result is not kept."""
+def _trial(point: Point, block: int, batch: bool) -> UnitCost:
+    """What one replicate costs, or each of a block if that is fast. The results are not kept."""
     loaded = scenario.load(json.loads(point.resolved))
     started_at = time.monotonic()
 
@@ -232,8 +240,9 @@ def _trial(point: Point, block: int, batch: bool) -> tuple[float, float]:
         try:
             report = experiment.run(loaded, replicates=1, out=file, progress=cut_if_long)
         except _TrialCut as cut:
-            return (time.monotonic() - started_at) / cut.share, float("nan")
-        if report.summaries[0].run["cpu_seconds"] < BLOCK_TIME / block:
+            return UnitCost((time.monotonic() - started_at) / cut.share, math.nan, math.nan)
+        first = further = float(file.stat().st_size)
+        if report.summaries[0].run["cpu_seconds"] < BLOCK_TIME / block and block > 1:
             report = experiment.run(loaded, replicates=block, out=file, batch=batch)
-        count = len(report.summaries)
-        return fmean(summary.run["cpu_seconds"] for summary in report.summaries), file.stat().st_size / count
+            further = (file.stat().st_size - first) / (block - 1)
+        return UnitCost(fmean(summary.run["cpu_seconds"] for summary in report.summaries), first, further)
