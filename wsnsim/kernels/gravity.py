@@ -98,10 +98,11 @@ def attract(
     a_i = G Σ_{j of the K heaviest, j ≠ i} rand_ij M_j (x_j - x_i) / (R_ij + ε)      eqs. (5), (7), (8)
     v_i = rand_i v_i + a_i, x_i = x_i + v_i                                          eq. (9)
 
-    `gravity` is G, `elite` K, `softening` ε; beyond the `threshold` r of R_ij there is no pull. R_ij is the distance in the rows `columns` of the points, which are the
-    position. M_i, which multiplies in (5) and divides in (8), is cancelled: it is 0 for the worst particle, which is
-    attracted like any other. There is one scalar rand per ordered pair, as we interpret (7). A particle whose new point
-    would be beyond LARGEST_STATE or NaN keeps its point, and its velocity becomes 0 (our choice).
+    `gravity` is G, `elite` K, `softening` ε; beyond the `threshold` r of R_ij there is no pull. R_ij is the distance in
+    the rows `columns` of the points, which are the position. M_i, which multiplies in (5) and divides in (8), is
+    cancelled: it is 0 for the worst particle, which is attracted like any other. There is one scalar rand per ordered
+    pair, as we interpret (7). A particle whose new point would be beyond LARGEST_STATE or NaN keeps its point, and its
+    velocity becomes 0 (our choice).
     """
     masses, pull = _masses(fitness), np.empty(keys.size)
     falls, proposal = np.zeros(points.shape), np.empty(points.shape)

@@ -1,4 +1,4 @@
-"""Measures of Ruan, Wang, Yang, Zhang (2020): growth of errors, what particles save, which truths leave the room; its figures.
+"""Measures of Ruan, Wang, Yang, Zhang (2020): growth of errors, what particles save, truths outside; its figures.
 
 Figures 1 and 2; 4 and 5 of a simulated room in place of the real one.
 """
