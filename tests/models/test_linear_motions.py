@@ -203,14 +203,15 @@ def test_a_turn_meets_the_same_noise_as_the_free_course() -> None:
     assert np.allclose(turned[10:, 3], free[10:, 3] - 2 * free[10, 3])
 
 
-def test_a_truth_in_a_room_stays_there_and_the_same_generator_gives_the_same() -> None:
-    model = in_a_room()
-    for seed in range(20):
-        states = model.truth(30, T, np.random.default_rng(seed))
-        assert states.shape == (31, 4)
+@pytest.mark.parametrize(("steps", "seeds"), [(30, 20), (60, 20), (120, 1)])
+def test_a_truth_in_a_room_stays_there_and_the_same_generator_gives_the_same(steps: int, seeds: int) -> None:
+    model = in_a_room(draws=10**6)
+    for seed in range(seeds):
+        states = model.truth(steps, T, np.random.default_rng(seed))
+        assert states.shape == (steps + 1, 4)
         assert tuple(states[0]) == model.start
         assert np.all((states[:, [0, 2]] >= -0.5) & (states[:, [0, 2]] <= 10.5))
-        assert np.array_equal(states, model.truth(30, T, np.random.default_rng(seed)))
+        assert np.array_equal(states, model.truth(steps, T, np.random.default_rng(seed)))
 
 
 def test_one_step_in_a_room_is_a_normal_cut_off_at_its_walls() -> None:
@@ -243,7 +244,7 @@ def test_truths_in_a_room_are_distributed_as_one_by_one_rejection_gives_them() -
 
 def test_a_room_that_none_keeps_to_is_an_error_that_says_what_was_tried() -> None:
     model = in_a_room(noise_input="direct", draws=700)
-    said = "none of 700 sampled trajectories of 300 steps stayed in the room x 0 to 10 m, y 0 to 10 m"
+    said = "none of 700 sampled trajectories of 300 steps stayed along x and y in the room x 0 to 10 m, y 0 to 10 m"
     with pytest.raises(RunError, match=re.escape(said)):
         model.truth(300, T, np.random.default_rng(1))
 

@@ -32,7 +32,7 @@ from wsnsim.papers.verdicts import RULE, AstrayShare, Judgement
 NAN = float("nan")
 KEYS = {"paper", "experiment", "quantity", "variant", "published", "measured", "low", "high", "replicates",
         "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution", "read", "literal", "statistic", "basis",
-        "published_runs", "ratio_low", "ratio_high", "within", "counted", "paired", "astray", "astray_low",
+        "published_runs", "ratio_low", "ratio_high", "within", "counted", "paired", "reading", "astray", "astray_low",
         "astray_high", "median", "median_low", "median_high", "reacquired", "losses", "time_lost",
         "lost_rule"}  # fmt: skip
 SHORT = ("duration=16 s",)

@@ -139,6 +139,20 @@ def test_the_attraction_falls_and_the_elite_shrinks_from_move_to_move(move, rows
     assert not np.array_equal(x[rows], start[rows])
 
 
+def test_a_particle_perceives_others_up_to_the_threshold_and_without_one_all_of_them() -> None:
+    scene = Cluster(3).scene(1)
+    start = swarm(9)
+    start[0] += np.repeat([0.0, 100.0, 200.0], 3)
+
+    def moved(threshold: float | None) -> np.ndarray:
+        return GravitationalGaussianPf(particles=9, iterations=1, threshold=threshold).moved(start, hill, scene)[0]
+
+    assert np.array_equal(moved(None), moved(1e9)) and not np.array_equal(moved(None), moved(50.0))
+    assert np.array_equal(moved(1e-9), start), "none is as near as that"
+    best = hill(start)
+    assert np.array_equal(moved(50.0)[:, best < best.max() - 800.0], start[:, best < best.max() - 800.0])
+
+
 @pytest.mark.parametrize("tracker", [SwarmGaussianPf(particles=9), GravitationalGaussianPf(particles=9)])
 def test_what_moves_is_the_position_alone(tracker) -> None:
     start = swarm(9)

@@ -61,8 +61,9 @@ def _add_pulls(
     draw: int,
     strength: float,
     softening: float,
+    threshold: float,
 ) -> None:
-    """Add the attraction by particle j to the accelerations; it is zero on j itself. Eqs. (5), (7)."""
+    """Add the attraction by particle j on those within the threshold; it is zero on j itself. Eqs. (5), (7)."""
     for i in range(keys.size):
         pull[i] = 0.0
     for column in columns:
@@ -70,8 +71,9 @@ def _add_pulls(
         for i in range(keys.size):
             pull[i] += (centre - points[column, i]) ** 2
     for i in range(keys.size):
-        distance = np.sqrt(pull[i]) + softening
-        pull[i] = strength * uniform(keys[i], draw) / distance if distance > 0.0 else 0.0
+        apart = np.sqrt(pull[i])
+        felt = apart <= threshold and apart + softening > 0.0
+        pull[i] = strength * uniform(keys[i], draw) / (apart + softening) if felt else 0.0
     for q in range(points.shape[0]):
         centre = points[q, j]
         for i in range(keys.size):
@@ -89,23 +91,25 @@ def attract(
     gravity: float,
     elite: int,
     softening: float,
+    threshold: float = np.inf,
 ) -> Floats:
     """The points (Q, N) after one iteration; velocities are updated in place.
 
     a_i = G Σ_{j of the K heaviest, j ≠ i} rand_ij M_j (x_j - x_i) / (R_ij + ε)      eqs. (5), (7), (8)
     v_i = rand_i v_i + a_i, x_i = x_i + v_i                                          eq. (9)
 
-    `gravity` is G, `elite` K, `softening` ε. R_ij is the distance in the rows `columns` of the points, which are the
-    position. M_i, which multiplies in (5) and divides in (8), is cancelled: it is 0 for the worst particle, which is
-    attracted like any other. There is one scalar rand per ordered pair, as we interpret (7). A particle whose new point
-    would be beyond LARGEST_STATE or NaN keeps its point, and its velocity becomes 0 (our choice).
+    `gravity` is G, `elite` K, `softening` ε; beyond the `threshold` r of R_ij there is no pull. R_ij is the distance in
+    the rows `columns` of the points, which are the position. M_i, which multiplies in (5) and divides in (8), is
+    cancelled: it is 0 for the worst particle, which is attracted like any other. There is one scalar rand per ordered
+    pair, as we interpret (7). A particle whose new point would be beyond LARGEST_STATE or NaN keeps its point, and its
+    velocity becomes 0 (our choice).
     """
     masses, pull = _masses(fitness), np.empty(keys.size)
     falls, proposal = np.zeros(points.shape), np.empty(points.shape)
     for j in range(keys.size):
         if not _pulls(points, masses, j, elite):
             continue
-        _add_pulls(falls, pull, points, j, columns, keys, draw + 1 + j, gravity * masses[j], softening)
+        _add_pulls(falls, pull, points, j, columns, keys, draw + 1 + j, gravity * masses[j], softening, threshold)
     for i in range(keys.size):
         lasting, farthest = uniform(keys[i], draw), 0.0
         for q in range(points.shape[0]):

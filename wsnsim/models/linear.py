@@ -179,8 +179,8 @@ class ConstantVelocity(InPlane, LinearMotion):
     The last two are interpretations of Ruan, whose 4 x 4 covariance of w does not fit the printed Γ of two columns.
 
     The ground truth follows a `course`, which filters do not know. `free`: the model alone. `turn`: vy is reversed
-    after half of the steps, rounded up. `in_room`: trajectories are sampled until one stays in the `room` enlarged by
-    `slack`, so that the truth is a sample of the model under that condition.
+    after half of the steps, rounded up. `in_room`: each axis is sampled until it stays in the `room` enlarged by
+    `slack`; the axes are independent, so that the truth is a sample of the model under that condition.
 
     Source: Wei, Guo (2022), experiment 3, whose values are the defaults; Ruan, Wang, Yang, Zhang (2020), eq. 3. The
     courses are our interpretation of Ruan's figures; the limit on samples and `start_sd` are our choice.
@@ -234,7 +234,7 @@ class ConstantVelocity(InPlane, LinearMotion):
             raise ValueError(
                 "course: in_room samples the truth again, but with truth_noise: false all samples are equal"
             )
-        if self.start_sd is None and not self._inside(np.array(self.start)[:, None])[0]:
+        if self.start_sd is None and not self._inside(np.array(self.start)[:, None]).all():
             raise ValueError(
                 f"start: ({self.start[0]:g}, {self.start[2]:g}) m is outside {self._room_in_words()}, in which "
                 "course: in_room must keep it"
@@ -244,7 +244,7 @@ class ConstantVelocity(InPlane, LinearMotion):
         """(steps + 1, 4) one trajectory on the course.
 
         Raises:
-            RunError: the trajectory diverges, or none of `draws` samples stayed in the room.
+            RunError: the trajectory diverges, or none of `draws` samples stayed in the room on one of the axes.
         """
         if self.course == "in_room":
             return self._truth_in_room(steps, dt, rng)
@@ -268,31 +268,38 @@ class ConstantVelocity(InPlane, LinearMotion):
         return _walk(starts, _root(self, dt), self._process(dt).transition, steps, rng, turn)
 
     def _truth_in_room(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """The first trajectory that stays in the room; a batch ends early when all of its trajectories have left."""
-        most = min(BATCH, max(1, 1024 * BATCH // (steps + 1)))
+        """The first x and the first y that stay in the room: noise, start and room are independent on the two axes.
+
+        Exact, and far cheaper than to wait for a trajectory that stays on both: P(x and y stay) = P(x stays) P(y
+        stays). A batch ends early when all of its trajectories have left on the axes that are missing.
+        """
+        most, found = min(BATCH, max(1, 1024 * BATCH // (steps + 1))), {}
         for done in range(0, self.draws, most):
             count = min(most, self.draws - done)
-            inside, track = np.ones(count, dtype=np.bool_), []
+            missing = [axis for axis in (0, 1) if axis not in found]
+            inside, track = np.ones((2, count), dtype=np.bool_), []
             for states in self._walk(count, steps, dt, rng):
                 inside &= self._inside(states)
                 track.append(states)
-                if not inside.any():
+                if not inside[missing].any():
                     break
-            else:
-                return np.array([states[:, inside.argmax()] for states in track])
+            for axis in missing if len(track) == steps + 1 else ():
+                if inside[axis].any():
+                    found[axis] = np.array(track)[:, 2 * axis : 2 * axis + 2, inside[axis].argmax()]
+            if len(found) == 2:
+                return np.concatenate([found[0], found[1]], axis=1)
+        names = " and ".join(name for axis, name in enumerate("xy") if axis not in found)
         raise RunError(
-            f"motion: none of {self.draws} sampled trajectories of {steps} steps stayed in {self._room_in_words()}; "
-            "enlarge room or slack, shorten the duration, lower variances, or raise draws"
+            f"motion: none of {self.draws} sampled trajectories of {steps} steps stayed along {names} in "
+            f"{self._room_in_words()}; enlarge room or slack, shorten the duration, lower variances, or raise draws"
         )
 
     def _inside(self, states: Floats) -> Bools:
-        """(B,) whether each position is in the room enlarged by the slack, edges included."""
+        """(2, B) whether x, and y, of each position is in the room enlarged by the slack, edges included."""
         assert self.room is not None, "__post_init__ requires a room for this course"
-        left, right, bottom, top = self.room
-        x, y = states[0], states[2]
-        across = (left - self.slack <= x) & (x <= right + self.slack)
-        along = (bottom - self.slack <= y) & (y <= top + self.slack)
-        result: Bools = across & along
+        low, high = np.array(self.room[::2])[:, None], np.array(self.room[1::2])[:, None]
+        places = states[list(self.position)]
+        result: Bools = (low - self.slack <= places) & (places <= high + self.slack)
         return result
 
     def _room_in_words(self) -> str:

@@ -185,7 +185,8 @@ def rows(source: str, experiment: Experiment, folder: Path) -> list[ClaimRow]:
     return [
         replace(
             row, paper=load_study(source).name, experiment=experiment.name, title=experiment.title,
-            literal=experiment.literal and row.literal, reason=rendered(row.reason, row, by_id),
+            literal=experiment.literal and row.literal, reading=experiment.reading,
+            reason=rendered(row.reason, row, by_id),
         )
         for row in shown
     ]  # fmt: skip

@@ -110,6 +110,8 @@ class Experiment:
         hypotheses: what was registered before the runs, and is answered beneath the rows.
         summary: the function of the study's SUMMARIES that gives lines beneath the rows, '' for none.
         literal: False if the whole experiment is another reading of the paper, so that no claim is counted.
+        reading: how the experiment reads what the paper leaves open, '' if there is one reading alone. Rows of the same
+            paper, `where`, id and variant in several experiments are readings of one printed number.
     """
 
     name: str
@@ -126,6 +128,7 @@ class Experiment:
     block: int = 5
     summary: str = ""
     literal: bool = True
+    reading: str = ""
 
 
 class Measured(NamedTuple):
@@ -206,6 +209,7 @@ class ClaimRow:
     paper: str = ""
     experiment: str = ""
     title: str = ""
+    reading: str = ""
     id: str = ""
     key: str = ""
 

@@ -174,7 +174,7 @@ class Study:
         placed: list[PlacedClaim] = []
         for number, claim in enumerate(entry.claims):
             placed += self._claims(entry, claim, (*path, "claims", number), issues)
-        kept = ("title", "hypotheses", "figures", "record", "sets", "quick_sets", "summary", "literal")
+        kept = ("title", "hypotheses", "figures", "record", "sets", "quick_sets", "summary", "literal", "reading")
         experiment = Experiment(
             name=f"{self._prefix}{entry.name}", variants=variants, claims=tuple(each.claim for each in placed),
             **{key: getattr(entry, key) for key in kept}, **dict(entry.runs),

@@ -92,11 +92,13 @@ class ExperimentEntry(DocumentModel):
     `variants` gives each variant's scenario (a file beside `study.yaml`, or the name of a shipped one), or a list of it
     and of the settings laid on it. An experiment named in the study's EXPERIMENTS has variants and claims from there.
     Claims on variants in `repairs` are not counted among the paper's. `bases` lists the variants of a basis: a claim
-    without a `basis` of its own has that of its variant, or else the experiment's.
+    without a `basis` of its own has that of its variant, or else the experiment's. `reading` says how the experiment
+    reads what the paper leaves open: rows of the same paper, `where`, `id` and variant are of one printed number.
     """
 
     name: str
     title: str
+    reading: str = ""
     variants: dict[str, str | tuple[str, ...]] = {}  # noqa: RUF012 (pydantic copies it)
     runs: Runs
     claims: tuple[ClaimEntry, ...] = ()

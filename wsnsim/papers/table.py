@@ -45,8 +45,13 @@ def text(rows: Sequence[ClaimRow]) -> str:
     lines: list[str] = []
     for (paper, experiment), block in groupby(rows, key=lambda row: (row.paper, row.experiment)):
         these = list(block)
-        lines += ["", f"{paper}, {experiment}: {these[0].title}", *_block(these)]
+        lines += ["", f"{paper}, {experiment}: {_titled(these[0])}", *_block(these)]
     return "\n".join([*lines[1:], "", *verdict_counts(rows), *legend(rows)]) if rows else ""
+
+
+def _titled(row: ClaimRow) -> str:
+    """The title of a row's experiment, and how it reads the paper."""
+    return f"{row.title} [{row.reading}]" if row.reading else row.title
 
 
 def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
@@ -212,7 +217,7 @@ def _tables(rows: Sequence[ClaimRow]) -> Iterator[str]:
     """Yield the lines of a heading per experiment, and of a table per quantity with the reasons beneath it."""
     experiments: dict[tuple[str, str, str], dict[str, list[ClaimRow]]] = {}
     for row in rows:
-        quantities = experiments.setdefault((row.paper, row.experiment, row.title), {})
+        quantities = experiments.setdefault((row.paper, row.experiment, _titled(row)), {})
         quantities.setdefault(row.quantity, []).append(row)
     for (name, experiment, title), quantities in experiments.items():
         yield from (f"### {_plain(f'{name}, {experiment}')}", "", *([f"{_plain(title)}.", ""] if title else []))

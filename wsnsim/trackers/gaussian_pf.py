@@ -172,8 +172,9 @@ class GravitationalGaussianPf(HeadSampling):
     `G0` is the other repair.
 
     Our choice, since the paper does not say: `move: position` (literal is `all`: the distance does not include the
-    velocity, whose change is then unbounded), the softening ε, and a velocity that is kept after a rejected move. The
-    "perception threshold r" of step 3 is never defined in the paper, and is left out.
+    velocity, whose change is then unbounded), the softening ε, and a velocity that is kept after a rejected move.
+    Step 3 initialises a "perception threshold r" that the paper neither defines nor gives: `threshold` lets a particle
+    feel only those of the elite that are within r [our reading]; without it, all.
     """
 
     particles: Annotated[
@@ -183,6 +184,9 @@ class GravitationalGaussianPf(HeadSampling):
     G0: Annotated[float, Quantity("", ge=0, le=1e9), "how strongly particles attract each other at first"] = 100.0
     alpha: Annotated[float, Quantity("", ge=0, le=1e6), "α: how fast the attraction decays over the moves"] = 20.0
     softening: Annotated[float, Quantity("m", ge=1e-12, le=1e6), "ε: added to the distance of two particles"] = 1e-6
+    threshold: Annotated[
+        float | None, Quantity("m", gt=0, le=1e9), "r: how far a particle perceives others; default: without limit"
+    ] = None
     acceptance: Annotated[Literal["always", "greedy"], "whether a move is always accepted, or only if it is fitter"] = (
         "always"
     )
@@ -203,12 +207,12 @@ class GravitationalGaussianPf(HeadSampling):
         """The particles after T_c moves and their log-likelihoods."""
         rows, places = _moving(self.move, scene)
         keys, fitness = keys_of(scene, self.particles, MOVE), score(cloud)
-        velocities = np.zeros(cloud[rows].shape)
+        velocities, reach = np.zeros(cloud[rows].shape), math.inf if self.threshold is None else self.threshold
         for t in range(1, self.iterations + 1):
             gravity = self.G0 * math.exp(-self.alpha * t / self.iterations)
             elite, draw = elite_size(self.particles, t, self.iterations), (t - 1) * (self.particles + 1)
             points = np.ascontiguousarray(cloud[rows])
-            pulled = attract(points, velocities, fitness, places, keys, draw, gravity, elite, self.softening)
+            pulled = attract(points, velocities, fitness, places, keys, draw, gravity, elite, self.softening, reach)
             after, after_fitness = _scored(cloud, rows, pulled, score)
             if self.acceptance == "greedy":
                 fitter = after_fitness > fitness

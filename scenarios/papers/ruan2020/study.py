@@ -1,4 +1,4 @@
-"""Measures of Ruan, Wang, Yang, Zhang (2020): growth of errors, what particles save, where targets end; its figures.
+"""Measures of Ruan, Wang, Yang, Zhang (2020): growth of errors, what particles save, truths outside; its figures.
 
 Figures 1 and 2; 4 and 5 of a simulated room in place of the real one.
 """
@@ -15,14 +15,15 @@ from matplotlib.figure import Figure
 
 from wsnsim.papers.toolkit import COLOURS, Data, Floats, plotting, runs_text
 
-THIRD: Final = 10
-"""Steps in the first and in the last third of a run [our choice]."""
+SLACK: Final = 0.5
+"""How far outside the room a target may be (m) [our choice]."""
 
 
 def growth(data: Data, variant: str) -> pd.Series:
     """The root mean square error of the last third of a run, less that of the first third (m)."""
     errors = data.errors(variant)
-    first, last = (np.sqrt((part**2).mean(axis=1)) for part in (errors[:, :THIRD], errors[:, -THIRD:]))
+    third = errors.shape[1] // 3
+    first, last = (np.sqrt((part**2).mean(axis=1)) for part in (errors[:, :third], errors[:, -third:]))
     return pd.Series(last - first, index=np.sort(data.of(variant, "runs")["replicate"].to_numpy()))
 
 
@@ -32,13 +33,16 @@ def saved(data: Data, variant: str) -> pd.Series:
     return 1.0 - data.of_runs(f"{kind}, 200", "rmse") / data.of_runs(f"{kind}, 50", "rmse")
 
 
-def end(data: Data, variant: str) -> pd.Series:
-    """The distance from the start of the ground-truth trajectory to its end (m)."""
-    runs = data.of(variant, "truth").sort_values("step").groupby("replicate")[["px", "py"]]
-    return pd.Series(np.hypot(*(runs.last() - runs.first()).to_numpy().T), index=runs.last().index)
+def outside(data: Data, variant: str) -> pd.Series:
+    """1 for each run whose ground truth leaves the room by more than 0.5 m, the slack of `in_room`, otherwise 0."""
+    deploy: Any = data.scenario(variant)["deploy"]
+    low, high = -SLACK, np.array([deploy["width"], deploy["height"]]) + SLACK
+    truth = data.of(variant, "truth")
+    places = truth[["px", "py"]]
+    return ((places < low) | (places > high)).any(axis=1).groupby(truth["replicate"]).any().astype(float)
 
 
-_FUNCTIONS: Final = (growth, saved, end)
+_FUNCTIONS: Final = (growth, saved, outside)
 MEASURES: Final = {measure.__name__: measure for measure in _FUNCTIONS}
 
 
