@@ -93,8 +93,8 @@ class ExperimentEntry(DocumentModel):
     `variants` gives each variant's scenario (a file beside `study.yaml`, or the name of a shipped one), or a list of it
     and of the settings laid on it. An experiment named in the study's EXPERIMENTS has variants and claims from there.
     Claims on variants in `repairs` are not counted among the paper's. `bases` lists the variants of a basis: a claim
-    without a `basis` of its own has that of its variant, or else the experiment's. `published_runs_assumed`: the paper does
-    not give the numbers of runs behind its published values.
+    without a `basis` of its own has that of its variant, or else the experiment's. With `published_runs_assumed` the
+    numbers of runs behind published values are ours: the paper does not give them.
     """
 
     name: str
