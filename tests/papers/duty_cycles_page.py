@@ -27,7 +27,7 @@ from wsnsim.recording.folder import Folder
 
 hypotheses = module("duty_cycles", "hypotheses")
 _study = module("duty_cycles")
-best_lines = _study.best_lines
+best_lines, best_points = _study.best_lines, _study.best_points
 _points = module("duty_cycles", "points")
 common_runs, run, value = _points.common_runs, _points.run, _points.value
 
@@ -36,6 +36,7 @@ PAGE, ROWS = HOME / "docs/duty_cycles.md", HOME / "docs/duty_cycles.json"
 CAMPAIGNS = HOME / "results/reproduce/full/duty_cycles"
 NOT_YET = "*The runs have not been made yet.*"
 FIELDS = ("li", "found", "jiang")
+EXACT = "exact_clocks"
 AGAIN = "_again"
 """How the names of the experiments of the replication end."""
 EXPERIMENTS = (*FIELDS, *(name + AGAIN for name in FIELDS))
@@ -78,6 +79,8 @@ def content(before: Mapping[str, Any]) -> dict[str, Any]:
         if (data := campaign(name)) is not None:
             few = runs_missing(data, LEAST_RUNS.get(name, 1))
             found[name] = of_field(data, [] if few else hypotheses.OF_EXPERIMENT[name](data)) | {"too_few": few}
+    if (data := campaign(EXACT)) is not None:
+        found[EXACT] = {"rows": of_field(data, [])["rows"]}
     if (data := campaign("waiting")) is not None:
         found["waiting"] = {"rows": {name: [value(data, name, "mean:energy")] for name in run(data)}}
     return found
@@ -99,7 +102,10 @@ def of_field(data: Data, answers: Iterable[Any]) -> dict[str, Any]:
         }
         for name in run(data)
     }  # fmt: skip
-    return {"rows": rows, "best": best_lines(data), "answers": [each._asdict() for each in answers]}
+    return {
+        "rows": rows, "best": best_lines(data), "best_points": best_points(data),
+        "answers": [each._asdict() for each in answers],
+    }  # fmt: skip
 
 
 def _causes(data: Data, variant: str) -> dict[str, float]:
@@ -124,6 +130,8 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         "changed": _changed(found),
         "waiting": _waiting(found),
         "shared_cells": _shared_cells(found),
+        "price": _price(found),
+        EXACT: _got(found[EXACT]["rows"]) if EXACT in found else NOT_YET,
     }
     for name in EXPERIMENTS:
         rows = found[name]["rows"] if name in found else None
@@ -212,6 +220,25 @@ def _shared_cells(found: Mapping[str, Any]) -> str:
     return _table(["slots, shared cells", *columns], [
         [_slots_and_cells(name), *(_cell(words, rows[name][words]) for words in columns)] for name in names
     ])  # fmt: skip
+
+
+def _price(found: Mapping[str, Any]) -> str:
+    """What the best intervals of Li's field save, and what they cost: each value beside that on CSMA."""
+    field = found.get("li", {})
+    if "best_points" not in field:
+        return NOT_YET
+    columns = ("energy, J", "latency at the head, s", "delivered", "error, m", "RMSE of a run, m")
+    lines = []
+    for one in field["best_points"]:
+        csma, point = field["rows"][one["csma"]], field["rows"].get(one["point"])
+        cells = [f"{_short(words, csma)} → {_short(words, point)}" if point else "-" for words in columns]
+        lines.append([one["tracker"], one["point"].partition(", ")[2] or f"{one['mac']}: none is usable", *cells])
+    return _table(["tracker", "MAC", *columns], lines)
+
+
+def _short(words: str, row: Mapping[str, Any]) -> str:
+    """A value without its interval."""
+    return f"{row[words][0]:.1%}" if words in SHARES else f"{row[words][0]:.3g}"
 
 
 def _slots_and_cells(variant: str) -> str:

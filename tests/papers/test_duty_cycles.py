@@ -26,11 +26,11 @@ points = module("duty_cycles", "points")
 _points = module("duty_cycles", "points")
 best = _points.best
 _study = module("duty_cycles")
-DAY, MEASURES, best_lines = _study.DAY, _study.MEASURES, _study.best_lines
+DAY, MEASURES, best_lines, best_points = _study.DAY, _study.MEASURES, _study.best_lines, _study.best_points
 
 PAPER = study("duty_cycles")
 REGISTERED = PAPER.registered
-LI, JIANG, FOUND, WAITING, LI_AGAIN, FOUND_AGAIN, JIANG_AGAIN = PAPER.experiments
+LI, JIANG, FOUND, EXACT, WAITING, LI_AGAIN, FOUND_AGAIN, JIANG_AGAIN = PAPER.experiments
 SPREAD = 1.0 + 0.01 * np.linspace(-1.0, 1.0, 10)
 """How ten runs vary around a level."""
 
@@ -53,6 +53,7 @@ def test_what_was_registered_before_the_first_run_is_unchanged():
         "latency": {"head": 3.0, "sink": 2.0}, "delivered": 0.9, "follows": {"energy": 1.1},
         "found": {"energy": 1.2, "delivered": 0.8},
         "slow": {"spread": {"csma": {"below": 1.01}, "xmac 125": {"above": 1.2}}, "expert": 0.95},
+        "later": {"usable": {"in_time": 0.9, "error": 1.5, "delivered": 0.9}},
     }  # fmt: skip
 
 
@@ -74,7 +75,7 @@ def test_the_reference_on_lis_field_is_the_shipped_scenario_and_gives_its_result
     reference = scenarios_of("li")
     for name in ("gmtt", "tsstp", "cluster", "ris"):
         mine, shipped = reference[f"{name}, csma"], scenario.resolved(scenario.load(name))
-        assert {key for key in shipped if mine[key] != shipped[key]} <= {"record", "clusters", "duration"}
+        assert {key for key in shipped if mine[key] != shipped[key]} <= {"record", "clusters", "duration", "clock"}
         assert {key for key in shipped["clusters"] if mine["clusters"][key] != shipped["clusters"][key]} == {
             "quiet",
             "cap",
@@ -93,7 +94,8 @@ def test_the_replication_has_the_points_of_the_first_study_on_another_seed(first
     seed = {"li": 20261123, "found": 20261123, "jiang": 20261124}[first.name]
     assert {name: {**one, "seed": seed} for name, one in before.items()} == {name: after[name] for name in before}
     assert {one["seed"] for one in after.values()} == {seed} and seed not in {one["seed"] for one in before.values()}
-    assert again.full == first.full and hypotheses.OF_EXPERIMENT[again.name] is hypotheses.OF_EXPERIMENT[first.name]
+    assert again.full == (10 if first is LI else first.full)
+    assert hypotheses.OF_EXPERIMENT[again.name] is hypotheses.OF_EXPERIMENT[first.name]
 
 
 @pytest.mark.thorough
@@ -160,6 +162,26 @@ def test_the_best_interval_spends_least_of_those_in_time_with_an_error_near_the_
     (line,) = best_lines(data)
     assert line.startswith("gmtt on xmac: best interval 0.25 s [0.25, 0.25], 20.00 [19.9")
     assert line.endswith(" J, best of 4 points")
+
+
+def test_an_interval_that_loses_reports_is_not_usable_but_answers_what_was_registered_before():
+    data = Runs(curve("gmtt", {125: 30.0, 250: 20.0}, at250={"received": 80.0}))  # of 90 on CSMA
+    assert best(data, "gmtt", "xmac").usable == (0.125,)
+    assert best(data, "gmtt", "xmac", points.usable_as_first_registered).usable == (0.125, 0.25)
+    assert best_points(data) == [{"tracker": "gmtt", "mac": "xmac", "csma": "gmtt, csma", "point": "gmtt, xmac 125"}]
+
+
+def test_errors_are_usable_by_those_on_csma_not_by_the_least():
+    data = Runs(curve("gmtt", {125: 30.0, 250: 20.0}, at125={"median_error": 0.5}))
+    assert best(data, "gmtt", "xmac").usable == (0.125, 0.25)
+    assert best(data, "gmtt", "xmac", points.usable_as_first_registered).usable == (0.125,)
+
+
+def test_clocks_drift_in_every_experiment_but_the_one_that_shows_what_drift_costs():
+    clocks = {
+        one.name: {each["clock"]["kind"] for each in scenarios_of(one.name).values()} for one in PAPER.experiments
+    }
+    assert clocks.pop("exact_clocks") == {"perfect"} and set.union(*clocks.values()) == {"drift"}
 
 
 def test_no_interval_is_best_where_none_is_usable():

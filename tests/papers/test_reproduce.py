@@ -32,8 +32,8 @@ from wsnsim.papers.verdicts import RULE, AstrayShare, Judgement
 NAN = float("nan")
 KEYS = {"paper", "experiment", "quantity", "variant", "published", "measured", "low", "high", "replicates",
         "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution", "read", "literal", "statistic", "basis",
-        "published_runs", "ratio_low", "ratio_high", "within", "counted", "paired", "reading", "astray", "astray_low",
-        "astray_high", "median", "median_low", "median_high", "reacquired", "losses", "time_lost",
+         "published_runs", "published_runs_assumed", "ratio_low", "ratio_high", "within", "counted", "paired", "reading",
+         "astray", "astray_low", "astray_high", "median", "median_low", "median_high", "reacquired", "losses", "time_lost",
         "lost_rule"}  # fmt: skip
 SHORT = ("duration=16 s",)
 SMALL = Experiment(
@@ -285,6 +285,16 @@ def test_a_bound_that_is_not_strict_is_marked_in_the_table_and_its_caution_stand
     said = table.text([careful, row(bound=NAN, bound_kind="", published=NAN, judgement=Judgement("not published"))])
     assert "~0.5 u" in said and said.count("of the bound: ") == 2
     assert table.text([]) == ""
+
+
+def test_runs_behind_a_published_value_that_we_assume_are_shown_as_assumed():
+    said = [row(published_runs=100, published_runs_assumed=assumed, replicates=200) for assumed in (True, False)]
+    assert [table.cells(each)[table.HEADS.index("runs")] for each in said] == ["200 / 100 assumed", "200 / 100"]
+    assert [any("assumed: the paper does not" in line for line in table.legend([each])) for each in said] == [
+        True,
+        False,
+    ]
+    assert table.cells(row(published_runs_assumed=True))[table.HEADS.index("runs")].isdigit()
 
 
 def test_a_row_shows_its_statistic_its_runs_the_share_astray_and_what_it_rests_on():

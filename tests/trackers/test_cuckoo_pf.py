@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -91,6 +92,32 @@ def test_flights_are_scaled_by_the_change_of_fitness_over_the_generation_before(
     assert both[0] == pytest.approx(expected, rel=1e-9)
     still = change == 0.0
     assert 5 < still.sum() < 35 and np.array_equal(both[0, still], start[0, still])
+
+
+def test_a_search_ends_after_a_generation_that_gains_too_little() -> None:
+    scene: Any = SimpleNamespace(key=4, motion=Line())
+
+    def score(points: Floats) -> Floats:
+        return -0.5 * (points[0] - 2.0) ** 2
+
+    def found(generations: int, least_gain: float) -> Floats:
+        cloud = np.linspace(0.0, 5.0, 40)[None].copy()
+        plan = replace(search([Generation(0.5, 0.25)] * generations), least_gain=least_gain)
+        hunt(cloud, score(cloud), score, plan, scene)
+        return cloud
+
+    one, two, three = (found(count, 0.0) for count in (1, 2, 3))
+    assert not np.array_equal(one, two) and not np.array_equal(two, three)
+    assert np.array_equal(found(3, 1e9), one), "no generation gains so much, the first ends it"
+    gains = [score(cloud).max() for cloud in (one, two, three)]
+    first = math.expm1(gains[0] - score(np.linspace(0.0, 5.0, 40)[None]).max())
+    second = math.expm1(gains[1] - gains[0])
+    assert second < first, "the case must tell one generation from the next"
+    assert np.array_equal(found(3, 0.5 * (first + second)), two)
+    (issue,) = CuckooPf(variant="metropolis", least_gain=0.1).check(
+        SimpleNamespace(filter_motions=(BoundedVelocity(noise="both"),), dt=0.04)  # type: ignore[arg-type]
+    )
+    assert issue.path == ("tracker", "least_gain")
 
 
 def test_the_schedules_of_ics_run_from_their_first_to_their_last_value() -> None:

@@ -64,6 +64,7 @@ class Claim:
         basis: what the claim rests on, see BASES.
         deterministic: True if the measured value is not random, such as an operation count.
         published_runs: Monte Carlo runs behind the published value; 0 if it has no Monte Carlo error.
+        published_runs_assumed: True if this number is our assumption.
     """
 
     quantity: str
@@ -83,6 +84,7 @@ class Claim:
     basis: Basis = "evidence"
     deterministic: bool = False
     published_runs: int = 0
+    published_runs_assumed: bool = False
 
     @property
     def label(self) -> str:
@@ -176,6 +178,7 @@ class ClaimRow:
         statistic: the statistic over runs, in words.
         short: the same in short, for a table.
         published_runs: the runs behind the published value; 0 if it has no Monte Carlo error, or if there is none.
+        published_runs_assumed: True if this number is our assumption.
         judgement: the verdict, and the interval of measured / published.
         astray: the share of runs astray; NaN for orders.
         median: the median of the runs' values, with its interval.
@@ -202,6 +205,7 @@ class ClaimRow:
     statistic: str = ""
     short: str = ""
     published_runs: int = 0
+    published_runs_assumed: bool = False
     astray: AstrayShare = NO_SHARE
     median: tuple[float, float, float] = (NAN, NAN, NAN)
     losses: Losses = NOT_RECORDED

@@ -292,6 +292,7 @@ def _claim(row: ClaimEntry, name: str, experiment: ExperimentEntry, published_ru
             given[key] = given[key].get(name, otherwise)
     if isinstance(given["published"], tuple):
         given["published"] = given["published"][0] / given["published"][1]
+    given["published_runs_assumed"] = given["published_runs_assumed"] or experiment.published_runs_assumed
     if given["published_runs"] is None:
         given["published_runs"] = published_runs
     return Claim(**given, variant=variant, other=other)

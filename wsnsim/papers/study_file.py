@@ -57,6 +57,7 @@ class ClaimEntry(DocumentModel):
     basis: str = ""
     deterministic: bool = False
     published_runs: int | None = None
+    published_runs_assumed: bool = False
 
 
 class RegisteredHypothesis(DocumentModel):
@@ -93,7 +94,8 @@ class ExperimentEntry(DocumentModel):
     and of the settings laid on it. An experiment named in the study's EXPERIMENTS has variants and claims from there.
     Claims on variants in `repairs` are not counted among the paper's. `bases` lists the variants of a basis: a claim
     without a `basis` of its own has that of its variant, or else the experiment's. `reading` says how the experiment
-    reads what the paper leaves open: rows of the same paper, `where`, `id` and variant are of one printed number.
+    reads what the paper leaves open: rows of the same paper, `where`, `id` and variant are of one printed number. With
+    `published_runs_assumed` the numbers of runs behind published values are ours: the paper does not give them.
     """
 
     name: str
@@ -112,6 +114,7 @@ class ExperimentEntry(DocumentModel):
     basis: str = "evidence"
     summary: str = ""
     literal: bool = True
+    published_runs_assumed: bool = False
 
 
 class StudyDocument(DocumentModel):

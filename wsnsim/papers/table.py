@@ -27,10 +27,12 @@ MARKS: Final = (
 """What the abbreviations of KINDS and other marks of bounds mean."""
 UNCOUNTED: Final = " *"
 ABOUT: Final = "about"
+ASSUMED: Final = "assumed"
 NOWHERE: Final = "no value in any run"
 WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
 WORDS_UNCOUNTED: Final = "on a repair or on another reading of the paper; not counted among its claims"
 WORDS_RUNS: Final = "ours / those behind the published value"
+WORDS_ASSUMED: Final = "the paper does not give the number of runs behind the published value; this one is ours"
 WORDS_ASTRAY: Final = f"share of runs with more than {ASTRAY:g} times the median of the runs [Clopper-Pearson, %]"
 WORDS_LOST: Final = "share of runs (re-acquisitions in a run, mean over runs)"
 OTHER_BASES: Final = tuple(basis for basis in BASES if basis != "evidence")
@@ -105,6 +107,7 @@ def legend(rows: Sequence[ClaimRow]) -> list[str]:
         (any(math.isfinite(row.bound) for row in rows), f"bound: {MARKS}"),
         (any(row.read and math.isfinite(row.published) for row in rows), f"{ABOUT}: {WORDS_READ}"),
         (any(row.published_runs for row in rows), f"runs: {WORDS_RUNS}"),
+        (any(row.published_runs and row.published_runs_assumed for row in rows), f"{ASSUMED}: {WORDS_ASSUMED}"),
         (any(math.isfinite(row.astray.value) for row in rows), f"astray: {WORDS_ASTRAY}"),
         (any(row.losses.reacquired > 0.0 for row in rows), f"lost: {WORDS_LOST}"),
     ):
@@ -121,11 +124,17 @@ def cells(row: ClaimRow) -> tuple[str, ...]:
         _measured(row),
         row.short or "-",
         _bound(row),
-        f"{row.replicates} / {row.published_runs}" if row.published_runs else str(row.replicates),
+        _runs(row),
         _astray(row.astray),
         _lost(row),
         _verdict(row),
     )
+
+
+def _runs(row: ClaimRow) -> str:
+    """Our runs, and those behind the published value."""
+    published = f" / {row.published_runs}" if row.published_runs else ""
+    return f"{row.replicates}{published}{f' {ASSUMED}' if published and row.published_runs_assumed else ''}"
 
 
 def _verdict(row: ClaimRow) -> str:

@@ -63,7 +63,8 @@ class Generation(NamedTuple):
 class Search:
     """What happens in place of a resampling, generation after generation.
 
-    `random_alpha`: α is multiplied by a standard normal, eq. (5); `by_change`: flights by Δk, eq. (10).
+    `random_alpha`: α is multiplied by a standard normal, eq. (5); `by_change`: flights by Δk, eq. (10). A hunt ends
+    after a generation in which the best fitness grows by less than `least_gain`, as a share of it.
     """
 
     schedule: tuple[Generation, ...]
@@ -73,6 +74,7 @@ class Search:
     variant: Variant
     fitness: Fitness
     move: Move
+    least_gain: float = 0.0
 
 
 def searched(search: Search, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
@@ -121,6 +123,8 @@ def hunt(cloud: Floats, fitness: Floats, score: Score, search: Search, scene: Sc
         accept_greedy(cloud, fitness, proposal, score(proposal))
         proposal = replace_nests(cloud, cloud, rows, nests, 3 * number, keep)
         accept_greedy(cloud, fitness, proposal, score(proposal))
+        if fitness.max() < before.max() + math.log1p(search.least_gain):
+            return
         if search.by_change:
             factor = relative_changes(fitness, before)
 
@@ -195,6 +199,10 @@ def _rows(search: Search, scene: Scene) -> Ints:
     return np.arange(len(scene.motion.columns), dtype=np.int64)
 
 
+GAIN = (
+    "termination condition of steps one and five, which the paper does not give: the search ends after a generation in "
+    "which the best fitness grows by less than this share; 0: all generations, for which operations are stated"
+)
 PROBABILITY = Quantity("", ge=0, le=1)
 LENGTH = Quantity("", ge=0, le=1e3)
 
@@ -213,11 +221,17 @@ class Nests:
         "gaussian"
     )
     move: Annotated[Move, "which columns of the state the search moves"] = "all"
+    least_gain: Annotated[float, Quantity("", ge=0, le=1e9), GAIN] = 0.0
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """A process noise without a density, under a Metropolis test, which needs that of the motion's transition."""
+        """Under a Metropolis test, a process noise without a density, and an end that depends on what is found.
+
+        The test needs the density of the motion's transition; chains that end when they are fit are biased.
+        """
         if self.variant == "metropolis":
             yield from noise_issues(setup, "variant: metropolis")
+            if self.least_gain:
+                yield Issue(("tracker", "least_gain"), "must be 0 with variant: metropolis, which ends by generations")
 
     @property
     def evaluations(self) -> int:
@@ -255,7 +269,10 @@ class CuckooPf(Nests, HeadCloud):
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
         """The belief after the search, with the moments of its result."""
         schedule = (Generation(self.length, self.keep),) * self.generations
-        search = Search(schedule, self.exponent, self.alpha == "random", False, self.variant, self.fitness, self.move)
+        search = Search(
+            schedule, self.exponent, self.alpha == "random", False, self.variant, self.fitness, self.move,
+            self.least_gain,
+        )  # fmt: skip
         return searched(search, prediction, seen, scene)
 
 
@@ -289,5 +306,7 @@ class ImprovedCuckooPf(Nests, HeadCloud):
 
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
         """The belief after the search, with the moments of its result."""
-        search = Search(self.schedule, self.exponent, False, True, self.variant, self.fitness, self.move)
+        search = Search(
+            self.schedule, self.exponent, False, True, self.variant, self.fitness, self.move, self.least_gain
+        )
         return searched(search, prediction, seen, scene)

@@ -18,10 +18,23 @@ import numpy as np
 
 from wsnsim.papers.toolkit import Answer, Data, Floats, interval, word
 
-from .points import ENERGY, ERROR, IN_TIME, REFERENCE, Best, best, over_known, ratio, run, statistic, trackers
+from .points import (
+    DELIVERED,
+    ENERGY,
+    ERROR,
+    IN_TIME,
+    REFERENCE,
+    Best,
+    best,
+    over_known,
+    ratio,
+    run,
+    statistic,
+    trackers,
+    usable_as_first_registered,
+)
 
 WITH_THREE: Final = "mean:tracked_three"
-DELIVERED: Final = "mean:delivered"
 WOKEN: Final = ("gmtt", "tsstp", "cluster")
 """The trackers of Li's field that wake nodes."""
 NEAR, FOUND = "near 125", "ctp"
@@ -89,7 +102,8 @@ def _contikimac(data: Data) -> Iterator[Answer]:
 
 def _best(data: Data, tenth: float) -> Iterator[Answer]:
     """6 and 7: the best intervals of X-MAC."""
-    found = [best(data, tracker, "xmac") for tracker in trackers(data) if f"{tracker}, xmac 125" in run(data)]
+    rule = usable_as_first_registered
+    found = [best(data, tracker, "xmac", rule) for tracker in trackers(data) if f"{tracker}, xmac 125" in run(data)]
     for each in found:
         share = over_known(each.energies / statistic(data, f"{each.tracker}, {REFERENCE}", ENERGY))
         words = f"6: {each.tracker}: energy at the best interval of X-MAC over that on CSMA < {tenth:g}"

@@ -10,7 +10,8 @@ All points are resampled together: they have the same ground truths, nodes and r
 from __future__ import annotations
 
 import functools
-from typing import Final, NamedTuple
+from collections.abc import Callable
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -99,6 +100,11 @@ def _kind_and_number(mac: str) -> tuple[str, str]:
 ENERGY: Final = "mean:energy"
 ERROR: Final = "median:error"
 IN_TIME: Final = "mean:tracked"
+DELIVERED: Final = "mean:delivered"
+
+
+Rule: TypeAlias = Callable[[Data, str, list[str]], Bools]
+"""(n, 1 + draws) which of a tracker's variants are usable, in the runs as they are and in every resample."""
 
 
 class Best(NamedTuple):
@@ -118,10 +124,13 @@ class Best(NamedTuple):
     usable: tuple[float, ...]
 
 
-def best(data: Data, tracker: str, kind: str) -> Best:
-    """The best interval of a tracker on a kind of MAC; it needs that tracker on CSMA."""
+def best(data: Data, tracker: str, kind: str, rule: Rule | None = None) -> Best:
+    """The best interval of a tracker on a kind of MAC; it needs that tracker on CSMA.
+
+    `rule` says which are usable: `usable_beside_csma` if None.
+    """
     found = intervals(data, tracker, kind)
-    seconds, fit = np.array([*found]), usable(data, tracker, [*found.values()])
+    seconds, fit = np.array([*found]), (rule or usable_beside_csma)(data, tracker, [*found.values()])
     energies = np.where(fit, [statistic(data, variant, ENERGY) for variant in found.values()], np.inf)
     chosen = np.argmin(energies, axis=0)
     least = energies[chosen, np.arange(energies.shape[1])]
@@ -131,8 +140,19 @@ def best(data: Data, tracker: str, kind: str) -> Best:
     return Best(tracker, _range(picked), least, without, tuple(seconds[fit[:, 0]].tolist()))
 
 
-def usable(data: Data, tracker: str, variants: list[str]) -> Bools:
-    """(n, 1 + draws) which variants of a tracker are usable, in the runs as they are and in every resample."""
+def usable_beside_csma(data: Data, tracker: str, variants: list[str]) -> Bools:
+    """(n, 1 + draws) which are in time, near the error, and deliver about as much as the tracker on CSMA."""
+    wanted, reference = data.registered["later"]["usable"], f"{tracker}, {REFERENCE}"
+    in_time, delivered, errors = (
+        np.array([ratio(data, variant, reference, measure) for variant in variants])
+        for measure in (IN_TIME, DELIVERED, ERROR)
+    )
+    fit: Bools = (in_time >= wanted["in_time"]) & (delivered >= wanted["delivered"]) & (errors <= wanted["error"])
+    return fit
+
+
+def usable_as_first_registered(data: Data, tracker: str, variants: list[str]) -> Bools:
+    """(n, 1 + draws) which are in time, and near the least error of the tracker; for the hypotheses on them."""
     wanted, reference = data.registered["usable"], f"{tracker}, {REFERENCE}"
     in_time = np.array([statistic(data, variant, IN_TIME) for variant in variants])
     errors = np.array([statistic(data, variant, ERROR) for variant in [*variants, reference]])

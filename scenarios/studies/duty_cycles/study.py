@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, Final
 
@@ -77,10 +78,30 @@ def best_lines(data: Data) -> list[str]:
     """A line for each tracker and kind of MAC: the best interval, the energy there, and of how many it is."""
     return [
         _best_line(best(data, tracker, kind), kind, len(intervals(data, tracker, kind)))
-        for kind in kinds(data)
-        for tracker in trackers(data)
-        if intervals(data, tracker, kind) and f"{tracker}, {REFERENCE}" in run(data)
+        for tracker, kind in _choices(data)
     ]
+
+
+def best_points(data: Data) -> list[dict[str, str]]:
+    """{tracker, mac, csma, point} of each tracker and kind of MAC: its variant on CSMA, and that at the best interval.
+
+    The point is '' where no interval is usable.
+    """
+    return [
+        {
+            "tracker": tracker, "mac": kind, "csma": f"{tracker}, {REFERENCE}",
+            "point": intervals(data, tracker, kind).get(best(data, tracker, kind).interval.value, ""),
+        }
+        for tracker, kind in _choices(data)
+    ]  # fmt: skip
+
+
+def _choices(data: Data) -> Iterator[tuple[str, str]]:
+    """Trackers and kinds of MACs that have points, of trackers that ran on CSMA."""
+    for kind in kinds(data):
+        for tracker in trackers(data):
+            if intervals(data, tracker, kind) and f"{tracker}, {REFERENCE}" in run(data):
+                yield tracker, kind
 
 
 def _best_line(one: Best, kind: str, count: int) -> str:
