@@ -6,6 +6,7 @@ import pytest
 
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 from wsnsim.models.access import Csma, IdealMac, Tdma
+from wsnsim.models.appointed import Appointed
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import FirstOrder, States
 from wsnsim.models.hardware import Frames, NoPacking, Processor
@@ -26,7 +27,8 @@ SLOW = States(
 def company(kind=NetworkSetup, **given):
     """A setup whose other components are None."""
     nothing = dict.fromkeys(field.name for field in dataclasses.fields(kind))
-    roles = {"energy": FirstOrder(), "sink": NoSink(), "workload": Periodic(), "packing": NoPacking()}
+    roles = {"energy": FirstOrder(), "sink": NoSink(), "workload": Periodic(), "packing": NoPacking(),
+             "dt": 1.0, "clusters": Appointed()}  # fmt: skip
     return kind(**nothing | {role: part for role, part in roles.items() if role in nothing} | given)
 
 

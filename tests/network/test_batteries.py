@@ -165,7 +165,9 @@ FAULTS = st.lists(st.sampled_from([
     {"kind": "drain", "fraction": 0.5, "share": 0.7}, {"kind": "drain", "fraction": 0.5, "joules": 0.01},
     {"kind": "crash", "fraction": 0.5, "duration": 1.0}, {"kind": "restart", "fraction": 0.5, "duration": 0.1},
 ]), max_size=2)  # fmt: skip
-MACS = st.sampled_from([{"kind": "csma"}, {"kind": "tdma"}, {"kind": "ideal"}, {"kind": "ideal", "rate": 250e3}])
+MACS = st.sampled_from(
+    [{"kind": "csma"}, {"kind": "tdma", "idle_slots": "skipped"}, {"kind": "ideal"}, {"kind": "ideal", "rate": 250e3}]
+)
 
 
 def states(energy: States) -> dict[str, Any]:

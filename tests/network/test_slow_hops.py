@@ -169,13 +169,13 @@ def test_a_deadline_that_is_left_out_leaves_time_for_a_hop():
 
 @pytest.mark.parametrize("members", [5, 14, 18, 30])
 def test_a_deadline_that_is_left_out_leaves_time_for_a_round_with_a_slot_for_each_member(members):
-    setup = build(load("information_driven_real", ["mac.idle_slots=kept"]))
+    setup = build(load("information_driven_real"))
     schedule, slot = setup.hop.broadcast, 2 * 0.25e-3 + 29 * 8 / 250e3
     round_ = setup.gathering(members)
     assert round_ == pytest.approx(schedule + members * slot)
     scene = SimpleNamespace(dt=0.04, hop_seconds=round_)
     assert InformationDriven()._seconds(cast(Any, scene)) == pytest.approx(min(max(0.024, round_), 0.036))
-    skipped = build(load("information_driven_real"))
+    skipped = build(load("information_driven_real", ["mac.idle_slots=skipped"]))
     assert skipped.gathering(members) == skipped.hop.unicast
 
 

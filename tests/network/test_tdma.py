@@ -19,6 +19,11 @@ from wsnsim.scenario import build
 STAR = [(0, 0), *((30 * np.cos(a), 30 * np.sin(a)) for a in np.linspace(0, 6, 8))]
 
 
+def skipping(**options):
+    """Slots in rounds of those that have something to send."""
+    return Tdma(idle_slots="skipped", **options)
+
+
 def gather(network, sources=range(1, 9), packets=1, head=0):
     bursts = [full_burst(node, head, Parcel("reading", packets, PACKET_BITS, "reading"), 0) for node in sources]
     network.env.run(until=network.mac.send(bursts, head))
@@ -26,7 +31,7 @@ def gather(network, sources=range(1, 9), packets=1, head=0):
 
 
 def test_with_slots_every_reading_arrives_without_collisions():
-    slotted, contending = RadioNetwork(STAR, mac=Tdma()), RadioNetwork(STAR, mac=Csma())
+    slotted, contending = RadioNetwork(STAR, mac=skipping()), RadioNetwork(STAR, mac=Csma())
     assert all(burst.packets == 1 for burst in gather(slotted))
     assert slotted.counters.collided == 0 and slotted.counters.frames_sent == 9, "the schedule and eight readings"
     gather(contending)
@@ -34,7 +39,7 @@ def test_with_slots_every_reading_arrives_without_collisions():
 
 
 def test_a_round_has_one_slot_per_frame_and_the_schedule_is_announced_once():
-    network = RadioNetwork(STAR, mac=Tdma())
+    network = RadioNetwork(STAR, mac=skipping())
     gather(network)
     began = network.env.now
     gather(network)
@@ -46,7 +51,7 @@ def test_a_round_has_one_slot_per_frame_and_the_schedule_is_announced_once():
 
 
 def test_members_that_the_head_expects_have_slots_from_the_first_schedule_on():
-    network = RadioNetwork(STAR, mac=Tdma())
+    network = RadioNetwork(STAR, mac=skipping())
     network.mac.expect(0, [0, *range(1, 9)])
     gather(network, sources=(1, 2))
     (first,) = [row for row in network.rows("send") if row["peer"] == -1]
@@ -57,14 +62,14 @@ def test_members_that_the_head_expects_have_slots_from_the_first_schedule_on():
 
 
 def test_members_do_not_overhear_each_other_but_other_nodes_do():
-    network = RadioNetwork([*STAR, (10, 10)], mac=Tdma())
+    network = RadioNetwork([*STAR, (10, 10)], mac=skipping())
     gather(network, sources=range(1, 9))
     overheard = network.nodes.ledger.joules[CAUSE["overhear"]]
     assert (overheard[:9] == 0).all() and overheard[9] == pytest.approx(8 * 29 * 8 * 50e-9)
 
 
 def test_members_turn_the_radio_off_in_the_slots_of_others():
-    network = RadioNetwork(STAR, mac=Tdma(contention=0.0), energy=FirstOrder(idle=0.06, sleep=0.001, battery=100.0))
+    network = RadioNetwork(STAR, mac=skipping(contention=0.0), energy=FirstOrder(idle=0.06, sleep=0.001, battery=100.0))
     gather(network)
     began, before = network.env.now, network.nodes.totals_now()
     gather(network)
@@ -82,7 +87,7 @@ def test_members_turn_the_radio_off_in_the_slots_of_others():
 
 
 def test_a_member_that_missed_the_schedule_has_no_slot_until_it_receives_the_next_one():
-    network = RadioNetwork(STAR, mac=Tdma())
+    network = RadioNetwork(STAR, mac=skipping())
     network.nodes.jammed[3] = network.nodes.disturbed = True
     bursts = gather(network)
     assert [burst.packets for burst in bursts] == [1, 1, 0, 1, 1, 1, 1, 1]
@@ -93,7 +98,7 @@ def test_a_member_that_missed_the_schedule_has_no_slot_until_it_receives_the_nex
 
 
 def test_a_member_whose_clock_is_off_by_more_than_the_guard_misses_its_slot_until_the_next_schedule():
-    network = RadioNetwork(STAR, mac=Tdma())
+    network = RadioNetwork(STAR, mac=skipping())
     gather(network)
     network.clocks.step([2], 1e-3)
     assert [burst.packets for burst in gather(network)] == [1, 0, 1, 1, 1, 1, 1, 1]
@@ -101,7 +106,7 @@ def test_a_member_whose_clock_is_off_by_more_than_the_guard_misses_its_slot_unti
 
 
 def test_a_member_that_corrects_its_clock_keeps_its_slot():
-    network = RadioNetwork(STAR, mac=Tdma())
+    network = RadioNetwork(STAR, mac=skipping())
     network.clocks.step([3], 1e-4)  # clocks that are perfect are not corrected
     gather(network)
     network.clocks.correct(2, 5e-3)
@@ -113,7 +118,7 @@ def test_a_member_that_corrects_its_clock_keeps_its_slot():
 def test_a_frame_without_acknowledgement_gets_another_slot_at_the_end():
     shares = []
     for acks in (True, False):
-        network = RadioNetwork(STAR, mac=Tdma(acks=acks), link=Disk(reach=75.0, loss=0.3), seed=5)
+        network = RadioNetwork(STAR, mac=skipping(acks=acks), link=Disk(reach=75.0, loss=0.3), seed=5)
         bursts = [burst for _ in range(30) for burst in gather(network)]
         had_slots = len(bursts) - sum(network.memory.words.all()[int(row["what"])] == "no_schedule"
                                       for row in network.rows("drop"))  # fmt: skip
@@ -122,9 +127,9 @@ def test_a_frame_without_acknowledgement_gets_another_slot_at_the_end():
 
 
 def test_a_burst_has_one_slot_per_frame_and_a_long_frame_several_slots_of_fixed_length():
-    network = RadioNetwork(STAR, mac=Tdma())
+    network = RadioNetwork(STAR, mac=skipping())
     assert [burst.packets for burst in gather(network, sources=[1, 2], packets=5)] == [5, 5]
-    fixed = RadioNetwork(STAR, mac=Tdma(slot=2e-3, contention=0.0))
+    fixed = RadioNetwork(STAR, mac=skipping(slot=2e-3, contention=0.0))
     gather(fixed, sources=[1])
     began = fixed.env.now
     burst = full_burst(1, 0, Parcel("long", 1, 800, "reading"), 0)
@@ -135,7 +140,7 @@ def test_a_burst_has_one_slot_per_frame_and_a_long_frame_several_slots_of_fixed_
 
 def test_a_round_goes_on_when_its_head_or_a_member_crashes():
     for victim in (0, 4):
-        network = RadioNetwork(STAR, mac=Tdma())
+        network = RadioNetwork(STAR, mac=skipping())
         gather(network)
         network.at(network.env.now + 5e-3, lambda network=network, victim=victim: network.nodes.crash(victim))
         network.at(network.env.now + 5e-3, lambda network=network, victim=victim: network.mac.silence(victim))
@@ -146,7 +151,7 @@ def test_a_round_goes_on_when_its_head_or_a_member_crashes():
 
 
 def test_rounds_of_one_head_do_not_overlap():
-    network = RadioNetwork(STAR, mac=Tdma())
+    network = RadioNetwork(STAR, mac=skipping())
     gather(network)
     bursts = [[full_burst(n, 0, Parcel("r", 1, PACKET_BITS, "reading"), t) for n in range(1, 9)] for t in (0, 1)]
     events = [network.mac.send(some, 0) for some in bursts]
@@ -156,12 +161,12 @@ def test_rounds_of_one_head_do_not_overlap():
 
 @pytest.mark.parametrize("guard", [0.0, 50e-6, 95e-6, 250e-6])
 def test_frames_arrive_with_guards_of_any_length(guard):
-    network = RadioNetwork(STAR, mac=Tdma(guard=guard))
+    network = RadioNetwork(STAR, mac=skipping(guard=guard))
     assert all(burst.packets == 1 for burst in gather(network))
 
 
 def test_a_schedule_of_several_frames_is_known_only_after_receiving_all_of_them():
-    network = RadioNetwork(STAR, mac=Tdma(schedule_bits=1000), link=Disk(reach=75.0, loss=0.2), seed=2)
+    network = RadioNetwork(STAR, mac=skipping(schedule_bits=1000), link=Disk(reach=75.0, loss=0.2), seed=2)
     gather(network)
     announced = [row for row in network.rows("receive") if row["peer"] == 0 and row["packets"] == 1]
     pieces = {node: sum(row["node"] == node for row in announced) for node in range(1, 9)}
@@ -170,7 +175,7 @@ def test_a_schedule_of_several_frames_is_known_only_after_receiving_all_of_them(
 
 
 def test_two_clusters_of_one_head_keep_each_others_schedule():
-    network = RadioNetwork(STAR, mac=Tdma())
+    network = RadioNetwork(STAR, mac=skipping())
     for _ in range(5):
         gather(network, sources=range(1, 5))
         gather(network, sources=range(5, 9))
@@ -187,11 +192,11 @@ def joins(network, sources, head=0):
 def test_joins_contend_with_acknowledgements_and_retries_though_slots_have_none():
     ring = [(0, 0), *((40 * np.cos(a), 40 * np.sin(a)) for a in np.linspace(0, 6, 16))]
     arrived = {}
-    for mac in (Tdma(), Csma(acks=False), Csma()):
+    for mac in (skipping(), Csma(acks=False), Csma()):
         networks = [RadioNetwork(ring, mac=mac, seed=seed) for seed in range(10)]
         arrived[mac] = sum(burst.packets for network in networks for burst in joins(network, range(1, 17)))
-    assert arrived[Tdma()] > 140 > 100 > arrived[Csma()] > arrived[Csma(acks=False)], "of 160"
-    network = RadioNetwork(ring, mac=Tdma())
+    assert arrived[skipping()] > 140 > 100 > arrived[Csma()] > arrived[Csma(acks=False)], "of 160"
+    network = RadioNetwork(ring, mac=skipping())
     gather(network, range(1, 17))
     assert not any(network.memory.words.all()[int(row["what"])] == "ack" for row in network.rows("send"))
 
@@ -217,7 +222,7 @@ def relayed_during_a_round(mac, source, to, **components):
 
 @pytest.mark.parametrize(("source", "to"), [(9, 10), (1, 9), (0, 9)], ids=["neighbour", "member", "head"])
 def test_relays_wait_for_the_end_of_a_round_and_get_through_between_rounds(source, to):
-    network, readings, relayed = relayed_during_a_round(Tdma(), source, to)
+    network, readings, relayed = relayed_during_a_round(skipping(), source, to)
     assert all(readings) and network.counters.collided == 0
     assert sum(relayed) >= 48, "of 50: rounds that follow each other leave a contention period"
 
@@ -225,7 +230,7 @@ def test_relays_wait_for_the_end_of_a_round_and_get_through_between_rounds(sourc
 def test_only_nodes_in_range_of_the_head_or_a_member_hold_frames_back():
     ends = []
     for source in (9, 11):
-        network = RadioNetwork([*CHAIN, (0, 180)], mac=Tdma())
+        network = RadioNetwork([*CHAIN, (0, 180)], mac=skipping())
         gather(network)
         report = full_burst(source, 10, Parcel(None, 1, PACKET_BITS, "report"), 0)
         network.env.run(until=network.env.now + 0.1)
@@ -242,7 +247,7 @@ def test_only_nodes_in_range_of_the_head_or_a_member_hold_frames_back():
 
 
 def test_a_round_begins_after_the_exchange_that_is_under_way():
-    network = RadioNetwork(CHAIN, mac=Tdma(contention=0.0, min_be=0))
+    network = RadioNetwork(CHAIN, mac=skipping(contention=0.0, min_be=0))
     gather(network)
     began, report = network.env.now, full_burst(9, 10, Parcel(None, 1, PACKET_BITS, "report"), 0)
     network.mac.send([report])
@@ -267,7 +272,7 @@ def test_joins_of_a_tracking_network_arrive_and_no_frame_collides_in_a_slot():
 
 
 def test_a_member_of_two_clusters_with_slots_at_the_same_time_sends_in_one_and_logs_that_it_missed_the_other():
-    network = RadioNetwork([(0, 0), (40, 0), (20, 0)], mac=Tdma(acks=False, contention=0.0))
+    network = RadioNetwork([(0, 0), (40, 0), (20, 0)], mac=skipping(acks=False, contention=0.0))
     for head in (0, 1):
         gather(network, sources=[2], head=head)  # the member learns both schedules
     both = [full_burst(2, head, Parcel("reading", 1, PACKET_BITS, "reading"), 0) for head in (0, 1)]
@@ -281,7 +286,7 @@ def test_a_member_of_two_clusters_with_slots_at_the_same_time_sends_in_one_and_l
 def kept(positions=STAR, members=range(1, 9), **components):
     """A network whose head 0 has announced a schedule of these members; idle slots are kept."""
     options = components.pop("options", {})
-    network = RadioNetwork(positions, mac=Tdma(idle_slots="kept", **options), **components)
+    network = RadioNetwork(positions, mac=Tdma(**options), **components)
     network.mac.expect(0, list(members))
     gather(network, sources=())
     network.env.run(until=network.env.now + 0.1)
@@ -316,6 +321,7 @@ def test_kept_slots_take_eight_times_as_long_for_one_frame_as_skipped_ones():
     took = []
     for idle in ("kept", "skipped"):
         network = RadioNetwork(STAR, mac=Tdma(idle_slots=idle, contention=0.0))
+        network.mac.expect(0, range(1, 9))
         gather(network)
         began = network.env.now
         gather(network, sources=[3])
@@ -336,7 +342,9 @@ def test_a_new_schedule_replaces_the_one_before():
     gather(network, sources=[4])
     assert network.mac._orders[0] == (2, 4) and network.mac._schedules[0].keys() == {2, 4}
     gather(network, sources=[7])
-    assert network.mac._orders[0] == (2, 4, 7), "without news of the members, who sends joins the last ones"
+    network.env.run(until=network.env.now + 0.1)
+    gather(network, sources=[7])
+    assert network.mac._orders[0] == (2, 4, 7), "whose frame came without a slot has one in the next schedule"
     network.env.run(until=network.env.now + 0.1)
     began = network.env.now
     gather(network, sources=[7])
@@ -399,11 +407,87 @@ def test_a_member_that_dies_keeps_its_slot_since_nobody_knows():
 
 
 def test_a_member_that_did_not_hear_the_schedule_has_an_idle_slot():
-    network = RadioNetwork(STAR, mac=Tdma(idle_slots="kept"))
+    network = RadioNetwork(STAR, mac=Tdma())
     network.nodes.jammed[3] = network.nodes.disturbed = True
     network.mac.expect(0, range(1, 9))
     gather(network, sources=())
     assert network.mac._orders[0] == tuple(range(1, 9)) and 3 not in network.mac._schedules[0]
+
+
+HOP = Tdma().latency(PACKET_BITS).unicast
+
+
+def planned(nodes=(2, 5), **components):
+    """A network whose head 0 has eight members, and slots only for some of them; the first round has ended."""
+    network = kept(**components)
+    network.mac.schedule(0, nodes)
+    gather(network, sources=())
+    network.env.run(until=network.env.now + 0.1)
+    return network
+
+
+def test_a_plan_has_slots_for_those_alone_that_are_expected_to_send_and_its_bits_are_paid():
+    network = planned()
+    schedule = [row for row in network.rows("send") if row["peer"] == -1][-1]
+    assert schedule["bits"] == 17 * 8 + 2 * Tdma().schedule_bits and schedule["joules"] > 0.0
+    began = network.env.now
+    assert [burst.packets for burst in gather(network, sources=(2, 5))] == [1, 1]
+    assert network.env.now - began == pytest.approx(2 * SLOT + HOP, rel=1e-9), "it listens for a frame more"
+    began = network.env.now + 0.1
+    network.env.run(until=began)
+    gather(network, sources=())
+    assert network.env.now - began == pytest.approx(2 * SLOT + HOP, rel=1e-9), "silence is as long"
+
+
+@pytest.mark.parametrize(("nodes", "announced"), [((2, 5), 0), ((2,), 0), ((5, 6), 1), ((), 1), (range(1, 9), 1)])
+def test_a_plan_is_announced_again_only_if_somebody_lacks_a_slot_or_most_slots_would_be_idle(nodes, announced):
+    network = planned()
+    before = sum(row["peer"] == -1 for row in network.rows("send"))
+    network.mac.schedule(0, nodes)
+    gather(network, sources=())
+    assert sum(row["peer"] == -1 for row in network.rows("send")) - before == announced
+
+
+def test_a_member_outside_the_plan_sends_after_the_round_and_has_a_slot_in_the_next_schedule():
+    network = planned()
+    began = network.env.now
+    slotted, other = gather(network, sources=(2, 7))
+    sent = arrivals(network, began)
+    assert slotted.packets == other.packets == 1 and sent[2] < 2 * SLOT < sent[7]
+    words = network.memory.words.all()
+    assert sum(words[int(row["what"])] == "ack" for row in network.rows("send")) == 1, "it contends, acknowledged"
+    gather(network, sources=(7,))
+    assert network.mac._orders[0] == (2, 5, 7)
+
+
+def test_many_members_outside_the_plan_contend_and_get_through():
+    network = planned(nodes=())
+    bursts = gather(network, sources=range(1, 9))
+    assert sum(burst.packets for burst in bursts) >= 7 and network.mac._orders[0] == ()
+
+
+def test_a_member_that_missed_a_schedule_of_all_sends_too_late_for_the_head_which_gives_it_a_slot():
+    network = RadioNetwork(STAR, mac=Tdma())
+    network.nodes.jammed[3] = network.nodes.disturbed = True
+    network.mac.expect(0, range(1, 9))
+    gather(network, sources=())
+    network.nodes.jammed[3] = False
+    network.env.run(until=network.env.now + 0.1)
+    began = network.env.now
+    assert [burst.packets for burst in gather(network, sources=(2, 3))] == [1, 0]
+    assert network.env.now - began == pytest.approx(8 * SLOT, rel=1e-9), "it waits for nobody"
+    network.env.run(until=network.env.now + 0.1)
+    assert arrivals(network, began)[3] > 8 * SLOT, "the frame is sent and paid"
+    assert [burst.packets for burst in gather(network, sources=(2, 3))] == [1, 1]
+
+
+def test_a_head_without_members_listens_for_a_frame_and_pays_for_it():
+    network = RadioNetwork(STAR, mac=Tdma(), energy=FirstOrder(idle=0.06, battery=100.0))
+    before = np.array(network.nodes.totals_now())
+    gather(network, sources=())
+    spent = np.array(network.nodes.totals_now()) - before
+    assert network.env.now == pytest.approx(HOP, rel=1e-9) and not network.rows("send")
+    assert spent[CAUSE["idle"]] == pytest.approx(0.06 * 9 * HOP, rel=1e-6)
 
 
 def test_scenarios_whose_rounds_cannot_fit_are_refused():
@@ -412,7 +496,7 @@ def test_scenarios_whose_rounds_cannot_fit_are_refused():
         (["clusters={kind: moving_head}"], "would wait for a whole round"),
     ):
         with pytest.raises(ScenarioError, match=says):
-            build(load("ekf_real", ["mac.idle_slots=kept", *changes]))
+            build(load("ekf_real", changes))
 
 
 @pytest.mark.thorough

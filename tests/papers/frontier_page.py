@@ -36,6 +36,7 @@ from wsnsim.recording.folder import Folder
 consistency = module("frontier", "bound")
 figures = module("frontier", "figures")
 hypotheses = module("frontier", "hypotheses")
+real_radio = module("frontier", "real_radio")
 settings = module("frontier", "settings")
 _bound = module("frontier", "bound")
 SETTLED, medians, of_medians, pooled, squares = (
@@ -136,6 +137,17 @@ def _consistent(data: Data, variant: str) -> dict[str, Any]:
     return {**_beside_bound(data, variant), "nees": nees}
 
 
+def _on_real_radio(data: Data, variant: str) -> dict[str, Any]:
+    """The figures of `real_radio` for a variant."""
+    (total,) = (one for one in strategies(data) if one.variant == variant)
+    figure = real_radio.on_a_seed(data, variant, total)
+    return {
+        "in_time": figure.in_time, "lost": figure.lost, "over_bound": figure.over_bound,
+        "rmse": _median(data, variant, "rmse"), "energy": hypotheses.mean_of_runs(data, variant, "energy"),
+        "cpu": float(data.of(variant, "runs")["cpu_seconds"].mean()),
+    }  # fmt: skip
+
+
 def _asleep(data: Data, variant: str) -> dict[str, Any]:
     runs = data.of(variant, "runs")
     lost = campaigns.ever_lost(runs).astype(int)
@@ -163,6 +175,7 @@ def _median(data: Data, variant: str, column: str) -> Interval:
 CONTENT: Mapping[str, Callable[[Data], dict[str, Any]]] = {
     **dict.fromkeys(AT_THE_BOUND, lambda data: _with_answers(data, _consistent)),
     **dict.fromkeys(ON_A_RADIO, lambda data: _with_answers(data, _beside_bound)),
+    "real_radio": lambda data: _with_answers(data, _on_real_radio),
     WITHOUT_SLOTS: lambda data: _rows(data, _beside_bound),
     ASLEEP: lambda data: _rows(data, _asleep),
     "robustness": lambda data: _with_answers(data, _consistent),
@@ -237,6 +250,17 @@ def _asleep_table(found: Mapping[str, Any]) -> str:
     ])  # fmt: skip
 
 
+def _real_radio(found: Mapping[str, Any]) -> str:
+    head = ["tracker", "margin, m", "seed", "runs", "in time", "lost", "median error / median bound",
+            "RMSE of a run, median, m", "energy, J"]  # fmt: skip
+    rows = []
+    for name, row in found["rows"].items():
+        tracker, margin, seed = name.partition(": ")[2].split(", ")
+        figures = [_text(row[key]) for key in ("in_time", "lost", "over_bound", "rmse")]
+        rows.append([tracker, margin.split()[1], seed.split()[1], str(row["runs"]), *figures, _short(row["energy"])])
+    return _table(head, rows)
+
+
 def _robustness(found: Mapping[str, Any]) -> str:
     head = ["tracker and what it knows", "RMSE of a run, median, m", "pooled error / bound for that knowledge",
             "NEES of the position away from walls", "lost"]  # fmt: skip
@@ -253,7 +277,8 @@ def _frontier_block(found: Mapping[str, Any]) -> str:
 
 
 TABLES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
-    "asleep": _asleep_table, "robustness": _robustness, "frontier": _frontier_block, "frontier_table": frontier_table,
+    "asleep": _asleep_table, "real_radio": _real_radio, "robustness": _robustness, "frontier": _frontier_block,
+    "frontier_table": frontier_table,
 }  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from wsnsim.papers.study import study
 against_bound = module("frontier", "bound")
 consistency = module("frontier", "bound")
 hypotheses = module("frontier", "hypotheses")
+real_radio = module("frontier", "real_radio")
 _bound = module("frontier", "bound")
 Squares, medians, near_walls, of_medians, pooled, rmse_of_runs = (
     _bound.Squares,
@@ -50,6 +51,7 @@ def test_what_was_registered_before_the_first_run_is_unchanged():
             "gains unknown": {"number": 11, "least": 3.0, "most": 20.0},
         },
         "published_near": 1.1, "linearisation": 0.1, "membership": 0.9, "kept": 0.8,
+        "real_radio": {"in_time": 0.9, "lost": 0.05, "over_bound": 1.5},
     }  # fmt: skip
 
 
@@ -192,6 +194,37 @@ def test_the_answers_on_a_radio_say_of_which_slots_they_are(monkeypatch):
     named = [answer.words.partition(":")[0] for answer in hypotheses.on_a_radio(data)]
     assert named == [*["6 (seed 1)"] * 2, *["7 (seed 1)"] * 2,
                      *["6 (seed 1, idle slots kept)"] * 2, *["7 (seed 1, idle slots kept)"] * 2]  # fmt: skip
+
+
+def test_the_interval_of_a_share_is_exact():
+    assert real_radio.clopper_pearson(np.zeros(60, bool)) == pytest.approx((0.0, 0.0, 1.0 - 0.025 ** (1 / 60)))
+    assert real_radio.clopper_pearson(np.ones(60, bool)) == pytest.approx((1.0, 0.025 ** (1 / 60), 1.0))
+    found = real_radio.clopper_pearson(np.arange(10) < 1)
+    assert found == pytest.approx((0.1, 0.00253, 0.44502), abs=1e-5), "tabulated"
+
+
+def on_real_radio(**in_time):
+    """Figures of strategies on two seeds with as much in time; nothing is lost, and all are near the bound."""
+    found = {}
+    for name, shares in in_time.items():
+        for seed, share in enumerate(shares):
+            total = Strategy(f"kept: {name}, margin 5 m, seed {seed}", 0.1 if name == "information_driven" else 0.2,
+                             NAN, NAN, 440.0, 0.0, share)  # fmt: skip
+            near = one_interval(1.2, 1.1, 1.3)
+            found[total.variant] = real_radio.OnASeed(
+                one_interval(share, share - 0.02, share + 0.02), one_interval(0.0, 0.0, 0.06), near, total
+            )
+    return found
+
+
+def test_the_answers_on_the_real_radio_hold_on_every_seed_or_not():
+    found = real_radio.of_figures(
+        on_real_radio(information_driven=(0.95, 0.95), ukf=(0.95, 0.91), gpf=(0.95, 0.5)), REGISTERED["real_radio"]
+    )
+    assert given(found) == ["yes", "undecided", "no", *["undecided"] * 3, *["yes"] * 4]
+    assert "these follow: information_driven, ukf; on the front of each seed: information_driven)" in found[-1].words
+    nobody = real_radio.of_figures(on_real_radio(information_driven=(0.5, 0.95)), REGISTERED["real_radio"])
+    assert given(nobody)[-1] == "no" and "these follow: none" in nobody[-1].words
 
 
 def test_the_answers_of_a_sleeping_network_compare_shares_of_lost_runs():

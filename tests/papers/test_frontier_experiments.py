@@ -117,7 +117,10 @@ def test_the_names_of_shipped_scenarios_stand_for_them():
     }
     for name, other in shipped.items():
         one = EXPERIMENT.variants[name]
-        mine, theirs = (scenario.resolved(scenario.load(*which)) for which in ((one.scenario, one.sets), (other,)))
+        slots = ["mac.idle_slots=skipped"] if name.startswith("slots") else []
+        mine, theirs = (
+            scenario.resolved(scenario.load(*which)) for which in ((one.scenario, one.sets), (other, slots))
+        )
         for which in (mine, theirs):
             del which["name"]
         assert mine == theirs
@@ -137,6 +140,21 @@ def test_the_variants_on_a_radio_differ_in_how_members_get_the_channel_alone():
         assert mine.pop("seed") == int(name[-8:])
         resolved.append({key: value for key, value in mine.items() if key != "name"})
     assert resolved == [resolved[0]] * 7
+
+
+def test_every_strategy_on_the_real_radio_keeps_its_slots_on_every_seed_at_a_margin_that_was_swept():
+    found = {one.name: one for one in study("frontier").experiments}
+    given = study("frontier").published["real_radio"]
+    assert len(found["real_radio"].variants) == len(given["strategies"]) * len(given["seeds"]) == 15
+    assert set(given["chosen"].values()) <= set(given["margins"])
+    assert [*given["chosen"]] == [*given["strategies"]] and found["real_radio"].full == 60
+    for name in ("real_radio", "margins"):
+        for variant, one in found[name].variants.items():
+            whole = scenario.resolved(scenario.load(one.scenario, one.sets))
+            tracker, margin, *seed = variant.removeprefix("kept: ").split(", ")
+            assert whole["mac"]["idle_slots"] == "kept" and whole["tracker"]["kind"] == tracker
+            assert f"margin {whole['clusters']['margin']:g} m" == margin and whole["clusters"]["kind"] == "appointed"
+            assert [f"seed {whole['seed']}"] == (seed or [f"seed {whole['seed']}"])
 
 
 def test_nothing_is_published_and_each_variant_whose_twin_is_run_is_compared_with_it():

@@ -71,10 +71,7 @@ def test_pf_is_claimed_to_depend_most_on_the_number_of_particles_and_the_gravita
 
 
 def test_each_reading_of_the_noise_and_of_the_length_has_every_printed_number_and_order_with_200_runs():
-    keys = [
-        {(c.where, c.id, c.key) for c in one.claims if c.where in ("table 1", "section 3.1")}
-        for one in READINGS
-    ]
+    keys = [{(c.where, c.id, c.key) for c in one.claims if c.where in ("table 1", "section 3.1")} for one in READINGS]
     assert len(READINGS) == 9 and len({one.reading for one in READINGS}) == 9
     assert all(these == keys[0] for these in keys) and len(keys[0]) == 12 + 18 + 3 + 5
     assert all(one.full == 200 for one in READINGS)

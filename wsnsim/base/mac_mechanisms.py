@@ -188,6 +188,9 @@ class KeepsIdleSlots(Protocol):
     def keeps_idle_slots(self) -> bool:
         """Whether `send` without bursts is a round, too, if it has the head that gathers."""
 
+    def schedule(self, head: int, nodes: Sequence[int]) -> None:
+        """Give slots to these nodes alone from now on: a head expects nobody else to send (`Gather.expected`)."""
+
 
 @runtime_checkable
 class UsesShortInterval(Protocol):

@@ -188,13 +188,21 @@ class Tdma(Csma):
     room for 28 of them. A member whose clock has drifted or jumped by more than a guard since it received the schedule
     misses its slot.
 
-    With `idle_slots: skipped`, only frames take time: nodes are taken to know who has nothing to send, and those with
-    later slots move up. With `kept` a round has one slot for each member of the schedule, in the order of node numbers
-    that the head announced: of an appointed cluster all members whom the head appointed, of another one those that have
-    had something to send. It is over when the last slot is, whether anybody has sent or not, and the head listens all
-    the time. A member sends one frame in a round; further frames, and those that were not acknowledged, go into further
-    rounds of the same length. A schedule replaces the one before. `information_driven`, its deadline left out, waits
-    for a round (`Scene.hop_seconds`).
+    With `idle_slots: kept` a round has one slot for each member of the schedule, in the order of node numbers that the
+    head announced: all members whom it appointed or whose joins it received, or those alone that its tracker expects to
+    send (`Gather.expected`: the plan of `information_driven`). It is over when the last slot is, whether anybody has
+    sent or not, and the head listens all the time. A member sends one frame in a round; further frames, and those that
+    were not acknowledged, go into further rounds of the same length. A schedule replaces the one before. It is
+    announced when the head expects others, or fewer than half of them.
+
+    A member with something to send that has no slot, or did not receive the schedule, sends after the round by
+    CSMA/CA, acknowledged, and has a slot in the next schedule once its frame has arrived. The head listens after the
+    last slot for as long as a frame takes at most without contention, whether one comes or not, and for frames under
+    way. If the schedule has all its members it goes on at once: then such a frame is late, and its reading lost.
+    `information_driven`, its deadline left out, waits for a round with all members (`Scene.hop_seconds`).
+
+    With `idle_slots: skipped`, an idealisation, only frames take time: all nodes know who has nothing to send, those
+    with later slots move up, and the head knows who lacks a schedule.
 
     Source: LEACH, Heinzelman, Chandrakasan, Balakrishnan (2002), section III: set-up by CSMA, then TDMA in the cluster.
     Contention period: IEEE 802.15.4-2006, 5.5.1; aMinCAPLength 7.4.1; macMaxBE and macMaxFrameRetries 7.4.2.
@@ -219,8 +227,8 @@ class Tdma(Csma):
     )
     idle_slots: Annotated[
         Literal["skipped", "kept"],
-        "slots of members with nothing to send: left out as if all knew it, or as long as others",
-    ] = "skipped"
+        "slots of members with nothing to send: left out as if all knew it (an idealisation), or as long as others",
+    ] = "kept"
 
     @property
     def shortest_off(self) -> float:
@@ -251,10 +259,10 @@ class Tdma(Csma):
                 f"{self.slot:g} s is too short for a packet of {PACKET_BITS} bits with {guards}: at least "
                 f"{needed:g} s are needed; left out, slots are as long as needed",
             )
-        if self.idle_slots == "kept":
+        if self.idle_slots == "kept" and isinstance(setup, NetworkSetup):
             yield from self._round_too_long(setup, self.shortest_off)
 
-    def _round_too_long(self, setup: Setup, slot: float) -> Iterator[Issue]:
+    def _round_too_long(self, setup: NetworkSetup, slot: float) -> Iterator[Issue]:
         """Yield an issue if kept slots leave a step no time, or if heads gather one packet after the other."""
         if slot + self.contention >= setup.dt:
             yield Issue(
@@ -262,7 +270,7 @@ class Tdma(Csma):
                 f"a round of one slot of {slot:g} s and mac.contention = {self.contention:g} s are longer than a "
                 f"step of {setup.dt:g} s: give a longer step, a shorter slot or contention, or idle_slots: skipped",
             )
-        if isinstance(setup, NetworkSetup) and setup.head_protocol == "moving":
+        if setup.head_protocol == "moving":
             yield Issue(
                 ("mac", "idle_slots"),
                 "heads that move gather each packet by itself, and each would wait for a whole round: give "

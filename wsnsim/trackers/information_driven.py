@@ -11,14 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Estimate, Floats
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
-from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Parcel, Send
+from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, NodeId, Parcel, Send
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.mixtures import (
     PREDICTION_CYCLES,
@@ -49,6 +49,7 @@ from wsnsim.trackers.shared.selection import (
     packet_joules,
     planned,
     prepare,
+    senders,
 )
 
 SETTLED: Final = 0.01
@@ -82,6 +83,14 @@ class PlannedBelief(GaussianBelief):
     plan: SelectionPlan | None = None
     expected: Expected | None = None
     kept: tuple[Kept, ...] = ()
+
+
+class Planned(NamedTuple):
+    """The plan, what it makes its members expect, and who is expected to send; None: as announced before."""
+
+    plan: SelectionPlan | None = None
+    expected: Expected | None = None
+    senders: tuple[NodeId, ...] | None = None
 
 
 @part
@@ -134,14 +143,14 @@ class InformationDriven(HeadFilter):
     def step(self, belief: PlannedBelief, scene: Scene) -> Flow[PlannedBelief]:
         """One step: a new plan if needed; the readings that members send; prediction and update."""
         mixture = predicted_mixture(_mixture_of(belief), scene, scene.since, scene.steps)
-        plan, expected = yield from self._plan(belief, mixture, scene)
+        plan, expected, expected_senders = yield from self._plan(belief, mixture, scene)
         yield Local(
             lambda member: prepare([member], scene, self.every),
             DECISION_CYCLES,
             lambda members: prepare(members, scene, self.every),
             uses_readings=False,
         )
-        reply = yield Gather(outgoing, deadline=self._seconds(scene))
+        reply = yield Gather(outgoing, deadline=self._seconds(scene), expected=expected_senders)
         if plan is not None and expected is not None:
             yield Compute(EXTRAPOLATION_CYCLES * (scene.step - expected.step) + WORTH_CYCLES * len(reply))
             expected = extrapolated(expected, scene)
@@ -181,16 +190,14 @@ class InformationDriven(HeadFilter):
         """The plan that the other members have, for those that are appointed later."""
         return None if belief.plan is None else belief.plan.in_parcel()
 
-    def _plan(
-        self, belief: PlannedBelief, mixture: Hypotheses, scene: Scene
-    ) -> Flow[tuple[SelectionPlan | None, Expected | None]]:
-        """The plan that the members have, and what it makes them expect; broadcast where the last one does not fit."""
+    def _plan(self, belief: PlannedBelief, mixture: Hypotheses, scene: Scene) -> Flow[Planned]:
+        """The plan that the members have, broadcast where the last one does not fit; at a review, who will send."""
         plan, expected = belief.plan, belief.expected
         if self.keep >= 1.0:
-            return None, None
+            return Planned()
         if plan is not None and expected is not None:
             if (scene.step - plan.step) % REVIEW:
-                return plan, expected
+                return Planned(plan, expected)
             yield Compute(EXTRAPOLATION_CYCLES * (scene.step - expected.step))
             expected = extrapolated(expected, scene)
         mean, cov = moments_of(mixture)
@@ -199,7 +206,7 @@ class InformationDriven(HeadFilter):
         those = candidates(point, scene)
         yield Compute(CANDIDATE_CYCLES * len(scene.known.ids))
         if not those.rows.size or not self._settled(spread, point, those, scene):
-            return plan, expected
+            return Planned(plan, expected)
         ahead = PREDICTION_CYCLES * len(mixture) * (self.every - 1)
         yield Compute(ahead + WORTH_CYCLES * those.rows.size)
         limits = self.keep**SLACK, EXCESS
@@ -210,7 +217,8 @@ class InformationDriven(HeadFilter):
             plan = planned(mean, spread, those, self.keep, every, scene.step)
             expected = first_expected(plan)
             yield Broadcast(plan.in_parcel())
-        return plan, expected
+        yield Compute(REVIEW * (EXTRAPOLATION_CYCLES + WORTH_CYCLES * len(scene.known.ids)))
+        return Planned(plan, expected, senders(plan, expected, REVIEW, scene))
 
     def _settled(self, spread: Floats, point: Floats, those: Candidates, scene: Scene) -> bool:
         places = scene.known.positions[those.rows][:, : point.size]

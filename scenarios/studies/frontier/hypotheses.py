@@ -18,6 +18,7 @@ import pandas as pd
 from wsnsim.papers.toolkit import UNKNOWN, Answer, Data, Interval, both, campaigns, interval, statistics, word
 
 from .bound import DIMENSIONS, SETTLED, Of, mean_nees, of_medians, pooled, ratio_of_medians, resampled, squares
+from .real_radio import answers as real_radio
 from .settings import stored
 from .strategies import NEAR, OURS, RADIOS, Strategy, cheapest, front, limit, strategies
 
@@ -275,6 +276,7 @@ OF_EXPERIMENT: Final[Mapping[str, Callable[[Data], list[Answer]]]] = {
     "asleep": asleep,
     "robustness": robustness,
     "frontier": frontier,
+    "real_radio": real_radio,
 }
 
 

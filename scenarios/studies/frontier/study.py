@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import pandas as pd
 
-from wsnsim.papers.toolkit import Data, OwnMeasure, bound_from_events, computing
+from wsnsim.papers.toolkit import Data, OwnMeasure, Study, bound_from_events, computing
 
-from . import hypotheses, settings
+from . import hypotheses, real_radio, settings
 from . import strategies as frontier_strategies
 from .bound import SETTLED, nees_of_runs, over_bound, rmse_after
 from .figures import FIGURES
@@ -47,8 +48,12 @@ def conclusions(data: Data) -> list[str]:
     return [*frontier_strategies.conclusions(found, bound), *hypotheses.lines(data)]
 
 
-SUMMARIES: Final = {"conclusions": conclusions, "settings": settings.lines, "answers": hypotheses.lines}
-EXPERIMENTS: Final = {
-    f"settings_{radio}": lambda study, _, radio=radio: settings.variants(study, radio) for radio in ("ideal", "slots")
+SUMMARIES: Final = {"conclusions": conclusions, "settings": settings.lines, "answers": hypotheses.lines,
+                    "margins": real_radio.choices}  # fmt: skip
+EXPERIMENTS: Final[dict[str, Callable[[Study, Any], dict[str, Any]]]] = {
+    "settings_ideal": lambda study, _: settings.variants(study, "ideal"),
+    "settings_slots": lambda study, _: settings.variants(study, "slots"),
+    "margins": real_radio.margins,
+    "real_radio": real_radio.variants,
 }
 __all__ = ["EXPERIMENTS", "FIGURES", "MEASURES", "SUMMARIES"]

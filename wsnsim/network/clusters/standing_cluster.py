@@ -96,6 +96,8 @@ class StandingClusterProtocol:
                     return following
         cluster.forming = False
         self._open(track, cluster, handover)
+        if self._services.messages.transport.keeps_idle_slots:
+            self._services.messages.transport.expect(head, list(cluster.members))
         self._services.processes.enlist(cluster.members, target)
         return cluster
 

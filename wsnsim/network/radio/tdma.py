@@ -1,12 +1,12 @@
 """TDMA inside clusters, CSMA/CA elsewhere: a cluster head schedules its members, as in LEACH.
 
-When the members of a head change, it broadcasts a schedule; members that it appointed have slots from the first one on.
-A member that receives it knows the slots, and turns the radio off in those of others. A round has one slot per frame,
-in the order of the schedule, with a guard at both ends of each slot. A member whose clock has drifted by more than the
-guard since the schedule misses its slot. With `idle_slots: kept`, a round has one slot per member instead, used or
-not, and takes its time even if nobody sends. Elections, announcements, joins, relayed datagrams and handovers belong to
-no schedule and use CSMA/CA, with acknowledgements and retransmissions. They keep out of the slots: see
-`mac_services`.
+When those change whom a head expects to send, it broadcasts a schedule. A member that receives it knows the slots, and
+turns the radio off in those of others. A round has one slot per member, used or not, in the order of the schedule, with
+a guard at both ends of each slot, and takes its time even if nobody sends. Who has no slot sends after it. A member
+whose clock has drifted by more than the guard since the schedule misses its slot. With `idle_slots: skipped`, a round
+has one slot per frame instead, and the head announces a schedule whenever a sender does not know it. Elections,
+announcements, joins, relayed datagrams and handovers belong to no schedule and use CSMA/CA, with acknowledgements and
+retransmissions. They keep out of the slots: see `mac_services`.
 
 Source: Heinzelman, Chandrakasan, Balakrishnan (2002), sections III-B and III-C; acknowledgements, guards and contention
 periods are ours. LEACH gives each cluster a spreading code of its own; here the slots of two clusters may collide.
@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 import numpy as np
@@ -72,6 +72,8 @@ class TdmaMechanism:
         """{head: the members in the order of the slots of its last schedule}; of kept slots only"""
         self._expected: dict[int, set[int]] = {}
         """{head: nodes for which the next schedule has slots, beside those that have something to send}"""
+        self._members: dict[int, set[int]] = {}
+        """{head: nodes that it takes for members, once it has said so}"""
         self._rounds: dict[int, simpy.Event] = {}
         self._ack = services.radio.log.code("ack")
         self.offer = self._csma.offer
@@ -87,7 +89,17 @@ class TdmaMechanism:
 
     def expect(self, head: int, members: Sequence[int]) -> None:
         """Give members slots with the next schedule of their head, before they have something to send."""
-        self._expected[head] = set(members) - {head}
+        self._members[head] = set(members) - {head}
+        self.schedule(head, members)
+
+    def schedule(self, head: int, nodes: Sequence[int]) -> None:
+        """Give these nodes slots, and no others.
+
+        Kept slots need no other schedule if the last one has all of them, and they are at least half of it.
+        """
+        order, self._expected[head] = self._orders.get(head, ()), set(nodes) - {head}
+        if self._expected[head] <= set(order) and 2 * len(self._expected[head]) >= len(order) > 0:
+            del self._expected[head]
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: it forgets every schedule, and its transmission is cut."""
@@ -97,23 +109,51 @@ class TdmaMechanism:
         self._csma.silence(node)
 
     def _round(self, head: int, bursts: Sequence[Burst], previous: simpy.Event | None) -> Acting[None]:
-        """One round: after the one before, its contention period, and the schedule if a member does not know it."""
+        """One round: after the one before, its contention period, and the schedule if another one is needed."""
         if previous is not None and not previous.processed:
             yield previous
         members = {node for burst in bursts for node in (burst.source, burst.to)} - {head}
-        appointed = self.keeps_idle_slots and head in self._expected
-        if appointed or not members <= self._schedules.get(head, {}).keys():
+        if self.keeps_idle_slots:  # the head knows to whom it sends, but not who has something to send
+            members = {burst.to for burst in bursts if burst.source == head} - set(self._orders.get(head, ()))
+            outdated = bool(members) or head in self._expected
+        else:
+            outdated = not members <= self._schedules.get(head, {}).keys()
+        if outdated:
             yield from self._announce(head, self._listed(head, members))
         if left := self._periods.left(head, self._mac.contention):
             yield self._env.timeout(left)
         if exchanges := self._periods.close(head):
             yield self._env.timeout(exchanges)
-        slots, knowing = self._slots(head, bursts), self._schedules.get(head, {}).keys()
         if self.keeps_idle_slots:
-            yield from self._full_rounds(head, slots)
+            contending = self._without_slots(head, bursts)
+            slotted = [burst for burst in bursts if burst.source not in {each.source for each in contending}]
+            yield from self._full_rounds(head, self._slots(head, slotted))
         else:
-            yield from self._all_slots(deque(slots), np.array(sorted(members & knowing), dtype=np.int64))
+            knowing = self._schedules.get(head, {}).keys()
+            slots = deque(self._slots(head, bursts))
+            yield from self._all_slots(slots, np.array(sorted(members & knowing), dtype=np.int64))
         self._periods.reopen(head)
+        if not self.keeps_idle_slots:
+            return
+        if head in self._members and self._members[head] <= set(self._orders.get(head, ())):
+            self._env.process(self._contend(head, [_late(burst) for burst in contending]))
+        else:
+            yield from self._contend(head, contending)
+
+    def _without_slots(self, head: int, bursts: Sequence[Burst]) -> list[Burst]:
+        """Those of members that have no slot, or did not receive the schedule."""
+        known = self._schedules.get(head, {}).keys() & set(self._orders.get(head, ()))
+        return [burst for burst in bursts if burst.source != head and burst.source not in known]
+
+    def _contend(self, head: int, bursts: Sequence[Burst]) -> Acting[None]:
+        """Have members without a slot send; the head listens for as long as a frame takes, since it knows of none.
+
+        Those whose frames arrive have slots in its next schedule.
+        """
+        sent = self._csma.send(bursts)
+        yield sent & self._env.timeout(self._mac.latency(PACKET_BITS).unicast)
+        if arrived := {burst.source for burst in bursts if burst.packets}:
+            self._expected.setdefault(head, set(self._orders.get(head, ()))).update(arrived)
 
     def _listed(self, head: int, members: set[int]) -> set[int]:
         """Who has a slot in the next schedule.
@@ -273,6 +313,13 @@ class TdmaMechanism:
         if received and self._mac.acks and not self._channel.is_sending(frame.to):
             ack = control_frame(frame, transmission.source, self._mac.ack_bits, self._ack, slot)
             self._channel.transmit(frame.to, ack, _acknowledge)
+
+
+def _late(burst: Burst) -> Burst:
+    """The burst of a member for which the head does not wait: a copy, which is sent, while the burst itself is lost."""
+    copy = replace(burst)
+    burst.lose()
+    return copy
 
 
 def _acknowledge(transmission: Transmission, received: Received) -> None:

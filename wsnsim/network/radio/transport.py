@@ -34,6 +34,7 @@ class Transport:
         hops: How bursts cross one hop.
         topology: The links.
         expect: (head, members): tells the MAC whom a head takes for members, before they have something to send.
+        schedule: (head, nodes): tells a MAC that keeps idle slots who needs one from now on.
         keeps_idle_slots: Whether a gathering takes the time of a round even if no member has something to send.
     """
 
@@ -47,6 +48,9 @@ class Transport:
         self.keeps_idle_slots = isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots
         self.expect: Callable[[int, Sequence[int]], None] = (
             mac.expect if isinstance(mac, ExpectsMembers) else (lambda head, members: None)
+        )
+        self.schedule: Callable[[int, Sequence[int]], None] = (
+            mac.schedule if isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots else (lambda head, nodes: None)
         )
         self._pairs: set[tuple[int, int]] = set()
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Reading, components_of, is_finite
 from wsnsim.base.ports import Scene
-from wsnsim.base.requests import Member, Parcel
+from wsnsim.base.requests import Member, NodeId, Parcel
 from wsnsim.base.sensing import detected, informations
 from wsnsim.trackers.shared.readings import parcel, weight_packets
 
@@ -199,14 +199,25 @@ def asks(
     return asked
 
 
-def extrapolated(expected: Expected, scene: Scene) -> Expected:
-    """What is expected at the step of the scene."""
-    if expected.step >= scene.step:
+def senders(plan: SelectionPlan, expected: Expected, steps: int, scene: Scene) -> tuple[NodeId, ...]:
+    """The nodes taken for members that a plan asks at one of the steps from now on, whether they sense or not."""
+    ids, positions, traits = scene.known
+    joules, any_step = packet_joules(positions, scene), np.zeros(len(ids), dtype=np.bool_)
+    for step in range(scene.step, scene.step + steps):
+        state = extrapolated(expected, scene, step).state
+        any_step |= asks(plan, state, positions, traits, joules, scene, plan.is_due(step))
+    return tuple(node for node, asked in zip(ids, any_step.tolist(), strict=True) if asked and node != scene.head)
+
+
+def extrapolated(expected: Expected, scene: Scene, until: int | None = None) -> Expected:
+    """What is expected at the step of the scene, or at the step `until`."""
+    last = scene.step if until is None else until
+    if expected.step >= last:
         return expected
     state = expected.state.copy()
-    for step in range(expected.step, scene.step):
+    for step in range(expected.step, last):
         state = scene.motion.advance(state, scene.dt, step * scene.dt)
-    return Expected(scene.step, frozen(state))
+    return Expected(last, frozen(state))
 
 
 def first_expected(plan: SelectionPlan) -> Expected:
