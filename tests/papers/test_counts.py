@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wsnsim.papers.counts import OUTCOMES, claim_cells, count_lines, counted_claims
+from wsnsim.papers.counts import OUTCOMES, count_line, counted_claims
 from wsnsim.papers.reproduction import ClaimRow
 from wsnsim.papers.resampling import MEAN, Sample
 from wsnsim.papers.study import PAPERS, study
+from wsnsim.papers.table import claim_cells
 from wsnsim.papers.verdicts import CLOSE, RULE, Judgement, PublishedValue, judged_value, lasting_interval
 
 NAN = float("nan")
@@ -42,8 +43,8 @@ def test_rows_of_one_printed_number_in_several_experiments_are_readings_of_it(ve
     rows = [row(verdict, experiment=f"reading {number}") for number, verdict in enumerate(verdicts)]
     (claim,) = counted_claims([*rows, row("reproduces", literal=False), row("reproduces", paired=True)])
     assert claim.outcome == outcome and len(claim.rows) == len(verdicts)
-    (line,) = count_lines(rows)
-    assert line.startswith("ruan2020: 1 printed numbers: ") and f"1 {outcome}" in line
+    line = count_line([claim])
+    assert line.startswith("1 printed numbers: ") and f"1 {outcome}" in line
     assert line.endswith(f"; {len(verdicts)} readings tried at most")
 
 
@@ -62,8 +63,7 @@ def test_printed_numbers_orders_in_words_and_what_follows_from_printed_numbers_a
 def test_what_more_runs_may_decide_is_not_called_undecidable():
     wide, narrow = counted_claims([row(TOO_WIDE), row(NARROW, "pf, 100")])
     assert claim_cells(wide)[-1] == "undecidable at 50 published runs" and claim_cells(narrow)[-1] == "undecided"
-    (line,) = count_lines([row(TOO_WIDE), row(NARROW, "pf, 100")])
-    assert "2 undecided, 0 dependent on the reading (1 undecidable)" in line
+    assert "2 undecided, 0 dependent on the reading (1 undecidable)" in count_line([wide, narrow])
 
 
 @pytest.mark.parametrize(("spread", "runs", "undecidable"), [(0.4, 50, True), (0.2, 100, False), (0.8, 0, False)])

@@ -1,8 +1,7 @@
 """The claims of a paper, counted: each printed number once, and each order or relation that it states in words once.
 
     counted_claims(rows) -> [CountedClaim, ...]   claims with the rows that are readings of them
-    count_lines(rows) -> [str, ...]               a line per paper
-    claim_cells(claim) -> cells by CLAIM_HEADS
+    count_line(claims) -> str                     of the claims of one paper
 
 Rows of one paper, place (`where`), quantity and variant in several experiments are readings of one claim. What follows
 from two printed numbers (a place "from table 1"; an order of two values of a table) is derived, and not counted.
@@ -11,13 +10,11 @@ docs/verdicts.md explains the rule.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple, get_args
 
 from wsnsim.papers.reproduction import FROM, LESS_THAN, ClaimRow
-from wsnsim.papers.rows import ends
 from wsnsim.papers.verdicts import Verdict
 
 Kind = Literal["printed numbers", "in words", "derived (not counted)"]
@@ -28,14 +25,6 @@ OUTCOMES: Final[Mapping[Verdict, Outcome]] = {
     **dict.fromkeys(("within a factor of two", "does not reproduce", "cannot: beyond the bound"), "contradicted"),
 }
 """What each verdict says of a claim; the others say nothing."""
-CLAIM_HEADS: Final = (
-    "claim",
-    "variant",
-    "counted among",
-    "published",
-    "measured / published, of each reading",
-    "outcome",
-)
 
 
 class CountedClaim(NamedTuple):
@@ -73,16 +62,10 @@ def _kind(row: ClaimRow) -> Kind:
     return "in words" if order or row.read else "printed numbers"
 
 
-def count_lines(rows: Sequence[ClaimRow]) -> list[str]:
-    """A line per paper: how many of its printed numbers, and of its claims in words, have each outcome."""
-    papers: dict[str, list[CountedClaim]] = {}
-    for claim in counted_claims(rows):
-        papers.setdefault(claim.rows[0].paper, []).append(claim)
-    return [
-        f"{paper}: {'; '.join(_part(kind, [one for one in claims if one.kind == kind]) for kind in get_args(Kind))}; "
-        f"{max(len(one.rows) for one in claims)} readings tried at most"
-        for paper, claims in papers.items()
-    ]
+def count_line(claims: Sequence[CountedClaim]) -> str:
+    """How many printed numbers of a paper, and of its claims in words, have each outcome."""
+    parts = [_part(kind, [claim for claim in claims if claim.kind == kind]) for kind in get_args(Kind)]
+    return f"{'; '.join(parts)}; {max(len(claim.rows) for claim in claims)} readings tried at most"
 
 
 def _part(kind: Kind, claims: Sequence[CountedClaim]) -> str:
@@ -90,12 +73,3 @@ def _part(kind: Kind, claims: Sequence[CountedClaim]) -> str:
     found, never = Counter(claim.outcome for claim in claims), sum(claim.undecidable for claim in claims)
     outcomes = ", ".join(f"{found[outcome]} {outcome}" for outcome in get_args(Outcome))
     return f"{len(claims)} {kind}: {outcomes}" + (f" ({never} undecidable)" if never else "")
-
-
-def claim_cells(claim: CountedClaim) -> tuple[str, ...]:
-    """The cells of a claim, by CLAIM_HEADS."""
-    row = claim.rows[0]
-    ratios = "; ".join(ends(one.judgement.low, one.judgement.high).strip() or "-" for one in claim.rows)
-    published = f"{row.published:.4g}" if math.isfinite(row.published) else "-"
-    outcome = f"undecidable at {row.published_runs} published runs" if claim.undecidable else claim.outcome
-    return row.quantity, row.variant, claim.kind, published, ratios, outcome

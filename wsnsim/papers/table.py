@@ -13,7 +13,7 @@ from itertools import groupby
 from typing import Final
 
 from wsnsim.analysis.phrases import aligned
-from wsnsim.papers.counts import CLAIM_HEADS, claim_cells, count_lines, counted_claims
+from wsnsim.papers.counts import CountedClaim, count_line, counted_claims
 from wsnsim.papers.reproduction import BASES, ClaimRow
 from wsnsim.papers.rows import ends
 from wsnsim.papers.study import PAPERS, Study, study
@@ -66,14 +66,15 @@ def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
         yield f"  of the bound: {caution}"
 
 
-def verdict_counts(rows: Sequence[ClaimRow]) -> list[str]:
-    """The outcomes of each paper's claims, and the number of verdicts of each kind on rows that are not counted."""
-    papers = dict.fromkeys(row.paper for row in rows)
-    return [line for paper in papers for line in _counted(paper, [row for row in rows if row.paper == paper])]
+def verdict_counts(rows: Sequence[ClaimRow]) -> Iterator[str]:
+    """Yield the outcomes of each paper's claims, and the verdicts of each kind on its rows that are not counted."""
+    for paper, block in groupby(rows, key=lambda row: row.paper):
+        yield from _counted(paper, list(block))
 
 
 def _counted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
-    yield from count_lines(rows)
+    if claims := counted_claims(rows):
+        yield f"{name}: {count_line(claims)}"
     judged = [row for row in rows if row.verdict in RULE and row.verdict != "not judged" and not row.paired]
     kinds = {basis: [row for row in judged if row.literal and row.basis == basis] for basis in OTHER_BASES}
     kinds["repairs and other readings"] = [row for row in judged if not row.literal]
@@ -189,6 +190,14 @@ SHOWN: Final = (
     "variant", "published", "measured [95 %]", "bound", "verdict", "statistic", "runs", "astray", "lost",
 )  # fmt: skip
 """The columns of a table, in their order."""
+CLAIM_HEADS: Final = (
+    "quantity",
+    "variant",
+    "counted among",
+    "published",
+    "measured / published, by reading",
+    "outcome",
+)
 
 
 def main_rows(rows: Sequence[ClaimRow], studies: Sequence[Study] = ()) -> list[ClaimRow]:
@@ -217,6 +226,14 @@ def _claims(rows: Sequence[ClaimRow]) -> Iterator[str]:
     if found:
         yield from ("### Claims, each printed number once", "", *_markdown([CLAIM_HEADS, *found]), "")
     yield from ("Verdicts on all claims:", *(f"- {_plain(line)}" for line in verdict_counts(rows)))
+
+
+def claim_cells(claim: CountedClaim) -> tuple[str, ...]:
+    """The cells of a claim, by CLAIM_HEADS."""
+    row = claim.rows[0]
+    ratios = "; ".join(ends(one.judgement.low, one.judgement.high).strip() or "-" for one in claim.rows)
+    outcome = f"undecidable at {row.published_runs} published runs" if claim.undecidable else claim.outcome
+    return row.quantity, row.variant, claim.kind, _number(row.published), ratios, outcome
 
 
 def _tables(rows: Sequence[ClaimRow]) -> Iterator[str]:

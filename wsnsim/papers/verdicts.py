@@ -154,9 +154,8 @@ def lasting_interval(sample: Sample, published_runs: int) -> float:
     if not published_runs:
         return 1.0
     drawn = sample.at(weights(len(sample.runs), published_runs, published=True))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        low, high = np.nanquantile(drawn, [TAIL, 1.0 - TAIL])
-        return float(high / low) if low > 0.0 else INF
+    low, high = np.nanquantile(drawn, [TAIL, 1.0 - TAIL])
+    return float(high / low) if low > 0.0 else INF
 
 
 def verdict_on_ratio(low: float, high: float) -> Verdict:
