@@ -153,9 +153,9 @@ def reproduction() -> str:
 def _short(name: str, kind: str) -> str:
     """The outcomes of a paper's claims of a kind in short."""
     found = counted(name)[kind]
-    open_ = found["undecided"] + found["dependent"]
+    undecided = found["undecided"] + found["dependent"]
     parts = [f"{number} {word}" for number, word in ((found["reproduced"], "reproduced"),
-             (found["contradicted"], "contradicted"), (open_, "open")) if number]  # fmt: skip
+             (found["contradicted"], "contradicted"), (undecided, "undecided")) if number]  # fmt: skip
     return f"{_titled(name)} {', '.join(parts)}"
 
 
