@@ -31,7 +31,7 @@ def test_openings_of_pages_and_the_table_of_papers_are_made_from_the_rows_of_the
         page, made = BLOCKS[name]
         assert block(str(page.relative_to(ROOT)), name) == made(name), f"make readme ARGS={name}"
     for name in PAPERS:
-        _, _, claims = text(f"docs/papers/{name}.md").partition("### Claims, each printed number once")
+        _, _, claims = text(f"docs/papers/{name}.md").partition(f"### Claims of {name}, ")
         rows = [line.strip("| ").split(" | ") for line in claims.splitlines() if line.startswith("| ")][2:]
         for kind in KINDS if rows else ():
             outcomes = [row[-1] for row in rows if row[2] == kind]

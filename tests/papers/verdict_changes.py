@@ -57,7 +57,7 @@ def unplaced(quantity: str) -> str:
 
 def outcomes(text: str) -> dict[tuple[str, str], str]:
     """{(quantity without its place, variant): outcome, and what it is counted among} of a page's table of claims."""
-    _, _, after = text.replace("\\", "").partition("### Claims, each printed number once")
+    _, _, after = text.replace("\\", "").partition("### Claims of ")
     rows = [
         line.strip("| ").split(" | ")
         for line in after.partition("Verdicts on")[0].splitlines()

@@ -76,7 +76,9 @@ def _counted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
     if claims := counted_claims(rows):
         yield f"{name}: {count_line(claims)}"
     judged = [row for row in rows if row.verdict in RULE and row.verdict != "not judged" and not row.paired]
-    kinds = {basis: [row for row in judged if row.literal and row.basis == basis] for basis in OTHER_BASES}
+    kinds: dict[str, list[ClaimRow]] = {
+        basis: [row for row in judged if row.literal and row.basis == basis] for basis in OTHER_BASES
+    }
     kinds["repairs and other readings"] = [row for row in judged if not row.literal]
     for words, members in kinds.items():
         counts = Counter(row.verdict for row in members)
@@ -221,10 +223,10 @@ def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = (), studies: Seque
 
 
 def _claims(rows: Sequence[ClaimRow]) -> Iterator[str]:
-    """Yield the lines of a table of all claims that are counted or derived, and their numbers by outcome."""
-    found = list(map(claim_cells, sorted(counted_claims(rows), key=lambda claim: claim.kind.startswith("derived"))))
-    if found:
-        yield from ("### Claims, each printed number once", "", *_markdown([CLAIM_HEADS, *found]), "")
+    """Yield the lines of a table of each paper's claims that are counted or derived, and their numbers by outcome."""
+    for paper, block in groupby(counted_claims(rows), key=lambda claim: claim.rows[0].paper):
+        found = map(claim_cells, sorted(block, key=lambda claim: claim.kind.startswith("derived")))
+        yield from (f"### Claims of {paper}, each printed number once", "", *_markdown([CLAIM_HEADS, *found]), "")
     yield from ("Verdicts on all claims:", *(f"- {_plain(line)}" for line in verdict_counts(rows)))
 
 
