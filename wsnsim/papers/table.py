@@ -31,7 +31,7 @@ ABOUT: Final = "about"
 NOWHERE: Final = "no value in any run"
 UNDECIDABLE: Final = "undecidable"
 WORDS_UNDECIDABLE: Final = (
-    "so few runs are published that no number of ours makes the interval as narrow as 1/1.1 ... 1.1"
+    "so few runs are published that no number of ours can reproduce the value; elsewhere more of ours may decide"
 )
 WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
 WORDS_UNCOUNTED: Final = "on a repair or on another reading of the paper; not counted among its claims"
@@ -193,13 +193,8 @@ SHOWN: Final = (
 )  # fmt: skip
 """The columns of a table, in their order."""
 CLAIM_HEADS: Final = (
-    "quantity",
-    "variant",
-    "counted among",
-    "published",
-    "measured / published, by reading",
-    "outcome",
-)
+    "quantity", "variant", "counted among", "published", "measured / published, by reading", "outcome",
+)  # fmt: skip
 
 
 def main_rows(rows: Sequence[ClaimRow], studies: Sequence[Study] = ()) -> list[ClaimRow]:
