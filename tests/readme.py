@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import wsnsim
-from tests.readme_results import PAPERS, results
+from tests.readme_results import PAPERS, frontier_opening, opening, outcome_table, results
 from tests.readme_tables import TABLES
 from wsnsim.papers.study import PAGES
 
@@ -63,9 +63,15 @@ BLOCKS: dict[str, tuple[Path, Made]] = {
     "sleeping": (DOCS / "papers/li2012.md", table),
     "sleeping_rarely": (DOCS / "papers/li2012.md", table),
     "run_times": (DOCS / "papers/index.md", run_times),
+    **{
+        f"{name}_counts": (DOCS / f"papers/{name}.md", lambda block: opening(block.removesuffix("_counts")))
+        for name in PAPERS
+    },
+    "outcomes": (DOCS / "papers/index.md", lambda _: outcome_table()),
+    "frontier_opening": (DOCS / "frontier.md", lambda _: frontier_opening()),
     "results": (README, lambda _: results()),
 }
-"""Name -> the file in which a block stands, and the function of the name that makes it. `results` reads the others."""
+"""Name -> the file in which a block stands, and the function of its name that makes it; the last read the pages."""
 
 
 def spliced(text: str, name: str, block: str) -> str:

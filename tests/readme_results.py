@@ -1,11 +1,11 @@
-"""The README's five results, as sentences whose figures come from the tables and rows behind the pages in docs/."""
+"""The README's five results and openings of pages: sentences whose figures come from the tables and rows in docs/."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from operator import itemgetter
 from pathlib import Path
 from textwrap import fill
@@ -13,6 +13,9 @@ from typing import Any, NamedTuple
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAPERS = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
+KINDS = ("printed numbers", "in words", "derived (not counted)")
+"""What claims are counted among, as `wsnsim.papers.counts` names it."""
+OUTCOME = re.compile(r"(\d+) (reproduced|contradicted|undecided|dependent|undecidable)")
 BEST_LINE = re.compile(r"(\w+) on (\w+): best interval ([\d.]+) s")
 
 
@@ -34,11 +37,64 @@ def rows(name: str) -> Any:
     return json.loads((DOCS / f"{name}.json").read_text(encoding="utf-8"))
 
 
-def counted(name: str) -> Counter[str]:
-    """The verdicts on the claims of a paper that are counted; none where all its claims are reconstructions."""
-    found = re.search(rf"^- {name}: \d+ claims: (.*)$", page(name), re.MULTILINE)
-    parts = (part.split(" x ") for part in found[1].split(", ")) if found else ()
-    return Counter({verdict: int(number) for number, verdict in parts})
+def counted(name: str) -> dict[str, Counter[str]]:
+    """The claims of a paper by kind and outcome; without any where all its claims are reconstructions."""
+    found = re.search(rf"^- {name}: (\d+ printed numbers: .*)$", page(name), re.MULTILINE)
+    parts = found[1].split("; ") if found else ()
+    outcomes = {kind: part for part in parts for kind in KINDS if f" {kind}: " in part}
+    return {kind: Counter({word: int(number) for number, word in OUTCOME.findall(outcomes.get(kind, ""))})
+            for kind in KINDS}  # fmt: skip
+
+
+def readings(name: str) -> int:
+    """The most readings of the paper that a claim was tried with."""
+    found = re.search(rf"^- {name}: \d+ printed numbers: .* (\d+) readings tried at most$", page(name), re.MULTILINE)
+    return int(found[1]) if found else 1
+
+
+def total(outcomes: Counter[str]) -> int:
+    """The number of claims: each has one outcome, and those undecidable are among the undecided."""
+    return outcomes.total() - outcomes["undecidable"]
+
+
+def opening(name: str) -> str:
+    """How many of a paper's printed numbers, and of the orders that it states, have each outcome."""
+    numbers, words, derived = (counted(name)[kind] for kind in KINDS)
+    said = (
+        f"**Counted:** {total(numbers)} printed numbers: {_outcomes(numbers)}; {total(words)} orders and relations "
+        f"stated in words: {_outcomes(words)}. {total(derived)} that follow from printed numbers are shown and not "
+        f"counted. Readings tried of one number: at most {readings(name)}. [The rule](../verdicts.md#what-is-counted)."
+    )
+    return fill(said, 140, break_on_hyphens=False)
+
+
+def _outcomes(found: Counter[str]) -> str:
+    """The outcomes of claims in words."""
+    never = f" ({found['undecidable']} at any number of our runs)" if found["undecidable"] else ""
+    words = [f"{found['reproduced']} reproduced", f"{found['contradicted']} contradicted"]
+    words += [f"{found['undecided']} undecided{never}"]
+    return ", ".join([*words, *([f"{found['dependent']} depend on the reading"] if found["dependent"] else [])])
+
+
+def outcome_table() -> str:
+    """A row per paper: its printed numbers and what it states in words, by outcome."""
+    heads = ["paper", "printed numbers", "reproduced", "contradicted", "undecided (at any number of our runs)",
+             "depend on the reading", "in words", "reproduced", "contradicted", "undecided",
+             "readings tried"]  # fmt: skip
+    rows = [heads, ["---"] * len(heads)]
+    for name in PAPERS:
+        numbers, words, _ = (counted(name)[kind] for kind in KINDS)
+        values = [total(numbers), numbers["reproduced"], numbers["contradicted"],
+                  f"{numbers['undecided']} ({numbers['undecidable']})", numbers["dependent"], total(words),
+                  words["reproduced"], words["contradicted"], words["undecided"] + words["dependent"],
+                  readings(name)]  # fmt: skip
+        rows.append([f"[{_titled(name)}]({name}.md)", *map(str, values)])
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _titled(name: str) -> str:
+    """A paper as it is cited."""
+    return f"{name[:-4].capitalize()} {name[-4:]}"
 
 
 class ShownRow(NamedTuple):
@@ -49,11 +105,13 @@ class ShownRow(NamedTuple):
     cells: dict[str, str]
 
 
-def shown_rows(name: str) -> Iterator[ShownRow]:
-    """Yield the rows of a paper's tables."""
+def shown_rows(name: str, text: str = "") -> Iterator[ShownRow]:
+    """Yield the rows of a paper's tables, on its page or in a text."""
     experiment, quantity, heads = "", "", []
-    _, _, block = page(name).partition(f"<!-- {name}: made by make readme -->")
+    _, _, block = (text or page(name)).partition(f"<!-- {name}: made by make readme -->")
     for line in block.replace("\\", "").splitlines():
+        if line.startswith("### Claims"):
+            return
         if found := re.match(rf"### {name}, (\S+)$", line):
             experiment = found[1]
         elif found := re.match(r"\*\*(.+)\*\*$", line):
@@ -81,14 +139,24 @@ def best_of(line: str) -> tuple[str, str, str]:
 
 
 def reproduction() -> str:
-    """How many claims of the papers reproduce."""
-    total = sum((counted(name) for name in PAPERS), Counter())
-    return (
-        f"**Published figures rarely come out.** Of {total.total()} claims of five papers (those on methods that we "
-        f"had to reconstruct are not counted) {total['reproduces']} reproduce, {total['compatible']} are compatible, "
-        f"{total['within a factor of two']} are within a factor of two, {total['does not reproduce']} do not "
-        f"reproduce, and {total['undecided']} are undecided: [the papers](docs/papers/index.md)."
+    """How many printed numbers, and orders in words, of each paper come out."""
+    numbers, words = (
+        "; ".join(_short(name, kind) for name in PAPERS if total(counted(name)[kind])) for kind in KINDS[:2]
     )
+    return (
+        "**Published figures rarely come out.** Of the numbers that each paper prints (those on methods that we had to "
+        f"reconstruct, or set by constants of ours, are not counted): {numbers}. Of what it states in words: {words}: "
+        "[the papers](docs/papers/index.md)."
+    )
+
+
+def _short(name: str, kind: str) -> str:
+    """The outcomes of a paper's claims of a kind in short."""
+    found = counted(name)[kind]
+    undecided = found["undecided"] + found["dependent"]
+    parts = [f"{number} {word}" for number, word in ((found["reproduced"], "reproduced"),
+             (found["contradicted"], "contradicted"), (undecided, "undecided")) if number]  # fmt: skip
+    return f"{_titled(name)} {', '.join(parts)}"
 
 
 def fairness() -> str:
@@ -102,40 +170,67 @@ def fairness() -> str:
 
 
 def listening() -> str:
-    """Energies of Li's field on CSMA and at the best intervals of the duty-cycled MACs, and the latency added."""
+    """What Li's field pays and gets on CSMA and at the best intervals: energy, latency, deliveries and error."""
     li = rows("duty_cycles")["li"]
     csma = {name.partition(",")[0]: row for name, row in li["rows"].items() if name.endswith(", csma")}
     best = {tracker + mac: li["rows"][f"{tracker}, {mac} {float(interval) * (100 if mac == 'tsch' else 1000):g}"]
             for tracker, mac, interval in map(best_of, li["best"])}  # fmt: skip
     spent = [[row["energy, J"][0] for row in some.values()] for some in (csma, best)]
-    later = [row["latency at the head, s"][0] - csma[tracker]["latency at the head, s"][0]
-             for key, row in best.items() for tracker in csma if key.startswith(tracker)]  # fmt: skip
+    pairs = [(row, csma[tracker]) for key, row in best.items() for tracker in csma if key.startswith(tracker)]
+    later = [one["latency at the head, s"][0] - other["latency at the head, s"][0] for one, other in pairs]
+    fewer = [100.0 * (other["delivered"][0] - one["delivered"][0]) for one, other in pairs]
+    errors = [one["RMSE of a run, m"][0] / other["RMSE of a run, m"][0] for one, other in pairs]
     return (
         f"**Listening costs more than tracking.** On radios that always listen, four trackers of one field spend "
         f"{min(spent[0]):.0f} to {max(spent[0]):.0f} J; on X-MAC, ContikiMAC and TSCH at their best intervals "
-        f"{min(spent[1]):.0f} to {max(spent[1]):.0f} J, and estimates come {min(later):.1f} to {max(later):.1f} s "
-        "later: [radios that sleep](docs/duty_cycles.md)."
+        f"{min(spent[1]):.0f} to {max(spent[1]):.0f} J. There, estimates come {_range(later, '.1f')} s later, "
+        f"{_range(fewer, '.0f')} percentage points fewer reports arrive, and the median RMSE is "
+        f"{_range(errors, '.2f')} times as large: [radios that sleep](docs/duty_cycles.md)."
     )
+
+
+def _range(values: Sequence[float], form: str) -> str:
+    """The least and the largest value in words."""
+    return f"{min(values):{form}} to {max(values):{form}}"
+
+
+def at_the_bound() -> dict[str, Any]:
+    """The row of most runs of `information_driven` on the ideal radio."""
+    return max(rows("frontier")["at_the_bound"]["rows"].values(), key=itemgetter("runs"))
+
+
+def frontier_opening() -> str:
+    """The accuracy and energy of `information_driven` on the ideal radio, with their intervals."""
+    ours = at_the_bound()
+    return fill(
+        f"On the ideal radio `information_driven` has a median RMSE of {_of(ours['rmse'])} m, {_of(ours['medians'])} "
+        f"times the median bound (pooled over runs and steps: {_of(ours['pooled'])}), for {_of(ours['energy'])} J. "
+        f"Of {ours['runs']} runs, {ours['lost']} lost the target.", 140, break_on_hyphens=False,
+    )  # fmt: skip
+
+
+def _of(found: Sequence[float]) -> str:
+    """A value with its interval."""
+    return "{:.2f} [{:.2f}, {:.2f}]".format(*found)
 
 
 def information() -> str:
     """The accuracy and energy of `information_driven` on the ideal radio, beside the cheapest of the others."""
-    part = rows("frontier")["frontier"]
-    strategies = {row["variant"]: row for row in part["strategies"]}
-    ours = strategies["ideal: information_driven"]
+    ours = at_the_bound()
+    strategies = {row["variant"]: row for row in rows("frontier")["frontier"]["strategies"]}
     others = [
         row for name, row in strategies.items()
         if name.startswith("ideal: ") and "information_driven" not in name and row["in_time"] >= 0.9
-        and row["rmse"] <= 1.5 * ours["rmse"]
+        and row["rmse"] <= 1.5 * ours["rmse"][0]
     ]  # fmt: skip
     none, one = (min((row for row in others if round(row["lost"] * row["runs"]) <= most), key=itemgetter("energy"))
                  for most in (0, 1))  # fmt: skip
     return (
         f"**Ask only for readings that are worth their energy.** On an ideal radio, `information_driven` has an error "
-        f"of {ours['rmse']:.2f} m, {ours['rmse'] / part['bound']:.2f} times the bound, for {ours['energy']:.2f} J. "
-        f"Of the other strategies within 1.5 times that error, the cheapest that lost none of {ours['runs']} runs "
-        f"({_named(none)}) needs {none['energy']:.2f} J, the cheapest that lost at most one ({_named(one)}) "
-        f"{one['energy']:.2f} J: [error against energy](docs/frontier.md)."
+        f"of {ours['rmse'][0]:.2f} m, {_of(ours['medians'])} times the bound, for {ours['energy'][0]:.2f} J "
+        f"({ours['runs']} runs). Of the other strategies within 1.5 times that error, the cheapest that lost none of "
+        f"{none['runs']} runs ({_named(none)}) needs {none['energy']:.2f} J, the cheapest that lost at most one "
+        f"({_named(one)}) {one['energy']:.2f} J: [error against energy](docs/frontier.md)."
     )
 
 

@@ -65,6 +65,20 @@ def test_with_more_pairs_the_same_difference_may_no_longer_be_shown() -> None:
     )
 
 
+def test_the_p_values_of_losses_and_errors_of_all_pairs_are_one_family() -> None:
+    """Any sentence claims a difference only if the least p of all 2 n tests is at most 5 % / 2 n (Bonferroni)."""
+    rng, pairs = np.random.default_rng(4), 3
+    empty = pair_columns(runs([1.0]), runs([1.0]), "rmse")
+    said = 0
+    for p in rng.uniform(size=(400, pairs, 2)):
+        columns = {row: {**empty, "p": both[0], "p_losses": both[1]} for row, both in enumerate(p)}
+        found = with_pairs(pd.DataFrame(index=range(pairs)), columns)
+        least = found[["p_holm", "p_losses_holm"]].to_numpy().min()
+        assert least == pytest.approx(min(1.0, 2 * pairs * p.min()))
+        said += least <= 0.05
+    assert said <= 29, "at most 5 % of 400 null comparisons, and three standard deviations"
+
+
 def test_losses_are_compared_first_and_errors_on_the_runs_that_both_survive() -> None:
     """Nine runs only the particle filter loses, by a kilometre; one only the Kalman filter; ten both keep."""
     base, losses, own = np.full(20, 2.0), np.zeros(20, dtype=int), np.zeros(20, dtype=int)

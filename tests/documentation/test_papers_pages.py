@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tests.documentation.pages_of_docs import block
+from tests.papers import verdict_changes
 from tests.readme_results import shown_rows
 from tests.readme_tables import DENSITIES, RADIO_ROWS, SLEEPERS, commercial_radio, sleeping, sleeping_rarely
 from wsnsim.papers.study import PAGES, PAPERS, study
@@ -71,3 +72,28 @@ def test_the_rows_of_sleeping_networks_are_what_a_hand_would_compute():
     assert lines[3].startswith("|  | `gmtt, repaired` | ") and len(lines) == 17
     first = sleeping_rarely(tracks, runs).splitlines()[2]
     assert first == "| `gmtt, literal` | 91.4 [91.4, 91.4] | 62.5 | 1.75 | 12 | 6.7 |"
+
+
+def test_changes_of_verdicts_between_two_pages_have_their_reasons(monkeypatch):
+    def page(quantity, measured, verdict, outcome=""):
+        row = f"**{quantity}**\n\n| variant | published | measured [95 %] | verdict |\n| --- | --- | --- | --- |\n"
+        claim = f"| {quantity} | pf | {outcome} | 1 | - | contradicted |"
+        table = (
+            f"### Claims of wei2022, each printed number once\n\n| quantity |\n| --- |\n{claim}\n" if outcome else ""
+        )
+        return (f"<!-- wei2022: made by make readme -->\n### wei2022, table_1\n\n{row}"
+                f"| pf | 1 | {measured} | {verdict} |\n\n{table}\nVerdicts on all claims:\n")  # fmt: skip
+
+    before = page("RMSE (table 1)", "2 [1, 3]", "undecided")
+    for after, reason in (
+        (page("RMSE (from table 1)", "2 [1, 3]", "undecided", "derived (not counted)"), "counting rule"),
+        (page("RMSE (table 1)", "2 [1, 3]", "compatible", "printed numbers"), "counting rule"),
+        (page("RMSE (table 1)", "4 [3, 5]", "does not reproduce", "printed numbers"), "new runs"),
+        (page("RMSE, N = 5 (table 1)", "4 [3, 5]", "reproduces"), "new reading, or new main row"),
+        (page("RMSE (table 1)", "2 [1, 3]", "undecided", "printed numbers"), None),
+    ):
+        pages = {"old": before, "new": after}
+        monkeypatch.setattr(verdict_changes, "text_of", lambda name, revision, of=pages: of[revision])
+        monkeypatch.setattr(verdict_changes, "PAPERS", ("wei2022",))
+        found = [row[-1] for row in verdict_changes.changes("old", "new")]
+        assert found[-1:] == ([reason] if reason else []), found

@@ -8,7 +8,7 @@ import pytest
 
 from tests.documentation.pages_of_docs import ROOT, block, text
 from tests.readme import BLOCKS, spliced
-from tests.readme_results import best_of, counted, measured, results
+from tests.readme_results import KINDS, PAPERS, best_of, counted, measured, results, total
 
 README = text("README.md")
 ROWS = [line for line in README.splitlines() if line.startswith("|")]
@@ -25,8 +25,25 @@ def test_the_results_are_those_of_the_pages():
     assert len(re.findall("^- ", results(), re.MULTILINE)) == 5
 
 
+def test_openings_of_pages_and_the_table_of_papers_are_made_from_the_rows_of_the_pages():
+    """The table of claims of a page, where it has one, has as many of each kind and outcome as its line says."""
+    for name in ("outcomes", "frontier_opening", *(f"{paper}_counts" for paper in PAPERS)):
+        page, made = BLOCKS[name]
+        assert block(str(page.relative_to(ROOT)), name) == made(name), f"make readme ARGS={name}"
+    for name in PAPERS:
+        _, _, claims = text(f"docs/papers/{name}.md").partition(f"### Claims of {name}, ")
+        rows = [line.strip("| ").split(" | ") for line in claims.splitlines() if line.startswith("| ")][2:]
+        for kind in KINDS if rows else ():
+            outcomes = [row[-1] for row in rows if row[2] == kind]
+            said = counted(name)[kind]
+            assert len(outcomes) == total(said)
+            assert outcomes.count("contradicted") == said["contradicted"]
+            assert outcomes.count("reproduced") == said["reproduced"]
+            assert sum(each.startswith("undecidable at ") for each in outcomes) == said["undecidable"]
+
+
 def test_figures_of_results_are_taken_from_the_pages_as_they_stand():
-    assert counted("jiang2013").total() == 12
+    assert total(counted("jiang2013")["printed numbers"]) + total(counted("jiang2013")["in words"]) > 9
     rmse = measured("jiang2013", "RMSE, m")
     assert list(rmse)[:3] == ["pso_mhpf", "ipf", "ppf"] and rmse["ppf"] > 10 * rmse["ppf, noise x100"]
     assert best_of("ris on xmac: best interval 0.25 s [0.125, 0.25], 10.96 J") == ("ris", "xmac", "0.25")

@@ -32,8 +32,9 @@ from wsnsim.papers.verdicts import RULE, AstrayShare, Judgement
 NAN = float("nan")
 KEYS = {"paper", "experiment", "quantity", "variant", "published", "measured", "low", "high", "replicates",
         "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution", "read", "literal", "statistic", "basis",
-         "published_runs", "published_runs_assumed", "ratio_low", "ratio_high", "within", "counted", "paired", "reading",
-         "astray", "astray_low", "astray_high", "median", "median_low", "median_high", "reacquired", "losses", "time_lost",
+         "published_runs", "published_runs_assumed", "ratio_low", "ratio_high", "within", "undecidable", "counted", "paired",
+         "reading", "where", "astray", "astray_low", "astray_high", "median", "median_low", "median_high",
+         "reacquired", "losses", "time_lost",
         "lost_rule"}  # fmt: skip
 SHORT = ("duration=16 s",)
 SMALL = Experiment(
@@ -197,7 +198,10 @@ def test_in_words_there_are_reasons_verdicts_and_the_rule(done, papers, capsys):
     assert f"wsnsim: {what}, 18 of them on disk; {where}\n" in said.err
     assert "1 of 1: liu2012, small: two filters along a line, for tests\n" in said.err
     assert "      because\n" in said.out and f"  too few runs: {RULE['too few runs']}" in said.out
-    assert "liu2012: 5 claims: " in said.out and "liu2012: 1 not counted, repairs and other readings: " in said.out
+    assert (
+        "liu2012: 3 printed numbers: " in said.out
+        and "liu2012: 1 not counted, repairs and other readings: " in said.out
+    )
     assert "~ not strict here" in said.out and "  about 0.6 " in said.out
 
 
@@ -208,7 +212,7 @@ def test_progress_that_cannot_be_printed_ends_no_reproduction(done, papers, monk
     monkeypatch.setattr("wsnsim.cli.end_stderr", lambda: None)  # it would close the stderr of these tests
     monkeypatch.setattr(sys, "stderr", FullDisk())
     assert main(["reproduce", "liu2012", "--progress", "plain", "-j", "1"]) == 0
-    assert "liu2012: 5 claims: " in capsys.readouterr().out
+    assert "liu2012: 3 printed numbers: " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -274,8 +278,10 @@ def test_markdown_has_the_main_rows_alone_and_nothing_in_them_is_markup():
     said = table.markdown([row(), row(quantity="unheard of", key="other")])
     assert r"### jiang2013, figures\_4\_to\_9" in said.splitlines()
     assert r"| a\_b | 2 | 1.5 [1, 2] | 0.5 u | reproduces | 10 | 10 % |" in said.splitlines()
-    assert "Why: because." in said.splitlines() and "unheard" not in said
-    assert "- jiang2013: 2 claims: 2 x reproduces" in said.splitlines(), "of all claims, not of the main rows alone"
+    assert "Why: because." in said.splitlines() and "**unheard" not in said
+    assert "- jiang2013: 2 printed numbers: 2 reproduced, 0 contradicted, " in said, (
+        "of all claims, not of main rows alone"
+    )
     assert f"- reproduces: {RULE['reproduces']}" in said and "cannot" not in said
     assert table.markdown([]) == table.markdown([row(paper="x")]) == "No main row belongs to the chosen experiments."
 
@@ -335,9 +341,10 @@ def test_rows_are_counted_by_what_they_rest_on():
     bases = ["evidence", "evidence", "reconstruction", "construction", "our constant"]
     rows = [*(row(basis=basis) for basis in bases), row(literal=False), row(paired=True)]
     said = table.text(rows)
-    for words in ("2 claims", "1 not counted, reconstruction", "1 not counted, construction",
+    for words in ("1 printed numbers", "1 not counted, reconstruction", "1 not counted, construction",
                   "1 not counted, our constant", "1 not counted, repairs and other readings"):  # fmt: skip
         assert f"jiang2013: {words}: " in said
+    assert "2 readings tried at most" in said, "rows of the same number"
     assert said.count("1 x reproduces") == 4 and [one.counted for one in rows] == [True, True, *[False] * 5]
 
 

@@ -237,9 +237,9 @@ def _notes(found: Comparison) -> list[str]:
         (shown["difference"],
          f"difference: median over runs of the paired difference from {found.baseline}{survivors if some_lost else ''};"
          "\n  effect: rank-biserial correlation, from -1 (always less) to 1 (always more);\n"
-         "  Wilcoxon p: signed-rank test, Holm-corrected over all pairs; the interval is of each pair alone"),
+         "  Wilcoxon p: signed-rank test, Holm-corrected over all tests; the interval is of each pair alone"),
         (shown["McNemar"],
-         "McNemar p: exact test of runs lost by one of the two alone, Holm-corrected over all pairs"),
+         "McNemar p: exact test of runs lost by one of the two alone, Holm-corrected over all tests"),
         (shown["bound"],
          "CRLB: trajectory-conditional Cramer-Rao lower bound of all readings in range, median over runs;\n"
          "  not a strict bound: a filter may be below it on some trajectories (--json also has the posterior CRLB)"),

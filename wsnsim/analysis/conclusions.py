@@ -1,17 +1,17 @@
 """What a comparison concludes: pairs of points compared run by run, a sentence each, and hints at other causes.
 
     pair_columns(here, there, metric) -> {column: value} of one pair
-    with_pairs(table, pairs) -> the table with these columns, and p-values corrected for the number of pairs
+    with_pairs(table, pairs) -> the table with these columns, and p-values corrected for the number of tests
     sentence(pair, words) -> 'ekf is 21.1 m better than pf in per-run RMSE, 95 % [18, 25], Wilcoxon p = 6.1e-05, ...'
     traffic(folder, table) -> [PointTraffic of each row]        hint(here, there, names) -> a sentence, or ''
 
 Losses are compared first, on all runs, by McNemar's exact test. Errors are then compared by Wilcoxon's signed-rank test
 on the runs in which neither of the two lost its target at any time: the error of a run that lost it says only how long
-ago. Other metrics are compared on all runs. P-values are corrected over all pairs of the comparison (Holm 1979), those
-of losses and those of the metric separately.
+ago. Other metrics are compared on all runs. All p-values of the comparison, those of losses and those of the metric of
+all pairs, are one family (Holm 1979): where all points are equal, a sentence claims a difference in at most 5 %.
 
 A sentence claims a difference only if the 95 % interval of the median paired difference excludes zero and the p-value,
-corrected for the number of pairs, is at most 5 %; a difference in losses only if McNemar's corrected p-value is.
+corrected for the number of tests, is at most 5 %; a difference in losses only if McNemar's corrected p-value is.
 
 A network takes part in the decision if packets take time and estimates come late or not at all: the messages of a step,
 above all of a handover with all its particles, take longer than the step. Different filters with different numbers of
@@ -72,10 +72,10 @@ def pair_columns(here: pd.DataFrame, there: pd.DataFrame, metric: str) -> dict[s
 
 
 def with_pairs(table: pd.DataFrame, pairs: dict[int, dict[str, float]]) -> pd.DataFrame:
-    """The table of a comparison with the columns of its pairs, by row; corrected over all pairs."""
+    """The table of a comparison with the columns of its pairs, by row; p-values corrected as one family."""
     numbers = {name: [pairs.get(row, {}).get(name, np.nan) for row in range(len(table))] for name in NUMBERS}
-    for raw, adjusted in (("p", "p_holm"), ("p_losses", "p_losses_holm")):
-        numbers[adjusted] = statistics.holm(numbers[raw])
+    adjusted = statistics.holm(numbers["p"] + numbers["p_losses"])
+    numbers["p_holm"], numbers["p_losses_holm"] = adjusted[: len(table)], adjusted[len(table) :]
     counts = [pairs[row]["pairs"] if row in pairs else 0 for row in range(len(table))]
     exact = [f"{WILCOXON}, exact" if count <= statistics.EXACT else WILCOXON for count in counts]
     tests: list[Any] = [name if count else "" for name, count in zip(exact, counts, strict=True)]

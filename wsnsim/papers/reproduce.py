@@ -249,6 +249,7 @@ def _plain(row: ClaimRow) -> dict[str, Any]:
         "ratio_low": row.judgement.low,
         "ratio_high": row.judgement.high,
         "within": row.judgement.within,
+        "undecidable": row.judgement.undecidable,
         "counted": row.counted,
         **dict(zip(("astray", "astray_low", "astray_high"), row.astray, strict=True)),
         **dict(zip(("median", "median_low", "median_high"), row.median, strict=True)),

@@ -34,6 +34,9 @@ BASES: Final[Mapping[Basis, str]] = {
 }
 """What a claim rests on. Only claims that rest on evidence are counted."""
 NAN: Final = float("nan")
+LESS_THAN: Final = " < "
+FROM: Final = "from "
+"""How the place of a value begins that is computed from printed ones."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,8 @@ class Claim:
         measure: what is measured, see `wsnsim.papers.measures`; of an order: the published statistic.
         published: None for a value that the paper does not print, and for an order.
         bound: the kind of bound beside it, '' for none; see `rows.bound_beside`.
-        where: the table or figure that prints the value.
+        where: the table or figure that prints the value, or the section that states an order; 'from table 1' of a value
+            computed from printed ones.
         reason: one line on why the result is as it is: a format string over rows, see `rendered`.
         read: True if the value is our reading of a curve or of words, not a printed number.
         judged: False if the two values cannot be compared, such as seconds on two machines.
@@ -95,7 +99,7 @@ class Claim:
     @property
     def key(self) -> str:
         """The claim's name among those with the same id."""
-        return f"{self.variant} < {self.other}" if self.other else self.variant
+        return f"{self.variant}{LESS_THAN}{self.other}" if self.other else self.variant
 
 
 @dataclass(frozen=True)
@@ -183,6 +187,7 @@ class ClaimRow:
         astray: the share of runs astray; NaN for orders.
         median: the median of the runs' values, with its interval.
         losses: re-acquisitions and losses of the variant.
+        where: the place in the paper, see Claim.
         paired: True for the row that an order has beside it: the median of the paired differences, not counted.
     """
 
@@ -216,6 +221,7 @@ class ClaimRow:
     reading: str = ""
     id: str = ""
     key: str = ""
+    where: str = ""
 
     @property
     def lost(self) -> float:

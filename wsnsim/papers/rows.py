@@ -172,7 +172,7 @@ def _completed(row: ClaimRow, claim: Claim, data: Data) -> ClaimRow:
     """The row with what it takes over from the claim, and with the variant's losses."""
     return replace(
         row, literal=claim.literal, basis=claim.basis, read=claim.read and claim.published is not None, id=claim.id,
-        key=claim.key, published_runs=0 if claim.published is None else claim.published_runs,
+        key=claim.key, where=claim.where, published_runs=0 if claim.published is None else claim.published_runs,
         published_runs_assumed=claim.published_runs_assumed and claim.published is not None,
         losses=measures.losses(data, claim.variant),
     )  # fmt: skip

@@ -14,6 +14,8 @@ from typing import Any, Final, NamedTuple, final
 from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean
 from wsnsim.papers.reproduction import (
     BASES,
+    FROM,
+    LESS_THAN,
     Claim,
     Experiment,
     Variant,
@@ -32,7 +34,6 @@ PAGES: Final = (*PAPERS, *STUDIES)
 """The names of what comes with wsnsim."""
 FILE: Final = "study.yaml"
 ALL: Final = "all"
-LESS_THAN: Final = " < "
 PER_NAME: Final = ("published", "reason")
 """Keys of a claim that may have a value for each variant or order."""
 
@@ -292,6 +293,7 @@ def _claim(row: ClaimEntry, name: str, experiment: ExperimentEntry, published_ru
             given[key] = given[key].get(name, otherwise)
     if isinstance(given["published"], tuple):
         given["published"] = given["published"][0] / given["published"][1]
+        given["where"] = given["where"] and f"{FROM}{given['where'].removeprefix(FROM)}"
     given["published_runs_assumed"] = given["published_runs_assumed"] or experiment.published_runs_assumed
     if given["published_runs"] is None:
         given["published_runs"] = published_runs

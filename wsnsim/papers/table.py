@@ -13,6 +13,7 @@ from itertools import groupby
 from typing import Final
 
 from wsnsim.analysis.phrases import aligned
+from wsnsim.papers.counts import CountedClaim, count_line, counted_claims
 from wsnsim.papers.reproduction import BASES, ClaimRow
 from wsnsim.papers.rows import ends
 from wsnsim.papers.study import PAPERS, Study, study
@@ -29,6 +30,10 @@ UNCOUNTED: Final = " *"
 ABOUT: Final = "about"
 ASSUMED: Final = "assumed"
 NOWHERE: Final = "no value in any run"
+UNDECIDABLE: Final = "undecidable"
+WORDS_UNDECIDABLE: Final = (
+    "so few runs are published that no number of ours can reproduce the value; elsewhere more of ours may decide"
+)
 WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
 WORDS_UNCOUNTED: Final = "on a repair or on another reading of the paper; not counted among its claims"
 WORDS_RUNS: Final = "ours / those behind the published value"
@@ -68,25 +73,25 @@ def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
         yield f"  of the bound: {caution}"
 
 
-def verdict_counts(rows: Sequence[ClaimRow]) -> list[str]:
-    """The number of verdicts of each kind on the claims of each paper, and of all."""
-    papers = list(dict.fromkeys(row.paper for row in rows))
-    lines = [line for paper in papers for line in _counted(paper, [row for row in rows if row.paper == paper])]
-    return [*lines, *(_counted("all", rows) if len(papers) > 1 else [])]
+def verdict_counts(rows: Sequence[ClaimRow]) -> Iterator[str]:
+    """Yield the outcomes of each paper's claims, and the verdicts of each kind on its rows that are not counted."""
+    for paper, block in groupby(rows, key=lambda row: row.paper):
+        yield from _counted(paper, list(block))
 
 
 def _counted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
+    if claims := counted_claims(rows):
+        yield f"{name}: {count_line(claims)}"
     judged = [row for row in rows if row.verdict in RULE and row.verdict != "not judged" and not row.paired]
-    kinds = {"claims": [row for row in judged if row.counted]}
-    kinds |= {
-        f"not counted, {basis}": [row for row in judged if row.literal and row.basis == basis] for basis in OTHER_BASES
+    kinds: dict[str, list[ClaimRow]] = {
+        basis: [row for row in judged if row.literal and row.basis == basis] for basis in OTHER_BASES
     }
-    kinds["not counted, repairs and other readings"] = [row for row in judged if not row.literal]
+    kinds["repairs and other readings"] = [row for row in judged if not row.literal]
     for words, members in kinds.items():
         counts = Counter(row.verdict for row in members)
         if members:
             summary = ", ".join(f"{counts[verdict]} x {verdict}" for verdict in RULE if counts[verdict])
-            yield f"{name}: {len(members)} {words}: {summary}"
+            yield f"{name}: {len(members)} not counted, {words}: {summary}"
 
 
 def legend(rows: Sequence[ClaimRow]) -> list[str]:
@@ -106,6 +111,7 @@ def legend(rows: Sequence[ClaimRow]) -> list[str]:
         (any(not row.literal for row in judged), f"{UNCOUNTED.strip()}: {WORDS_UNCOUNTED}"),
         (any(math.isfinite(row.bound) for row in rows), f"bound: {MARKS}"),
         (any(row.read and math.isfinite(row.published) for row in rows), f"{ABOUT}: {WORDS_READ}"),
+        (any(UNDECIDABLE in _verdict(row) for row in rows), f"{UNDECIDABLE}: {WORDS_UNDECIDABLE}"),
         (any(row.published_runs for row in rows), f"runs: {WORDS_RUNS}"),
         (any(row.published_runs and row.published_runs_assumed for row in rows), f"{ASSUMED}: {WORDS_ASSUMED}"),
         (any(math.isfinite(row.astray.value) for row in rows), f"astray: {WORDS_ASTRAY}"),
@@ -143,6 +149,7 @@ def _verdict(row: ClaimRow) -> str:
         return row.verdict
     within = row.judgement.within
     factor = f" within x {math.ceil(100 * within) / 100:.4g}" if row.verdict == "compatible" else ""
+    factor += f"; {UNDECIDABLE}" if factor and row.judgement.undecidable else ""
     basis = "" if row.basis == "evidence" else f" ({row.basis})"
     return row.verdict + factor + basis + ("" if row.literal else UNCOUNTED)
 
@@ -199,6 +206,9 @@ SHOWN: Final = (
     "variant", "published", "measured [95 %]", "bound", "verdict", "statistic", "runs", "astray", "lost",
 )  # fmt: skip
 """The columns of a table, in their order."""
+CLAIM_HEADS: Final = (
+    "quantity", "variant", "counted among", "published", "measured / published, by reading", "outcome",
+)  # fmt: skip
 
 
 def main_rows(rows: Sequence[ClaimRow], studies: Sequence[Study] = ()) -> list[ClaimRow]:
@@ -217,9 +227,24 @@ def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = (), studies: Seque
     chosen = main_rows(rows, studies)
     if not chosen and not lines:
         return "No main row belongs to the chosen experiments."
-    tables = _tables(chosen)
-    counted = ["Verdicts on all claims:", *(f"- {_plain(line)}" for line in verdict_counts(rows))] if chosen else []
-    return "\n".join([*tables, *counted, *_notes(chosen), *(f"- {line}" for line in lines)])
+    return "\n".join([*_tables(chosen), *(_claims(rows) if chosen else ()), *_notes(chosen),
+                      *(f"- {line}" for line in lines)])  # fmt: skip
+
+
+def _claims(rows: Sequence[ClaimRow]) -> Iterator[str]:
+    """Yield the lines of a table of each paper's claims that are counted or derived, and their numbers by outcome."""
+    for paper, block in groupby(counted_claims(rows), key=lambda claim: claim.rows[0].paper):
+        found = map(claim_cells, sorted(block, key=lambda claim: claim.kind.startswith("derived")))
+        yield from (f"### Claims of {paper}, each printed number once", "", *_markdown([CLAIM_HEADS, *found]), "")
+    yield from ("Verdicts on all claims:", *(f"- {_plain(line)}" for line in verdict_counts(rows)))
+
+
+def claim_cells(claim: CountedClaim) -> tuple[str, ...]:
+    """The cells of a claim, by CLAIM_HEADS."""
+    row = claim.rows[0]
+    ratios = "; ".join(ends(one.judgement.low, one.judgement.high).strip() or "-" for one in claim.rows)
+    outcome = f"undecidable at {row.published_runs} published runs" if claim.undecidable else claim.outcome
+    return row.quantity, row.variant, claim.kind, _number(row.published), ratios, outcome
 
 
 def _tables(rows: Sequence[ClaimRow]) -> Iterator[str]:
@@ -238,8 +263,13 @@ def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
     """Yield the lines of a table in the order of SHOWN; columns without a value in any row are left out."""
     columns = [HEADS.index(head) for head in SHOWN]
     used = [column for column in columns if any(row[column] != "-" for row in rows)]
-    for row in (HEADS, ("---",) * len(HEADS), *rows):
-        yield "| " + " | ".join(_plain(row[column]) for column in used) + " |"
+    yield from _markdown([[row[column] for column in used] for row in (HEADS, *rows)])
+
+
+def _markdown(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Yield the lines of a table whose first row is its head."""
+    for row in (rows[0], ["---"] * len(rows[0]), *rows[1:]):
+        yield "| " + " | ".join(map(_plain, row)) + " |"
 
 
 def _reasons(rows: Sequence[ClaimRow]) -> Iterator[str]:

@@ -61,11 +61,19 @@ class Judgement(NamedTuple):
         verdict: the verdict.
         low: lower end of the 95 % interval of measured / published; NaN without one, and for orders.
         high: its upper end; infinite for a mean over too few runs.
+        lasting: the upper end over the lower one of the interval that the published runs alone make, which stays
+            however many runs we make; 1 if the published value has no Monte Carlo error.
     """
 
     verdict: Verdict
     low: float = NAN
     high: float = NAN
+    lasting: float = 1.0
+
+    @property
+    def undecidable(self) -> bool:
+        """Whether the lasting interval is wider than the band 1/1.1 ... 1.1, so that nothing can reproduce."""
+        return self.lasting > CLOSE**2
 
     @property
     def within(self) -> float:
@@ -141,6 +149,15 @@ def ratio_interval(sample: Sample, published: Floats | float, published_runs: in
         return np.exp(low) * now / published, np.exp(high) * now / published
 
 
+def lasting_interval(sample: Sample, published_runs: int) -> float:
+    """The upper end over the lower one of the 95 % interval of the statistic of so many runs, drawn from ours."""
+    if not published_runs:
+        return 1.0
+    drawn = sample.at(weights(len(sample.runs), published_runs, published=True))
+    low, high = np.nanquantile(drawn, [TAIL, 1.0 - TAIL])
+    return float(high / low) if low > 0.0 else INF
+
+
 def verdict_on_ratio(low: float, high: float) -> Verdict:
     """The verdict on the interval of a ratio, by RULE."""
     if low >= 1.0 / CLOSE and high <= CLOSE:
@@ -165,12 +182,13 @@ def judged_value(sample: Sample, published: PublishedValue) -> Judgement:
     if count < LEAST:
         return Judgement("too few runs")
     low, high = (float(end) for end in ratio_interval(sample, published.value, published.runs))
+    lasting = lasting_interval(sample, published.runs)
     if count < ENOUGH and not sample.statistic.robust and not published.bounded:
-        return _judged_one_sidedly(sample, published, low)
+        return _judged_one_sidedly(sample, published, low)._replace(lasting=lasting)
     verdict = verdict_on_ratio(low, high)
     if verdict == "reproduces" and published.rivals and not _on_same_side(sample, published.value):
         verdict = "compatible"
-    return Judgement(verdict, low, high)
+    return Judgement(verdict, low, high, lasting)
 
 
 def _judged_exactly(measured: float, published: float) -> Judgement:
