@@ -32,8 +32,8 @@ from wsnsim.papers.verdicts import RULE, AstrayShare, Judgement
 NAN = float("nan")
 KEYS = {"paper", "experiment", "quantity", "variant", "published", "measured", "low", "high", "replicates",
         "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution", "read", "literal", "statistic", "basis",
-         "published_runs", "published_runs_assumed", "ratio_low", "ratio_high", "within", "undecidable", "counted", "paired",
-         "reading", "where", "astray", "astray_low", "astray_high", "median", "median_low", "median_high",
+         "published_runs", "published_runs_assumed", "ratio_low", "ratio_high", "within", "undecidable", "counted",
+         "paired", "reading", "where", "astray", "astray_low", "astray_high", "median", "median_low", "median_high",
          "reacquired", "losses", "time_lost",
         "lost_rule"}  # fmt: skip
 SHORT = ("duration=16 s",)
