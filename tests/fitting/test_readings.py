@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import wsnsim
 from tests.helpers.recorded_walks import HEIGHT, Walks
@@ -79,8 +80,8 @@ def test_the_coefficients_are_those_of_an_independent_least_squares(walks: tuple
     np.testing.assert_allclose([g.value for g in found.gains], constants - np.mean(constants), atol=1e-5)
 
 
-def test_intervals_are_those_of_a_sandwich_over_blocks(walks: tuple[list[str], str]) -> None:
-    """An independent computation with dummy variables for all nodes, z0 being their mean."""
+def test_intervals_are_those_of_a_leverage_corrected_sandwich_over_blocks(walks: tuple[list[str], str]) -> None:
+    """An independent computation with whole matrices, and dummy variables for all nodes, z0 being their mean."""
     files, nodes = walks
     found = wsnsim.fit(files[:1], nodes, block=5.0)
     table = np.genfromtxt(files[0], delimiter=",", skip_header=1, converters={1: lambda text: float(text[1:])})
@@ -89,16 +90,67 @@ def test_intervals_are_those_of_a_sandwich_over_blocks(walks: tuple[list[str], s
     matrix = np.column_stack([
         node[:, None] == np.arange(8), -10 * np.log10(np.linalg.norm(table[:, 3:6] - places[node], axis=1)),
     ])  # fmt: skip
-    left = table[:, 2] - matrix @ np.linalg.lstsq(matrix, table[:, 2], rcond=None)[0]
-    scores = np.stack([(matrix * left[:, None])[block == b].sum(axis=0) for b in range(12)])
-    bread = np.linalg.inv(matrix.T @ matrix)
-    spread = bread @ scores.T @ scores @ bread * 12 / 11 * (len(left) - 1) / (len(left) - 9)
+    to_estimates = np.linalg.pinv(matrix)
+    maker = np.eye(len(matrix)) - matrix @ to_estimates
     of_gains = np.column_stack([np.eye(8) - 1 / 8, np.zeros(8)])
-    quantile = 2.200985160082949  # of Student's t with 11 degrees of freedom, 97.5 %
-    expected = quantile * np.sqrt(np.diag(of_gains @ spread @ of_gains.T))
-    np.testing.assert_allclose([gain.high - gain.value for gain in found.gains], expected, rtol=1e-6)
-    eta = found.values["eta"]
-    np.testing.assert_allclose(eta.high - eta.value, quantile * np.sqrt(spread[8, 8]), rtol=1e-6)
+    wanted = np.vstack([of_gains, np.eye(9)[8]]) @ to_estimates
+    combined = np.zeros((9, 12, len(matrix)))
+    for b in range(12):
+        own = np.flatnonzero(block == b)
+        values, vectors = np.linalg.eigh(maker[np.ix_(own, own)])
+        root = vectors / np.sqrt(values) @ vectors.T
+        combined[:, b] = wanted[:, own] @ root @ maker[own]
+    half = []
+    for rows in combined:
+        covariance = rows @ rows.T  # of the blocks' contributions, were the readings independent
+        dof = np.trace(covariance) ** 2 / (covariance**2).sum()
+        half.append(stats.t.ppf(0.975, dof) * np.linalg.norm(rows @ table[:, 2]))
+    noise = found.model.noise
+    ratio = np.hypot(*np.diff(table[::8, 3:5], axis=0).T).sum() / 12 / found.values["decorrelation"].value
+    white = (noise.sd / noise.shadowing) ** 2 * 12 / 120
+    between = (white + 2 / ratio) / (white + 2 * (ratio - 1 + np.exp(-ratio)) / ratio**2)
+    values = [*found.gains, found.values["eta"]]
+    np.testing.assert_allclose([v.high - v.value for v in values], np.array(half) * np.sqrt(between), rtol=1e-6)
+
+
+def still(nodes: str, stays: list[tuple[float, float, int]], folder: Path) -> str:
+    """A file of readings of a target that stays at each place for so many seconds, and walks 1 m a second between."""
+    rng, place, now, rows = np.random.default_rng(1), np.array(stays[0][:2]), 0, ["time,node,reading,x,y,z"]
+    ids = [line.split(",")[0] for line in Path(nodes).read_text().splitlines()[1:]]
+    for x, y, seconds in stays:
+        steps = [place + np.array([x - place[0], y - place[1]]) * k / 5 for k in range(1, 5)] if now else []
+        place = np.array([x, y])
+        for point in [*steps, *[place] * seconds]:
+            rows += [f"{now},{name},{rng.normal(-70, 3):.2f},{point[0]},{point[1]},{HEIGHT}" for name in ids]
+            now += 1
+    file = folder / "still.csv"
+    file.write_text("\n".join(rows) + "\n")
+    return str(file)
+
+
+def test_a_stay_is_never_cut_and_the_output_says_which_blocks_were_used(
+    walks: tuple[list[str], str], tmp_path: Path
+) -> None:
+    _, nodes = walks
+    file = still(nodes, [(2.0, 3.0, 40), (7.0, 3.0, 70), (7.0, 8.0, 25)], tmp_path)
+    sample = read_sample([file], read_nodes(nodes, {}), LAWS["rssi"], ReadingOptions())
+    blocks = sample.blocks(10.0)
+    for place in ((2.0, 3.0), (7.0, 3.0), (7.0, 8.0)):
+        assert len(set(blocks[(sample.points[:, :2] == place).all(axis=1)])) == 1
+    assert "3 blocks of 8 links, of at least 10 s" in wsnsim.fit(file, nodes).text()
+    single = [still(nodes, [stay], tmp_path / name) for name, stay in places_of_stays(tmp_path)]
+    text = wsnsim.fit(single, nodes).text()
+    assert "intervals come from 3 stays of 8 links" in text and "The target never moves" in text
+    assert "Approximate intervals" in text and "sd: 3 blocks are fewer than 10." in text
+    assert wsnsim.fit(single, nodes).as_json()["blocks"]["stays"] == 3
+
+
+def places_of_stays(folder: Path) -> list[tuple[str, tuple[float, float, int]]]:
+    """Four stays at three places, each with a folder of its own."""
+    stays = [(2.0, 3.0, 40), (7.0, 3.0, 70), (7.0, 8.0, 25), (2.0, 3.0, 30)]
+    for number in range(len(stays)):
+        (folder / str(number)).mkdir()
+    return [(str(number), stay) for number, stay in enumerate(stays)]
 
 
 def test_the_same_files_give_the_same_fit_in_any_order_of_rows(walks: tuple[list[str], str], tmp_path: Path) -> None:

@@ -50,25 +50,30 @@ class Walks:
         files = []
         for track in range(self.tracks):
             file = folder / f"track{track}.csv"
-            file.write_text("\n".join(["time,node,reading,x,y,z", *self._rows(rng, places.round(3), gains)]) + "\n")
+            points = self.walk(rng)
+            rows = self._rows(points, self.readings(rng, points, places.round(3), gains))
+            file.write_text("\n".join(["time,node,reading,x,y,z", *rows]) + "\n")
             files.append(str(file))
         return files, str(folder / "nodes.csv")
 
-    def _rows(self, rng: np.random.Generator, places: np.ndarray, gains: np.ndarray) -> list[str]:
-        points = self.walk(rng)
-        steps, nodes = len(points), len(places)
+    def readings(
+        self, rng: np.random.Generator, points: np.ndarray, places: np.ndarray, gains: np.ndarray
+    ) -> np.ndarray:
+        """(steps, nodes) readings of a target at these points (steps, 3)."""
         distances = np.sqrt(((points[:, None] - places) ** 2).sum(axis=2))
-        process = np.empty((steps, nodes))
-        process[0] = rng.normal(0.0, self.shadowing, nodes)
+        process = np.empty(distances.shape)
+        process[0] = rng.normal(0.0, self.shadowing, len(places))
         along = np.exp(-np.hypot(*np.diff(points[:, :2], axis=0).T) / self.decorrelation)
         for k, rho in enumerate(along, start=1):
-            process[k] = rho * process[k - 1] + np.sqrt(1 - rho**2) * rng.normal(0.0, self.shadowing, nodes)
-        shape = (steps, nodes)
+            process[k] = rho * process[k - 1] + np.sqrt(1 - rho**2) * rng.normal(0.0, self.shadowing, len(places))
+        shape = distances.shape
         unit = rng.standard_normal(shape) if np.isinf(self.dof) else rng.standard_t(self.dof, shape)
         scale = 1.0 if np.isinf(self.dof) else np.sqrt((self.dof - 2) / self.dof)
-        readings = self.z0 - 10 * self.eta * np.log10(distances) + gains + process + self.sd * scale * unit
+        return self.z0 - 10 * self.eta * np.log10(distances) + gains + process + self.sd * scale * unit
+
+    def _rows(self, points: np.ndarray, readings: np.ndarray) -> list[str]:
         return [
             f"{k * self.dt + i * 0.001:.3f},n{i},{readings[k, i]:.4f},{x:.5f},{y:.5f},{z:.3f}"
             for k, (x, y, z) in enumerate(points)
-            for i in range(nodes)
+            for i in range(readings.shape[1])
         ]

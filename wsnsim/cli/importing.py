@@ -252,7 +252,7 @@ LAWS: Final = ("rssi", "range", "log_normal")
     "--noise", type=click.Choice(FAMILIES), default="auto", show_default=True, help="Family of the white noise."
 )
 @click.option(
-    "--block", type=float, metavar="S", help="Length (s) of the time blocks from which intervals are computed."
+    "--block", type=float, metavar="S", help="Least length (s) of the blocks from which intervals are computed."
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, metavar="S", help="Seed of the bootstrap; default 0.")
 @click.option("--in-sample", is_flag=True, help="Allow a test on readings that were fitted; the output says so.")

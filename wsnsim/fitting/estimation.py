@@ -26,7 +26,7 @@ from wsnsim.fitting.fitted_law import (
     FittedValue,
     LawForm,
     figures,
-    percentiles,
+    logarithmic,
     resampled,
 )
 from wsnsim.fitting.located_readings import Coefficients, LocatedReadings, ReadingKeys, least_squares, shared_with
@@ -38,8 +38,8 @@ BLOCK: Final = 10.0
 """Length (s) of a block: several times the time over which residuals of a walking target are correlated."""
 LEAST_BLOCKS: Final = 10
 """Shorter recordings are cut into this many blocks."""
-CORRELATION_TIMES: Final = 4.0
-"""A block is at least this many times as long as the target takes for the decorrelation distance."""
+DECORRELATIONS: Final = 4.0
+"""Decorrelation distances of path in a block, at least."""
 LEAST_WHITE: Final = 1e-3
 """Least standard deviation of the white part, relative to that of the residuals."""
 LEAST_SPREAD: Final = 1e-3
@@ -54,9 +54,9 @@ class FitOptions:
         gains: whether each node has a gain; laws without gains ignore it.
         heights: whether distances are those in space; None: if the heights of nodes and target are known.
         noise: family of the white part; `auto`: that with the lower criterion of Akaike.
-        block: length (s) of the blocks of time from which intervals are computed; None: 10 s, or `CORRELATION_TIMES`
-            times the time in which the target travels the fitted decorrelation distance if that is longer, but at most
-            a tenth of the recording.
+        block: least length (s) of the blocks from which intervals are computed; None: 10 s, and a path of
+            `DECORRELATIONS` times the fitted decorrelation distance, but each at most a tenth of the recording. Stays
+            are never cut.
         seed: of the bootstrap.
         in_sample: whether the law may be judged on readings that it was fitted to.
     """
@@ -102,28 +102,38 @@ def fit_sample(sample: LocatedReadings, form: LawForm, options: FitOptions) -> F
     asked = dataclasses.replace(options, heights=heights)
     if options.block is not None:
         return _fit_in_blocks(sample, form, asked, count, options.block)
-    first = _fit_in_blocks(sample, form, asked, count, _block_length(sample, BLOCK))
-    wanted = _block_length(sample, max(BLOCK, CORRELATION_TIMES * _correlation_time(first)))
-    return first if wanted <= first.basis.seconds else _fit_in_blocks(sample, form, asked, count, wanted)
+    first = _fit_in_blocks(sample, form, asked, count, *_block_length(sample, 0.0))
+    if "decorrelation" not in first.values:
+        return first
+    wanted = _block_length(sample, DECORRELATIONS * first.values["decorrelation"].value)
+    return _fit_in_blocks(sample, form, asked, count, *wanted)
 
 
-def _fit_in_blocks(sample: LocatedReadings, form: LawForm, options: FitOptions, count: int, block: float) -> Fit:
-    """The fit with intervals from blocks of this length (s)."""
+def _fit_in_blocks(
+    sample: LocatedReadings, form: LawForm, options: FitOptions, count: int, block: float, path: float = 0.0
+) -> Fit:
+    """The fit with intervals from blocks of at least this time (s) and path (m)."""
     heights = bool(options.heights)
-    blocks = sample.blocks(block)
+    blocks = sample.blocks(block, path)
     if not blocks.any():
-        raise RunError(f"the readings lie within one block of {block:g} s: intervals need at least two")
+        raise RunError(f"the readings lie within one block of {block:g} s or one stay: intervals need at least two")
     weights = resampled(int(blocks.max()) + 1, RESAMPLES, options.seed)
     solved = _regression(sample, form, heights, count, blocks)
     model = FittedModel(form, solved.values, solved.gains, Noise("normal", 1.0, math.inf, 0.0), heights)
     left = _Residuals(model.residuals(sample), blocks, weights, len(solved.values) + count)
     noise, values, aic = _fitted_noise(sample, left, form, options)
+    inflation = 1.0
+    if noise.shadowing > 0.0:
+        ratio = sample.whole_path / weights.shape[1] / values["decorrelation"].value
+        each = len(blocks) / weights.shape[1] / len(np.unique(sample.nodes))
+        inflation = _inflation(ratio, (noise.sd / noise.shadowing) ** 2 / each)
+    reaches = solved.reaches * math.sqrt(inflation)
     return Fit(
         model._replace(noise=noise),
-        _coefficients(form, solved) | values,
-        _gains(sample, solved),
+        _coefficients(form, solved, reaches[: len(solved.values)]) | values,
+        _gains(sample, solved, reaches[len(solved.values) :]),
         sample,
-        FitBasis(aic, weights.shape[1], block),
+        FitBasis(aic, weights.shape[1], block, path, sample.stays(blocks)),
         _plain(sample, model, blocks),
     )
 
@@ -160,20 +170,20 @@ def _check_determined(sample: LocatedReadings, form: LawForm, heights: bool, cou
         raise RunError(f"the distances hardly vary, and {form.coefficients[1].name} is not determined{hint}")
 
 
-def _block_length(sample: LocatedReadings, wanted: float) -> float:
-    """The length of a block in s: as wanted, but short enough for `LEAST_BLOCKS` of them."""
+def _block_length(sample: LocatedReadings, path: float) -> tuple[float, float]:
+    """The least time (s) and path (m) of a block: as wanted, but short enough for `LEAST_BLOCKS` of them."""
     total = sum(float(np.ptp(sample.times[own])) for _, own in sample.by_file() if own.any())
-    return min(wanted, total / LEAST_BLOCKS) or wanted
+    return min(BLOCK, total / LEAST_BLOCKS) or BLOCK, min(path, sample.whole_path / LEAST_BLOCKS)
 
 
-def _correlation_time(fit: Fit) -> float:
-    """The time (s) in which the target travels the decorrelation distance, at its mean speed."""
-    if fit.model.noise.shadowing <= 0.0:
-        return 0.0
-    sample = fit.sample
-    seconds = sum(float(np.ptp(sample.times[own])) for _, own in sample.by_file())
-    travelled = sum(float(np.ptp(sample.travelled[own])) for _, own in sample.by_file())
-    return fit.values["decorrelation"].value * seconds / travelled if travelled > 0.0 else 0.0
+def _inflation(ratio: float, white: float = 0.0) -> float:
+    """The variance of a mean of correlated readings, relative to what it were if blocks were independent.
+
+    Args:
+        ratio: path of a block, relative to the decorrelation distance.
+        white: variance of the mean of a block's white parts, relative to the variance of the correlated part.
+    """
+    return (white + 2.0 / ratio) / (white + 2.0 * (ratio - 1.0 + math.exp(-ratio)) / ratio**2)
 
 
 def _fitted_noise(
@@ -198,15 +208,28 @@ def _fitted_noise(
         if options.noise == "student_t":
             raise RunError("noise: nearly all of it is correlated along the path, so that its family cannot be told")
     family: Family = min(aic, key=lambda name: aic[name]) if options.noise == "auto" else options.noise
-    values = {"sd": percentiles(white, form.unit, "standard deviation of the white part of the noise")}
-    if family == "student_t":
-        values["dof"] = percentiles(dofs, "", "degrees of freedom of the white part")
-    if spread > 0.0:
-        values["shadowing"] = percentiles(
-            np.sqrt(parts.variances), form.unit, "standard deviation of the part that is correlated along the path"
-        )
-        values["decorrelation"] = percentiles(parts.distances, "m", "path over which that correlation falls to 1/e")
-    return Noise(family, sd, float(dofs[0]) if family == "student_t" else math.inf, spread), values, aic
+    tails = dofs if family == "student_t" else None
+    values = _noise_values(sample, white, tails, parts, left.weights.shape[1], form.unit)
+    return Noise(family, sd, math.inf if tails is None else float(tails[0]), spread), values, aic
+
+
+def _noise_values(
+    sample: LocatedReadings, white: Floats, dofs: Floats | None, parts: Shadowing, count: int, unit: str
+) -> dict[str, FittedValue]:
+    """The values of the noise with intervals from this number of blocks."""
+    few = f"{count} blocks are fewer than {LEAST_BLOCKS}" if count < LEAST_BLOCKS else ""
+    values = {"sd": logarithmic(white, count, unit, "standard deviation of the white part of the noise", few)}
+    if dofs is not None:
+        why = "it takes sd and shadowing as known"
+        values["dof"] = logarithmic(dofs, count, "", "degrees of freedom of the white part", why)
+    if parts.variances[0] > 0.0:
+        about = "standard deviation of the part that is correlated along the path"
+        values["shadowing"] = logarithmic(np.sqrt(parts.variances), count, unit, about, few)
+        few = few or ("the noise has heavy tails" if dofs is not None else "")
+        about = "path over which that correlation falls to 1/e"
+        inflation = _inflation(sample.whole_path / count / float(parts.distances[0]))
+        values["decorrelation"] = logarithmic(parts.distances, count, "m", about, few, inflation)
+    return values
 
 
 def _variances(left: _Residuals) -> Floats:
@@ -218,25 +241,22 @@ def _variances(left: _Residuals) -> Floats:
 
 
 def _significant(parts: Shadowing, total: Floats) -> Shadowing:
-    """The correlated parts, or none at all if more than one resample in two hundred has none."""
-    if np.quantile(parts.variances[1:], 0.005) > 0.0:
+    """The correlated parts, or none at all if any resample has none."""
+    if parts.variances.min() > 0.0:
         return parts
     return Shadowing(np.zeros_like(total), np.full_like(total, np.nan), np.ones_like(total))
 
 
-def _coefficients(form: LawForm, solved: Coefficients) -> dict[str, FittedValue]:
+def _coefficients(form: LawForm, solved: Coefficients, reaches: Floats) -> dict[str, FittedValue]:
     return {
         column.name: FittedValue(value, value - reach, value + reach, column.unit, column.about)
-        for column, value, reach in zip(
-            form.coefficients, solved.values.tolist(), (solved.errors * solved.quantile).tolist(), strict=True
-        )
+        for column, value, reach in zip(form.coefficients, solved.values.tolist(), reaches.tolist(), strict=True)
     }
 
 
-def _gains(sample: LocatedReadings, solved: Coefficients) -> tuple[FittedGain, ...]:
+def _gains(sample: LocatedReadings, solved: Coefficients, reaches: Floats) -> tuple[FittedGain, ...]:
     counts = np.bincount(sample.nodes, minlength=len(sample.deployment.ids)).tolist()
-    reaches = (solved.gain_errors * solved.quantile).tolist()
-    rows = zip(sample.deployment.ids, counts, solved.gains.tolist(), reaches, strict=False)
+    rows = zip(sample.deployment.ids, counts, solved.gains.tolist(), reaches.tolist(), strict=False)
     return tuple(FittedGain(node, count, value, value - reach, value + reach) for node, count, value, reach in rows)
 
 

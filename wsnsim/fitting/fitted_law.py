@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from wsnsim.base.arrays import Floats
-from wsnsim.fitting.located_readings import DataFile, LocatedReadings
+from wsnsim.fitting.located_readings import CONFIDENCE, DataFile, LocatedReadings
 from wsnsim.fitting.residuals import Family, Noise, correlation_at
 from wsnsim.models.ranging import GREATEST_RANGE
 from wsnsim.models.rssi import Rssi
@@ -91,6 +92,7 @@ class FittedValue(NamedTuple):
         high: the upper end.
         unit: its unit.
         about: what it is.
+        approximate: why the interval is approximate; '' if it is not.
     """
 
     value: float
@@ -98,6 +100,7 @@ class FittedValue(NamedTuple):
     high: float
     unit: str
     about: str
+    approximate: str = ""
 
 
 def resampled(units: int, resamples: int, seed: int) -> Floats:
@@ -111,6 +114,25 @@ def percentiles(values: Floats, unit: str, about: str) -> FittedValue:
     known = values[1:][np.isfinite(values[1:])]
     low, high = np.quantile(known, [0.025, 0.975]).tolist() if known.size else (math.nan, math.nan)
     return FittedValue(float(values[0]), low, high, unit, about)
+
+
+def logarithmic(
+    values: Floats, units: int, unit: str, about: str, approximate: str = "", inflation: float = 1.0
+) -> FittedValue:
+    """The first value as estimate, with an interval of its logarithm by the other values, which are those of resamples.
+
+    Args:
+        values: (R,) the estimate and those of resamples.
+        units: number of units that were resampled; Student's t has one degree of freedom less.
+        unit: the unit of the values.
+        about: what they are.
+        approximate: why the interval is approximate.
+        inflation: the variance is multiplied by this.
+    """
+    known = values[1:][np.isfinite(values[1:]) & (values[1:] > 0.0)]
+    reach = float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, units - 1)) * math.sqrt(inflation * units / (units - 1))
+    value, factor = float(values[0]), math.exp(reach * float(np.log(known).std())) if known.size > 1 else math.nan
+    return FittedValue(value, value / factor, value * factor, unit, about, approximate)
 
 
 class FittedGain(NamedTuple):
@@ -188,13 +210,17 @@ class FitBasis(NamedTuple):
 
     Attributes:
         aic: Akaike's criterion of each family of noise, with readings taken as independent.
-        blocks: number of the blocks of time that intervals are computed from.
-        seconds: their length in s.
+        blocks: number of the blocks of time and path that intervals are computed from.
+        seconds: their least length in s.
+        path: their least length in m.
+        stays: number of blocks in which the target stands still.
     """
 
     aic: Mapping[Family, float]
     blocks: int
     seconds: float
+    path: float
+    stays: int
 
 
 @dataclass(frozen=True)

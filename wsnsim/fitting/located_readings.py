@@ -3,10 +3,12 @@
 shared_with(rows, files) -> (path, share) of the file that shares too many of these rows, or None
 
 Least squares give the coefficients of a law and the gains of its nodes, with intervals for correlated readings. The
-intervals are a sandwich over blocks of time: the scores of a block's readings, of all nodes, are summed before they
-are squared, so that any correlation within a block counts. Source: Liang, Zeger (1986), "Longitudinal data analysis
-using generalized linear models"; the factor B/(B - 1) and Student's t with B - 1 degrees of freedom for B blocks are
-the usual corrections for few blocks (Cameron, Miller 2015, "A practitioner's guide to cluster-robust inference").
+intervals are a sandwich over blocks of time and path: the scores of a block's readings, of all nodes, are summed
+before they are squared, so that any correlation within a block counts. Source: Liang, Zeger (1986), "Longitudinal data
+analysis using generalized linear models". For few blocks, residuals are corrected for leverage (CR2), and the degrees
+of freedom of Student's t are Satterthwaite's for independent readings: Bell, McCaffrey (2002), "Bias reduction in
+standard errors for linear regression with multi-stage samples", as Cameron, Miller (2015), "A practitioner's guide to
+cluster-robust inference", recommend.
 
 A law must not be judged on rows that it was fitted to, whatever a file is called.
 """
@@ -107,11 +109,34 @@ class LocatedReadings:
         result: Floats = total - total[starts]
         return result
 
-    def blocks(self, seconds: float) -> Ints:
-        """(n,) number of the block of each reading: a track is cut into blocks of this length."""
-        parts = np.floor(self.times / seconds).astype(np.int64)
-        _, found = np.unique(np.column_stack([self.tracks, parts]), axis=0, return_inverse=True)
-        return found.ravel().astype(np.int64)
+    @property
+    def whole_path(self) -> float:
+        """The path (m) of all tracks together."""
+        return sum(float(np.ptp(self.travelled[own])) for _, own in self.by_file() if own.any())
+
+    def blocks(self, seconds: float, path: float = 0.0) -> Ints:
+        """(n,) number of the block of each reading.
+
+        A block ends when it has lasted for this time and the target has travelled this path (m) in it, and then not
+        before the target moves: a stay is never cut. Blocks without a move that are at one place are one block.
+        """
+        starts = [0]
+        for end in (np.flatnonzero(np.diff(self.tracks, append=-1)) + 1).tolist():
+            while starts[-1] < end:
+                times, along = self.times[starts[-1] : end], self.travelled[starts[-1] : end]
+                cut = max(1, np.searchsorted(times, times[0] + seconds), np.searchsorted(along, along[0] + path))
+                starts.append(starts[-1] + int(np.searchsorted(along, along[cut - 1], side="right")))
+        first, last = np.array(starts[:-1]), np.array(starts[1:]) - 1
+        moved = self.travelled[last] > self.travelled[first]
+        places = np.where(moved[:, None], 0.0, np.nan_to_num(self.points[first]))
+        keys = np.column_stack([np.where(moved, first, -1), places])
+        _, found = np.unique(keys, axis=0, return_inverse=True)
+        return np.repeat(found.ravel(), np.diff(starts)).astype(np.int64)
+
+    def stays(self, blocks: Ints) -> int:
+        """The number of blocks in which the target stands still."""
+        moving = (np.diff(self.travelled) > 0.0) & (np.diff(blocks) == 0)
+        return int(blocks.max()) + 1 - len(np.unique(blocks[1:][moving]))
 
     @cached_property
     def pairs(self) -> tuple[Ints, Ints]:
@@ -151,6 +176,8 @@ class LocatedReadings:
 
 
 CONFIDENCE: Final = 0.95
+ALONE: Final = 1e-9
+"""A block whose leverage is this near to 1 determines a combination of coefficients alone."""
 
 
 class Coefficients(NamedTuple):
@@ -158,17 +185,14 @@ class Coefficients(NamedTuple):
 
     Attributes:
         values: (C,) coefficients of the law.
-        errors: (C,) their standard errors.
         gains: (S,) of the nodes, with sum 0 over the nodes with readings; empty if none are fitted.
-        gain_errors: (S,) their standard errors.
-        quantile: standard errors from an estimate to the end of its interval.
+        reaches: (C + S,) from the estimates to the ends of their intervals, if blocks are independent; NaN without
+            readings, or where one block alone gives the estimate.
     """
 
     values: Floats
-    errors: Floats
     gains: Floats
-    gain_errors: Floats
-    quantile: float
+    reaches: Floats
 
 
 def least_squares(design: Floats, response: Floats, nodes: Ints, count: int, blocks: Ints) -> Coefficients:
@@ -186,26 +210,43 @@ def least_squares(design: Floats, response: Floats, nodes: Ints, count: int, blo
     contrasts = np.zeros((count, max(len(heard) - 1, 0)))
     if len(heard) > 1:
         contrasts[heard] = linalg.helmert(len(heard)).T
-    matrix = np.column_stack([design, contrasts[nodes]]) if count else design
-    inverse = np.linalg.inv(matrix.T @ matrix)
-    solution = inverse @ (matrix.T @ response)
-    residuals = response - matrix @ solution
-    spread, quantile = _sandwich(inverse, matrix * residuals[:, None], blocks)
-    gain_errors = np.full(count, np.nan)
-    gain_errors[heard] = np.sqrt(np.einsum("ij,jk,ik->i", contrasts, spread[columns:, columns:], contrasts))[heard]
-    errors = np.sqrt(np.diag(spread)[:columns])
-    return Coefficients(solution[:columns], errors, contrasts @ solution[columns:], gain_errors, quantile)
+    basis, triangle = np.linalg.qr(np.column_stack([design, contrasts[nodes]]) if count else design)
+    fitted = basis.T @ response
+    solution = linalg.solve_triangular(triangle, fitted)
+    wanted = linalg.solve_triangular(triangle, linalg.block_diag(np.eye(columns), contrasts).T, trans="T").T
+    reaches = _sandwich(basis, response - basis @ fitted, wanted, blocks)
+    return Coefficients(solution[:columns], contrasts @ solution[columns:], reaches)
 
 
-def _sandwich(inverse: Floats, scores: Floats, blocks: Ints) -> tuple[Floats, float]:
-    """Covariance (C, C) of the estimates, and the quantile of Student's t. There must be at least two blocks."""
-    count = int(blocks.max()) + 1
-    sums = np.zeros((count, scores.shape[1]))
-    np.add.at(sums, blocks, scores)
-    readings, parameters = scores.shape
-    root = sums @ inverse
-    factor = count / (count - 1) * (readings - 1) / max(readings - parameters, 1)
-    return root.T @ root * factor, float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, count - 1))
+def _sandwich(basis: Floats, residuals: Floats, wanted: Floats, blocks: Ints) -> Floats:
+    """(K,) from the estimates to the ends of their intervals, NaN where unknown; there must be at least two blocks.
+
+    Args:
+        basis: (n, P) orthonormal columns Q of the design; leverages are Q Q'.
+        residuals: (n,) of the regression.
+        wanted: (K, P) the estimates as combinations of Q' response.
+        blocks: (n,) number of the block of each reading.
+    """
+    order = np.argsort(blocks, kind="stable")
+    starts = np.searchsorted(blocks[order], np.arange(int(blocks.max()) + 1))
+    basis = basis[order]
+    scores = np.add.reduceat(basis * residuals[order, None], starts)
+    leverages = np.stack([part.T @ part for part in np.split(basis, starts[1:])])
+    shares, axes = np.linalg.eigh(leverages)
+    alone = shares > 1.0 - ALONE
+    roots = np.where(alone, 0.0, 1.0 / np.sqrt(np.where(alone, 1.0, 1.0 - shares)))
+    turned = np.einsum("kp,gpq->gkq", wanted, axes)
+    # (I - Q_g Q_g')^(-1/2) Q_g = Q_g (I - Q_g' Q_g)^(-1/2)
+    raised = np.einsum("gkq,gq,gpq->gkp", turned, roots, axes)
+    errors = np.sqrt((np.einsum("gkp,gp->gk", raised, scores) ** 2).sum(axis=0))
+    errors[(turned**2 * alone[:, None]).sum(axis=(0, 2)) >= ALONE * (wanted**2).sum(axis=1)] = np.nan
+    across = np.einsum("gkp,gpq->gkq", raised, leverages)
+    own = (raised * across).sum(axis=2)
+    shared = (across**2).sum(axis=2)
+    squares = (own**2 - 2.0 * own * shared).sum(axis=0)
+    squares += (np.einsum("gkp,gkq->kpq", across, across) ** 2).sum(axis=(1, 2))
+    dofs = np.divide((own - shared).sum(axis=0) ** 2, squares, out=np.ones_like(squares), where=squares > 0.0)
+    return np.asarray(stats.t.ppf(0.5 + CONFIDENCE / 2.0, dofs) * errors)
 
 
 SAME_SHARE: Final = 0.01

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from wsnsim.base.errors import MOST_PRINTED, UsageError
 from wsnsim.base.version import __version__
 from wsnsim.fitting.data_files import digest_of, names_in
@@ -24,7 +26,7 @@ FIGURES: Final = ("RMSE", "skewness", "kurtosis", "correlation at 1 s", "mean lo
 def value_lines(values: Mapping[str, FittedValue]) -> list[str]:
     """The estimates with their intervals as a table."""
     rows = [
-        [name, f"{value.value:.4g}", interval_text(value.low, value.high), value.unit, value.about]
+        [name, f"{value.value:.4g}", interval_text(value.low, value.high, value.approximate), value.unit, value.about]
         for name, value in values.items()
     ]
     return table_lines(["", "estimate", "95 % interval", "unit", "description"], rows)
@@ -48,11 +50,15 @@ def _figures(found: ResidualFigures) -> list[str]:
 
 def _notes(fit: FittedLaw) -> Iterator[str]:
     """How the intervals came about, which family of noise was chosen, and what the sensor cannot express."""
-    blocks = f"{fit.basis.blocks} blocks of {fit.basis.seconds:.3g} s (all nodes together)"
     yield (
-        f"Residuals are correlated: intervals come from {blocks}: a sandwich for coefficients and gains, a bootstrap "
-        "of blocks for the rest."
+        f"Readings are correlated: intervals come from {_clusters(fit)}, all links together: a sandwich (CR2) for "
+        "coefficients and gains, a bootstrap for the rest."
     )
+    for reason in dict.fromkeys(value.approximate for value in fit.values.values() if value.approximate):
+        names = ", ".join(name for name, value in fit.values.items() if value.approximate == reason)
+        yield f"Approximate intervals, which may hold the truth in fewer than 95 % of recordings: {names}: {reason}."
+    if any(gain.readings and math.isnan(gain.low) for gain in fit.gains):
+        yield "A gain has no interval where one block or stay alone determines it."
     normal, student = fit.basis.aic["normal"], fit.basis.aic["student_t"]
     yield (
         f"Noise: {fit.model.noise.family}; AIC {normal:.1f} (normal) and {student:.1f} (student_t), with readings "
@@ -63,13 +69,24 @@ def _notes(fit: FittedLaw) -> Iterator[str]:
         yield f"The residuals have a skewness of {skewness:.2f}; both families are symmetric."
     if fit.gains:
         yield "Gains have the sum 0 over the nodes with readings, and are not shrunk; a node without readings has 0."
-    if fit.model.noise.shadowing <= 0.0:
+    if fit.basis.stays == fit.basis.blocks:
+        yield "The target never moves: errors that links keep at a place are part of sd, as if they were white noise."
+    elif fit.model.noise.shadowing <= 0.0:
         yield "No part of the noise is correlated along the path beyond doubt: shadowing is left out."
     if fit.model.form.kind == "range":
         yield "The sensor `range` has no bias: its sd is that of reading minus distance about 0."
     yield from bad_row_notes([*fit.sample.files, *(row.file for row in fit.test)])
     if not fit.test:
         yield "Not judged on other readings: name some with --test."
+
+
+def _clusters(fit: FittedLaw) -> str:
+    """The blocks that count as independent."""
+    basis, links = fit.basis, f"{len(np.unique(fit.sample.nodes))} links"
+    if basis.stays == basis.blocks:
+        return f"{basis.stays} stays of {links}"
+    stays = f", {basis.stays} of them stays" if basis.stays else ""
+    return f"{basis.blocks} blocks of {links}, of at least {basis.seconds:.3g} s and {basis.path:.3g} m{stays}"
 
 
 def bad_row_notes(files: Sequence[DataFile]) -> Iterator[str]:
@@ -87,7 +104,7 @@ def block_lines(role: str, block: Mapping[str, Any], values: Mapping[str, Fitted
     yield f"{role}:"
     for name, value in block.items():
         fitted = values.get(name)
-        note = f"   # 95 %: {interval_text(fitted.low, fitted.high)}" if fitted is not None else ""
+        note = f"   # 95 %: {interval_text(fitted.low, fitted.high, fitted.approximate)}" if fitted is not None else ""
         yield f"  {name}: {json.dumps(value, ensure_ascii=False)}{note}"
 
 
@@ -108,11 +125,11 @@ def file_json(file: DataFile) -> dict[str, Any]:
     return {"path": file.path, "digest": file.digest, "readings": file.readings, "bad_rows": list(file.bad_rows)}
 
 
-def interval_text(low: float, high: float) -> str:
-    """An interval as text."""
+def interval_text(low: float, high: float, approximate: str = "") -> str:
+    """An interval as text, marked if it is approximate."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return "unknown"
-    return f"{low:.4g} to {high:.4g}"
+    return f"{low:.4g} to {high:.4g}{' (approximate)' if approximate else ''}"
 
 
 def one_line(text: str) -> str:
@@ -199,15 +216,15 @@ class Fit(FittedLaw):
 
     def as_json(self) -> dict[str, Any]:
         """All figures as plain values."""
-        fitted, plain = self.train
+        basis, (fitted, plain) = self.basis, self.train
         return {
             "law": self.model.form.kind,
             "heights": self.model.heights,
             "sensor": self.sensor,
             "values": {name: value._asdict() for name, value in self.values.items()},
             "gains": [gain._asdict() for gain in self.gains],
-            "aic": dict(self.basis.aic),
-            "blocks": {"count": self.basis.blocks, "seconds": self.basis.seconds},
+            "aic": dict(basis.aic),
+            "blocks": {"count": basis.blocks, "seconds": basis.seconds, "path": basis.path, "stays": basis.stays},
             "train": {
                 "files": [file_json(file) for file in self.sample.files],
                 "fitted": fitted._asdict(),

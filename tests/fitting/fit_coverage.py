@@ -1,0 +1,198 @@
+"""How often the 95 % intervals of `wsnsim fit` hold the truth, in recordings that are simulated from a known law.
+
+python -m tests.fitting.fit_coverage docs      fit 1,000 recordings of each design; write the outcomes of all fits into
+                                               fit_coverage.json beside this file, and the table into the how-to page
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import numpy as np
+from scipy import stats
+
+from tests.helpers.recorded_walks import HEIGHT, Walks
+from wsnsim.fitting.data_files import DataFile
+from wsnsim.fitting.estimation import FitOptions, fit_sample
+from wsnsim.fitting.fitted_law import LAWS, FittedGain, FittedValue
+from wsnsim.fitting.located_readings import LocatedReadings, NodeTable
+from wsnsim.fitting.result import Fit
+
+FITS: Final = 1_000
+HELD: Final = Path(__file__).with_name("fit_coverage.json")
+PAGE: Final = "how-to/own_data.md"
+MARKS: Final = ("<!-- coverage: begin -->\n", "<!-- coverage: end -->\n")
+ANCHORS: Final = np.array([(0.0, 0.0), (30.0, 0.0), (30.0, 40.0), (0.0, 40.0)])
+POINTS: Final = np.array([(5.0, 7.0), (22.0, 12.0), (14.0, 31.0), (9.0, 22.0), (25.0, 33.0)])
+HOLDS, MISSES, ROUGHLY_HOLDS, ROUGHLY_MISSES, NONE = "10+~-"
+"""Outcomes of a fit: the interval holds the truth or not; the same if it is said to be approximate; no interval."""
+Outcomes: TypeAlias = dict[str, dict[str, str]]
+"""{design: {quantity: the outcome of each fit}}"""
+
+
+@dataclass(frozen=True)
+class Design:
+    """Recordings of a target that walks, or that stands still at `points`, among `nodes` receivers."""
+
+    words: str
+    law: Walks
+    gains: bool = False
+    nodes: int = 8
+    stays: bool = False
+
+    @property
+    def truth(self) -> dict[str, float]:
+        """The true value of each quantity; nothing can tell constant errors of links from noise if nothing moves."""
+        law = self.law
+        found = {"z0": law.z0, "eta": law.eta, "sd": law.sd, "shadowing": law.shadowing}
+        found |= {"decorrelation": law.decorrelation}
+        if self.stays or not law.shadowing:
+            found = {"z0": law.z0, "eta": law.eta, "sd": float(np.hypot(law.sd, law.shadowing))}
+        if np.isfinite(law.dof):
+            found["dof"] = law.dof
+        return found | ({"gain": float(self.law.nodes()[1][0])} if self.gains else {})
+
+    def sample(self, seed: int) -> LocatedReadings:
+        """The readings of one recording."""
+        rng = np.random.default_rng(seed)
+        places, gains = (part[: self.nodes] for part in self.law.nodes())
+        walks = [self.law.walk(rng) for _ in range(self.law.tracks)]
+        if self.stays:
+            places = np.column_stack([ANCHORS, np.full(len(ANCHORS), HEIGHT)])
+            walks = [np.tile([*point, HEIGHT], (30, 1)) for point in POINTS]
+        gains = gains[: len(places)] if self.gains else np.zeros(len(places))
+        readings = [self.law.readings(rng, walk, places, gains) for walk in walks]
+        steps, count = readings[0].shape
+        times = np.tile(np.arange(steps).repeat(count) * self.law.dt, len(walks))
+        nodes = np.tile(np.arange(count), steps * len(walks))
+        points = np.concatenate(walks).repeat(count, axis=0)
+        table = NodeTable(tuple(f"n{i}" for i in range(count)), places)
+        files = tuple(DataFile(f"track{i}.csv", "", steps * count) for i in range(len(walks)))
+        return LocatedReadings(
+            times,
+            nodes,
+            np.concatenate(readings).ravel(),
+            points,
+            np.arange(len(walks)).repeat(steps * count),
+            table,
+            files,
+        )
+
+    def fit(self, seed: int) -> Fit:
+        """The fit to one recording."""
+        return fit_sample(self.sample(seed), LAWS["rssi"], FitOptions(gains=self.gains))
+
+    def outcomes(self, fits: int) -> dict[str, str]:
+        """The outcomes of the fits of the first recordings."""
+        found = [self._outcome(self.fit(seed)) for seed in range(fits)]
+        return {name: "".join(row[name] for row in found) for name in found[0]}
+
+    def _outcome(self, fit: Fit) -> dict[str, str]:
+        values: dict[str, FittedValue | FittedGain] = {**fit.values}
+        values |= {"gain": fit.gains[0]} if fit.gains else {}
+        shadowed = bool(self.law.shadowing) and not self.stays
+        return {
+            **{name: _outcome(values.get(name), true) for name, true in self.truth.items()},
+            SHADOWED: HOLDS if (fit.model.noise.shadowing > 0.0) == shadowed else MISSES,
+            FAMILY: HOLDS if np.isfinite(fit.model.noise.dof) == np.isfinite(self.law.dof) else MISSES,
+        }
+
+
+SHADOWED: Final = "whether there is `shadowing`"
+FAMILY: Final = "family of the noise"
+
+
+def _outcome(value: FittedValue | FittedGain | None, true: float) -> str:
+    if value is None or np.isnan(value.low):
+        return NONE
+    holds = value.low <= true <= value.high
+    if getattr(value, "approximate", ""):
+        return ROUGHLY_HOLDS if holds else ROUGHLY_MISSES
+    return HOLDS if holds else MISSES
+
+
+DESIGNS: Final = {
+    "path": Design("8 links without gains, four walks of 60 s and 30 m", Walks()),
+    "stays": Design(
+        "4 links, the target stands still at 5 points", Walks(z0=-50.0, eta=2.0, sd=1.0, shadowing=6.0), stays=True
+    ),
+    "few links": Design("2 links, else as `path`", Walks(), nodes=2),
+    "gains": Design("8 links with gains of their own, else as `path`", Walks(), gains=True),
+    "heavy tails": Design("Student's t with 5 degrees of freedom, else as `gains`", Walks(dof=5.0), gains=True),
+    "white": Design("no noise is correlated, else as `gains`", Walks(shadowing=0.0), gains=True),
+}
+
+
+def below(outcomes: Outcomes) -> dict[tuple[str, str], float]:
+    """For each cell, the probability of so few hits at a coverage of 95 %, with Holm's correction.
+
+    Cells are the intervals that are not said to be approximate.
+    """
+    counts = {
+        (design, name): (text.count(HOLDS), text.count(HOLDS) + text.count(MISSES))
+        for design, row in outcomes.items()
+        for name, text in row.items()
+        if name not in (SHADOWED, FAMILY)
+    }
+    raw = {cell: float(stats.binom.cdf(hits, fits, 0.95)) for cell, (hits, fits) in counts.items() if fits}
+    found, least = {}, 0.0
+    for rank, cell in enumerate(sorted(raw, key=lambda name: raw[name])):
+        least = max(least, min(1.0, raw[cell] * (len(raw) - rank)))
+        found[cell] = least
+    return found
+
+
+def markdown(outcomes: Outcomes) -> str:
+    """The table in Markdown: per cent of the intervals that hold the truth, with Clopper-Pearson intervals."""
+    lines = [
+        "| design | quantity | fits | hold the truth [%] | p | said to be approximate | hold the truth [%] |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    corrected = below(outcomes)
+    for design, row in outcomes.items():
+        for name, text in row.items():
+            p = corrected.get((design, name))
+            cells = [*_share(text, HOLDS, MISSES), "" if p is None else f"{p:.2g}"]
+            cells += _share(text, ROUGHLY_HOLDS, ROUGHLY_MISSES)
+            lines.append(f"| {design} | {name} | {' | '.join(cells)} |")
+    return "\n".join([*(f"- {name}: {design.words}." for name, design in DESIGNS.items()), "", *lines, ""])
+
+
+def _share(text: str, holds: str, misses: str) -> tuple[str, str]:
+    """The number of fits, and the share that holds the truth, with its interval."""
+    hits, fits = text.count(holds), text.count(holds) + text.count(misses)
+    if not fits:
+        return "", ""
+    low, high = stats.binomtest(hits, fits).proportion_ci()
+    return str(fits), f"{100 * hits / fits:.1f} [{100 * low:.1f}, {100 * high:.1f}]"
+
+
+def in_document(text: str) -> str:
+    """The table that a page holds."""
+    return text.partition(MARKS[0])[2].partition(MARKS[1])[0]
+
+
+def held() -> Outcomes:
+    """The outcomes of the last study."""
+    return json.loads(HELD.read_text(encoding="utf-8"))
+
+
+def main() -> None:
+    """Fit all recordings, and write outcomes and table."""
+    outcomes = {name: design.outcomes(FITS) for name, design in DESIGNS.items()}
+    HELD.write_text(json.dumps(outcomes, indent=1) + "\n", encoding="utf-8")
+    page = Path(sys.argv[1]) / PAGE
+    pattern = re.escape(MARKS[0]) + ".*?" + re.escape(MARKS[1])
+    text = re.sub(
+        pattern, lambda _: MARKS[0] + markdown(outcomes) + MARKS[1], page.read_text(encoding="utf-8"), flags=re.DOTALL
+    )
+    page.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
