@@ -60,20 +60,23 @@ def total(outcomes: Counter[str]) -> int:
 def opening(name: str) -> str:
     """How many of a paper's printed numbers, and of the orders that it states, have each outcome."""
     numbers, words, derived = (counted(name)[kind] for kind in KINDS)
-    said = (
-        f"**Counted:** {total(numbers)} printed numbers: {_outcomes(numbers)}; {total(words)} orders and relations "
-        f"stated in words: {_outcomes(words)}. {total(derived)} that follow from printed numbers are shown and not "
-        f"counted. Readings tried of one number: at most {readings(name)}. [The rule](../verdicts.md#what-is-counted)."
-    )
-    return fill(said, 140, break_on_hyphens=False)
+    parts = [f"{total(found)} {what}: {_outcomes(found)}"
+             for found, what in ((numbers, "printed numbers"), (words, "orders and relations stated in words"))
+             if total(found)]  # fmt: skip
+    said = [f"**Counted:** {'; '.join(parts)}."]
+    if total(derived):
+        said += [f"{total(derived)} that follow from printed numbers are shown and not counted."]
+    if readings(name) > 1:
+        said += [f"A number was tried in up to {readings(name)} readings."]
+    return fill(" ".join([*said, "[The rule](../verdicts.md#what-is-counted)."]), 140, break_on_hyphens=False)
 
 
 def _outcomes(found: Counter[str]) -> str:
     """The outcomes of claims in words."""
     never = f" ({found['undecidable']} at any number of our runs)" if found["undecidable"] else ""
-    words = [f"{found['reproduced']} reproduced", f"{found['contradicted']} contradicted"]
-    words += [f"{found['undecided']} undecided{never}"]
-    return ", ".join([*words, *([f"{found['dependent']} depend on the reading"] if found["dependent"] else [])])
+    numbers = ((found["reproduced"], "reproduced"), (found["contradicted"], "contradicted"),
+               (found["undecided"], f"undecided{never}"), (found["dependent"], "depend on the reading"))  # fmt: skip
+    return ", ".join(f"{number} {word}" for number, word in numbers if number)
 
 
 def outcome_table() -> str:
@@ -153,10 +156,7 @@ def reproduction() -> str:
 def _short(name: str, kind: str) -> str:
     """The outcomes of a paper's claims of a kind in short."""
     found = counted(name)[kind]
-    undecided = found["undecided"] + found["dependent"]
-    parts = [f"{number} {word}" for number, word in ((found["reproduced"], "reproduced"),
-             (found["contradicted"], "contradicted"), (undecided, "undecided")) if number]  # fmt: skip
-    return f"{_titled(name)} {', '.join(parts)}"
+    return f"{_titled(name)} {_outcomes(Counter({**found, 'undecidable': 0}))}"
 
 
 def fairness() -> str:

@@ -71,5 +71,5 @@ def count_line(claims: Sequence[CountedClaim]) -> str:
 def _part(kind: Kind, claims: Sequence[CountedClaim]) -> str:
     """How many claims of a kind have each outcome."""
     found, never = Counter(claim.outcome for claim in claims), sum(claim.undecidable for claim in claims)
-    outcomes = ", ".join(f"{found[outcome]} {outcome}" for outcome in get_args(Outcome))
+    outcomes = ", ".join(f"{found[outcome]} {outcome}" for outcome in get_args(Outcome) if found[outcome]) or "none"
     return f"{len(claims)} {kind}: {outcomes}" + (f" ({never} undecidable)" if never else "")
