@@ -255,18 +255,20 @@ def test_a_head_waits_for_cells_that_it_has_to_announce_first():
 
 
 class Joining:
-    """A standing cluster whose joins end late: what becomes a member, what is logged, and who gets a role."""
+    """A standing cluster whose joins end late: what becomes a member, what is logged, who gets a role and a slot."""
 
     def __init__(self, forming: bool, of_track: bool) -> None:
         self.members: list[int] = []
         self.logged: list[int] = []
         self.enlisted: list[int] = []
-        cluster: Any = SimpleNamespace(awaited=2, forming=forming, head=9, admit=self.admit)
+        self.expected: list[int] = []
+        cluster: Any = SimpleNamespace(awaited=2, forming=forming, head=9, admit=self.admit, members=self.members)
         track: Any = SimpleNamespace(cluster=cluster if of_track else None, target=0)
         protocol: Any = StandingClusterProtocol.__new__(StandingClusterProtocol)
         protocol._log = SimpleNamespace(add=lambda kind, target, node, peer: self.logged.append(node))
         enlist = SimpleNamespace(enlist=lambda nodes, target: self.enlisted.extend(nodes))
-        protocol._services = SimpleNamespace(processes=enlist)
+        expect = SimpleNamespace(keeps_idle_slots=True, expect=lambda head, nodes: self.expected.extend(nodes))
+        protocol._services = SimpleNamespace(processes=enlist, messages=SimpleNamespace(transport=expect))
         protocol._end_join(track, cluster, 4, True)
         protocol._end_join(track, cluster, 5, False)
         assert cluster.awaited == 0
@@ -283,3 +285,4 @@ class Joining:
 def test_a_late_join_counts_while_the_cluster_forms_and_while_it_exists(forming, of_track, members, enlisted):
     seen = Joining(forming, of_track)
     assert (seen.members, seen.logged, seen.enlisted) == (members, members, enlisted)
+    assert seen.expected == enlisted, "a head that keeps idle slots has one for it; one that forms says so afterwards"

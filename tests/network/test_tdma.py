@@ -481,6 +481,26 @@ def test_a_member_that_missed_a_schedule_of_all_sends_too_late_for_the_head_whic
     assert [burst.packets for burst in gather(network, sources=(2, 3))] == [1, 1]
 
 
+def test_a_head_that_crashed_and_leads_again_announces_a_schedule_though_it_expects_the_same_members():
+    network = kept()
+    network.nodes.crash(0)
+    network.mac.silence(0)
+    network.nodes.restart(0, network.env.now)
+    network.mac.expect(0, range(1, 9))
+    assert [burst.packets for burst in gather(network)] == [1] * 8
+
+
+def test_who_contended_has_a_slot_in_the_next_schedule_though_the_plan_does_not_expect_it():
+    network = planned()
+    gather(network, sources=(7,))
+    network.mac.schedule(0, (2, 5))
+    gather(network, sources=())
+    assert network.mac._orders[0] == (2, 5, 7)
+    network.mac.schedule(0, (3, 4))
+    gather(network, sources=())
+    assert network.mac._orders[0] == (3, 4), "once announced it is as expected as others"
+
+
 def test_a_head_without_members_listens_for_a_frame_and_pays_for_it():
     network = RadioNetwork(STAR, mac=Tdma(), energy=FirstOrder(idle=0.06, battery=100.0))
     before = np.array(network.nodes.totals_now())

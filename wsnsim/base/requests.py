@@ -190,14 +190,17 @@ class Gather:
         parcel_of: What a member sends, None if nothing.
         who: Ids of the members; None means those with a measurement at this step.
         deadline: The head goes on after as many seconds, with what has arrived. None: once all has arrived or is lost.
-        expected: Ids of the nodes that the head expects to send, now and until it says otherwise, from what it knows:
-            a MAC that keeps idle slots gives slots to these alone. None: to those that it expected before.
+        expected: Returns the ids of the nodes that the head expects to send, now and until it says otherwise, from what
+            it knows: a MAC that keeps idle slots gives slots to these alone. Others do not call it. None: to those that
+            it expected before.
+        expected_cycles: Operations of the head for `expected`, if it is called.
     """
 
     parcel_of: Callable[[Member], Parcel | None]
     who: Sequence[NodeId] | None = None
     deadline: float | None = None
-    expected: Sequence[NodeId] | None = None
+    expected: Callable[[], Sequence[NodeId]] | None = None
+    expected_cycles: float = 0.0
 
     def __post_init__(self) -> None:
         _demand_deadline(self.deadline)

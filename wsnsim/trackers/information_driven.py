@@ -9,8 +9,9 @@ Requests of a step:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Any, Final, NamedTuple
 
 import numpy as np
@@ -90,7 +91,7 @@ class Planned(NamedTuple):
 
     plan: SelectionPlan | None = None
     expected: Expected | None = None
-    senders: tuple[NodeId, ...] | None = None
+    senders: Callable[[], tuple[NodeId, ...]] | None = None
 
 
 @part
@@ -150,7 +151,12 @@ class InformationDriven(HeadFilter):
             lambda members: prepare(members, scene, self.every),
             uses_readings=False,
         )
-        reply = yield Gather(outgoing, deadline=self._seconds(scene), expected=expected_senders)
+        reply = yield Gather(
+            outgoing,
+            deadline=self._seconds(scene),
+            expected=expected_senders,
+            expected_cycles=REVIEW * (EXTRAPOLATION_CYCLES + WORTH_CYCLES * len(scene.known.ids)),
+        )
         if plan is not None and expected is not None:
             yield Compute(EXTRAPOLATION_CYCLES * (scene.step - expected.step) + WORTH_CYCLES * len(reply))
             expected = extrapolated(expected, scene)
@@ -217,8 +223,7 @@ class InformationDriven(HeadFilter):
             plan = planned(mean, spread, those, self.keep, every, scene.step)
             expected = first_expected(plan)
             yield Broadcast(plan.in_parcel())
-        yield Compute(REVIEW * (EXTRAPOLATION_CYCLES + WORTH_CYCLES * len(scene.known.ids)))
-        return Planned(plan, expected, senders(plan, expected, REVIEW, scene))
+        return Planned(plan, expected, partial(senders, plan, expected, REVIEW, scene))
 
     def _settled(self, spread: Floats, point: Floats, those: Candidates, scene: Scene) -> bool:
         places = scene.known.positions[those.rows][:, : point.size]

@@ -220,8 +220,10 @@ class Driver:
                 if parcel.readings != 0 and (count := parcel.readings_of(member)):
                     assert member.reading is not None, "only a member with a reading sends one"
                     readings[member.id] = member.reading, count
-        if request.expected is not None:
-            self._services.transport.schedule(self._head, request.expected)
+        if request.expected is not None and self._services.transport.keeps_idle_slots:
+            if seconds := self._compute(self._head, request.expected_cycles):
+                yield self._env.timeout(seconds)
+            self._services.transport.schedule(self._head, request.expected())
         masks, journeys = yield from self.collection.gather(nodes, parcels, self._deadline_of(request))
         answer = Gathered(
             {

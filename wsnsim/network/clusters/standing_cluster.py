@@ -96,8 +96,7 @@ class StandingClusterProtocol:
                     return following
         cluster.forming = False
         self._open(track, cluster, handover)
-        if self._services.messages.transport.keeps_idle_slots:
-            self._services.messages.transport.expect(head, list(cluster.members))
+        self._expect_members(cluster)
         self._services.processes.enlist(cluster.members, target)
         return cluster
 
@@ -107,7 +106,13 @@ class StandingClusterProtocol:
         if arrived and (cluster.forming or track.cluster is cluster) and cluster.admit([node]):
             self._log.add("join", track.target, node, peer=cluster.head)
             if not cluster.forming:
+                self._expect_members(cluster)
                 self._services.processes.enlist([node], track.target)
+
+    def _expect_members(self, cluster: Cluster) -> None:
+        """Tell a MAC that keeps idle slots whom the head takes for members."""
+        if self._services.messages.transport.keeps_idle_slots:
+            self._services.messages.transport.expect(cluster.head, list(cluster.members))
 
     def _open(self, track: Track, cluster: Cluster, handover: Handover) -> None:
         """Make a cluster that of the track, without members that died while it formed."""

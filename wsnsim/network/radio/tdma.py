@@ -74,6 +74,8 @@ class TdmaMechanism:
         """{head: nodes for which the next schedule has slots, beside those that have something to send}"""
         self._members: dict[int, set[int]] = {}
         """{head: nodes that it takes for members, once it has said so}"""
+        self._contended: dict[int, set[int]] = {}
+        """{head: nodes without a slot whose frames arrived since its last schedule}"""
         self._rounds: dict[int, simpy.Event] = {}
         self._ack = services.radio.log.code("ack")
         self.offer = self._csma.offer
@@ -97,13 +99,15 @@ class TdmaMechanism:
 
         Kept slots need no other schedule if the last one has all of them, and they are at least half of it.
         """
-        order, self._expected[head] = self._orders.get(head, ()), set(nodes) - {head}
+        order = self._orders.get(head, ())
+        self._expected[head] = self._contended.get(head, set()).union(nodes) - {head}
         if self._expected[head] <= set(order) and 2 * len(self._expected[head]) >= len(order) > 0:
             del self._expected[head]
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: it forgets every schedule, and its transmission is cut."""
-        self._schedules.pop(node, None)
+        for kept in (self._schedules, self._orders, self._expected, self._members, self._contended):
+            kept.pop(node, None)
         for schedule in self._schedules.values():
             schedule.pop(node, None)
         self._csma.silence(node)
@@ -153,6 +157,7 @@ class TdmaMechanism:
         sent = self._csma.send(bursts)
         yield sent & self._env.timeout(self._mac.latency(PACKET_BITS).unicast)
         if arrived := {burst.source for burst in bursts if burst.packets}:
+            self._contended.setdefault(head, set()).update(arrived)
             self._expected.setdefault(head, set(self._orders.get(head, ()))).update(arrived)
 
     def _listed(self, head: int, members: set[int]) -> set[int]:
@@ -236,6 +241,7 @@ class TdmaMechanism:
         yield self._csma.send([burst])
         if self.keeps_idle_slots:
             self._orders[head] = tuple(sorted(members))
+            self._contended.pop(head, None)
             self._schedules.pop(head, None)
         schedule = self._schedules.setdefault(head, {})
         for node in members & burst.received.keys():
