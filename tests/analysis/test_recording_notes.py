@@ -140,7 +140,7 @@ def test_residuals_are_stated_with_their_nodes(tmp_path: Path) -> None:
     made = Recording("range", 3)
     made.readings += np.where(made.nodes == 2, 1.0, 0.0)
     (said,) = recording_notes.residuals(made.setup(tmp_path))
-    assert said.startswith("595 readings minus law at the recorded trajectory: median 0.1")
+    assert said.startswith("595 readings minus law at the trajectory: median 0.1")
     assert "(law: 0.3)" in said and said.endswith("to 1.01 (c)")
 
 

@@ -10,7 +10,7 @@ than without it by `CLEARLY`. The loss is that of a Cauchy distribution: few out
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from wsnsim.analysis.phrases import counted
 from wsnsim.base.arrays import Floats, Ints, components_of, near
 from wsnsim.base.errors import RunError, shortened
-from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names, sample_initial_conditions
+from wsnsim.base.initial_conditions import measured_points, node_names, sample_initial_conditions
 from wsnsim.base.sensing import gain_variance, samples_gains
 from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.models.recorded_readings import RecordedSensor
@@ -64,48 +64,27 @@ class _Held(NamedTuple):
 
     Attributes:
         sensor: the law.
-        names: of the nodes.
-        conditions: those of the first run.
-        dt: time in s between two points of a trajectory.
-        paths: (K, P) points of each target.
-        times, nodes, readings, targets: (n,) of each reading.
+        names: of all nodes.
+        law: (nodes (n,), seconds later, noise) -> (n,) what the law expects of the target at the time of each reading.
+        nodes, readings: (n,) of each reading.
+        sds: (n,) standard deviation of each by the law, with what it does not know of nodes, and shadowing.
     """
 
     sensor: Any
     names: Sequence[str]
-    conditions: InitialConditions
-    dt: float
-    paths: Sequence[Floats]
-    times: Floats
+    law: Callable[[Ints, float, float], Floats]
     nodes: Ints
     readings: Floats
-    targets: Ints
+    sds: Floats
 
-    def of(self, chosen: Any) -> _Held:
-        """The chosen readings."""
-        return self._replace(**{key: getattr(self, key)[chosen] for key in self._fields[-4:]})
-
-    def law(self, nodes: Ints, later: float = 0.0, noise: float = 0.0) -> Floats:
-        """(n,) what the law expects of these nodes at times that are `later` by so many s."""
-        points = np.empty((len(nodes), self.paths[0].shape[1]))
-        for target, path in enumerate(self.paths):
-            own, instants = self.targets == target, np.arange(len(path)) * self.dt
-            points[own] = np.transpose([np.interp(self.times[own] + later, instants, axis) for axis in path.T])
-        places, traits = self.conditions.positions[nodes], self.conditions.traits[nodes]
-        expected: Floats = self.sensor.measure(points, places, traits, np.full(len(nodes), noise))
-        return expected
-
-    def off(self, expected: Floats) -> Floats:
-        """(n,) readings minus what is expected."""
+    def off(self, later: float = 0.0, nodes: Ints | None = None) -> Floats:
+        """(n,) readings minus law."""
+        expected = self.law(self.nodes if nodes is None else nodes, later, 0.0)
         return near(self.sensor, self.readings, expected) - expected
 
-    @property
-    def sds(self) -> Floats:
-        """(n,) standard deviation of each residual by the law, with what it does not know of nodes and shadowing."""
-        known = self.law(self.nodes, noise=1.0) - self.law(self.nodes)
-        gains = gain_variance(self.sensor) if samples_gains(self.sensor) else 0.0
-        least = 1e-200  # of a law without noise
-        result: Floats = np.sqrt(known**2 + getattr(self.sensor, "shadowing", 0.0) ** 2 + gains + least)
+    def losses(self, off: Floats) -> Floats:
+        """(n,) losses of residuals."""
+        result: Floats = np.log1p((off / self.sds) ** 2)
         return result
 
     def medians(self, off: Floats) -> dict[int, float]:
@@ -114,34 +93,46 @@ class _Held(NamedTuple):
 
 
 def _held(setup: Setup) -> _Held | None:
-    """The recorded readings of the first run; None if there are none, or not of one component."""
+    """The recorded readings of the first run; None if there are hardly any, or not of one component."""
     if not (isinstance(setup, TrackingSetup) and isinstance(setup.recorded, RecordedSensor)):
         return None
-    if len(components_of(setup.sensor)) > 1:
-        return None
-    steps, dt, rng = setup.steps * FINER, setup.dt / FINER, np.random.default_rng(0)
+    sensor, steps, dt, rng = setup.sensor, setup.steps * FINER, setup.dt / FINER, np.random.default_rng(0)
     try:
         conditions, names = sample_initial_conditions(setup, 0), node_names(setup)
         rows = setup.recorded.rows(names, len(setup.motions))
     except RunError:  # `notes.first_run` says so
         return None
-    paths = [measured_points(motion, setup.sensor, motion.truth(steps, dt, rng), dt) for motion in setup.motions]
     used = rng.permutation(np.flatnonzero((rows[0] >= 0.0) & (rows[0] <= steps * dt)))[:MOST_READINGS]
-    return _Held(setup.sensor, names, conditions, dt, paths, *rows).of(used) if len(used) >= FEWEST else None
+    if len(used) < FEWEST or len(components_of(sensor)) > 1:
+        return None
+    times, nodes, readings, targets = (row[used] for row in rows)
+    paths = [measured_points(motion, sensor, motion.truth(steps, dt, rng), dt) for motion in setup.motions]
+
+    def law(nodes: Ints, later: float, noise: float) -> Floats:
+        points = np.empty((len(nodes), paths[0].shape[1]))
+        for target, path in enumerate(paths):
+            now = times[targets == target] + later
+            points[targets == target] = np.transpose([np.interp(now, np.arange(steps + 1) * dt, x) for x in path.T])
+        places, traits = conditions.positions[nodes], conditions.traits[nodes]
+        return sensor.measure(points, places, traits, np.full(len(nodes), noise))
+
+    unknown = gain_variance(sensor) * samples_gains(sensor) + getattr(sensor, "shadowing", 0.0) ** 2
+    noise = law(nodes, 0.0, 1.0) - law(nodes, 0.0, 0.0)
+    return _Held(sensor, names, law, nodes, readings, np.sqrt(noise**2 + unknown + 1e-200))  # of a law without noise
 
 
 def residuals(setup: Setup) -> Iterator[str]:
     """Yield a sentence on recorded readings minus their law at the trajectory, if there are some."""
     if (held := _held(setup)) is None:
         return
-    off = held.off(held.law(held.nodes))
+    off = held.off()
     middle, medians = np.median(off), held.medians(off)
     low, high = min(medians, key=medians.__getitem__), max(medians, key=medians.__getitem__)
     count = f"{len(off):,} {'sampled ' * (len(off) == MOST_READINGS)}readings"
     spread = f"{1.4826 * np.median(np.abs(off - middle)):.3g} (law: {np.median(held.sds):.3g})"
     nodes = f"medians of nodes from {medians[low]:.3g} ({held.names[low]}) to {medians[high]:.3g} ({held.names[high]})"
     most = f"largest {off[np.abs(off).argmax()]:.3g}"
-    yield f"{count} minus law at the recorded trajectory: median {middle:.3g}, spread {spread}, {most}; {nodes}"
+    yield f"{count} minus law at the trajectory: median {middle:.3g}, spread {spread}, {most}; {nodes}"
 
 
 def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
@@ -156,27 +147,21 @@ def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
         if len(values) > FEWEST and counts[end] > max(0.02 * len(held.readings), 3 * counts[following]):
             share = f"{counts[end]:,} of {len(held.readings):,} readings are {values[end]:g}, the {which}"
             yield f"sensor: {share}: a limit of the receiver, or no reading? Leave them out"
-            held = held.of(held.readings != values[end])
-    off, sds = held.off(held.law(held.nodes)), held.sds
-    loss, said = min(_explanations(held, off, sds))
-    if _losses(off, sds).mean() - loss > CLEARLY:
+            held = held._replace(sds=np.where(held.readings == values[end], np.inf, held.sds))
+    off = held.off()
+    loss, said = min(_explanations(held, off, setup))
+    if held.losses(off).mean() - loss > CLEARLY:
         yield f"sensor: {said}"
-    elif np.median(np.abs(off) / sds) > FAR:
+    elif np.median(np.abs(off) / held.sds) > FAR:
         yield "sensor: readings do not follow the law at the trajectory: units, names, times, values of the law?"
 
 
-def _losses(off: Floats, sds: Floats) -> Floats:
-    """(n,) losses of residuals."""
-    return np.log1p((off / sds) ** 2)
-
-
-def _explanations(held: _Held, off: Floats, sds: Floats) -> Iterator[tuple[float, str]]:
+def _explanations(held: _Held, off: Floats, setup: TrackingSetup) -> Iterator[tuple[float, str]]:
     """Yield the loss that an explanation of residuals leaves, and the explanation with what to write."""
-    law = held.law(held.nodes)
     for said, factor, summand in CONVERSIONS:
         converted = held._replace(readings=summand + factor * held.readings)
-        yield _losses(converted.off(law), sds).mean(), f"readings seem to be {said}: convert them"
-    yield _lagging(held, sds)
+        yield held.losses(converted.off()).mean(), f"readings seem to be {said}: convert them"
+    yield _lagging(held, setup)
     if len(off) < FEWEST * len(held.names):
         return
     medians = held.medians(off)
@@ -185,32 +170,32 @@ def _explanations(held: _Held, off: Floats, sds: Floats) -> Iterator[tuple[float
     said = f"a constant of each node, {shortened(most)}: give the law its gains, or take it off"
     if np.ptp(values) < abs(np.median(values)):
         said = f"a constant {np.median(values):.3g} of all nodes, such as a clock offset: take it off"
-    each = np.array([medians[node] for node in held.nodes.tolist()])
-    yield _losses(held.off(law + each), sds).mean(), f"readings contain {said}"
-    yield _swapped(held, sds)
+    without = held._replace(readings=held.readings - [medians[node] for node in held.nodes.tolist()])
+    yield held.losses(without.off()).mean(), f"readings contain {said}"
+    yield _swapped(held)
 
 
-def _lagging(held: _Held, sds: Floats) -> tuple[float, str]:
+def _lagging(held: _Held, setup: TrackingSetup) -> tuple[float, str]:
     """The loss at the clock offset that fits best."""
     from scipy.optimize import minimize_scalar
 
     def loss(later: float) -> float:
-        return float(_losses(held.off(held.law(held.nodes, later)), sds).mean())
+        return float(held.losses(held.off(later)).mean())
 
-    dt, most = FINER * held.dt, min(LONGEST_LAG, len(held.paths[0]) // FINER // 2)
-    coarse = min((dt * lag for lag in range(-most, most + 1)), key=loss)
-    found = minimize_scalar(loss, method="bounded", bounds=(coarse - dt, coarse + dt))
+    most = min(LONGEST_LAG, setup.steps // 2)
+    coarse = min((setup.dt * lag for lag in range(-most, most + 1)), key=loss)
+    found = minimize_scalar(loss, method="bounded", bounds=(coarse - setup.dt, coarse + setup.dt))
     when = f"{abs(found.x):.3g} s {'later' if found.x > 0 else 'earlier'}"
     return float(found.fun), f"readings fit the trajectory {when}: set time_origin of sensor or motion, or the clocks"
 
 
-def _swapped(held: _Held, sds: Floats) -> tuple[float, str]:
+def _swapped(held: _Held) -> tuple[float, str]:
     """The loss with the nodes to which the readings of each node fit best, each once."""
     from scipy.optimize import linear_sum_assignment
 
     count = len(held.names)
-    losses = [_losses(held.off(held.law(np.full_like(held.nodes, node))), sds) for node in range(count)]
-    sums = np.array([np.bincount(held.nodes, each, count) for each in losses]).T
+    each = (held.losses(held.off(nodes=np.full_like(held.nodes, node))) for node in range(count))
+    sums = np.array([np.bincount(held.nodes, losses, count) for losses in each]).T
     rows, columns = linear_sum_assignment(sums)
     changed = np.flatnonzero((rows != columns) & sums.any(axis=1))
     pairs = ", ".join(f"{held.names[i]} of {held.names[columns[i]]}" for i in changed.tolist())
