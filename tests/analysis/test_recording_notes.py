@@ -178,3 +178,24 @@ def test_it_is_said_where_a_recorded_target_is_absent(tmp_path: Path, kept: Any,
     (tmp_path / "t.csv").write_text("\n".join([header, *rows]) + "\n")
     found = list(recording_notes.absent_movers(build(load(made.scenario(tmp_path)))))
     assert [note.split("has no row: ")[1] for note in found] == ([said] if said else [])
+
+
+@pytest.mark.parametrize(
+    ("name", "value_of", "noted"),
+    [
+        ("tag", lambda row, node: "AB"[row // 5 % 2], True),
+        ("mac", lambda row, node: f"00:{node}", False),
+        ("row_id", lambda row, node: row, False),
+        ("rate", lambda row, node: row % 2, False),
+    ],
+)
+def test_a_column_that_may_name_targets_and_is_not_read_is_noted(
+    tmp_path: Path, name: str, value_of: Any, noted: bool
+) -> None:
+    made = Recording("range", 0)
+    scenario, _ = made.scenario(tmp_path), made.setup(tmp_path)
+    header, *rows = (tmp_path / "r.csv").read_text().splitlines()
+    cells = [f"{row},{value_of(number, made.nodes[number])}" for number, row in enumerate(rows)]
+    (tmp_path / "r.csv").write_text("\n".join([f"{header},{name}", *cells]) + "\n")
+    found = list(recording_notes.unread_identifiers(build(load(scenario))))
+    assert [f"'tag' of {tmp_path}/r.csv (A, B) is not read" in note for note in found] == [True] * noted

@@ -93,6 +93,7 @@ RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]
     (ALWAYS, TrackingSetup, setup_notes.steps_across_the_field),
     (ALWAYS, TrackingSetup, setup_notes.shadowing_that_filters_ignore),
     (ALWAYS, TrackingSetup, recording_notes.absent_movers),
+    (ALWAYS, TrackingSetup, recording_notes.unread_identifiers),
     (ALWAYS, TrackingSetup, recording_notes.unexplained_readings),
     (ALWAYS, RadioSetup, setup_notes.sink_outside_the_field),
     (ALWAYS, Setup, setup_notes.longer_than_the_run),

@@ -4,7 +4,8 @@ Readings are held against the law at the trajectory, at the time of each reading
 differs, the one is noted that leaves the least loss, the mean of log(1 + (r / σ)²) over residuals r, if that is less
 than without it by `CLEARLY`. The loss is that of a Cauchy distribution: few outliers do not decide it (our choice).
 
-    absent_movers(setup), unexplained_readings(setup) -> notes          residuals(setup) -> a sentence or none
+    absent_movers(setup), unread_identifiers(setup), unexplained_readings(setup) -> notes
+    residuals(setup) -> a sentence or none
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from wsnsim.base.errors import RunError, shortened
 from wsnsim.base.initial_conditions import measured_points, node_names, sample_initial_conditions
 from wsnsim.base.sensing import gain_variance, samples_gains
 from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.models.csvfile import identifiers
 from wsnsim.models.recorded_readings import RecordedSensor
 from wsnsim.models.recorded_track import RecordedTrack
 
@@ -57,6 +59,20 @@ def absent_movers(setup: TrackingSetup) -> Iterator[str]:
             for gap in gaps[:1].tolist():
                 span = f"{counted(len(gaps), 'gap')}, the first from {times[gap]:g} s to {times[gap + 1]:g} s"
                 yield f"target {i} is taken to rest, or to go straight, where its trajectory has no row: {span}"
+
+
+def unread_identifiers(setup: TrackingSetup) -> Iterator[str]:
+    """Columns of recorded readings that are not read and name several things at one node, such as targets."""
+    if not isinstance(setup.recorded, RecordedSensor):
+        return
+    path, named = setup.recorded.path, setup.recorded.columns
+    found = identifiers(path, (named.time, named.reading, named.target))
+    nodes = found.pop(named.node, [])
+    for column, cells in found.items():
+        if 1 < len({*cells}) <= len(nodes) / 3 and len({*zip(nodes, cells, strict=True)}) > len({*nodes}):
+            values = shortened(", ".join(dict.fromkeys(cells)))
+            said = f"sensor.columns: '{column}' of {path} ({values}) is not read"
+            yield f"{said}: if it names targets, number them from 0 in a column target, or give each a file"
 
 
 class _Held(NamedTuple):
