@@ -2,7 +2,8 @@
 
 Readings are held against the law at the trajectory, at the time of each reading. Of several explanations of what
 differs, the one is noted that leaves the least loss, the mean of log(1 + (r / σ)²) over residuals r, if that is less
-than without it by `CLEARLY`. The loss is that of a Cauchy distribution: few outliers do not decide it (our choice).
+than half of the loss without it, and less by `CLEARLY`. The loss is that of a Cauchy distribution: few outliers do not
+decide it (our choices).
 
     absent_movers(setup), unread_identifiers(setup), unexplained_readings(setup) -> notes
     residuals(setup) -> a sentence or none
@@ -100,7 +101,7 @@ class _Held(NamedTuple):
 
     def losses(self, off: Floats) -> Floats:
         """(n,) losses of residuals."""
-        result: Floats = np.log1p((off / self.sds) ** 2)
+        result: Floats = 2.0 * np.log(np.hypot(1.0, off / self.sds))
         return result
 
     def medians(self, off: Floats) -> dict[int, float]:
@@ -165,11 +166,11 @@ def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
             yield f"sensor: {share}: a limit of the receiver, or no reading? Leave them out"
             held = held._replace(sds=np.where(held.readings == values[end], np.inf, held.sds))
     off = held.off()
-    loss, said = min(_explanations(held, off, setup))
-    if held.losses(off).mean() - loss > CLEARLY:
+    (loss, said), unexplained = min(_explanations(held, off, setup)), held.losses(off).mean()
+    if loss < min(unexplained / 2.0, unexplained - CLEARLY):
         yield f"sensor: {said}"
     elif np.median(np.abs(off) / held.sds) > FAR:
-        yield "sensor: readings do not follow the law at the trajectory: units, names, times, values of the law?"
+        yield "sensor: readings do not follow the law at the trajectory: units, names, targets, times, values of the law?"
 
 
 def _explanations(held: _Held, off: Floats, setup: TrackingSetup) -> Iterator[tuple[float, str]]:
