@@ -148,7 +148,7 @@ def test_where_nothing_explains_readings_it_is_said_that_they_do_not_follow_the_
     made = Recording("range", 0)
     made.readings = np.random.default_rng(0).uniform(0.0, 40.0, len(made.readings))
     assert made.notes(tmp_path) == [
-        "sensor: readings do not follow the law at the trajectory: units, names, targets, times, values of the law?"
+        "sensor: readings do not follow the law: units, names, targets, times, values of the law?"
     ]
 
 

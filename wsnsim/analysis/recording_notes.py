@@ -170,7 +170,7 @@ def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
     if loss < min(unexplained / 2.0, unexplained - CLEARLY):
         yield f"sensor: {said}"
     elif np.median(np.abs(off) / held.sds) > FAR:
-        yield "sensor: readings do not follow the law at the trajectory: units, names, targets, times, values of the law?"
+        yield "sensor: readings do not follow the law: units, names, targets, times, values of the law?"
 
 
 def _explanations(held: _Held, off: Floats, setup: TrackingSetup) -> Iterator[tuple[float, str]]:
