@@ -180,3 +180,10 @@ def test_check_notes_a_window_of_losses_that_the_run_can_hardly_reach(capsys):
         assert len(said) == count, (changes, said)
     assert said == ["  note: lost.window: 4 s are more than half of the 6 steps of 1 s of the run, in which a track is "
                     "hardly lost by this rule; give a shorter window, or a duration of 9 s"]  # fmt: skip
+
+
+def test_shadowing_of_recorded_readings_that_the_filter_ignores_is_noted() -> None:
+    shadowed = "sensor.law.shadowing=3"
+    (said,) = notes("recorded_track", shadowed)
+    assert said.startswith("sensor.law.shadowing: the filter ignores the 3 dB") and "inflate: true" in said
+    assert notes("recorded_track") == notes("recorded_track", shadowed, "tracker.assumes.inflate=true") == []

@@ -85,3 +85,16 @@ def test_two_places_at_nearly_one_time_are_refused_before_a_tracker_meets_their_
     assert lines[2].endswith(":6: x, y and z must be within ±1e+09 m, time within ±1e+15 s")
     kept = RecordedTrack(path=str(path), skip_bad_rows=True).track
     assert kept.times.tolist() == [0.0, 1e-9, 5.0]
+
+
+def test_several_movers_in_a_file_are_refused_and_receivers_of_one_are_not(tmp_path):
+    path = tmp_path / "track.csv"
+    rows = [(t, name, x0 + t, 5.0) for t in range(9) for name, x0 in (("car", 0.0), ("bus", 300.0))]
+    path.write_text("time,vehicle,x,y\n" + "".join(f"{t},{name},{x},{y}\n" for t, name, x, y in rows))
+    with pytest.raises(RunError, match="the column 'vehicle' names 2 movers, car, bus: give each a file of its own"):
+        _ = RecordedTrack(path=str(path)).track
+    heard = "".join(f"{t},{'ab'[t % 2]},{t},5\n" for t in range(9))
+    path.write_text(f"time,receiver,x,y\n{heard}")
+    assert len(RecordedTrack(path=str(path)).track.times) == 9
+    path.write_text("time,id,x,y\n" + "".join(f"{t},{t},{t},5\n" for t in range(9)))
+    assert len(RecordedTrack(path=str(path)).track.times) == 9

@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.analysis import setup_notes
+from wsnsim.analysis import recording_notes, setup_notes
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.quantities import FIGURES, NETWORK_ONLY
 from wsnsim.analysis.setup_notes import covering_range, named
@@ -91,6 +91,10 @@ RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]
     (ALWAYS, Setup, setup_notes.faults_between_instants),
     (ALWAYS, TrackingSetup, setup_notes.motions_beyond_the_field),
     (ALWAYS, TrackingSetup, setup_notes.steps_across_the_field),
+    (ALWAYS, TrackingSetup, setup_notes.shadowing_that_filters_ignore),
+    (ALWAYS, TrackingSetup, recording_notes.absent_movers),
+    (ALWAYS, TrackingSetup, recording_notes.unread_identifiers),
+    (ALWAYS, TrackingSetup, recording_notes.unexplained_readings),
     (ALWAYS, RadioSetup, setup_notes.sink_outside_the_field),
     (ALWAYS, Setup, setup_notes.longer_than_the_run),
     (ALWAYS, RadioSetup, setup_notes.sleep_that_costs_more),

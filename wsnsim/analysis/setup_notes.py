@@ -63,6 +63,16 @@ def steps_across_the_field(setup: TrackingSetup) -> Iterator[str]:
             )
 
 
+def shadowing_that_filters_ignore(setup: TrackingSetup) -> Iterator[str]:
+    """Recorded readings whose law has shadowing, which the filter takes for independent noise, or for none."""
+    shadowing = getattr(setup.sensor, "shadowing", 0.0)
+    if setup.recorded is not None and shadowing and not getattr(setup.filter_sensor, "inflate", False):
+        yield (
+            f"sensor.law.shadowing: the filter ignores the {shadowing:g} dB, and its covariances will be too small: "
+            "give tracker.assumes.inflate: true"
+        )
+
+
 def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
     """A sink whose point is farther outside the field than a frame reaches: the node nearest to it is at the edge."""
     field = setup.deploy.field

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from wsnsim.base.arrays import Estimate, Floats, Ints, Keys, planar
-from wsnsim.base.errors import RunError, plugin_faults_of_run
+from wsnsim.base.errors import RunError, plugin_faults_of_run, shortened
 from wsnsim.base.optional_ports import Continuous, MovesInSpace
 from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.rng import Streams, derive_all, normals
@@ -39,6 +39,28 @@ def node_names(setup: Any, nodes: int | None = None) -> tuple[str, ...]:
         reach = setup.sensor.reach if hasattr(setup, "sensor") else setup.link.reach
         nodes = len(setup.deploy.draw(reach, Streams(setup.seed, 0)("deploy")))
     return tuple(map(str, range(nodes)))
+
+
+def joined_by_name(names: Sequence[str], known: Sequence[str], who: str, whose: str) -> Ints:
+    """(n,) the number among `known` of each of the names of nodes, -1 for one that is not there.
+
+    Every join of two data sets about the same nodes is made by this function.
+
+    Args:
+        names: the names in one of them, each once.
+        known: the names in the other, each once.
+        who: what the first is called in the message.
+        whose: what the second is called.
+
+    Raises:
+        RunError: they have not one name in common; the message shows both.
+    """
+    number = {name: node for node, name in enumerate(known)}
+    found = np.array([number.get(name, -1) for name in names], dtype=np.int64)
+    if len(found) and (found < 0).all():
+        shown = "; ".join(shortened(", ".join(each)) for each in (names, known))
+        raise RunError(f"{who} and {whose} have no name of a node in common: {shown}")
+    return found
 
 
 class InitialConditions(NamedTuple):

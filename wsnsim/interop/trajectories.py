@@ -173,7 +173,7 @@ def write_shifted_nodes(source: Path, out: Path, origin: tuple[float, float]) ->
 
 def _positions(path: Path) -> FromFile:
     """The nodes of a file, wherever they stand."""
-    return FromFile(path=str(path), fit=True, cover=False)
+    return FromFile(path=str(path), fit=True, cover=False, count_from=0)
 
 
 def write_scenario(placed_tracks: PlacedTracks, out: Path, source: str, nodes: Path | None) -> list[Path]:

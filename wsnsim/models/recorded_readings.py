@@ -14,8 +14,8 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, means, near
-from wsnsim.base.errors import Issue, RunError
-from wsnsim.base.initial_conditions import node_names
+from wsnsim.base.errors import Issue, RunError, shortened
+from wsnsim.base.initial_conditions import joined_by_name, node_names
 from wsnsim.base.optional_ports import LimitsReadings, Recording, Replays
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import SensorModel
@@ -191,17 +191,27 @@ class RecordedSensor:
             RunError: the file cannot be read, is not that of the digest, or has rows that cannot be used. The message
                 names file and lines.
         """
-        table, nodes, bad = self._table, self._nodes(names), self._bad(names, targets)
+        table, bad = self._table, self._bad(names, targets)
         if bad and not self.skip_bad_rows:
             raise RunError(csvfile.bad_rows_text(self.path, bad, len(table.lines) + len(table.bad), csvfile.SKIPPING))
-        used = (nodes >= 0) & (table.targets >= 0) & (table.targets < targets)
-        numbers = np.ceil((table.times - self.origin - ROUNDING) / dt)
-        used &= numbers <= steps
+        times, nodes, values, of = self.rows(names, targets)
+        numbers = np.ceil((times - ROUNDING) / dt)
+        used = numbers <= steps
         where = np.maximum(numbers[used], 0.0).astype(np.int64), nodes[used]
-        values, of = table.readings[used], table.targets[used]
+        values, of = values[used], of[used]
         shape = (steps + 1, len(names))
         return [self._of_target([axis[of == target] for axis in where], values[of == target], shape)
                 for target in range(targets)]  # fmt: skip
+
+    def rows(self, names: Sequence[str], targets: int) -> tuple[Floats, Ints, Floats, Ints]:
+        """(n,) time from the origin (s), node, reading and target of each row that can be used, in the order of time.
+
+        Raises:
+            RunError: as `recordings`, but for single rows.
+        """
+        table, nodes = self._table, self._nodes(names)
+        used = (nodes >= 0) & (table.targets >= 0) & (table.targets < targets)
+        return table.times[used] - self.origin, nodes[used], table.readings[used], table.targets[used]
 
     @property
     def origin(self) -> float:
@@ -238,10 +248,18 @@ class RecordedSensor:
         return Recording(readings.reshape(shape), counts.reshape(shape))
 
     def _nodes(self, names: Sequence[str]) -> Ints:
-        """(n,) the number of each row's node; -1 for one that the deployment does not have."""
-        number = {name: node for node, name in enumerate(names)}
-        codes = np.array([number.get(name, -1) for name in self._table.names], dtype=np.int64)
-        return codes[self._table.codes]
+        """(n,) the number of each row's node; -1 for one that the deployment does not have.
+
+        Raises:
+            RunError: it has none of them.
+        """
+        try:
+            found = joined_by_name(self._table.names, names, self.path, "the deployment")
+        except RunError as error:
+            columns = csvfile.identifiers(self.path, (self.columns.node,))
+            near = [f"the column '{name}' has some" for name, cells in columns.items() if {*cells} & {*names}]
+            raise RunError("; ".join([str(error), *near])) from error
+        return found[self._table.codes]
 
     def _bad(self, names: Sequence[str], targets: int) -> list[csvfile.BadRow]:
         """All rows that cannot be used, ascending: those of unknown nodes and targets too."""
@@ -249,7 +267,7 @@ class RecordedSensor:
 
     def _strangers(self, names: Sequence[str], targets: int) -> Iterator[csvfile.BadRow]:
         """Yield the rows of nodes and targets that the scenario does not have."""
-        table, known = self._table, ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+        table, known = self._table, shortened(", ".join(names))
         for row in np.flatnonzero(self._nodes(names) < 0).tolist():
             reason = f"the deployment has no node '{table.names[table.codes[row]]}' (its nodes: {known})"
             yield csvfile.BadRow(int(table.lines[row]), reason)

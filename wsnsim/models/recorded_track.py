@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import Issue, RunError
+from wsnsim.base.errors import Issue, RunError, shortened
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile
@@ -53,9 +53,10 @@ def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, re
         remedy: What the message says that leaves them out.
 
     Raises:
-        RunError: The file cannot be used; the message names file and line.
+        RunError: The file cannot be used, or has several movers; the message names file and line, or the movers.
     """
     rows = csvfile.read_rows(path, csvfile.Wanted(numbers=names, optional=("z",)), "points of a trajectory")
+    _demand_one_mover(path, names)
     bad = tuple(csvfile.limited(path, itertools.chain(rows.bad, _conflicts(rows))))
     if bad and not skip_bad_rows:
         raise RunError(csvfile.bad_rows_text(path, bad, len(rows.lines) + len(rows.bad), remedy))
@@ -129,6 +130,33 @@ class RecordedTrack(Straight):
         names = self.header
         numbers = {"time": names.time, "x": names.x, "y": names.y, "z": names.z}
         return recorded_points(self.path, numbers, self.skip_bad_rows, csvfile.SKIPPING)
+
+
+def _demand_one_mover(path: str, names: Mapping[str, str]) -> None:
+    """Refuse a file with a column by which the path becomes less than half as long: its values are several movers.
+
+    Where each value belongs to a part of one path, such as the node that heard the target, the parts together are as
+    long as the path. A column with a value for less than three rows numbers rows (our choices).
+
+    Raises:
+        RunError: it has several movers; the message names them.
+    """
+    for column, cells in csvfile.identifiers(path, names.values()).items():
+        if not 1 < len(set(cells)) <= len(cells) / 3:
+            continue
+        rows = csvfile.read_rows(
+            path, csvfile.Wanted({"id": column}, {key: names[key] for key in ("time", "x", "y")}), ""
+        )
+        places, (movers, codes) = rows.numbers["x"] + 1j * rows.numbers["y"], rows.texts["id"]
+        order = np.argsort(rows.numbers["time"], kind="stable")
+        each = order[np.argsort(codes[order], kind="stable")]
+        with np.errstate(over="ignore", invalid="ignore"):  # places that are too far are refused below
+            whole, parts = np.abs(np.diff(places[order])), np.abs(np.diff(places[each]))
+        if parts[np.diff(codes[each]) == 0].sum() < 0.5 * whole.sum():
+            remedy = f"give each a file of its own, such as wsnsim import track --column id={column} --id {movers[0]}"
+            raise RunError(
+                f"{path}: the column '{column}' names {len(movers)} movers, {shortened(', '.join(movers))}: {remedy}"
+            )
 
 
 def _conflicts(rows: csvfile.CsvRows) -> Iterator[csvfile.BadRow]:

@@ -8,12 +8,13 @@ Heavy modules are imported where they are used: `wsnsim list` imports this modul
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from wsnsim.base.errors import Issue, ScenarioError, UsageError
+from wsnsim.base.errors import Issue, RunError, ScenarioError, UsageError
 from wsnsim.scenario.registry import AT_TOP, ROLES, Role, find
 from wsnsim.scenario.texts import Keys, in_order
 
@@ -139,6 +140,9 @@ def _setup(scenario: Scenario, components: dict[Keys, Any]) -> TrackingSetup | B
     }
     of_targets = ("motion", "sensor")
     roles = {str(path[0]): part for path, part in components.items() if path[0] in ROLES and path[0] not in of_targets}
+    if hasattr(roles.get("link"), "with_nodes") and hasattr(type(roles["deploy"]), "names"):
+        with contextlib.suppress(RunError):  # the check of one of them says so
+            roles["link"] = roles["link"].with_nodes(roles["deploy"].names)
     if not scope.targets:
         return BeaconSetup(**common, **roles)
     roles.pop("workload", None)
