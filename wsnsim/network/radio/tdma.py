@@ -3,7 +3,7 @@
 When a head expects other members to send, it broadcasts a schedule. A member that receives it knows the slots, and
 turns the radio off in those of others. A round has one slot per member, used or not, in the order of the schedule, with
 a guard at both ends of each slot, and takes its time even if nobody sends. A member without a slot sends after the
-round. One whose clock has drifted by more than the guard since the schedule misses its slot. With `idle_slots: skipped`,
+round. One whose clock has drifted by more than the guard misses its slot. With `idle_slots: skipped`,
 a round has one slot per frame instead, and the head announces a schedule whenever a sender does not know it. Elections,
 announcements, joins, relayed datagrams and handovers belong to no schedule and use CSMA/CA, with acknowledgements and
 retransmissions. They keep out of the slots: see `mac_services`.
