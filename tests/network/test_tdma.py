@@ -501,6 +501,28 @@ def test_who_contended_has_a_slot_in_the_next_schedule_though_the_plan_does_not_
     assert network.mac._orders[0] == (3, 4), "once announced it is as expected as others"
 
 
+def test_who_missed_a_schedule_has_a_slot_in_the_next_one_though_the_plan_names_the_same_members():
+    network = RadioNetwork(STAR, mac=Tdma())
+    network.nodes.jammed[3] = network.nodes.disturbed = True
+    network.mac.expect(0, range(1, 9))
+    gather(network, sources=())
+    network.nodes.jammed[3] = False
+    arrived = []
+    for _ in range(3):
+        network.mac.schedule(0, (2, 3, 4, 5))
+        arrived.append([burst.packets for burst in gather(network, sources=(2, 3))])
+        network.env.run(until=network.env.now + 0.1)
+    assert arrived == [[1, 0], [1, 1], [1, 1]]
+
+
+def test_a_head_that_sends_to_a_member_outside_its_plan_gives_it_a_slot():
+    network = kept()
+    network.mac.schedule(0, (2,))
+    burst = full_burst(0, 5, Parcel("parcel", 1, PACKET_BITS, "parcel"), 0)
+    network.env.run(until=network.mac.send([burst], 0))
+    assert burst.packets == 1 and network.mac._orders[0] == (2, 5)
+
+
 def test_a_head_without_members_listens_for_a_frame_and_pays_for_it():
     network = RadioNetwork(STAR, mac=Tdma(), energy=FirstOrder(idle=0.06, battery=100.0))
     before = np.array(network.nodes.totals_now())

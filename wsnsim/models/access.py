@@ -193,7 +193,8 @@ class Tdma(Csma):
     send (`Gather.expected`: the plan of `information_driven`). It is over when the last slot is, whether anybody has
     sent or not, and the head listens all the time. A member sends one frame in a round; further frames, and those that
     were not acknowledged, go into further rounds of the same length. A schedule replaces the one before. It is
-    announced when the head expects others, or fewer than half of them.
+    announced when a member that it expects has no slot, more than half of the slots would be idle, or a member without
+    a slot has sent.
 
     A member with something to send that has no slot, or did not receive the schedule, sends after the round by
     CSMA/CA, acknowledged, and has a slot in the next schedule once its frame has arrived. The head listens after the

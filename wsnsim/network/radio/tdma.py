@@ -1,10 +1,10 @@
 """TDMA inside clusters, CSMA/CA elsewhere: a cluster head schedules its members, as in LEACH.
 
-When those change whom a head expects to send, it broadcasts a schedule. A member that receives it knows the slots, and
+When a head expects other members to send, it broadcasts a schedule. A member that receives it knows the slots, and
 turns the radio off in those of others. A round has one slot per member, used or not, in the order of the schedule, with
-a guard at both ends of each slot, and takes its time even if nobody sends. Who has no slot sends after it. A member
-whose clock has drifted by more than the guard since the schedule misses its slot. With `idle_slots: skipped`, a round
-has one slot per frame instead, and the head announces a schedule whenever a sender does not know it. Elections,
+a guard at both ends of each slot, and takes its time even if nobody sends. A member without a slot sends after the
+round. One whose clock has drifted by more than the guard misses its slot. With `idle_slots: skipped`,
+a round has one slot per frame instead, and the head announces a schedule whenever a sender does not know it. Elections,
 announcements, joins, relayed datagrams and handovers belong to no schedule and use CSMA/CA, with acknowledgements and
 retransmissions. They keep out of the slots: see `mac_services`.
 
@@ -97,11 +97,12 @@ class TdmaMechanism:
     def schedule(self, head: int, nodes: Sequence[int]) -> None:
         """Give these nodes slots, and no others.
 
-        Kept slots need no other schedule if the last one has all of them, and they are at least half of it.
+        Kept slots need no other schedule if the last one has all of them, they are at least half of it, and nobody has
+        contended since, as one that missed it does.
         """
-        order = self._orders.get(head, ())
-        self._expected[head] = self._contended.get(head, set()).union(nodes) - {head}
-        if self._expected[head] <= set(order) and 2 * len(self._expected[head]) >= len(order) > 0:
+        order, contended = self._orders.get(head, ()), self._contended.get(head, set())
+        self._expected[head] = contended.union(nodes) - {head}
+        if not contended and self._expected[head] <= set(order) and 2 * len(self._expected[head]) >= len(order) > 0:
             del self._expected[head]
 
     def silence(self, node: int) -> None:
@@ -118,8 +119,8 @@ class TdmaMechanism:
             yield previous
         members = {node for burst in bursts for node in (burst.source, burst.to)} - {head}
         if self.keeps_idle_slots:  # the head knows to whom it sends, but not who has something to send
-            members = {burst.to for burst in bursts if burst.source == head} - set(self._orders.get(head, ()))
-            outdated = bool(members) or head in self._expected
+            members = {burst.to for burst in bursts if burst.source == head}
+            outdated = head in self._expected or not members <= set(self._orders.get(head, ()))
         else:
             outdated = not members <= self._schedules.get(head, {}).keys()
         if outdated:
