@@ -207,6 +207,8 @@ def cautions_of_readings(setup: TrackingSetup) -> Iterator[str]:
     """Those of the cautions that are about readings: what the bound takes to be otherwise than it is."""
     if setup.faults:
         yield FAULTLESS
+    if getattr(setup.sensor, "adapts", False):
+        yield "thresholds follow a prediction: the bound takes those about the true reading, which no filter knows"
     if setup.recorded is not None:
         yield "readings were recorded: the bound is that of the law (sensor.law), which they need not follow"
     elif isinstance(setup.sensor, IsShadowed) and setup.sensor.shadowing:

@@ -20,7 +20,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.kernels import ranging as kernels
 from wsnsim.models.bounds import ACCURACY, LENGTH
-from wsnsim.models.sensing import OfPosition, coordinates, fisher
+from wsnsim.models.sensing import OfPosition, coordinates, fisher, of_readings
 
 REACH: Final = Quantity("m", ge=1e-3)
 """A sensing range that may be infinite: up to 1e7 m, or .inf (see `reach_issues`)."""
@@ -113,9 +113,7 @@ def heavy_tailed_log_likelihood(
     scales = variances * ((dof - 2.0) / dof)
     constant = math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof) - 0.5 * math.log(dof * math.pi)
     logs = np.log1p((readings[:, None] - means) ** 2 / (dof * scales))
-    logs = constant - 0.5 * np.log(scales) - 0.5 * (dof + 1.0) * logs
-    chosen = logs.sum(axis=0) if owners is None else logs[owners, np.arange(owners.size)]
-    return np.where(np.isfinite(chosen), chosen, -np.inf)
+    return of_readings(constant - 0.5 * np.log(scales) - 0.5 * (dof + 1.0) * logs, owners)
 
 
 def unit_noise(normals: Floats, dof: float) -> Floats:

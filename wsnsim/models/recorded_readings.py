@@ -23,6 +23,7 @@ from wsnsim.base.sensing import recorded_traits
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile
 from wsnsim.models.recorded_issues import recorded_issues
+from wsnsim.models.sensing import law_issues
 
 COUNT: Final = "count"
 """The trait of a node that is the number of readings of which its reading is the mean. It may change at each step."""
@@ -216,9 +217,7 @@ class RecordedSensor:
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be used, or if the scenario changes what was recorded."""
-        for issue in self.law.check(setup) if hasattr(self.law, "check") else ():
-            path = ("sensor", "law", *issue.path[1:]) if issue.path[:1] == ("sensor",) else issue.path
-            yield Issue(path, issue.message)
+        yield from law_issues(self.law, setup)
         try:
             self.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
         except RunError as error:

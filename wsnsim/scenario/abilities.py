@@ -52,11 +52,13 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
 
 
 def _readings_not_taken(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
-    """Yield an issue for readings with several components, or with angles, that the scenario cannot do with."""
+    """Yield an issue for readings of several components, of angles, or in cells, that the scenario cannot do with."""
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     names = components_of(setup.filter_sensor)
     needed = [("vector_readings", "readings of several components")] if len(names) > 1 else []
     needed += [("angles", "angles, which are the same after a turn")] if any(periods_of(setup.filter_sensor)) else []
+    if getattr(setup.filter_sensor, "adapts", False):
+        needed.append(("tells_prediction", "thresholds about a prediction, which it would have to send"))
     for ability, what in needed:
         if not getattr(setup.tracker, ability, False):
             able = _able(scenario, "tracker", ability)
