@@ -233,6 +233,7 @@ CONDITIONS: Final = (
     ("motion", "slack", _if("course", "in_room"), "on this course: give motion.course: in_room"),
     ("sensor", "dof", _if("noise", "student_t"), "with this noise: give sensor.noise: student_t"),
     ("sensor", "decorrelation", _if("shadowing"), "without shadowing: give sensor.shadowing"),
+    ("sensor", "detour", _if("blocked"), "while no line of sight is blocked: give sensor.blocked"),
     ("link", "capture_margin", _if("interference", "sinr"), "without link.interference: sinr"),
     ("deploy", "position_error", _with_targets, "with a workload without targets"),
     ("energy", "sensing", _with_targets, "with a workload without targets"),

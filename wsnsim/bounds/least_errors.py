@@ -59,7 +59,9 @@ def assumed_places(setup: Setup) -> str:
 
 
 def unknown_constants(setup: TrackingSetup, query: BoundQuery) -> UnknownConstants:
-    """What the filters of a query do not know of the nodes."""
+    """What the filters of a query do not know of the nodes. Raises ValueError if no bound counts it."""
+    if query.gains == "unknown" and query.kind == "per_trajectory" and getattr(setup.sensor, "clock_spread", None):
+        raise ValueError("an unknown clock offset is common to all readings, and the bound takes biases as independent")
     gain = gain_variance(setup.sensor) if query.gains == "unknown" and has_gains(setup.sensor) else 0.0
     return UnknownConstants(gain, setup.position_error**2 if query.places == "unknown" else 0.0)
 

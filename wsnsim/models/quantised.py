@@ -25,8 +25,9 @@ from wsnsim.base.ports import SensorModel
 from wsnsim.base.sensing import detected, informations
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models.bounds import ACCURACY, LENGTH, READING
-from wsnsim.models.ranging import REACH, Range, reach_issues, squared_distances
-from wsnsim.models.sensing import OfPosition, law_issues, of_readings
+from wsnsim.models.distances import reach_issues, squared_distances
+from wsnsim.models.ranging import REACH, Range
+from wsnsim.models.sensing import OfLaw, OfPosition, law_issues, of_readings
 
 LEAST_VARIANCE: Final = 1e-12
 """Of the squared distance of the outermost values, the least variance of a reading: it is never certain (our choice).
@@ -39,7 +40,7 @@ SWEEPS: Final = 2000
 CONVERGED: Final = 1e-12
 PASSED_ON: Final = frozenset({
     "components", "periods", "strength", "ranges", "ranges_in_plane", "in_plane", "reading_limits",
-    "gains", "gain_spread", "gain_variance",
+    "gains", "gain_spread", "gain_variance", "biases", "bias_spread", "clock_spread",
 })  # fmt: skip
 """What else a law can do with a reading, or says of its nodes: the middle of a cell stands for a reading in it."""
 
@@ -169,7 +170,7 @@ class Binary(OfCells, OfPosition):
 
 
 @part
-class Quantised(OfCells):
+class Quantised(OfCells, OfLaw):
     """A scalar reading of another sensor model in a few bits: it says in which of 2^bits cells the number fell.
 
     `thresholds: uniform` are equally far apart between `low` and `high`; the outermost cells have no end, but those of
@@ -198,7 +199,7 @@ class Quantised(OfCells):
         about = self.thresholds == "lloyd_max"
         if isinstance(self.law, (Replays, OfCells)) or len(components_of(self.law)) > 1:
             raise ValueError("law: must be a sensor model of scalar readings that are computed and not yet quantised")
-        if constant is False or getattr(self.law, "shadowing", 0.0):
+        if constant is False or getattr(self.law, "shadowing", None):
             raise ValueError(
                 "law: the noise of a reading must be Gaussian and independent: noise: normal, no shadowing"
             )
@@ -208,16 +209,6 @@ class Quantised(OfCells):
             )
         if not about and not any(periods_of(self.law)) and not self.low < self.high:
             raise ValueError(f"high: must be above low ({self.low:g}), is {self.high:g}")
-
-    @property
-    def reach(self) -> float:
-        """The law's sensing range."""
-        return self.law.reach
-
-    @property
-    def trait_names(self) -> tuple[str, ...]:
-        """The law's traits. A reading about a prediction has two more: the expected reading and its deviation."""
-        return self.law.trait_names
 
     @property
     def adapts(self) -> bool:
@@ -234,10 +225,6 @@ class Quantised(OfCells):
         """(C,) what a reading can be; nothing where thresholds adapt."""
         return np.empty(0) if self.adapts else self._uniform[1]
 
-    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
-        """(nodes, T) as the law."""
-        return self.law.draw_traits(nodes, rng)
-
     def detects(self, points: Floats, positions: Floats) -> Bools:
         """(n, S) as the law."""
         return detected(self.law, points, positions)
@@ -245,22 +232,21 @@ class Quantised(OfCells):
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
         """(n,) the readings of the law by their cells; as they are where thresholds adapt and none are known."""
         readings = self.law.measure(points, positions, self._of_law(traits), noise)
-        return readings if self._is_full(traits) else self.quantised(readings, traits)
+        return readings if self._kind(traits) is OfLaw else self.quantised(readings, traits)
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
     ) -> Floats:
         """As `OfCells.log_likelihood`; that of the law for readings in full."""
-        likelihood = self.law.log_likelihood if self._is_full(traits) else super().log_likelihood
-        return likelihood(points, readings, positions, traits, owners)
+        return self._kind(traits).log_likelihood(self, points, readings, positions, traits, owners)
 
     def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
         """As `OfCells.linearise`; that of the law for readings in full."""
-        return (self.law.linearise if self._is_full(traits) else super().linearise)(points, positions, traits)
+        return self._kind(traits).linearise(self, points, positions, traits)
 
     def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
         """(S, P, P, N) that of the cells; with thresholds still to come, the most that they can leave of the law's."""
-        if not self._is_full(traits):
+        if self._kind(traits) is OfCells:
             return super().information(points, positions, traits)
         edges, values = lloyd_max(self.bits)
         kept = float(np.exp(log_between(edges[:-1], edges[1:])) @ values**2)
@@ -325,9 +311,9 @@ class Quantised(OfCells):
             raise AttributeError(name)
         return getattr(self.law, name)
 
-    def _is_full(self, traits: Floats) -> bool:
-        """Whether thresholds adapt, and these traits do not have them."""
-        return self.adapts and traits.shape[1] == len(self.trait_names)
+    def _kind(self, traits: Floats) -> type[OfCells | OfLaw]:
+        """Whether readings are in cells, or in full: where thresholds adapt, and these traits do not have them."""
+        return OfLaw if self.adapts and traits.shape[1] == len(self.trait_names) else OfCells
 
     def _of_law(self, traits: Floats) -> Floats:
         return traits[:, : len(self.trait_names)]

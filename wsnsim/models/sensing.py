@@ -168,6 +168,45 @@ def coordinates(points: Floats) -> tuple[Floats, Floats]:
     return x, np.ascontiguousarray(points[1]) if len(points) == 2 else np.zeros(x.size)
 
 
+class OfLaw:
+    """The base of sensor models whose readings follow those of another one, the `law`: as the law, but for changes."""
+
+    law: Any
+
+    @property
+    def reach(self) -> float:
+        """The law's sensing range."""
+        return float(self.law.reach)
+
+    @property
+    def trait_names(self) -> tuple[str, ...]:
+        """The law's traits."""
+        names: tuple[str, ...] = self.law.trait_names
+        return names
+
+    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
+        """(nodes, T) as the law."""
+        traits: Floats = self.law.draw_traits(nodes, rng)
+        return traits
+
+    def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
+        """(n,) readings that the law would give."""
+        readings: Floats = self.law.measure(points, positions, traits, noise)
+        return readings
+
+    def log_likelihood(
+        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
+    ) -> Floats:
+        """(N,) as the law."""
+        logs: Floats = self.law.log_likelihood(points, readings, positions, traits, owners)
+        return logs
+
+    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
+        """Expected readings, gradients and variances, as the law."""
+        linear: tuple[Floats, Floats, Floats] = self.law.linearise(points, positions, traits)
+        return linear
+
+
 def of_readings(logs: Floats, owners: Ints | None) -> Floats:
     """(N,) the log-likelihoods (S, N) of all readings, or of reading owners[j] for point j; -inf where not finite."""
     chosen = logs.sum(axis=0) if owners is None else logs[owners, np.arange(owners.size)]

@@ -43,7 +43,8 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
     elif tracker.assumes.gains == "estimated":
         yield from _cannot_estimate_gains(scenario, setup)
     elif tracker.assumes.gains == "known" and setup.recorded is not None and samples_gains(setup.sensor):
-        listed = "list them (sensor.law.gains)" if hasattr(setup.sensor, "gains") else "set sensor.law.gain_spread: 0"
+        keys = [key for key in ("gains", "biases") if hasattr(setup.sensor, key)]
+        listed = f"list them (sensor.law.{keys[0]})" if keys else "set sensor.law.gain_spread: 0"
         message = f"the gains of nodes whose readings were recorded are not known: {listed}, or say unknown"
         yield Issue(("tracker", "assumes", "gains"), f"{message} or estimated")
     if HEIGHT in setup.sensor.trait_names and _lacks_heights(setup.deploy):

@@ -20,7 +20,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.kernels.relay import kalman
-from wsnsim.trackers.shared.gains import Gains, gain_prior, gains_before, no_gains
+from wsnsim.trackers.shared.gains import gain_prior, gains_before, gains_of
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import predicted
@@ -67,8 +67,9 @@ class ExtendedKalman(HeadFilter):
         else:
             seen = yield from gather_readings(scene, belief=belief)
         yield Compute(_cycles(mean.size, place.size, seen.readings.size, scene.steps, self.iterations))
-        if prior := gain_prior(scene.sensor):
-            gains = gains_before(belief.gains or no_gains(mean.size), scene, belief.mean).with_nodes(seen.ids, prior)
+        if gain_prior(scene.sensor):
+            gains = gains_before(gains_of(belief, scene, ()), scene, belief.mean)
+            gains = gains_of(replace(belief, gains=gains), scene, seen.ids)
             before = KalmanBelief(mean, cov, scene.head, gains=gains)
             return (yield from _updated_with_gains(before, seen, scene, self.iterations))
         innovation = NO_INNOVATION
@@ -138,7 +139,7 @@ def _updated_with_gains(belief: KalmanBelief, seen: Evidence, scene: Scene, iter
     cov = np.block([[belief.cov, gains.cross], [gains.cross.T, gains.cov]])
     columns = size + np.array(gains.rows(seen.ids))
     mean, cov, innovation = _updated(mean, cov, seen, scene, iterations, columns)
-    after = Gains(gains.nodes, mean[size:].copy(), cov[size:, size:].copy(), cov[:size, size:].copy())
+    after = replace(gains, mean=mean[size:].copy(), cov=cov[size:, size:].copy(), cross=cov[:size, size:].copy())
     return replace(belief, mean=mean[:size].copy(), cov=cov[:size, :size].copy(), innovation=innovation, gains=after)
 
 

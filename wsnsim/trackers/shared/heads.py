@@ -39,7 +39,7 @@ from wsnsim.trackers.shared.gains import (
     GainsOfParticles,
     gain_prior,
     gains_before,
-    no_gains,
+    gains_of,
     reported,
     send_gains,
 )
@@ -327,15 +327,14 @@ def weighed_with_gains(
         scene: the scene.
         log_weights: (N,) of the particles before the readings.
     """
-    gains = belief.gains or no_gains(belief.mean.size)
-    gains = gains.with_nodes(seen.ids, gain_prior(scene.sensor))
+    gains = gains_of(belief, scene, seen.ids)
     yield Compute(_gain_cycles(cloud, len(gains.nodes), len(seen.ids)))
     given = GainsOfParticles.given(gains, belief.mean, belief.cov, before)
     expected, _, variances = scene.sensor.linearise(cloud[place_of(scene)], seen.positions, seen.traits)
     given, scores = given.weighed(expected, variances, seen)
     scores += log_weights
     mean, cov, effective = summary(cloud, scores)
-    gains = given.joint(cloud, mean, scores)
+    gains = replace(given.joint(cloud, mean, scores), name=gains.name)
     return CloudBelief(mean, cov, scene.head, effective, Pool(cloud, scores), gains=gains)
 
 
