@@ -18,14 +18,17 @@ from wsnsim.models.bearing import Bearing
 from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.quantised import Binary, Quantised, lloyd_max
 from wsnsim.models.ranging import Range
+from wsnsim.models.recorded_readings import RecordedSensor
 from wsnsim.models.rssi import Rssi
 from wsnsim.models.sensing import AcousticEnergy, Coordinate
 from wsnsim.offline.loopback import perfect, perform, silent
 from wsnsim.scenario import build
-from wsnsim.testing import check_sensor
+from wsnsim.testing import check_sensor, check_tracker
+from wsnsim.trackers.bootstrap_pf import CentralPf
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.shared.heads import GaussianBelief
 from wsnsim.trackers.shared.readings import gather_readings
+from wsnsim.trackers.sigma_points import UnscentedKalman
 
 ONE_BIT = (0.637, 0.439, 0.131, 0.015)
 LLOYD_MAX = (0.637, 0.883, 0.966, 0.991)
@@ -170,6 +173,14 @@ def test_a_member_that_did_not_hear_the_prediction_sends_nothing() -> None:
     assert seen.ids == (0,)
 
 
+@pytest.mark.thorough(fast=["ekf"])
+@pytest.mark.parametrize(
+    "tracker", [ExtendedKalman(), UnscentedKalman(), CentralPf(particles=100)], ids=["ekf", "ukf", "pf"]
+)
+def test_trackers_that_tell_their_prediction_keep_the_rules_of_the_interface(tracker: Any) -> None:
+    check_tracker(tracker, ConstantVelocity(), Quantised(law=Range(reach=60.0), bits=2, thresholds="lloyd_max"))
+
+
 def test_many_bits_about_the_prediction_are_the_reading_itself_for_a_kalman_filter() -> None:
     estimates = []
     for sensor in (Quantised(law=Range(), bits=8, thresholds="lloyd_max"), Range()):
@@ -198,6 +209,12 @@ def test_what_cannot_be_quantised_is_refused(lines: dict[str, Any], words: str) 
     scenario = {"extends": "jiang_field", "name": "x", "sensor": sensor, "tracker": tracker}
     with pytest.raises(wsnsim.ScenarioError, match=words):
         build(wsnsim.load(scenario))
+
+
+def test_a_mean_of_recorded_readings_is_refused_as_it_is_in_no_cell() -> None:
+    with pytest.raises(ValueError, match="in no cell"):
+        RecordedSensor(path="x.csv", law=Binary())
+    assert RecordedSensor(path="x.csv", law=Binary(), several="last").law == Binary()
 
 
 def test_fewer_bits_raise_the_bound_and_none_is_below_that_of_full_readings() -> None:

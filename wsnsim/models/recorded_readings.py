@@ -138,9 +138,11 @@ class RecordedSensor(OfLaw):
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
 
     def __post_init__(self) -> None:
-        """Raises ValueError if the law is itself a recording."""
+        """Raises ValueError if the law is itself a recording, or has cells and several readings are averaged."""
         if isinstance(self.law, Replays):
             raise ValueError("law: must be a sensor model that can be computed, not recorded readings")
+        if self.several != "last" and getattr(self.law, "reading_bits", None) is not None:
+            raise ValueError("several: a mean of readings is in no cell of a law that quantises: use last")
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
         """(nodes, T) as the law, without gains that it would sample: 1, or 0 dB, in their place."""

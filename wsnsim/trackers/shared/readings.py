@@ -2,7 +2,7 @@
 
 A packet of 12 bytes is 4 bytes of header and 8 of payload: four int16 of a state or of weights, or eight replication
 counts, or one reading (Jiang 2013, section 5). Quantisation only counts for the number of packets: values arrive
-unrounded.
+unrounded, but for readings of a sensor that quantises them, whose packets have 4 bytes of header and their bits.
 """
 
 from __future__ import annotations
