@@ -200,7 +200,9 @@ def test_many_bits_about_the_prediction_are_the_reading_itself_for_a_kalman_filt
         ({"law": {"kind": "range_bearing"}}, "scalar readings"),
         ({"law": {"kind": "rssi", "noise": "student_t"}}, "must be Gaussian"),
         ({"law": {"kind": "bearing"}, "thresholds": "lloyd_max"}, "no angle"),
-        ({"law": {"kind": "range", "beyond": "noise"}}, "sensor.law.beyond"),
+        ({"law": {"kind": "range", "beyond": "noise"}}, "beyond: noise"),
+        ({"law": {"kind": "range", "blocked": 0.1}}, "blocking"),
+        ({"law": {"kind": "range", "reach": 1e8}}, "sensor.law.reach"),
     ],
 )
 def test_what_cannot_be_quantised_is_refused(lines: dict[str, Any], words: str) -> None:

@@ -23,7 +23,7 @@ from wsnsim.base.sensing import recorded_traits
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile
 from wsnsim.models.recorded_issues import recorded_issues
-from wsnsim.models.sensing import OfLaw, law_issues
+from wsnsim.models.sensing import OfLaw
 
 COUNT: Final = "count"
 """The trait of a node that is the number of readings of which its reading is the mean. It may change at each step."""
@@ -190,7 +190,7 @@ class RecordedSensor(OfLaw):
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be used, or if the scenario changes what was recorded."""
-        yield from law_issues(self.law, setup)
+        yield from super().check(setup)
         try:
             self.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
         except RunError as error:

@@ -206,18 +206,17 @@ class OfLaw:
         linear: tuple[Floats, Floats, Floats] = self.law.linearise(points, positions, traits)
         return linear
 
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
+        """Yield the issues of the law."""
+        for issue in self.law.check(setup) if hasattr(self.law, "check") else ():
+            path = ("sensor", "law", *issue.path[1:]) if issue.path[:1] == ("sensor",) else issue.path
+            yield Issue(path, issue.message)
+
 
 def of_readings(logs: Floats, owners: Ints | None) -> Floats:
     """(N,) the log-likelihoods (S, N) of all readings, or of reading owners[j] for point j; -inf where not finite."""
     chosen = logs.sum(axis=0) if owners is None else logs[owners, np.arange(owners.size)]
     return np.where(np.isfinite(chosen), chosen, -np.inf)
-
-
-def law_issues(law: Any, setup: TrackingSetup) -> Iterator[Issue]:
-    """Yield the issues of the sensor model that is the `law` of another one."""
-    for issue in law.check(setup) if hasattr(law, "check") else ():
-        path = ("sensor", "law", *issue.path[1:]) if issue.path[:1] == ("sensor",) else issue.path
-        yield Issue(path, issue.message)
 
 
 def fisher(gradients: Floats, weights: Floats) -> Floats:
