@@ -56,6 +56,7 @@ CASES: Final = [
 ENRICHED: Final[dict[tuple[str, str], dict[str, Any]]] = {
     ("motion", "random_waypoint"): {"pause": [0.1, 0.5]},
     ("sensor", "rssi"): {"noise": "student_t", "shadowing": 2.0},
+    ("sensor", "range"): {"blocked": 0.3},
     ("detection", "imperfect"): {"stuck": 0.3},
     ("link", "log_normal"): {"interference": "sinr"},
 }

@@ -95,6 +95,7 @@ RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]
     (ALWAYS, TrackingSetup, recording_notes.absent_movers),
     (ALWAYS, TrackingSetup, recording_notes.unread_identifiers),
     (ALWAYS, TrackingSetup, recording_notes.unexplained_readings),
+    (ALWAYS, TrackingSetup, setup_notes.gaussian_filter_of_cells),
     (ALWAYS, RadioSetup, setup_notes.sink_outside_the_field),
     (ALWAYS, Setup, setup_notes.longer_than_the_run),
     (ALWAYS, RadioSetup, setup_notes.sleep_that_costs_more),
