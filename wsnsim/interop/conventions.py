@@ -18,6 +18,7 @@ import pandas as pd
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.files import read_sections
+from wsnsim.interop.tables import numeric
 from wsnsim.models.bearing import TURN, wrapped
 from wsnsim.scenario.units import UnitError, parse, si
 
@@ -128,9 +129,9 @@ def seconds(times: pd.Series, form: str) -> tuple[Floats, bool]:
     texts = times if dated else times.astype(str).str.strip()
     if not dated and "%" not in form:
         factor = converted(np.ones(1), form or "s", ("s",), "--time-format")[0][0]
-        numbers = pd.to_numeric(texts, errors="coerce")
+        numbers = numeric(texts)
         if form or numbers.notna().any():
-            return numbers.to_numpy(dtype=np.float64) * factor, False
+            return numbers.to_numpy() * factor, False
         if texts.str.fullmatch(r"\d+:\d\d(:\d\d([.]\d+)?)?").all():
             return pd.to_timedelta(texts, errors="coerce").dt.total_seconds().to_numpy(), False
     dates = pd.to_datetime(texts, format=form if "%" in form else "ISO8601", utc=True, errors="coerce")

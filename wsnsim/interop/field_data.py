@@ -18,7 +18,7 @@ from wsnsim.base.errors import RunError, UsageError
 from wsnsim.interop import NodeSummary, Trace, demand_choice
 from wsnsim.interop.conventions import USUALLY, Conventions, column_roles, plain, turned
 from wsnsim.interop.source_rows import SourceRows, columns_of, without
-from wsnsim.interop.tables import RawTable
+from wsnsim.interop.tables import RawTable, numeric
 from wsnsim.models.bearing import TURN
 from wsnsim.models.k7file import HIGHEST_CHANNEL
 from wsnsim.models.unit_checks import slower_than_stated
@@ -182,7 +182,7 @@ def _long(raw: RawTable, roles: dict[str, str], how: Conventions) -> pd.DataFram
     roles.pop("reading", None)
     free = [name for name in raw.frame if name not in roles.values() and name.startswith(how.node_prefix)]
     names = [name for name in free if not column_roles(raw.path, [name], ("x", "y", "z", "lon", "lat"), {})
-             and pd.to_numeric(raw.frame[name], errors="coerce").notna().any()]  # fmt: skip
+             and numeric(raw.frame[name]).notna().any()]  # fmt: skip
     if not names:
         raise without(raw.path, raw.frame, "node")
     wide = raw.frame.rename(columns={theirs: ours for ours, theirs in roles.items()})

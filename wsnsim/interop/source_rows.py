@@ -25,9 +25,9 @@ from wsnsim.interop.conventions import (
     seconds,
     unit_in,
 )  # fmt: skip
-from wsnsim.interop.tables import RawTable, read_table
+from wsnsim.interop.tables import RawTable, numeric, read_table
 from wsnsim.models.csvfile import LONGEST_NAME
-from wsnsim.models.unit_checks import degrees_said, remedy, too_close
+from wsnsim.models.unit_checks import degrees_said, other_units, remedy, too_close
 
 NO_VALUE: Final = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>", "nat")
 """Cells that hold nothing, without case."""
@@ -131,10 +131,10 @@ class SourceRows:
             values = column.to_numpy(dtype=np.float64, na_value=np.nan)
         else:
             texts = column.astype(str).str.strip()
-            values = pd.to_numeric(texts, errors="coerce").to_numpy(dtype=np.float64)
+            values = numeric(texts).to_numpy()
             lacking = lacking | texts.str.casefold().isin([*NO_VALUE, *marks]).to_numpy()
         if not optional:
-            lacking = lacking | np.isin(values, pd.to_numeric(pd.Series(marks), errors="coerce").dropna())
+            lacking = lacking | np.isin(values, numeric(pd.Series(marks, dtype=object)).dropna())
             self.leave_out(lacking, f"without a {ours}")
         name = self.named(ours)
         self.refuse(~lacking & ~np.isfinite(values), lambda i: f"{name} must be a finite number, is {_cell(column[i])}")
@@ -182,7 +182,7 @@ class SourceRows:
         if not (geographic or self.how.crs):
             flat = {axis: self.in_unit(axis, ("m",))[0] for axis in "xyz" if axis in ("x", "y", *self.frame)}
             if said := too_close(np.column_stack([flat["x"], flat["y"]])[self.kept]):
-                self.notes.append(f"{said}: in degrees? Write: {self.remedy('--crs wgs84')}; or --unit km")
+                self.notes.append(f"{said}; {other_units(self.files[0], self.kind)}")
             return flat, ()
         if geographic and not self.how.crs and not self._tables[0].degrees:
             names = self.named("lon"), self.named("lat")

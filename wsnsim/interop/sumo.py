@@ -22,7 +22,7 @@ import pandas as pd
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
 from wsnsim.interop import TraceEntry, ascending
-from wsnsim.interop.tables import read_table
+from wsnsim.interop.tables import numeric, read_table
 from wsnsim.models.csvfile import open_text
 from wsnsim.models.unit_checks import remedy, slower_than_stated
 
@@ -173,7 +173,7 @@ def _of_csv(path: str) -> Iterator[TraceEntry]:
 
 def _numbers(path: str, column: pd.Series, optional: bool) -> pd.Series:
     """A column of finite numbers; an optional one may have empty cells. Raises RunError with file and line."""
-    values = pd.to_numeric(column, errors="coerce")
+    values = numeric(column)
     for line, cell in column[~np.isfinite(values) & ~(column.isna() & optional)].iloc[:1].items():
         _finite("" if pd.isna(cell) else str(cell), f"{path}:{line}: {column.name}")
     return values

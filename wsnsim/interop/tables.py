@@ -1,6 +1,6 @@
 """Tables as people have them, read by pandas, SciPy, gpxpy and Python's parsers: text, spreadsheets, JSON, GPX, Cooja.
 
-read_table(path, columns) -> RawTable
+read_table(path, columns) -> RawTable           numeric(column) -> numbers
 
 Text may be separated by commas, semicolons, tabs, bars or blanks, with decimal points or commas, LF or CRLF, with a
 byte order mark, and compressed with gzip. XML with a document type is refused: it could define entities.
@@ -23,7 +23,7 @@ import pandas as pd
 
 from wsnsim.base.errors import RunError, UsageError, WsnsimError
 from wsnsim.base.files import MOST_BYTES, why_not_regular
-from wsnsim.models.csvfile import MOST_ROWS, open_text
+from wsnsim.models.csvfile import MOST_ROWS, number_in, open_text
 
 SAMPLE: Final = 50
 """Lines from which separator, decimal sign and header are recognised."""
@@ -87,6 +87,14 @@ def read_table(path: str, columns: Sequence[str] = (), texts: Callable[[str], bo
     if len(frame) > MOST_ROWS:
         raise RunError(f"{path}: has more than {MOST_ROWS:,} rows: split it, or thin it out")
     return table
+
+
+def numeric(column: pd.Series) -> pd.Series:
+    """A column as numbers, NaN for cells that are none."""
+    try:
+        return pd.to_numeric(column, errors="coerce").astype(np.float64)
+    except OverflowError:  # more digits than a float has
+        return column.map(lambda cell: number_in(str(cell)))
 
 
 def _of_text(path: str, columns: Sequence[str], texts: Callable[[str], bool]) -> RawTable:

@@ -15,6 +15,8 @@ import gzip
 import io
 import itertools
 import math
+import re
+import shlex
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -43,6 +45,8 @@ SKIPPING: Final = "skip_bad_rows: true leaves them out, and the result names the
 SkipBadRows: TypeAlias = Annotated[
     bool, "whether rows that cannot be used are left out and counted, instead of refused"
 ]
+DATED: Final = re.compile(r"must be a finite number, is '\d{4}-\d\d-\d\d")
+"""What is said of a cell that holds a date."""
 DELIMITERS: Final = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 
 
@@ -181,6 +185,10 @@ def demand_digest(path: str, digest: str) -> None:
 
 def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int, remedy: str = "") -> str:
     """A message that names the first bad rows of a file with their lines, of `rows` in all, and what helps."""
+    if all(DATED.search(row.reason) for row in bad):
+        like = f" ({len(bad) - 1:,} more rows like it)" if len(bad) > 1 else ""
+        dates = f"times are seconds; write: wsnsim import readings (or track) {shlex.quote(path)}, which reads dates"
+        return f"{path}:{bad[0].line}: {bad[0].reason}{like}: {dates}"
     listed = row_texts(path, bad[:MOST_PRINTED])
     more = len(bad) - len(listed)
     rest = [words for words in (f"and {more} more" if more else "", remedy) if words]

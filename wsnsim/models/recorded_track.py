@@ -14,6 +14,7 @@ from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile
+from wsnsim.models.unit_checks import degrees_named, degrees_said, remedy
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
 SAME_PLACE: Final = 1e-3
@@ -117,7 +118,10 @@ class RecordedTrack(Straight):
         return csvfile.row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Yield an issue if the file cannot be read, has rows that cannot be used, or is not that of the digest."""
+        """Yield an issue if the file cannot be read or is not that of the digest, has bad rows, or holds degrees."""
+        if degrees_named(self.header.x, self.header.y):
+            said = degrees_said(self.path, self.header.x, self.header.y)
+            yield Issue(("motion", "header"), f"{said}: {remedy(self.path, 'track', '--crs wgs84')}")
         try:
             _ = self.track
         except RunError as error:

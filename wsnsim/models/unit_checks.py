@@ -48,6 +48,11 @@ def remedy(path: str, kind: str, option: str) -> str:
     return f"wsnsim import {kind} {shlex.quote(path)} {option}"
 
 
+def other_units(path: str, kind: str) -> str:
+    """The end of a note on places that are probably in another unit: the command lines that convert them."""
+    return f"in degrees? Write: {remedy(path, kind, '--crs wgs84')}; in kilometres: --unit km"
+
+
 def too_close(points: Floats, reach: float = math.inf, least: float = 0.0) -> str:
     """Why places (n, 2) in m are probably in another unit, such as '6 places lie within 0.002 m'; '' if they are not.
 
