@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -180,6 +181,7 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
 
     read = _tracks(files, options, ids) if kind == "track" else traces.read(str(trace), _format(kind, options), ids)
     tracks = trajectories.placed(read, how)
+    tracks = replace(tracks, notes=(*options.get("notes", ()), *tracks.notes))
     if out is None:
         first = next(iter(trajectories.files_of(tracks.tracks, Path("_")).values()))
         out = Path(f"{first.stem.removeprefix('__')}.csv") if len(tracks.tracks) == 1 else Path("track.csv")
@@ -191,8 +193,8 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
         node: {"points": len(track), "first": float(track[0, 0]), "last": float(track[-1, 0])}
         for node, track in tracks.tracks.items()
     }
-    notes = [*options.get("notes", ()), *tracks.notes]
-    return {"files": [str(file) for file in written], "origin": list(tracks.origin), "tracks": known, "notes": notes}
+    answer = {"files": [str(file) for file in written], "origin": list(tracks.origin), "tracks": known}
+    return answer | {"notes": list(tracks.notes)}
 
 
 def _written(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> list[Path]:

@@ -18,7 +18,7 @@ import pandas as pd
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.files import read_sections
-from wsnsim.interop.tables import numeric
+from wsnsim.interop.tables import listed, numeric
 from wsnsim.models.bearing import TURN, wrapped
 from wsnsim.scenario.units import UnitError, parse, si
 
@@ -107,8 +107,8 @@ def column_roles(path: str, names: Sequence[str], wanted: Sequence[str], given: 
         exact = [name for name in free if plain(name) == ours]
         found = exact or [name for name in free if plain(name) in USUAL[ours]]
         if len(found) > 1:
-            raise UsageError(f"{path}: {' and '.join(map(repr, found[:4]))} may both be the {ours}: say which, such as "
-                             f"--column {ours}='{found[0]}'")  # fmt: skip
+            raise UsageError(f"{path}: {listed(found)} may all be the {ours}: say which, such as "
+                             f"--column {ours}={listed(found[:1])}")  # fmt: skip
         if found:
             roles[ours] = found[0]
     return roles
@@ -135,7 +135,9 @@ def seconds(times: pd.Series, form: str) -> tuple[Floats, bool]:
         if texts.str.fullmatch(r"\d+:\d\d(:\d\d([.]\d+)?)?").all():
             return pd.to_timedelta(texts, errors="coerce").dt.total_seconds().to_numpy(), False
     dates = pd.to_datetime(texts, format=form if "%" in form else "ISO8601", utc=True, errors="coerce")
-    return ((dates - EPOCH) / pd.Timedelta(seconds=1)).to_numpy(dtype=np.float64), True
+    whole = dates.dt.floor("s")  # apart: a float of ns since 1970 would be wrong by 100 ns
+    parts = [(each / pd.Timedelta(nanoseconds=1)).to_numpy(np.float64) for each in (whole - EPOCH, dates - whole)]
+    return parts[0] / 1e9 + parts[1] / 1e9, True
 
 
 def converted(values: Floats, unit: str, bases: Sequence[str], option: str = "--unit") -> tuple[Floats, str]:

@@ -18,7 +18,7 @@ from wsnsim.base.errors import RunError, UsageError
 from wsnsim.interop import NodeSummary, Trace, demand_choice
 from wsnsim.interop.conventions import USUALLY, Conventions, column_roles, plain, turned
 from wsnsim.interop.source_rows import SourceRows, columns_of, without
-from wsnsim.interop.tables import RawTable, numeric
+from wsnsim.interop.tables import RawTable, listed, numeric
 from wsnsim.models.bearing import TURN
 from wsnsim.models.k7file import HIGHEST_CHANNEL
 from wsnsim.models.unit_checks import slower_than_stated
@@ -188,7 +188,7 @@ def _long(raw: RawTable, roles: dict[str, str], how: Conventions) -> pd.DataFram
     wide = raw.frame.rename(columns={theirs: ours for ours, theirs in roles.items()})
     part = wide.melt(list(roles), names, "node", "reading", ignore_index=False)
     part["node"] = part["node"].str.removeprefix(how.node_prefix)
-    part.attrs["used"] = names
+    part.attrs |= {"used": names, "note": f"a column for each of {len(names)} nodes: {listed(names)}"}
     return part
 
 

@@ -25,7 +25,7 @@ from wsnsim.interop.conventions import (
     seconds,
     unit_in,
 )  # fmt: skip
-from wsnsim.interop.tables import RawTable, numeric, read_table
+from wsnsim.interop.tables import RawTable, listed, numeric, read_table
 from wsnsim.models.csvfile import LONGEST_NAME
 from wsnsim.models.unit_checks import degrees_said, other_units, remedy, too_close
 
@@ -44,7 +44,7 @@ def columns_of(raw: RawTable, roles: dict[str, str], how: Conventions) -> pd.Dat
 
 def without(path: str, frame: pd.DataFrame, ours: str) -> UsageError:
     """The error of a table that lacks a column."""
-    has = ", ".join(map(repr, list(frame.columns)[:12]))
+    has = listed(list(frame.columns))
     return UsageError(f"{path}: no column is called {ours} or alike, it has {has}: say which: --column {ours}=NAME")
 
 
@@ -71,7 +71,8 @@ class SourceRows:
             roles = column_roles(path, names, wanted, how.names)
             part = layout(raw, roles, how)
             if unused := [name for name in names if name not in {*roles.values(), *part.attrs.get("used", ())}]:
-                self.notes.append(f"{path}: columns not used: {', '.join(unused[:12])}" + ", ..." * (len(unused) > 12))
+                self.notes.append(f"{path}: columns not used: {listed(unused)}")
+            self.notes += [f"{path}: {part.attrs['note']}"] if "note" in part.attrs else []
             self._headers |= roles
             self._tables.append(raw)
             parts.append(part.assign(file=number, line=part.index))

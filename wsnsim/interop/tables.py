@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 
-from wsnsim.base.errors import RunError, UsageError, WsnsimError
+from wsnsim.base.errors import RunError, UsageError, WsnsimError, shortened
 from wsnsim.base.files import MOST_BYTES, why_not_regular
 from wsnsim.models.csvfile import MOST_ROWS, number_in, open_text
 
@@ -81,12 +81,17 @@ def read_table(path: str, columns: Sequence[str] = (), texts: Callable[[str], bo
     frame = table.frame
     frame.columns = [str(name).strip() for name in frame.columns]
     if twice := [name for name in frame.columns if re.sub(r"\.\d+$", "", name) in set(frame.columns) - {name}]:
-        raise RunError(f"{path}: the header names the column '{re.sub(r'.[0-9]+$', '', twice[0])}' twice: rename one")
+        raise RunError(f"{path}: the header names the column {listed([twice[0].rpartition('.')[0]])} twice: rename one")
     if not len(frame):
         raise RunError(f"{path}: contains no rows")
     if len(frame) > MOST_ROWS:
         raise RunError(f"{path}: has more than {MOST_ROWS:,} rows: split it, or thin it out")
     return table
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first names of columns, as messages list them."""
+    return ", ".join(repr(shortened(str(name), 40)) for name in names[:12]) + ", ..." * (len(names) > 12)
 
 
 def numeric(column: pd.Series) -> pd.Series:
@@ -123,7 +128,7 @@ def _of_text(path: str, columns: Sequence[str], texts: Callable[[str], bool]) ->
                 keep_default_na=False, na_values=[""], dtype=dict.fromkeys(filter(texts, names), str),
             )  # fmt: skip
         except pd.errors.ParserWarning:
-            raise RunError(f"{path}:{first + 1}: has more than the {len(names)} columns {', '.join(names)}") from None
+            raise RunError(f"{path}:{first + 1}: has more than the {len(names)} columns {listed(names)}") from None
         except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
             raise _not_a_table(path, error) from None
     frame.index = np.arange(len(frame)) + first + (1 if columns else 2)

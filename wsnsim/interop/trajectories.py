@@ -253,9 +253,11 @@ def _scenario_text(
     motion = f"motion: {motions[0]}" if len(motions) == 1 else "targets:\n" + "\n".join(f"  - {m}" for m in motions)
     x, y = placed_tracks.origin
     about = printable(" ".join(source.split()))
+    origin = f" The origin of this scenario is the place ({x:.10g}, {y:.10g}) m of that file." if x or y else ""
+    origin += "".join(f"\n# {printable(' '.join(note.split()))}" for note in placed_tracks.notes)
     allowed = _quoted(re.sub(r"^\W|[^\w.-]", "_", name, flags=re.ASCII)[:LONGEST_STEM])
     return f"""\
-# Trajectories from {about}. The origin of this scenario is the place ({x:.10g}, {y:.10g}) m of that file.
+# Trajectories from {about}.{origin}
 # Nodes, sensor, radio and tracker are a beginning: replace them by yours.
 name: {allowed}
 duration: {(steps + 1) * STEP:.17g} s
