@@ -82,7 +82,8 @@ CONVENTIONS: dict[str, tuple[pd.DataFrame, dict[str, Any]]] = {
     "dates of another form": (LONG.assign(time=DATES.dt.strftime("%d.%m.%Y %H:%M:%S.%f")),
                               {"time_format": "%d.%m.%Y %H:%M:%S.%f", "time_origin": "01.05.2024 10:00:00.0"}),
     "a clock": (LONG.assign(time=pd.to_datetime(LONG.time, unit="s").dt.strftime(CLOCK)), {}),
-    "a prefix": (WIDE.set_axis(["time", *(f"r_{node}" for node in NODES)], axis=1).assign(x=1, s=3), {"node_prefix": "r_"}),
+    "a prefix": (WIDE.rename(columns=lambda name: name if name == "time" else f"r_{name}").assign(x=1, s=3),
+                 {"node_prefix": "r_"}),
     "copies": (pd.concat([LONG, LONG[:3]]), {}),
     "marks for nothing": (pd.concat([LONG, LONG[:3].assign(time=9.0, reading=100.0)]), {"missing": ["100", "nan"]}),
     "the first of two": (pd.concat([LONG, LONG[:3].assign(reading=99.0)]), {"repeated": "first"}),
@@ -282,8 +283,9 @@ def test_what_is_wrong_ends_with_one_sentence_and_no_file(
 
 ENTITY = b'<!DOCTYPE g [<!ENTITY a "b">]>'
 BROKEN = {
-    "a.xlsx": b"PK\x03\x04", "a.parquet": b"PAR1", "a.mat": b"MATLAB 5.0", "b.mat": b"", "a.json": b"{", "b.json": b"[1, 2]",
-    "c.json": b"[" * 100_000, "a.geojson": b'{"type": "FeatureCollection", "features": [{"geometry": {"type": "Polygon"}}]}',
+    "a.xlsx": b"PK\x03\x04", "a.parquet": b"PAR1", "a.mat": b"MATLAB 5.0", "b.mat": b"", "a.json": b"{",
+    "b.json": b"[1, 2]", "c.json": b"[" * 100_000,
+    "a.geojson": b'{"type": "FeatureCollection", "features": [{"geometry": {"type": "Polygon"}}]}',
     "a.gpx": b"<gpx>", "b.gpx": ENTITY + b"<gpx/>", "a.csc": ENTITY + b"<simconf/>", "b.csc": b"<simconf>",
     "c.csc": b"<simconf/>", "a.csv": "time;node\n".encode("utf-16"), "b.csv": b"\x00" * 50, "a.csv.gz": b"\x1f\x8b\x08",
 }  # fmt: skip
@@ -318,7 +320,7 @@ def test_what_is_imported_is_a_scenario_that_loads(
     Path("s.yaml").write_text(rest + "\n".join(blocks) + "\n")
     setup = build(load(Path("s.yaml")))
     (found,) = setup.recorded.recordings(["a", "b", "c"], 1, 4, 1.0)
-    assert found.readings[2].tolist() == [7.0, 4.0, 9.0] and not notes.of_setup(setup)
+    assert found.readings[2].tolist() == [7.0, 4.0, 9.0] and not notes.before_a_run(setup)
 
 
 DEGREES = """\
