@@ -34,11 +34,16 @@ OF_TRACES: Final = ("ids", "listed", "nodes", "start", "end")
 """Options that go with tables only (readings, nodes, links, track), and with tracks only (ns3, sumo, track)."""
 
 
-def _finite(_: click.Context, option: click.Parameter, value: float | None) -> float | None:
-    """The value of an option, refused if it is no finite number."""
-    if value is not None and not math.isfinite(value):
-        raise UsageError(f"{option.opts[0]} {value}: give a finite number of seconds, such as 12.5")
-    return value
+def _finite(_: click.Context | None, option: click.Parameter | str, text: str | None) -> float | None:
+    """The number that the text of an option gives; refuses texts that are no finite number."""
+    try:
+        value = None if text is None else float(text)
+    except ValueError:
+        value = math.nan
+    if value is None or math.isfinite(value):
+        return value
+    name = option if isinstance(option, str) else option.opts[0]
+    raise UsageError(f"{name} {text}: give a finite number of seconds, such as 12.5")
 
 
 def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tuple[str, ...]:
@@ -71,8 +76,8 @@ def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tup
 )
 @click.option("--time-unit", default="s", show_default=True, metavar="UNIT", help="Unit of the times of a trace.")
 @click.option("--time-origin", metavar="TIME", help="Time that becomes 0: s, or as the table has it.")
-@click.option("--from", "start", type=float, callback=_finite, metavar="S", help="Time (s) at which the track begins.")
-@click.option("--until", "end", type=float, callback=_finite, metavar="S", help="Time (s) at which the track ends.")
+@click.option("--from", "start", callback=_finite, metavar="S", help="Time (s) at which the track begins.")
+@click.option("--until", "end", callback=_finite, metavar="S", help="Time (s) at which the track ends.")
 @click.option("--crs", type=click.Choice(["wgs84"]), help="Positions are longitudes and latitudes: project them.")
 @click.option(
     "--origin", metavar="X,Y|centre", help="Position that becomes (0, 0): X,Y (with --crs LON,LAT), or centre."
@@ -263,6 +268,9 @@ def _format(kind: str, options: dict[str, Any]) -> TraceFormat:
 
 def _placement(kind: str, options: dict[str, Any], as_scenario: bool) -> Placement:
     """How times and places are converted, from the options; those of a table are in SI units already."""
+    import numpy as np
+
+    from wsnsim.interop.conventions import converted
     from wsnsim.interop.trajectories import CENTRE, Placement
 
     window, sampled = (options["start"], options["end"]), kind != "ns3"
@@ -273,31 +281,10 @@ def _placement(kind: str, options: dict[str, Any], as_scenario: bool) -> Placeme
         origin = CENTRE
     if kind == "track":
         return Placement(1.0, 1.0, *window, None, origin, sampled=True)
-    return Placement(
-        _factor(options["unit"] or "m", "m", "--unit"), _factor(options["time_unit"], "s", "--time-unit"), *window,
-        _seconds(options["time_origin"]), origin, bool(options["crs"]), sampled,
-    )  # fmt: skip
-
-
-def _seconds(text: str | None) -> float | None:
-    """The time in s that --time-origin gives."""
-    try:
-        value = None if text is None else float(text)
-    except ValueError:
-        value = math.nan
-    if value is not None and not math.isfinite(value):
-        raise UsageError(f"--time-origin {text}: give a finite number of seconds, such as 12.5")
-    return value
-
-
-def _factor(unit: str, base: str, option: str) -> float:
-    """What one of a unit is in `base`."""
-    from wsnsim.scenario.units import UnitError, si
-
-    try:
-        return si(f"1 {unit}", base)
-    except UnitError as error:
-        raise UsageError(f"{option} {unit}: {error}") from None
+    units = (options["unit"] or "m", "m", "--unit"), (options["time_unit"], "s", "--time-unit")
+    metres, seconds = (float(converted(np.ones(1), unit, (base,), option)[0][0]) for unit, base, option in units)
+    zero = _finite(None, "--time-origin", options["time_origin"])
+    return Placement(metres, seconds, *window, zero, origin, bool(options["crs"]), sampled)
 
 
 def _origin(text: str | None, most: int) -> Any:

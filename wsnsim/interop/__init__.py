@@ -150,7 +150,7 @@ def demand_choice(path: str, nodes: dict[str, NodeSummary], ids: Collection[str]
         raise UsageError(f"{path}: holds {len(nodes)} nodes ({first}{more}): choose with --id, or see --list")
 
 
-def ascending(rows: Sequence[tuple[float, float, float, float]]) -> Floats:
+def ascending(rows: Sequence[tuple[float, float, float, float]] | Floats) -> Floats:
     """(n, 4) the rows with distinct times, the last of each time, in ascending order."""
     table = np.array(rows, dtype=np.float64).reshape(-1, 4)
     order = np.argsort(table[:, 0], kind="stable")

@@ -186,8 +186,7 @@ class SourceRows:
                 self.notes.append(f"{said}; {other_units(self.files[0], self.kind)}")
             return flat, ()
         if geographic and not self.how.crs and not self._tables[0].degrees:
-            names = self.named("lon"), self.named("lat")
-            raise UsageError(f"{degrees_said(self.files[0], *names)}: {self.remedy('--crs wgs84')}")
+            raise UsageError(degrees_said(self.files[0], self.kind, self.named("lon"), self.named("lat")))
         lon, lat = (self.numbers(axis) for axis in (("lon", "lat") if geographic else "xy"))
         outside = (np.abs(lon) > 180.0) | (np.abs(lat) > 90.0)
         self.refuse(outside, lambda i: f"a longitude and a latitude are expected, found {lon[i]:g} and {lat[i]:g}")

@@ -243,8 +243,10 @@ def _of_gpx(path: str, columns: Sequence[str]) -> RawTable:
     import gpxpy
 
     found = gpxpy.parse(_xml(path))
-    points = [(track.name or str(number), point) for number, track in enumerate(found.tracks)
-              for segment in track.segments for point in segment.points]  # fmt: skip
+    points: list[tuple[str, Any]] = [
+        (track.name or str(number), point) for number, track in enumerate(found.tracks)
+        for segment in track.segments for point in segment.points
+    ]  # fmt: skip
     points = points or [(point.name or str(number), point) for number, point in enumerate(found.waypoints)]
     rows = [{"id": name, "time": point.time, "lon": point.longitude, "lat": point.latitude, "z": point.elevation}
             for name, point in points]  # fmt: skip

@@ -19,7 +19,7 @@ from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import ASSUMED, outside, too_few_for_a_cluster, uncovered
 from wsnsim.models.csvfile import Wanted, first_of_equal, only_rows
 from wsnsim.models.deploy import field_around
-from wsnsim.models.unit_checks import degrees_named, degrees_said, remedy
+from wsnsim.models.unit_checks import degrees_said
 
 MARGIN: Final = Quantity("m", ge=0, le=1e6)
 EVERYWHERE: Final = Field(2e7, 2e7)
@@ -123,9 +123,8 @@ class FromFile:
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue for a file that cannot be read or holds degrees, and nodes too few to cover the field."""
-        if degrees_named(self.columns.x, self.columns.y):
-            said = degrees_said(self.path, self.columns.x, self.columns.y)
-            yield Issue(("deploy", "columns"), f"{said}: {remedy(self.path, 'nodes', '--crs wgs84')}")
+        if said := degrees_said(self.path, "nodes", self.columns.x, self.columns.y):
+            yield Issue(("deploy", "columns"), said)
             return
         try:
             positions = self.draw(0.0, np.random.default_rng(0))

@@ -14,7 +14,7 @@ from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile
-from wsnsim.models.unit_checks import degrees_named, degrees_said, remedy
+from wsnsim.models.unit_checks import degrees_said
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
 SAME_PLACE: Final = 1e-3
@@ -119,9 +119,8 @@ class RecordedTrack(Straight):
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be read or is not that of the digest, has bad rows, or holds degrees."""
-        if degrees_named(self.header.x, self.header.y):
-            said = degrees_said(self.path, self.header.x, self.header.y)
-            yield Issue(("motion", "header"), f"{said}: {remedy(self.path, 'track', '--crs wgs84')}")
+        if said := degrees_said(self.path, "track", self.header.x, self.header.y):
+            yield Issue(("motion", "header"), said)
         try:
             _ = self.track
         except RunError as error:

@@ -1,7 +1,6 @@
 """Checks that question units: degrees taken for metres, fields of millimetres, positions that contradict speeds.
 
-degrees_named(x, y)                      whether columns are called longitude and latitude
-degrees_said(path, x, y), remedy         what refuses such columns, and the command that converts them
+degrees_said(path, kind, x, y), remedy   what refuses columns of degrees, and the command that converts them
 too_close(points, reach, least)          what a set of places says of its unit
 slower_than_stated(times, x, y, speeds)  whether a track contradicts its own speeds
 
@@ -32,15 +31,13 @@ SLOW: Final = 1e-3
 """Places that move at less than this part of the speed that the file states: a degree is 111 km."""
 
 
-def degrees_named(x: str, y: str) -> bool:
-    """Whether the columns of x and y are called longitude and latitude, in any order."""
+def degrees_said(path: str, kind: str, x: str, y: str) -> str:
+    """The message that refuses columns called longitude and latitude as x and y; '' if they are not called so."""
     names = {x.strip().casefold(), y.strip().casefold()}
-    return len(names) == 2 and bool(names & LONGITUDES) and bool(names & LATITUDES)
-
-
-def degrees_said(path: str, x: str, y: str) -> str:
-    """The beginning of the message about columns of degrees; the command that projects them follows."""
-    return f"{path}: the columns '{x}' and '{y}' are degrees, must be metres. Write"
+    if not (names & LONGITUDES and names & LATITUDES):
+        return ""
+    said = f"{path}: the columns '{x}' and '{y}' are degrees, must be metres. Write"
+    return f"{said}: {remedy(path, kind, '--crs wgs84')}"
 
 
 def remedy(path: str, kind: str, option: str) -> str:
