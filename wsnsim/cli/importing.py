@@ -29,9 +29,15 @@ ANGLES: Final = (
 )  # fmt: skip
 MOST_SHOWN: Final = 40
 """Nodes that --list shows."""
-OF_TABLES: Final = ("columns", "column", "time_format", "angle", "missing", "node_prefix", "repeated", "skip_bad_rows")
-OF_TRACES: Final = ("ids", "listed", "nodes", "start", "end")
-"""Options that go with tables only (readings, nodes, links, track), and with tracks only (ns3, sumo, track)."""
+READ: Final = ("columns", "column", "missing", "skip_bad_rows", "time_format", "angle", "node_prefix", "repeated")
+"""Options that say how tables are read."""
+MEANT_FOR: Final = {
+    **dict.fromkeys(READ[:4], (*TABLES, "track")), **dict.fromkeys(READ[5:], ("readings",)),
+    **dict.fromkeys(("ids", "listed", "nodes", "start", "end"), TRACES), "time_unit": ("ns3", "sumo"),
+    "time_format": ("readings", "links", "track"), "time_origin": ("readings", "links", *TRACES),
+    "crs": ("nodes", "track", "sumo"), "origin": ("nodes", *TRACES),
+}  # fmt: skip
+"""{option: kinds for which it has a meaning}; others have one for all."""
 
 
 def _finite(_: click.Context | None, option: click.Parameter | str, text: str | None) -> float | None:
@@ -106,25 +112,20 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
 
         if options["ids"]:
             raise UsageError("--list shows all nodes: leave out --id")
-        listed = (
-            _tracks(files, options, None).nodes
-            if kind == "track"
-            else summarised(str(files[0]), _format(kind, options))
-        )
-        _echo_nodes(listed, as_json)
+        if kind == "track":
+            _echo_nodes(_tracks(files, options, None).nodes, as_json)
+        else:
+            _echo_nodes(summarised(str(files[0]), _format(kind, options)), as_json)
 
 
 def _demand_fitting(kind: str, files: Sequence[Path]) -> None:
     """Raise UsageError for several traces, and for an option that has no meaning for a kind."""
     if kind in ("ns3", "sumo") and len(files) > 1:
         raise UsageError(f"{kind} reads one file, {len(files)} are given")
-    others = {"ns3": (*OF_TABLES, "crs"), "sumo": OF_TABLES, "track": ("time_unit",)}.get(
-        kind, (*OF_TRACES, "time_unit")
-    )
     context = click.get_current_context()
     for option in context.command.params:
         given = context.get_parameter_source(str(option.name)) is not click.core.ParameterSource.DEFAULT
-        if option.name in others and given:
+        if given and kind not in MEANT_FOR.get(str(option.name), (*TABLES, *TRACES)):
             raise UsageError(f"{option.opts[0]} has no meaning for {kind}")
 
 
@@ -133,7 +134,7 @@ def _conventions(options: dict[str, Any]) -> Conventions:
     from wsnsim.interop.conventions import Conventions
 
     place = options["origin"] if options["crs"] and options["origin"] != "centre" else None
-    names = (*OF_TABLES, "unit", "time_origin", "crs")
+    names = (*READ, "unit", "time_origin", "crs")
     given = {name: options[name] for name in names if options[name] and name != "column"}
     return Conventions(**given, names=renamed_columns(options["column"]), origin=_origin(place, 3))
 
@@ -146,6 +147,8 @@ def _table(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[st
         raise UsageError(f"--out {out}: give a file that ends in {data.suffix} (the table) or .yaml (a block with it)")
     if options["out"] is None and data.exists():
         raise UsageError(f"{data} exists: --out FILE{data.suffix} names another file, or this one to replace it")
+    if options["origin"] and not options["crs"]:
+        raise UsageError("--origin goes with --crs wgs84: longitude and latitude that become (0, 0)")
     target(writable(data, data), data.name, files)
     from wsnsim.interop import field_data
     from wsnsim.recording.atomic_files import write_text_atomically
@@ -165,6 +168,8 @@ def _tracks(files: Sequence[Path], options: dict[str, Any], ids: tuple[str, ...]
     how = _conventions(options)
     found = field_data.track([str(file) for file in files], how)
     options["notes"] = found.notes
+    if found.facts["origin"] and options["origin"] and not options["crs"]:
+        raise UsageError("--origin: the file has degrees: give --crs wgs84 and --origin LON,LAT")
     return field_data.trace_of(found, str(files[0]), found.table.id.unique() if ids is None else ids)
 
 

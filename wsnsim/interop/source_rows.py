@@ -175,7 +175,8 @@ class SourceRows:
         zero = seconds(pd.Series([origin]), form)[0][0]
         if not np.isfinite(zero):
             raise UsageError(f"--time-origin {origin}: must be a time as the file writes them, such as {column[0]}")
-        return times - zero
+        after: Floats = times - zero
+        return after
 
     def places(self) -> tuple[dict[str, Floats], tuple[float, ...]]:
         """{axis: (n,) m}, and the origin in degrees if places were projected."""

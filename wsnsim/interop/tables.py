@@ -29,7 +29,7 @@ SAMPLE: Final = 50
 """Lines from which separator, decimal sign and header are recognised."""
 SEPARATORS: Final = (";", "\t", ",", "|", r"\s+")
 COMMENTS: Final = ("#", "%", "//")
-DECIMAL_COMMA: Final = re.compile(r"[-+]?\d+,\d+")
+DECIMALS: Final = re.compile(r"[-+]?\d+,\d+"), re.compile(r"[-+]?\d*\.\d+")
 NUMBER: Final = re.compile(
     r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?|[-+]?(nan|inf)|(\d{4}-\d\d-\d\d[T ]?\S*)", re.I
 )
@@ -105,16 +105,10 @@ def numeric(column: pd.Series) -> pd.Series:
 def _of_text(path: str, columns: Sequence[str], texts: Callable[[str], bool]) -> RawTable:
     with open_text(path) as file:
         head = [line.strip("\r\n") for line in itertools.islice(file, SAMPLE)]
-    first = next(
-        (i for i, line in enumerate(head) if line.strip() and not line.lstrip().startswith(COMMENTS)), len(head)
-    )
+    data = [i for i, line in enumerate(head) if line.strip() and not line.lstrip().startswith(COMMENTS)]
+    first = data[0] if data else len(head)
     separator, rows = _split([line for line in head[first:] if line.strip()], len(columns))
-    cells = [cell for row in rows for cell in row]
-    decimal = (
-        ","
-        if any(map(DECIMAL_COMMA.fullmatch, cells)) and not any(re.fullmatch(r"-?\d*\.\d+", c) for c in cells)
-        else "."
-    )
+    commas, points = (any(form.fullmatch(cell) for row in rows for cell in row) for form in DECIMALS)
     if not columns and _is_headless(rows):
         raise UsageError(f"{path}:{first + 1}: the file has no header: name its {len(rows[0])} columns in their order, "
                          "such as --columns time,node,reading")  # fmt: skip
@@ -123,7 +117,8 @@ def _of_text(path: str, columns: Sequence[str], texts: Callable[[str], bool]) ->
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             frame = pd.read_csv(
-                file, sep=separator, decimal=decimal, header=None if columns else 0, names=columns or None,
+                file, sep=separator, decimal="," if commas and not points else ".",
+                header=None if columns else 0, names=columns or None,
                 skiprows=first, index_col=False, skip_blank_lines=False, skipinitialspace=True, low_memory=False,
                 keep_default_na=False, na_values=[""], dtype=dict.fromkeys(filter(texts, names), str),
             )  # fmt: skip
