@@ -69,7 +69,7 @@ def steps_across_the_field(setup: TrackingSetup) -> Iterator[str]:
 
 def places_in_another_unit(setup: TrackingSetup) -> Iterator[str]:
     """Nodes and trajectories of files that are so near to each other that they are in degrees or kilometres."""
-    sensor = getattr(setup.sensor, "law", setup.sensor)
+    sensor = setup.sensor
     least = getattr(sensor, "least", getattr(sensor, "floor", 0.0))
     with contextlib.suppress(RunError):  # the check says so
         files = []
