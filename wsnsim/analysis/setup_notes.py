@@ -22,6 +22,10 @@ from wsnsim.base.network_ports import FaultEvent, Field
 from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.rng import Streams, derive, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
+from wsnsim.models.node_file import FromFile
+from wsnsim.models.recorded_links import RecordedLinks
+from wsnsim.models.recorded_track import RecordedTrack
+from wsnsim.models.unit_checks import other_units, too_close
 from wsnsim.network.faults import ROUNDING, places_hit
 
 CROWD: Final = 20
@@ -85,6 +89,23 @@ def gaussian_filter_of_cells(setup: TrackingSetup) -> Iterator[str]:
         )
 
 
+def places_in_another_unit(setup: TrackingSetup) -> Iterator[str]:
+    """Nodes and trajectories of files that are so near to each other that they are in degrees or kilometres."""
+    sensor = setup.sensor
+    least = getattr(sensor, "least", getattr(sensor, "floor", 0.0))
+    with contextlib.suppress(RunError):  # the check says so
+        files = []
+        if isinstance(setup.deploy, FromFile):
+            files.append(
+                ("deploy", "nodes", setup.deploy.path, setup.deploy.draw(0.0, np.random.default_rng(0)), least)
+            )
+        files += [(_of_target(setup, i), "track", motion.path, motion.track.points[:, :2], 0.0)
+                  for i, motion in enumerate(setup.motions) if isinstance(motion, RecordedTrack)]  # fmt: skip
+        for key, kind, path, points, nearest in files:
+            if said := too_close(points, sensor.reach, nearest):
+                yield f"{key}.path: {said}; {other_units(path, kind)}"
+
+
 def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
     """A sink whose point is farther outside the field than a frame reaches: the node nearest to it is at the edge."""
     field = setup.deploy.field
@@ -97,6 +118,12 @@ def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
                 f"sink: ({x:g}, {y:g}) m is {away:.4g} m outside {named(field)}; the sink is the node nearest to it, "
                 f"at the edge: the nearest point of the field is ({nearest[0]:g}, {nearest[1]:g}) m"
             )
+
+
+def links_that_are_left_out(setup: RadioSetup) -> Iterator[str]:
+    """Rounds and bursts of recorded links that are not played."""
+    if isinstance(setup.link, RecordedLinks):
+        yield from (f"link.path: {said}" for said in setup.link.recording.left_out(setup.link.channel))
 
 
 def longer_than_the_run(setup: Setup) -> Iterator[str]:

@@ -16,6 +16,7 @@ import io
 import itertools
 import math
 import re
+import shlex
 import zlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -50,6 +51,8 @@ IDENTIFIER: Final = re.compile(
 """Names of columns that look like identifiers (our choice)."""
 LOOKED_AT: Final = 20_000
 """Rows in which columns that are not read are looked at (our choice)."""
+DATED: Final = re.compile(r"must be a finite number, is '\d{4}-\d\d-\d\d")
+"""What is said of a cell that holds a date."""
 DELIMITERS: Final = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 
 
@@ -215,6 +218,10 @@ def demand_digest(path: str, digest: str) -> None:
 
 def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int, remedy: str = "") -> str:
     """A message that names the first bad rows of a file with their lines, of `rows` in all, and what helps."""
+    if all(DATED.search(row.reason) for row in bad):
+        like = f" ({len(bad) - 1:,} more rows like it)" if len(bad) > 1 else ""
+        dates = f"times are seconds; write: wsnsim import readings (or track) {shlex.quote(path)}, which reads dates"
+        return f"{path}:{bad[0].line}: {bad[0].reason}{like}: {dates}"
     listed = row_texts(path, bad[:MOST_PRINTED])
     more = len(bad) - len(listed)
     rest = [words for words in (f"and {more} more" if more else "", remedy) if words]

@@ -19,6 +19,7 @@ from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import ASSUMED, outside, too_few_for_a_cluster, uncovered
 from wsnsim.models.csvfile import Wanted, first_of_equal, identifiers, only_rows
 from wsnsim.models.deploy import field_around
+from wsnsim.models.unit_checks import degrees_said
 
 MARGIN: Final = Quantity("m", ge=0, le=1e6)
 EVERYWHERE: Final = Field(2e7, 2e7)
@@ -141,7 +142,10 @@ class FromFile:
         return positions
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue if the file cannot be read, or its nodes are too few or do not cover the field."""
+        """Yield an issue for a file that cannot be read or holds degrees, and nodes too few to cover the field."""
+        if said := degrees_said(self.path, "nodes", self.columns.x, self.columns.y):
+            yield Issue(("deploy", "columns"), said)
+            return
         try:
             positions = self.draw(0.0, np.random.default_rng(0))
             _ = self.heights if isinstance(setup, TrackingSetup) and HEIGHT in setup.sensor.trait_names else None

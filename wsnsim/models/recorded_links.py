@@ -52,7 +52,8 @@ class RecordedLinks:
     The recording is a K7 file. A round is one burst of packets of every sender on the channel. A link without a row in
     a round was not heard, and has the ratio 0 in that round: ratios are never taken from other rounds. The same holds
     for all links of a sender of which no node heard anything in a round, whether it was down or out of range. A first
-    or last round that was or may have been recorded in part only is left out.
+    or last round in which senders of the next one are missing is left out, and so is a burst that the file's beginning
+    or end may have cut: the rest of its round is played.
 
     The run begins with the round `start`. A round lasts as long as the recording took until the next one on this
     channel (the last one: the median), or `round_length`. Frames that overlap are both lost where both are heard. A

@@ -14,6 +14,7 @@ from wsnsim.base.errors import Issue, RunError, shortened
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile
+from wsnsim.models.unit_checks import degrees_said
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
 SAME_PLACE: Final = 1e-3
@@ -118,7 +119,9 @@ class RecordedTrack(Straight):
         return csvfile.row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Yield an issue if the file cannot be read, has rows that cannot be used, or is not that of the digest."""
+        """Yield an issue if the file cannot be read or is not that of the digest, has bad rows, or holds degrees."""
+        if said := degrees_said(self.path, "track", self.header.x, self.header.y):
+            yield Issue(("motion", "header"), said)
         try:
             _ = self.track
         except RunError as error:
