@@ -91,6 +91,7 @@ RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]
     (ALWAYS, Setup, setup_notes.faults_between_instants),
     (ALWAYS, TrackingSetup, setup_notes.motions_beyond_the_field),
     (ALWAYS, TrackingSetup, setup_notes.steps_across_the_field),
+    (ALWAYS, TrackingSetup, setup_notes.gaussian_filter_of_cells),
     (ALWAYS, RadioSetup, setup_notes.sink_outside_the_field),
     (ALWAYS, Setup, setup_notes.longer_than_the_run),
     (ALWAYS, RadioSetup, setup_notes.sleep_that_costs_more),

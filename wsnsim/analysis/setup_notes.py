@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from wsnsim.analysis.phrases import counted
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import sample_positions
@@ -61,6 +62,17 @@ def steps_across_the_field(setup: TrackingSetup) -> Iterator[str]:
                 f"{setup.dt:g} s, across all of {named(field)} and out of the sensing range of every node; give a "
                 f"step of at most {math.floor(side / speed / digit) * digit:g} s"
             )
+
+
+def gaussian_filter_of_cells(setup: TrackingSetup) -> Iterator[str]:
+    """A Kalman filter on readings that take few values, whose likelihood is not Gaussian."""
+    bits = getattr(setup.filter_sensor, "reading_bits", None)
+    if bits is not None and getattr(setup.tracker, "assumes_gaussian", False):
+        yield (
+            f"tracker: it takes a reading of {counted(bits, 'bit')} as Gaussian, with its mean and variance at the "
+            "prediction; it is in a cell, and far from a threshold it hardly counts: pf and central_pf use the "
+            "likelihood of the cell"
+        )
 
 
 def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
@@ -226,6 +238,7 @@ CONDITIONS: Final = (
     ("motion", "slack", _if("course", "in_room"), "on this course: give motion.course: in_room"),
     ("sensor", "dof", _if("noise", "student_t"), "with this noise: give sensor.noise: student_t"),
     ("sensor", "decorrelation", _if("shadowing"), "without shadowing: give sensor.shadowing"),
+    ("sensor", "detour", _if("blocked"), "while no line of sight is blocked: give sensor.blocked"),
     ("link", "capture_margin", _if("interference", "sinr"), "without link.interference: sinr"),
     ("deploy", "position_error", _with_targets, "with a workload without targets"),
     ("energy", "sensing", _with_targets, "with a workload without targets"),

@@ -158,6 +158,22 @@ class LimitsReadings(Protocol):
 
 
 @runtime_checkable
+class FewReadings(Protocol):
+    """Optional port of a sensor model whose readings take few values: their mean need be none of these.
+
+    `linearise` then holds the mean and the variance of a reading, and `log_likelihood` is that of a probability.
+    """
+
+    @property
+    def reading_values(self) -> Floats:
+        """(C,) the values, ascending; nothing if a reading may be any number."""
+
+    @property
+    def reading_bits(self) -> int:
+        """The bits of a reading in a packet, beside the header."""
+
+
+@runtime_checkable
 class ConstantGaussian(Protocol):
     """Optional port of a sensor model: whether the noise of its readings is Gaussian with one constant variance R.
 

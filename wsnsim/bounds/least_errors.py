@@ -59,7 +59,9 @@ def assumed_places(setup: Setup) -> str:
 
 
 def unknown_constants(setup: TrackingSetup, query: BoundQuery) -> UnknownConstants:
-    """What the filters of a query do not know of the nodes."""
+    """What the filters of a query do not know of the nodes. Raises ValueError if no bound counts it."""
+    if query.gains == "unknown" and query.kind == "per_trajectory" and getattr(setup.sensor, "clock_spread", None):
+        raise ValueError("an unknown clock offset is common to all readings, and the bound takes biases as independent")
     gain = gain_variance(setup.sensor) if query.gains == "unknown" and has_gains(setup.sensor) else 0.0
     return UnknownConstants(gain, setup.position_error**2 if query.places == "unknown" else 0.0)
 
@@ -207,6 +209,8 @@ def cautions_of_readings(setup: TrackingSetup) -> Iterator[str]:
     """Those of the cautions that are about readings: what the bound takes to be otherwise than it is."""
     if setup.faults:
         yield FAULTLESS
+    if getattr(setup.sensor, "adapts", False):
+        yield "thresholds follow a prediction: the bound takes those about the true reading, which no filter knows"
     if setup.recorded is not None:
         yield "readings were recorded: the bound is that of the law (sensor.law), which they need not follow"
     elif isinstance(setup.sensor, IsShadowed) and setup.sensor.shadowing:

@@ -23,13 +23,14 @@ from wsnsim.base.sensing import recorded_traits
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile
 from wsnsim.models.recorded_issues import recorded_issues
+from wsnsim.models.sensing import OfLaw, law_issues
 
 COUNT: Final = "count"
 """The trait of a node that is the number of readings of which its reading is the mean. It may change at each step."""
 
 
 @part
-class RepeatedReadings:
+class RepeatedReadings(OfLaw):
     """What filters assume of means of readings: the last trait of a node, `count`, says of how many.
 
     With Gaussian noise of a constant variance R, the n readings of a node in a step have the likelihood of n times
@@ -37,11 +38,6 @@ class RepeatedReadings:
     """
 
     law: Any
-
-    @property
-    def reach(self) -> float:
-        """The law's sensing range."""
-        return float(self.law.reach)
 
     @property
     def trait_names(self) -> tuple[str, ...]:
@@ -118,7 +114,7 @@ class _ReadingRows(NamedTuple):
 
 
 @part
-class RecordedSensor:
+class RecordedSensor(OfLaw):
     """Readings that were recorded, from a CSV file with a row per reading: time, node, reading, and perhaps target.
 
     Rows may stand in any order. A reading at the time t belongs to the first step k with k dt >= t - `time_origin`, so
@@ -146,33 +142,9 @@ class RecordedSensor:
         if isinstance(self.law, Replays):
             raise ValueError("law: must be a sensor model that can be computed, not recorded readings")
 
-    @property
-    def reach(self) -> float:
-        """The law's sensing range."""
-        return self.law.reach
-
-    @property
-    def trait_names(self) -> tuple[str, ...]:
-        """The law's traits."""
-        return self.law.trait_names
-
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
         """(nodes, T) as the law, without gains that it would sample: 1, or 0 dB, in their place."""
         return recorded_traits(self.law, nodes, rng)
-
-    def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
-        """(n,) readings that the law would give; no run uses them."""
-        return self.law.measure(points, positions, traits, noise)
-
-    def log_likelihood(
-        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
-    ) -> Floats:
-        """(N,) as the law."""
-        return self.law.log_likelihood(points, readings, positions, traits, owners)
-
-    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
-        """Expected readings, gradients and variances, as the law."""
-        return self.law.linearise(points, positions, traits)
 
     def assumed(self, gains: str, inflate: bool) -> SensorModel:
         """The model that a filter assumes: that of the law, or of means of its readings."""
@@ -216,9 +188,7 @@ class RecordedSensor:
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be used, or if the scenario changes what was recorded."""
-        for issue in self.law.check(setup) if hasattr(self.law, "check") else ():
-            path = ("sensor", "law", *issue.path[1:]) if issue.path[:1] == ("sensor",) else issue.path
-            yield Issue(path, issue.message)
+        yield from law_issues(self.law, setup)
         try:
             self.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
         except RunError as error:
