@@ -241,7 +241,10 @@ LAWS: Final = ("rssi", "range", "log_normal")
     "--track", type=PATH, multiple=True, metavar="FILE",
     help="Trajectory with time, x, y and perhaps z: one for all files, or one per file, test files last.",
 )  # fmt: skip
-@click.option("--column", multiple=True, metavar="OURS=THEIRS", help="What the files call a column: reading=level.")
+@click.option(
+    "--column", multiple=True, metavar="OURS=THEIRS", help="What DATA, --test, --track call a column: reading=level."
+)
+@click.option("--node-column", multiple=True, metavar="OURS=THEIRS", help="What --nodes calls a column: id=anchor.")
 @click.option("--gains/--no-gains", default=True, show_default=True, help="Fit a gain for each node.")
 @click.option(
     "--heights/--no-heights",
@@ -277,6 +280,7 @@ def fit(
     test: tuple[Path, ...],
     track: tuple[Path, ...],
     column: tuple[str, ...],
+    node_column: tuple[str, ...],
     out: Path | None,
     readings: Path | None,
     figure: Path | None,
@@ -297,7 +301,8 @@ def fit(
     default, context = click.core.ParameterSource.DEFAULT, click.get_current_context()
     # what the command line gives: other options do not exist for every law
     asked = {name: value for name, value in options.items() if context.get_parameter_source(name) is not default}
-    asked |= ({"tracks": track} if track else {}) | ({"columns": _renamed_columns(column)} if column else {})
+    renamed = {"columns": _renamed_columns(column), "node_columns": _renamed_columns(node_column)}
+    asked |= {name: given for name, given in {"tracks": track, **renamed}.items() if given}
     out, figure = _target(out, "law.yaml", read), _target(figure, "residuals.png", read)
     if figure is not None:
         from wsnsim.analysis.figure_style import suffix_of
