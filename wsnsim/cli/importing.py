@@ -241,9 +241,7 @@ LAWS: Final = ("rssi", "range", "log_normal")
     "--track", type=PATH, multiple=True, metavar="FILE",
     help="Trajectory with time, x, y and perhaps z: one for all files, or one per file, test files last.",
 )  # fmt: skip
-@click.option(
-    "--column", multiple=True, metavar="OURS=THEIRS", help="What DATA, --test, --track call a column: reading=level."
-)
+@click.option("--column", multiple=True, metavar="OURS=THEIRS", help="What DATA and --track call a column: node=who.")
 @click.option("--node-column", multiple=True, metavar="OURS=THEIRS", help="What --nodes calls a column: id=anchor.")
 @click.option("--gains/--no-gains", default=True, show_default=True, help="Fit a gain for each node.")
 @click.option(

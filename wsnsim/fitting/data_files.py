@@ -188,7 +188,7 @@ def _places_of(rows: CsvRows, track: str, options: ReadingOptions) -> tuple[Floa
     count = len(rows.lines)
     if not track:
         return _points(rows), np.ones(count, dtype=np.bool_), ()
-    names = names_in(track, options.columns, (), shared=("time",))
+    names = names_in(track, options.columns, (), shared="time")
     wanted = {name: names[name] for name in ("time", "x", "y", "z")}
     times, track_points, bad = recorded_points(track, wanted, options.skip_bad_rows, REMEDY)
     wanted_times = rows.numbers["time"]
@@ -204,20 +204,18 @@ def _points(rows: CsvRows) -> Floats:
     return np.column_stack([rows.numbers.get(axis, unknown) for axis in "xyz"])
 
 
-def names_in(
-    path: str, columns: Mapping[str, str], reading: tuple[str, ...], shared: Sequence[str] = ()
-) -> dict[str, str]:
+def names_in(path: str, columns: Mapping[str, str], reading: tuple[str, ...], shared: str = "") -> dict[str, str]:
     """The names of our columns in a file: as `columns` says, else the first of the usual names that it has.
 
     Args:
         path: The file.
         columns: The names that are given.
         reading: The usual names of the column of readings.
-        shared: Our names of columns that another file has as well: the given name may be its alone.
+        shared: Our name of a column that another file has as well: the given name may be its alone.
     """
     with open_text(path) as file:
         header = {name.strip() for name in next(csv.reader(file), [])}
-    columns = {ours: name for ours, name in columns.items() if name in header or ours not in shared}
+    columns = {ours: name for ours, name in columns.items() if name in header or ours != shared}
     usual = {**NAMES, "reading": reading or NAMES["reading"]}
     return {
         ours: columns.get(ours) or next((name for name in names if name in header), names[0])

@@ -76,8 +76,7 @@ class LinkFit:
     @property
     def link(self) -> dict[str, Any]:
         """The block `link` of a scenario."""
-        known = {name: value.value for name, value in self.values.items() if math.isfinite(value.value)}
-        fitted = {name: float(f"{value:.5g}") for name, value in known.items()}
+        fitted = {key: float(f"{own.value:.5g}") for key, own in self.values.items() if math.isfinite(own.value)}
         return {"kind": "log_normal", "power": self.power} | fitted
 
     def mean_power(self, distances: Floats) -> Floats:

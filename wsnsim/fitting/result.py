@@ -95,10 +95,7 @@ def _doubts(fit: FittedLaw) -> Iterator[str]:
     if "shadowing" in values and values["shadowing"].value > NEARLY_ALL * noise.total:
         yield "Implausible: the white part of the noise is nearly zero. Is the law wrong along the path?"
     if "total" in values:
-        yield (
-            f"Filters take readings as independent: with --readings, sd in the file has shadowing ({fit.law['sd']:g} "
-            f"{form.unit}); without, it sets tracker.assumes.inflate."
-        )
+        yield f"Filters take readings as independent: the file widens their noise to {fit.law['sd']:g} {form.unit}."
     elif "shadowing" in values:
         yield f"The sensor `{form.kind}` has no shadowing: sd includes the part that is correlated along the path."
     if not form.has("dof") and fit.basis.aic["student_t"] < fit.basis.aic["normal"]:
