@@ -27,7 +27,8 @@ LAWS: Final = ("rssi", "range", "log_normal")
     "--track", type=PATH, multiple=True, metavar="FILE",
     help="Trajectory with time, x, y and perhaps z: one for all files, or one per file, test files last.",
 )  # fmt: skip
-@click.option("--column", multiple=True, metavar="OURS=THEIRS", help="What the files call a column: reading=level.")
+@click.option("--column", multiple=True, metavar="OURS=THEIRS", help="What DATA and --track call a column: node=who.")
+@click.option("--node-column", multiple=True, metavar="OURS=THEIRS", help="What --nodes calls a column: id=anchor.")
 @click.option("--gains/--no-gains", default=True, show_default=True, help="Fit a gain for each node.")
 @click.option(
     "--heights/--no-heights",
@@ -38,7 +39,7 @@ LAWS: Final = ("rssi", "range", "log_normal")
     "--noise", type=click.Choice(FAMILIES), default="auto", show_default=True, help="Family of the white noise."
 )
 @click.option(
-    "--block", type=float, metavar="S", help="Length (s) of the time blocks from which intervals are computed."
+    "--block", type=float, metavar="S", help="Least length (s) of the blocks from which intervals are computed."
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, metavar="S", help="Seed of the bootstrap; default 0.")
 @click.option("--in-sample", is_flag=True, help="Allow a test on readings that were fitted; the output says so.")
@@ -63,6 +64,7 @@ def fit(
     test: tuple[Path, ...],
     track: tuple[Path, ...],
     column: tuple[str, ...],
+    node_column: tuple[str, ...],
     out: Path | None,
     readings: Path | None,
     figure: Path | None,
