@@ -37,7 +37,7 @@ def test_a_track_that_holds_has_no_losses_and_one_without_estimates_is_always_lo
 
 
 def test_nothing_but_its_cost_is_asked_of_a_track_while_its_target_is_absent():
-    """30 steps astray before and after an absence of 100 are no loss; 60 after it are one. Every tenth step owes a report."""
+    """30 steps astray on both sides of an absence of 100 are no loss; 60 are one. Each tenth step owes a report."""
     present = np.ones(STEPS, dtype=bool)
     present[200:300] = False
     errors = np.where(present, 2.0, np.nan)
