@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from wsnsim.base.arrays import Estimate, Floats, Ints, Keys, planar
+from wsnsim.base.arrays import Bools, Estimate, Floats, Ints, Keys, planar
 from wsnsim.base.errors import RunError, plugin_faults_of_run
 from wsnsim.base.optional_ports import Continuous, MovesInSpace
 from wsnsim.base.ports import MotionModel, SensorModel
@@ -86,7 +86,7 @@ def _trajectories(setup: TrackingSetup, steps: int, dt: float, rng: np.random.Ge
         states = motion.truth(steps, dt, rng)
         if intervals is not None:
             begins, ends = np.reshape(intervals, (-1, 2, 1)).swapaxes(0, 1)
-            within = ((times >= begins - ROUNDING) & (times <= ends + ROUNDING)).any(axis=0)
+            within: Bools = np.any((times >= begins - ROUNDING) & (times <= ends + ROUNDING), axis=0)
             states = np.where(within[:, None], states, np.nan)
         found.append(states)
     return found

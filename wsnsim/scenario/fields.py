@@ -323,8 +323,8 @@ def part_model(role: str, kind: str) -> type[PartModel]:
         if {"kind", "assumes", "presence", "part"} & set(fields):
             raise PartError("has a field named 'kind', 'assumes', 'presence' or 'part', which are reserved")
         choice: Any = (Literal[kind], kind) if kind == ROLES[role].default else (Literal[kind], ...)
-        base = {"tracker": TrackerModel, "motion": MotionPartModel}.get(role, PartModel)
+        bases: dict[str, type[PartModel]] = {"tracker": TrackerModel, "motion": MotionPartModel}
         common = fields_of(Presence) if role == "motion" else {}
-        return made_model(part, base, {"kind": choice, **fields, **common})
+        return made_model(part, bases.get(role, PartModel), {"kind": choice, **fields, **common})
     except PartError as error:
         raise PartError(f"{info.path} {error}") from None
