@@ -98,3 +98,17 @@ def test_several_movers_in_a_file_are_refused_and_receivers_of_one_are_not(tmp_p
     assert len(RecordedTrack(path=str(path)).track.times) == 9
     path.write_text("time,id,x,y\n" + "".join(f"{t},{t},{t},5\n" for t in range(9)))
     assert len(RecordedTrack(path=str(path)).track.times) == 9
+
+
+def test_with_a_gap_the_target_is_absent_where_the_file_has_no_rows(tmp_path: Path) -> None:
+    """Rows at 10, 12, 13 s, and at 20 and 21 s; instants at rows are within."""
+    model = track(tmp_path, TEXT + "20,0,0,1\n21,1,0,1\n", time_origin=9.0, gap=2.0)
+    found = model.truth(14, 1.0, RNG)
+    there = np.isfinite(found).all(axis=1)
+    assert np.flatnonzero(there).tolist() == [1, 2, 3, 4, 11, 12]
+    assert np.array_equal(
+        found[there], track(tmp_path, TEXT + "20,0,0,1\n21,1,0,1\n", time_origin=9.0).truth(14, 1.0, RNG)[there]
+    )
+    assert model.may_be_absent and not track(tmp_path).may_be_absent
+    short = track(tmp_path, TEXT, gap=1.5).truth(6, 0.5, RNG)
+    assert np.flatnonzero(np.isfinite(short[:, 0])).tolist() == [0, 4, 5, 6]

@@ -34,6 +34,15 @@ class Continuous(Protocol):
 
 
 @runtime_checkable
+class MayBeAbsent(Protocol):
+    """Optional port of a built-in motion model: states of its `truth` may be NaN, where the target is absent."""
+
+    @property
+    def may_be_absent(self) -> bool:
+        """Whether they may."""
+
+
+@runtime_checkable
 class LinearGaussian(Protocol):
     """Optional port of a motion model, a sensor model or a tracker, for χ² intervals of NEES and NIS.
 

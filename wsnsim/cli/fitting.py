@@ -85,7 +85,8 @@ def fit(
     default, context = click.core.ParameterSource.DEFAULT, click.get_current_context()
     # what the command line gives: other options do not exist for every law
     asked = {name: value for name, value in options.items() if context.get_parameter_source(name) is not default}
-    asked |= ({"tracks": track} if track else {}) | ({"columns": renamed_columns(column)} if column else {})
+    renamed = {"columns": renamed_columns(column), "node_columns": renamed_columns(node_column)}
+    asked |= {name: given for name, given in {"tracks": track, **renamed}.items() if given}
     out, figure = target(out, "law.yaml", read), target(figure, "residuals.png", read)
     if figure is not None:
         from wsnsim.analysis.figure_style import suffix_of

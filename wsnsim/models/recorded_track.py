@@ -17,6 +17,8 @@ from wsnsim.models import csvfile
 from wsnsim.models.unit_checks import degrees_said
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
+ROUNDING: Final = 1e-9
+"""s: times that differ by less are equal."""
 SAME_PLACE: Final = 1e-3
 """Largest distance (m) of two places of one time (our choice)."""
 LATEST: Final = 1e15
@@ -73,6 +75,9 @@ def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, re
 class RecordedTrack(Straight):
     """A recorded trajectory: interpolated linearly between the rows of a CSV file, at rest before and after them.
 
+    With `gap`, the target is absent instead before the first row, after the last one, and between two rows that are
+    further apart.
+
     The velocity is that of the leg between two rows. Rows may stand in any order. Rows of one time must be at one
     place, to 1 mm; the first counts. Filters do not know the trajectory: they assume near-constant velocity with
     process noise of intensity q. A column z gives the height, which a sensor's law may use; the filter's state stays
@@ -83,6 +88,11 @@ class RecordedTrack(Straight):
 
     path: Annotated[str, "CSV file, also .gz, with a header that names time, x and y, and perhaps z"]
     header: Annotated[TrackColumns, "the names of the file's columns, where they differ"] = TrackColumns()
+    gap: Annotated[
+        float | None,
+        Quantity("s", gt=0.0),
+        "greatest time between two rows over which the target is present; left out: it always is",
+    ] = None
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: that of the first row"
     ] = None
@@ -91,9 +101,24 @@ class RecordedTrack(Straight):
     q: Annotated[float, INTENSITY, "intensity of the noise in the velocity that filters assume"] = 0.05
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 4) the trajectory; `rng` is not used. Raises RunError with file and line if it cannot be read."""
+        """(steps + 1, 4) the trajectory, NaN where the target is absent; `rng` is not used.
+
+        Raises:
+            RunError: the file cannot be read; the message names file and line.
+        """
         track = self.track
-        return sampled(track.times, track.points[:, :2], steps, dt)
+        states = sampled(track.times, track.points[:, :2], steps, dt)
+        if self.gap is not None:
+            now = np.arange(steps + 1) * dt
+            before, after = (np.searchsorted(track.times, now + shift) for shift in (ROUNDING, -ROUNDING))
+            times = np.concatenate([[-np.inf], track.times, [np.inf]])
+            states[times[after + 1] - times[before] > self.gap + ROUNDING] = np.nan
+        return states
+
+    @property
+    def may_be_absent(self) -> bool:
+        """Whether the target is absent where the file has no rows."""
+        return self.gap is not None
 
     def heights(self, steps: int, dt: float) -> Floats | None:
         """(steps + 1,) the height in m at each step; None if the file has no column z."""

@@ -158,10 +158,12 @@ def _of_targets(scenario: Scenario, components: dict[Keys, Any]) -> dict[str, An
 
     sensor = components["sensor",]
     law = sensor.law if isinstance(sensor, Replays) else sensor
-    motions = tuple(components[path] for path, _ in scenario.written(ROLES["motion"]))
+    written = scenario.written(ROLES["motion"])
+    motions = tuple(components[path] for path, _ in written)
     assumes = scenario.tracker.assumes  # type: ignore[attr-defined]
     return {
         "motions": motions,
+        "presence": tuple(model.presence for _, model in written),  # type: ignore[attr-defined]
         "sensor": law,
         "recorded": sensor if isinstance(sensor, Replays) else None,
         "filter_motions": tuple(motion.assumed(assumes.noise_scale) for motion in motions),
@@ -190,6 +192,7 @@ def _issues(scenario: Scenario, setup: TrackingSetup | BeaconSetup, components: 
     if isinstance(setup, TrackingSetup):
         yield from missing_abilities(scenario, setup)
         yield from _other_columns(scenario, setup)
+        yield from _presence_issues(scenario, setup)
 
 
 def _within(path: Keys, named: Keys) -> Keys:
@@ -229,6 +232,30 @@ def _other_columns(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
         if motion.columns != first:
             names = " ".join(motion.columns), " ".join(first)
             yield Issue(path, f"its state is ({names[0]}), the first target's ({names[1]}): all must have the same")
+
+
+def _presence_issues(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
+    """Yield an issue for intervals that are not disjoint and ascending, and for absences where nothing follows them."""
+    from wsnsim.base.setups import NetworkSetup
+
+    for (path, _), intervals in zip(scenario.written(ROLES["motion"]), setup.presence, strict=True):
+        instants = [instant for interval in intervals or () for instant in interval]
+        if sorted(set(instants)) != instants:
+            shown = ", ".join(f"[{begin:g}, {end:g}]" for begin, end in intervals or ())
+            yield Issue(
+                (*path, "presence"),
+                f"intervals in s must be disjoint and ascending, and end after they begin: got {shown}",
+            )
+        if setup.recorded is not None and intervals is not None:
+            yield Issue((*path, "presence"), "readings were recorded: they say when the target was there; remove it")
+    if setup.has_absences and not isinstance(setup, NetworkSetup):
+        yield Issue(
+            scenario.written(ROLES["motion"])[0][0],
+            "a target may be absent, and a filter without a network has no track initiation: it needs a network",
+        )
+    for i, model in enumerate(getattr(scenario.tracker, "models", ())):  # type: ignore[attr-defined]
+        if model.presence is not None:
+            yield Issue(("tracker", "models", i, "presence"), "a mode of a filter has none: targets have")
 
 
 ABSENT: Final = "(absent)"
