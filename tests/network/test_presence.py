@@ -163,7 +163,7 @@ def test_who_runs_it_is_told_of_false_time_and_of_runs_without_a_target():
 @pytest.mark.parametrize(
     ("changes", "place", "said"),
     [
-        ({"presence": [[5, 3]]}, "motion.presence", "disjoint and ascending"),
+        ({"presence": [[5, 3]]}, "motion.presence", "disjoint, ascending"),
         ({"presence": [[2, 5], [5, 7]]}, "motion.presence", "got [2, 5], [5, 7]"),
         ({"presence": [[2, 5, 7]]}, "motion.presence.0", "a list of 2 items, got 3"),
         ({"presence": [["5 m", 7]]}, "motion.presence.0.0", "expected time"),

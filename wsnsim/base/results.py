@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -77,9 +77,7 @@ def absence_columns(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, fl
     return {"time_present": int(rule.present.sum()) * rule.dt, "false_time": int(kept.sum()) * rule.dt}
 
 
-def losses(
-    errors: Floats, window: int, limit: float, dt: float, present: Bools | Literal[True] = True
-) -> dict[str, Any]:
+def losses(errors: Floats, window: int, limit: float, dt: float, present: Bools | bool = True) -> dict[str, Any]:
     """Whether the track is lost at the end, how often and for how long it was lost, and when first.
 
     Only steps count at which the target is `present`, and an absence ends a loss.

@@ -55,9 +55,8 @@ class World(BaseNetwork):
         super().__init__(setup, replicate, conditions, streams, recorder)
         nodes, clock, log, transport = self._nodes, self._clock, self._event_log, self._transport
         self._log = ProtocolLog(clock, log)
-        starts = [bool(np.isfinite(truth[0]).all()) for truth in conditions.truths]
-        each = enumerate(zip(conditions.priors, starts, strict=True))
-        self._tracks = tuple(Track(i, prior, self._env.event(), known) for i, (prior, known) in each)
+        known = [bool(np.isfinite(truth[0, 0])) for truth in conditions.truths]
+        self._tracks = tuple(Track(i, prior, self._env.event(), known[i]) for i, prior in enumerate(conditions.priors))
         points = [
             truth[:, list(motion.position)] for truth, motion in zip(conditions.truths, setup.motions, strict=True)
         ]

@@ -243,16 +243,13 @@ def _presence_issues(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue
         if sorted(set(instants)) != instants:
             shown = ", ".join(f"[{begin:g}, {end:g}]" for begin, end in intervals or ())
             yield Issue(
-                (*path, "presence"),
-                f"intervals in s must be disjoint and ascending, and end after they begin: got {shown}",
+                (*path, "presence"), f"must be disjoint, ascending intervals in s that begin and end: got {shown}"
             )
         if setup.recorded is not None and intervals is not None:
             yield Issue((*path, "presence"), "readings were recorded: they say when the target was there; remove it")
     if setup.has_absences and not isinstance(setup, NetworkSetup):
-        yield Issue(
-            scenario.written(ROLES["motion"])[0][0],
-            "a target may be absent, and a filter without a network has no track initiation: it needs a network",
-        )
+        message = "a target may be absent, and a filter without a network has no track initiation: it needs a network"
+        yield Issue(scenario.written(ROLES["motion"])[0][0], message)
     for i, model in enumerate(getattr(scenario.tracker, "models", ())):  # type: ignore[attr-defined]
         if model.presence is not None:
             yield Issue(("tracker", "models", i, "presence"), "a mode of a filter has none: targets have")

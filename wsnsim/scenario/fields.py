@@ -18,7 +18,7 @@ import dataclasses
 import functools
 import types
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import (
     Annotated,
     Any,
@@ -34,16 +34,7 @@ from typing import (
     get_type_hints,
 )
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    SerializerFunctionWrapHandler,
-    create_model,
-    model_serializer,
-    model_validator,
-)
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_serializer, model_validator
 
 from wsnsim.base import mechanisms, medium_access, network_ports, ports, radio, sleeping
 from wsnsim.base.errors import did_you_mean
@@ -300,10 +291,9 @@ class MotionPartModel(PartModel):
     """The model of a motion, with the fields of `Presence`."""
 
     @model_serializer(mode="wrap")
-    def _without_default(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_default(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Leave out a presence that nobody gave."""
-        values: dict[str, Any] = handler(self)
-        return {name: value for name, value in values.items() if name != "presence" or value is not None}
+        return {name: value for name, value in handler(self).items() if name != "presence" or value is not None}
 
 
 @functools.cache
