@@ -5,23 +5,26 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
 from textwrap import fill
 from typing import Any, NamedTuple
 
+from wsnsim.papers.counts import KINDS, NEVER
+
 DOCS = Path(__file__).parents[1] / "docs"
 PAPERS = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
-KINDS = ("printed numbers", "in words", "derived (not counted)")
-"""What claims are counted among, as `wsnsim.papers.counts` names it."""
-OUTCOME = re.compile(r"(\d+) (reproduced|contradicted|undecided|dependent|undecidable)")
-BEST_LINE = re.compile(r"(\w+) on (\w+): best interval ([\d.]+) s")
+OUTCOMES = ("reproduced", "contradicted", "undecided", "dependent")
+"""The first words of the outcomes of claims."""
+OUTCOME = re.compile(rf"(\d+) ({'|'.join(OUTCOMES)})[a-z ]*(?:\((\d+) of which)?")
+SLEEPING = "[radios that sleep](docs/duty_cycles.md)"
+COUNT_LINE = r"^- {}: (\d+ (?:printed|in words|derived).*); (\d+) readings? counted at most$"
 
 
 def results() -> str:
     """A Markdown list of the results."""
-    found = (reproduction(), fairness(), listening(), information(), recordings())
+    found = (reproduction(), fairness(), listening(rows("duty_cycles")["li"]), information(), recordings())
     return "\n".join(
         fill(each, 118, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False) for each in found
     )
@@ -38,59 +41,67 @@ def rows(name: str) -> Any:
 
 
 def counted(name: str) -> dict[str, Counter[str]]:
-    """The claims of a paper by kind and outcome; without any where all its claims are reconstructions."""
-    found = re.search(rf"^- {name}: (\d+ printed numbers: .*)$", page(name), re.MULTILINE)
-    parts = found[1].split("; ") if found else ()
-    outcomes = {kind: part for part in parts for kind in KINDS if f" {kind}: " in part}
-    return {kind: Counter({word: int(number) for number, word in OUTCOME.findall(outcomes.get(kind, ""))})
-            for kind in KINDS}  # fmt: skip
+    """The claims of a paper by kind and outcome; without any where all its claims are reconstructions.
+
+    'never undecided' are those of them that no number of our runs could have reproduced.
+    """
+    found = re.search(COUNT_LINE.format(name), page(name), re.MULTILINE)
+    counts: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
+    for part in found[1].split("; ") if found else ():
+        kind = next(kind for kind in KINDS if f" {kind.removesuffix('s')}" in part)
+        for number, word, never in OUTCOME.findall(part):
+            counts[kind] += Counter({word: int(number), f"never {word}": int(never or 0)})
+    return counts
 
 
 def readings(name: str) -> int:
-    """The most readings of the paper that a claim was tried with."""
-    found = re.search(rf"^- {name}: \d+ printed numbers: .* (\d+) readings tried at most$", page(name), re.MULTILINE)
-    return int(found[1]) if found else 1
+    """The most readings of the paper that count for a claim."""
+    found = re.search(COUNT_LINE.format(name), page(name), re.MULTILINE)
+    return int(found[2]) if found else 1
 
 
 def total(outcomes: Counter[str]) -> int:
-    """The number of claims: each has one outcome, and those undecidable are among the undecided."""
-    return outcomes.total() - outcomes["undecidable"]
+    """The number of claims, each of which has one outcome."""
+    return sum(outcomes[word] for word in OUTCOMES)
 
 
 def opening(name: str) -> str:
     """How many of a paper's printed numbers, and of the orders that it states, have each outcome."""
     numbers, words, derived = (counted(name)[kind] for kind in KINDS)
-    parts = [f"{total(found)} {what}: {_outcomes(found)}"
+    parts = [f"{total(found)} {what}: {_outcomes(found, ('contradicted', 'undecided'))}"
              for found, what in ((numbers, "printed numbers"), (words, "orders and relations stated in words"))
-             if total(found)]  # fmt: skip
+             if total(found)] or ["nothing"]  # fmt: skip
     said = [f"**Counted:** {'; '.join(parts)}."]
     if total(derived):
         said += [f"{total(derived)} that follow from printed numbers are shown and not counted."]
     if readings(name) > 1:
-        said += [f"A number was tried in up to {readings(name)} readings."]
+        said += [f"Up to {readings(name)} readings of a claim are counted."]
     return fill(" ".join([*said, "[The rule](../verdicts.md#what-is-counted)."]), 140, break_on_hyphens=False)
 
 
-def _outcomes(found: Counter[str]) -> str:
-    """The outcomes of claims in words."""
-    never = f" ({found['undecidable']} at any number of our runs)" if found["undecidable"] else ""
-    numbers = ((found["reproduced"], "reproduced"), (found["contradicted"], "contradicted"),
-               (found["undecided"], f"undecided{never}"), (found["dependent"], "depend on the reading"))  # fmt: skip
-    return ", ".join(f"{number} {word}" for number, word in numbers if number)
+def _outcomes(found: Counter[str], never: Sequence[str] = ("undecided",)) -> str:
+    """The outcomes of claims in words; of those in `never`, how many no number of our runs could have reproduced."""
+    parts = []
+    for word in filter(found.get, OUTCOMES):
+        among = found[f"never {word}"] if word in never else 0
+        words = "dependent on the reading" if word == "dependent" else word
+        said = NEVER if word == "contradicted" else "at any number of our runs"
+        parts.append(f"{found[word]} {words}" + (f" ({among} {said})" if among else ""))
+    return ", ".join(parts)
 
 
 def outcome_table() -> str:
     """A row per paper: its printed numbers and what it states in words, by outcome."""
-    heads = ["paper", "printed numbers", "reproduced", "contradicted", "undecided (at any number of our runs)",
-             "depend on the reading", "in words", "reproduced", "contradicted", "undecided",
-             "readings tried"]  # fmt: skip
+    heads = ["paper", "printed numbers", "reproduced", "contradicted (at no number of our runs reproduced)",
+             "undecided (at any number of our runs)",
+             "dependent on the reading", "in words", "reproduced", "contradicted", "undecided",
+             "dependent on the reading", "readings counted"]  # fmt: skip
     rows = [heads, ["---"] * len(heads)]
     for name in PAPERS:
         numbers, words, _ = (counted(name)[kind] for kind in KINDS)
-        values = [total(numbers), numbers["reproduced"], numbers["contradicted"],
-                  f"{numbers['undecided']} ({numbers['undecidable']})", numbers["dependent"], total(words),
-                  words["reproduced"], words["contradicted"], words["undecided"] + words["dependent"],
-                  readings(name)]  # fmt: skip
+        both = [f"{numbers[word]} ({numbers[f'never {word}']})" for word in ("contradicted", "undecided")]
+        values = [total(numbers), numbers["reproduced"], *both, numbers["dependent"], total(words),
+                  *(words[word] for word in OUTCOMES), readings(name)]  # fmt: skip
         rows.append([f"[{_titled(name)}]({name}.md)", *map(str, values)])
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
@@ -135,12 +146,6 @@ def measured(name: str, quantity: str) -> dict[str, float]:
     return found
 
 
-def best_of(line: str) -> tuple[str, str, str]:
-    """Tracker, MAC and interval of a line on a best interval."""
-    tracker, mac, interval = BEST_LINE.match(line).groups()
-    return tracker, mac, interval
-
-
 def reproduction() -> str:
     """How many printed numbers, and orders in words, of each paper come out."""
     numbers, words = (
@@ -156,7 +161,7 @@ def reproduction() -> str:
 def _short(name: str, kind: str) -> str:
     """The outcomes of a paper's claims of a kind in short."""
     found = counted(name)[kind]
-    return f"{_titled(name)} {_outcomes(Counter({**found, 'undecidable': 0}))}"
+    return f"{_titled(name)} {_outcomes(found)}"
 
 
 def fairness() -> str:
@@ -169,23 +174,25 @@ def fairness() -> str:
     )
 
 
-def listening() -> str:
+def listening(li: Mapping[str, Any]) -> str:
     """What Li's field pays and gets on CSMA and at the best intervals: energy, latency, deliveries and error."""
-    li = rows("duty_cycles")["li"]
-    csma = {name.partition(",")[0]: row for name, row in li["rows"].items() if name.endswith(", csma")}
-    best = {tracker + mac: li["rows"][f"{tracker}, {mac} {float(interval) * (100 if mac == 'tsch' else 1000):g}"]
-            for tracker, mac, interval in map(best_of, li["best"])}  # fmt: skip
-    spent = [[row["energy, J"][0] for row in some.values()] for some in (csma, best)]
-    pairs = [(row, csma[tracker]) for key, row in best.items() for tracker in csma if key.startswith(tracker)]
+    found, points = li["rows"], li["best_points"]
+    spent = _range([found[name]["energy, J"][0] for name in dict.fromkeys(one["csma"] for one in points)], ".0f")
+    pairs = [(found[one["point"]], found[one["csma"]]) for one in points if one["point"]]
+    none = f"{len(points) - len(pairs)} of {len(points)} pairs of tracker and MAC"
+    said = (
+        f"**Listening costs more than tracking.** On radios that always listen, trackers of one field spend {spent} J; "
+    )
+    if not pairs:
+        return f"{said}no interval of X-MAC, ContikiMAC and TSCH is usable there: {SLEEPING}."
     later = [one["latency at the head, s"][0] - other["latency at the head, s"][0] for one, other in pairs]
     fewer = [100.0 * (other["delivered"][0] - one["delivered"][0]) for one, other in pairs]
     errors = [one["RMSE of a run, m"][0] / other["RMSE of a run, m"][0] for one, other in pairs]
     return (
-        f"**Listening costs more than tracking.** On radios that always listen, four trackers of one field spend "
-        f"{min(spent[0]):.0f} to {max(spent[0]):.0f} J; on X-MAC, ContikiMAC and TSCH at their best intervals "
-        f"{min(spent[1]):.0f} to {max(spent[1]):.0f} J. There, estimates come {_range(later, '.1f')} s later, "
-        f"{_range(fewer, '.0f')} percentage points fewer reports arrive, and the median RMSE is "
-        f"{_range(errors, '.2f')} times as large: [radios that sleep](docs/duty_cycles.md)."
+        f"{said}on X-MAC, ContikiMAC and TSCH at their best intervals "
+        f"{_range([one['energy, J'][0] for one, _ in pairs], '.0f')} J. There, estimates come {_range(later, '.1f')} s "
+        f"later, {_range(fewer, '.0f')} percentage points fewer reports arrive, and the median RMSE is "
+        f"{_range(errors, '.2f')} times as large. {none} have no usable interval: {SLEEPING}."
     )
 
 

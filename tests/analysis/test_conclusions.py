@@ -76,7 +76,7 @@ def test_the_p_values_of_losses_and_errors_of_all_pairs_are_one_family() -> None
         least = found[["p_holm", "p_losses_holm"]].to_numpy().min()
         assert least == pytest.approx(min(1.0, 2 * pairs * p.min()))
         said += least <= 0.05
-    assert said <= 29, "at most 5 % of 400 null comparisons, and three standard deviations"
+    assert said <= 29, "at most 5 % of 400 null comparisons, and two standard deviations"
 
 
 def test_losses_are_compared_first_and_errors_on_the_runs_that_both_survive() -> None:

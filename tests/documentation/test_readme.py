@@ -6,9 +6,11 @@ import re
 
 import pytest
 
+from tests import readme_results
 from tests.documentation.pages_of_docs import ROOT, block, text
 from tests.readme import BLOCKS, spliced
-from tests.readme_results import KINDS, PAPERS, best_of, counted, measured, results, total
+from tests.readme_results import OUTCOMES, PAPERS, counted, listening, measured, outcome_table, results, total
+from wsnsim.papers.counts import KINDS
 
 README = text("README.md")
 ROWS = [line for line in README.splitlines() if line.startswith("|")]
@@ -37,16 +39,48 @@ def test_openings_of_pages_and_the_table_of_papers_are_made_from_the_rows_of_the
             outcomes = [row[-1] for row in rows if row[2] == kind]
             said = counted(name)[kind]
             assert len(outcomes) == total(said)
-            assert outcomes.count("contradicted") == said["contradicted"]
-            assert outcomes.count("reproduced") == said["reproduced"]
-            assert sum(each.startswith("undecidable at ") for each in outcomes) == said["undecidable"]
+            for word in OUTCOMES:
+                members = [each for each in outcomes if each.startswith(word)]
+                assert len(members) == said[word]
+                assert sum("cannot be reproduced at " in each for each in members) == said[f"never {word}"]
 
 
 def test_figures_of_results_are_taken_from_the_pages_as_they_stand():
     assert total(counted("jiang2013")["printed numbers"]) + total(counted("jiang2013")["in words"]) > 9
     rmse = measured("jiang2013", "RMSE, m")
     assert list(rmse)[:3] == ["pso_mhpf", "ipf", "ppf"] and rmse["ppf"] > 10 * rmse["ppf, noise x100"]
-    assert best_of("ris on xmac: best interval 0.25 s [0.125, 0.25], 10.96 J") == ("ris", "xmac", "0.25")
+
+
+def test_outcomes_are_read_from_a_count_line_and_words_that_depend_on_the_reading_have_a_column(monkeypatch):
+    line = ("- wei2022: 9 printed numbers: 7 contradicted (3 of which no number of our runs could have reproduced), "
+            "2 undecided (1 of which no number of our runs could have reproduced); "
+            "3 in words: 2 undecided, 1 dependent on the reading; 8 readings counted at most")  # fmt: skip
+    monkeypatch.setattr(readme_results, "page", lambda name: line)
+    monkeypatch.setattr(readme_results, "PAPERS", ("wei2022",))
+    numbers, words, derived = counted("wei2022").values()
+    assert numbers == {"contradicted": 7, "never contradicted": 3, "undecided": 2, "never undecided": 1}
+    assert words == {"undecided": 2, "dependent": 1} and total(numbers) == 9 and not derived
+    cells = "9 | 0 | 7 (3) | 2 (1) | 0 | 3 | 0 | 0 | 2 | 1 | 8 |"
+    assert outcome_table().splitlines()[-1] == f"| [Wei 2022](wei2022.md) | {cells}"
+    assert "7 contradicted (3 of which no number of our runs could have reproduced)" in readme_results.opening(
+        "wei2022"
+    ).replace("\n", " ")
+    assert "Wei 2022 7 contradicted, 2 undecided (1 at any number of our runs)." in readme_results.reproduction()
+
+
+@pytest.mark.parametrize(("usable", "said"), [(2, "0 of 2 pairs"), (1, "1 of 2 pairs"), (0, "no interval of X-MAC")])
+def test_pairs_of_tracker_and_mac_without_a_usable_interval_are_counted(usable, said):
+    def row(energy, delivered):
+        return {"energy, J": [energy], "latency at the head, s": [energy / 10], "delivered": [delivered],
+                "RMSE of a run, m": [2.0]}  # fmt: skip
+
+    li = {"rows": {"gmtt, csma": row(600.0, 0.9), "gmtt, xmac 125": row(20.0, 0.8)}, "best_points": [
+        {"tracker": "gmtt", "mac": mac, "csma": "gmtt, csma", "point": "gmtt, xmac 125" if number < usable else ""}
+        for number, mac in enumerate(("xmac", "tsch"))
+    ]}  # fmt: skip
+    sentence = listening(li)
+    assert said in sentence and "600 to 600 J" in sentence
+    assert ("20 to 20 J" in sentence and "10 to 10 percentage points fewer" in sentence) is (usable > 0)
 
 
 def test_every_link_leads_to_a_file_that_exists():

@@ -35,8 +35,10 @@ def lognormal(spread, runs=2000):
         (["within a factor of two"], "contradicted"),
         (["does not reproduce", "cannot: beyond the bound"], "contradicted"),
         (["too few runs", "compatible"], "undecided"),
-        (["reproduces", "compatible"], "dependent on the reading"),
+        (["reproduces", "compatible"], "undecided"),
+        (["does not reproduce", "compatible", "too few runs"], "undecided"),
         (["does not reproduce", "reproduces", "reproduces"], "dependent on the reading"),
+        (["does not reproduce", "reproduces", "compatible"], "dependent on the reading"),
     ],
 )
 def test_rows_of_one_printed_number_in_several_experiments_are_readings_of_it(verdicts, outcome):
@@ -44,8 +46,16 @@ def test_rows_of_one_printed_number_in_several_experiments_are_readings_of_it(ve
     (claim,) = counted_claims([*rows, row("reproduces", literal=False), row("reproduces", paired=True)])
     assert claim.outcome == outcome and len(claim.rows) == len(verdicts)
     line = count_line([claim])
-    assert line.startswith("1 printed numbers: ") and f"1 {outcome}" in line
-    assert line.endswith(f"; {len(verdicts)} readings tried at most")
+    assert line == f"1 printed number: 1 {outcome}; {len(verdicts)} reading{'s'[: len(verdicts) - 1]} counted at most"
+
+
+def test_kinds_without_claims_are_left_out_and_claims_have_the_number_of_readings_with_another_outcome():
+    rows = [row(verdict, experiment=str(number), where="section 3", key=key)
+            for key, verdicts in (("pf < gpf", ("reproduces", "undecided", "undecided")), ("pf < ekf", ("reproduces",)))
+            for number, verdict in enumerate(verdicts)]  # fmt: skip
+    claims = counted_claims(rows)
+    assert count_line(claims) == "2 in words: 1 reproduced, 1 undecided; 3 readings counted at most"
+    assert [claim_cells(claim)[-1] for claim in claims] == ["undecided (reproduced under 1 of 3)", "reproduced"]
 
 
 def test_printed_numbers_orders_in_words_and_what_follows_from_printed_numbers_are_told_apart():
@@ -60,10 +70,19 @@ def test_printed_numbers_orders_in_words_and_what_follows_from_printed_numbers_a
     assert set(OUTCOMES) == set(RULE) - {"not judged"}
 
 
-def test_what_more_runs_may_decide_is_not_called_undecidable():
-    wide, narrow = counted_claims([row(TOO_WIDE), row(NARROW, "pf, 100")])
-    assert claim_cells(wide)[-1] == "undecidable at 50 published runs" and claim_cells(narrow)[-1] == "undecided"
-    assert ": 2 undecided (1 undecidable);" in count_line([wide, narrow])
+def test_undecided_and_contradicted_numbers_that_could_not_have_reproduced_are_told_from_those_that_more_runs_decide():
+    far = TOO_WIDE._replace(verdict="does not reproduce")
+    rows = [row(TOO_WIDE), row(NARROW, "pf, 100"), row(far, "pf, 200", published_runs_assumed=True),
+            row("does not reproduce", "gpf, 50")]  # fmt: skip
+    claims = counted_claims(rows)
+    assert [claim_cells(claim)[-1] for claim in claims] == [
+        "undecided; cannot be reproduced at 50 published runs", "undecided",
+        "contradicted; cannot be reproduced at 50 published runs (assumed)", "contradicted",
+    ]  # fmt: skip
+    never = "(1 of which no number of our runs could have reproduced)"
+    assert f": 2 contradicted {never}, 2 undecided {never};" in count_line(claims)
+    (either,) = counted_claims([rows[0], row(NARROW, experiment="another reading")])
+    assert not either.undecidable
 
 
 @pytest.mark.parametrize(("spread", "runs", "undecidable"), [(0.4, 50, True), (0.2, 100, False), (0.8, 0, False)])

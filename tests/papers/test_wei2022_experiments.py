@@ -62,12 +62,18 @@ def test_table_2_is_as_printed(name):
 def test_every_pair_of_filters_of_a_table_is_compared_by_the_statistic_that_the_table_prints():
     """Table 1 is the RMSE of a run (eq. 17) averaged over runs, table 2 the RMSE over runs and steps."""
     pairs = {("cs_pf", "pf"), ("ics_pf", "pf"), ("ics_pf", "cs_pf")}
-    found = {(c.variant, c.other, c.measure) for c in EXPERIMENTS["table_1"].claims if c.other and c.where == "table 1"}
+    found = {(c.variant, c.other, c.measure) for c in EXPERIMENTS["table_1"].claims
+             if c.other and c.where in ("table 1", "figures 1 to 4")}  # fmt: skip
     assert found == {(f"{one}, {n}", f"{other}, {n}", "per_run_rmse:x") for one, other in pairs for n in (30, 60, 100)}
     assert {c.measure for c in values(EXPERIMENTS["table_1"]) if c.id == "rmse"} == {"per_run_rmse:x"}
-    for columns, where in ((("px", "py"), "table 2"), (("vx", "vy"), "figures 9 and 10")):
-        found = {(c.variant, c.other, c.measure) for c in EXPERIMENTS["table_2"].claims if c.other and c.where == where}
-        assert found == {(one, other, f"column:{column}") for one, other in pairs for column in columns}
+    stated = pairs - {("ics_pf", "pf")}  # which follows from the others
+    for name in ("table_2", "table_2_r_0_01", "table_2_r_0_1", "table_2_r_10"):
+        for columns, where, those in (
+            (("px", "py"), "section 4.2", stated), (("vx", "vy"), "figures 9 and 10", stated),
+            (("px", "py", "vx", "vy"), "table 2", pairs - stated),
+        ):  # fmt: skip
+            found = {(c.variant, c.other, c.measure) for c in EXPERIMENTS[name].claims if c.other and c.where == where}
+            assert found == {(one, other, f"column:{column}") for one, other in those for column in columns}
 
 
 def test_the_ratios_of_ics_pf_to_its_rivals_are_those_of_the_tables_and_judged_by_their_statistics():

@@ -18,6 +18,7 @@ from wsnsim.papers.reproduction import FROM, LESS_THAN, ClaimRow
 from wsnsim.papers.verdicts import Verdict
 
 Kind = Literal["printed numbers", "in words", "derived (not counted)"]
+KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 Outcome = Literal["reproduced", "contradicted", "undecided", "dependent on the reading"]
 OUTCOMES: Final[Mapping[Verdict, Outcome]] = {
     "reproduces": "reproduced",
@@ -25,6 +26,8 @@ OUTCOMES: Final[Mapping[Verdict, Outcome]] = {
     **dict.fromkeys(("within a factor of two", "does not reproduce", "cannot: beyond the bound"), "contradicted"),
 }
 """What each verdict says of a claim; the others say nothing."""
+NEVER: Final = "of which no number of our runs could have reproduced"
+"""Said of how many claims of an outcome are undecidable."""
 
 
 class CountedClaim(NamedTuple):
@@ -35,14 +38,21 @@ class CountedClaim(NamedTuple):
 
     @property
     def outcome(self) -> Outcome:
-        """What all readings say, if they say the same."""
-        found = {OUTCOMES[row.verdict] for row in self.rows}
-        return found.pop() if len(found) == 1 else "dependent on the reading"
+        """What all readings say, if they say the same; dependent only if one reproduces and another one contradicts."""
+        if len(self.by_reading) == 1:
+            return next(iter(self.by_reading))
+        apart = {"reproduced", "contradicted"} <= self.by_reading.keys()
+        return "dependent on the reading" if apart else "undecided"
+
+    @property
+    def by_reading(self) -> Counter[Outcome]:
+        """The number of readings with each outcome."""
+        return Counter(OUTCOMES[row.verdict] for row in self.rows)
 
     @property
     def undecidable(self) -> bool:
-        """Whether it is undecided, and so few runs are published that it cannot reproduce with any number of ours."""
-        return self.outcome == "undecided" and all(row.judgement.undecidable for row in self.rows)
+        """Whether so few runs are published that no number of ours could have reproduced it under any reading."""
+        return "reproduced" not in self.by_reading and all(row.judgement.undecidable for row in self.rows)
 
 
 def counted_claims(rows: Sequence[ClaimRow]) -> list[CountedClaim]:
@@ -64,12 +74,19 @@ def _kind(row: ClaimRow) -> Kind:
 
 def count_line(claims: Sequence[CountedClaim]) -> str:
     """How many printed numbers of a paper, and of its claims in words, have each outcome."""
-    parts = [_part(kind, [claim for claim in claims if claim.kind == kind]) for kind in get_args(Kind)]
-    return f"{'; '.join(parts)}; {max(len(claim.rows) for claim in claims)} readings tried at most"
+    kinds = {kind: [claim for claim in claims if claim.kind == kind] for kind in KINDS}
+    readings = max(len(claim.rows) for claim in claims)
+    parts = [_part(kind, members) for kind, members in kinds.items() if members]
+    return f"{'; '.join(parts)}; {readings} reading{'s' if readings > 1 else ''} counted at most"
 
 
 def _part(kind: Kind, claims: Sequence[CountedClaim]) -> str:
     """How many claims of a kind have each outcome."""
-    found, never = Counter(claim.outcome for claim in claims), sum(claim.undecidable for claim in claims)
-    outcomes = ", ".join(f"{found[outcome]} {outcome}" for outcome in get_args(Outcome) if found[outcome]) or "none"
-    return f"{len(claims)} {kind}: {outcomes}" + (f" ({never} undecidable)" if never else "")
+    found = Counter(claim.outcome for claim in claims)
+    never = Counter(claim.outcome for claim in claims if claim.undecidable)
+    outcomes = [
+        f"{found[outcome]} {outcome}" + (f" ({never[outcome]} {NEVER})" if never[outcome] else "")
+        for outcome in get_args(Outcome) if found[outcome]
+    ]  # fmt: skip
+    words = kind.replace("numbers", "number") if len(claims) == 1 else kind
+    return f"{len(claims)} {words}: {', '.join(outcomes)}"

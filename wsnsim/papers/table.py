@@ -31,9 +31,7 @@ ABOUT: Final = "about"
 ASSUMED: Final = "assumed"
 NOWHERE: Final = "no value in any run"
 UNDECIDABLE: Final = "undecidable"
-WORDS_UNDECIDABLE: Final = (
-    "so few runs are published that no number of ours can reproduce the value; elsewhere more of ours may decide"
-)
+WORDS_UNDECIDABLE: Final = "the paper's runs are too few: even with unlimited runs of ours the value cannot reproduce"
 WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
 WORDS_UNCOUNTED: Final = "on a repair or on another reading of the paper; not counted among its claims"
 WORDS_RUNS: Final = "ours / those behind the published value"
@@ -243,8 +241,20 @@ def claim_cells(claim: CountedClaim) -> tuple[str, ...]:
     """The cells of a claim, by CLAIM_HEADS."""
     row = claim.rows[0]
     ratios = "; ".join(ends(one.judgement.low, one.judgement.high).strip() or "-" for one in claim.rows)
-    outcome = f"undecidable at {row.published_runs} published runs" if claim.undecidable else claim.outcome
-    return row.quantity, row.variant, claim.kind, _number(row.published), ratios, outcome
+    return row.quantity, row.variant, claim.kind, _number(row.published), ratios, _outcome(claim)
+
+
+def _outcome(claim: CountedClaim) -> str:
+    """The outcome of a claim, under how many readings others hold, and whether it could have reproduced at all."""
+    row, found, readings = claim.rows[0], claim.by_reading, len(claim.rows)
+    apart = [
+        f"{one} under {found[one]} of {readings}" for one in ("reproduced", "contradicted") if 0 < found[one] < readings
+    ]
+    outcome = claim.outcome + (f" ({', '.join(apart)})" if apart else "")
+    if not claim.undecidable:
+        return outcome
+    assumed = f" ({ASSUMED})" if row.published_runs_assumed else ""
+    return f"{outcome}; cannot be reproduced at {row.published_runs} published runs{assumed}"
 
 
 def _tables(rows: Sequence[ClaimRow]) -> Iterator[str]:
