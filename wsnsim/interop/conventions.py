@@ -81,13 +81,14 @@ USUALLY: Final = Conventions()
 
 def plain(name: str) -> str:
     """A column's name without case and without a unit in brackets; blanks and points become underscores."""
-    return re.sub(r"[\s.\-]+", "_", re.sub(r"\s*[\[(].*[\])]$", "", name).strip().casefold())
+    bare = re.split(r"[\[(]", name, maxsplit=1)[0] if name.endswith((")", "]")) else name
+    return re.sub(r"[\s.\-]+", "_", bare.strip().casefold())
 
 
 def unit_in(name: str) -> str:
     """The unit that a header states in brackets, such as 'range [mm]'; '' if it states none that we know."""
-    found = re.search(r"[\[(]\s*([^\s\])]+)\s*[\])]$", name)
-    return found[1] if found and parse(found[1]) is not None else ""
+    unit = re.split(r"[\[(]", name[:-1])[-1].strip() if name.endswith((")", "]")) else ""
+    return unit if unit and parse(unit) is not None else ""
 
 
 def column_roles(path: str, names: Sequence[str], wanted: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:

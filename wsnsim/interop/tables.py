@@ -29,7 +29,10 @@ SAMPLE: Final = 50
 """Lines from which separator, decimal sign and header are recognised."""
 SEPARATORS: Final = (";", "\t", ",", "|", r"\s+")
 COMMENTS: Final = ("#", "%", "//")
-DECIMALS: Final = re.compile(r"[-+]?\d+,\d+"), re.compile(r"[-+]?\d*\.\d+")
+DECIMAL_COMMA: Final = re.compile(r"[-+]?\d+,\d+")
+DECIMAL_POINT: Final = re.compile(r"[-+]?\d*\.\d+")
+WIDTHS: Final = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")
+"""What pandas says of a row that is longer than others."""
 NUMBER: Final = re.compile(
     r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?|[-+]?(nan|inf)|(\d{4}-\d\d-\d\d[T ]?\S*)", re.I
 )
@@ -108,7 +111,7 @@ def _of_text(path: str, columns: Sequence[str], texts: Callable[[str], bool]) ->
     data = [i for i, line in enumerate(head) if line.strip() and not line.lstrip().startswith(COMMENTS)]
     first = data[0] if data else len(head)
     separator, rows = _split([line for line in head[first:] if line.strip()], len(columns))
-    commas, points = (any(form.fullmatch(cell) for row in rows for cell in row) for form in DECIMALS)
+    commas, points = (any(form.fullmatch(cell) for row in rows for cell in row) for form in (DECIMAL_COMMA, DECIMAL_POINT))
     if not columns and _is_headless(rows):
         raise UsageError(f"{path}:{first + 1}: the file has no header: name its {len(rows[0])} columns in their order, "
                          "such as --columns time,node,reading")  # fmt: skip
@@ -137,7 +140,7 @@ def _is_headless(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _not_a_table(path: str, error: Exception) -> RunError:
-    found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+    found = WIDTHS.search(str(error))
     if not found:
         return RunError(f"{path}: contains no table ({str(error).strip()[:120]})")
     return RunError(f"{path}:{found[2]}: has {found[3]} columns, the lines above have {found[1]}")
