@@ -323,8 +323,11 @@ class TdmaMechanism:
 
 
 def _late(burst: Burst) -> Burst:
-    """The burst of a member for which the head does not wait: a copy, which is sent, while the burst itself is lost."""
-    copy = replace(burst)
+    """The burst of a member for which the head does not wait: a copy, which is sent, while the burst itself is lost.
+
+    The event log calls it late, since the tracker does not use what it brings.
+    """
+    copy = replace(burst, parcel=replace(burst.parcel, what=f"late {burst.parcel.what}"))
     burst.lose()
     return copy
 
