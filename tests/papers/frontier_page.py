@@ -142,7 +142,7 @@ def _on_real_radio(data: Data, variant: str) -> dict[str, Any]:
     (total,) = (one for one in strategies(data) if one.variant == variant)
     figure = real_radio.on_a_seed(data, variant, total)
     return {
-        "in_time": figure.in_time, "lost": figure.lost, "over_bound": figure.over_bound,
+        "in_time": figure.in_time, "lost": real_radio.clopper_pearson(*figure.lost), "over_bound": figure.over_bound,
         "rmse": _median(data, variant, "rmse"), "energy": hypotheses.mean_of_runs(data, variant, "energy"),
         "cpu": float(data.of(variant, "runs")["cpu_seconds"].mean()),
     }  # fmt: skip

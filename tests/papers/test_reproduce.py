@@ -279,9 +279,7 @@ def test_markdown_has_the_main_rows_alone_and_nothing_in_them_is_markup():
     assert r"### jiang2013, figures\_4\_to\_9" in said.splitlines()
     assert r"| a\_b | 2 | 1.5 [1, 2] | 0.5 u | reproduces | 10 | 10 % |" in said.splitlines()
     assert "Why: because." in said.splitlines() and "**unheard" not in said
-    assert "- jiang2013: 2 printed numbers: 2 reproduced; " in said, (
-        "of all claims, not of main rows alone"
-    )
+    assert "- jiang2013: 2 printed numbers: 2 reproduced; " in said, "of all claims, not of main rows alone"
     assert f"- reproduces: {RULE['reproduces']}" in said and "cannot" not in said
     assert table.markdown([]) == table.markdown([row(paper="x")]) == "No main row belongs to the chosen experiments."
 
