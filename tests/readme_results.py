@@ -92,8 +92,8 @@ def _outcomes(found: Counter[str], never: Sequence[str] = ("undecided",)) -> str
 
 def outcome_table() -> str:
     """A row per paper: its printed numbers and what it states in words, by outcome."""
-    heads = ["paper", "printed numbers", "reproduced", "contradicted (at no number of our runs reproduced)",
-             "undecided (at any number of our runs)",
+    heads = ["paper", "printed numbers", "reproduced", "contradicted (out of reach)",
+             "undecided (out of reach)",
              "dependent on the reading", "in words", "reproduced", "contradicted", "undecided",
              "dependent on the reading", "readings counted"]  # fmt: skip
     rows = [heads, ["---"] * len(heads)]
