@@ -217,8 +217,8 @@ def frontier_opening() -> str:
     return fill(
         f"On the ideal radio `information_driven` has a median RMSE of {_of(ours['rmse'])} m, {_of(ours['medians'])} "
         f"times the median bound (pooled over runs and steps: {_of(ours['pooled'])}), for {_of(ours['energy'])} J. "
-        f"Of {ours['runs']} runs, {ours['lost']} lost the target. On the CC2420 whose idle slots are kept, estimates in "
-        f"time on three seeds: {said}.", 140, break_on_hyphens=False,
+        f"Of {ours['runs']} runs, {ours['lost']} lost the target. On the CC2420 with kept slots, estimates in time "
+        f"on three seeds: {said}.", 140, break_on_hyphens=False,
     )  # fmt: skip
 
 
