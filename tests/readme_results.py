@@ -179,7 +179,8 @@ def listening(li: Mapping[str, Any]) -> str:
     found, points = li["rows"], li["best_points"]
     spent = _range([found[name]["energy, J"][0] for name in dict.fromkeys(one["csma"] for one in points)], ".0f")
     pairs = [(found[one["point"]], found[one["csma"]]) for one in points if one["point"]]
-    none = f"{len(points) - len(pairs)} of {len(points)} pairs of tracker and MAC"
+    unusable = len(points) - len(pairs)
+    none = f"; {unusable} of {len(points)} pairs of tracker and MAC have no usable interval" if unusable else ""
     said = (
         f"**Listening costs more than tracking.** On radios that always listen, trackers of one field spend {spent} J; "
     )
@@ -192,7 +193,7 @@ def listening(li: Mapping[str, Any]) -> str:
         f"{said}on X-MAC, ContikiMAC and TSCH at their best intervals "
         f"{_range([one['energy, J'][0] for one, _ in pairs], '.0f')} J. There, estimates come {_range(later, '.1f')} s "
         f"later, {_range(fewer, '.0f')} percentage points fewer reports arrive, and the median RMSE is "
-        f"{_range(errors, '.2f')} times as large. {none} have no usable interval: {SLEEPING}."
+        f"{_range(errors, '.2f')} times as large{none}: {SLEEPING}."
     )
 
 
