@@ -50,6 +50,8 @@ def run_times(_: str = "") -> str:
     rows = ["| command | experiments | Monte Carlo runs | processor time of the runs |", "| --- | --- | --- | --- |"]
     for page in PAGES:
         folders = sorted(place.parent for place in (CAMPAIGNS / page).glob("*/campaign.json"))
+        if not folders:
+            continue
         runs = [wsnsim.read(folder, "runs", ["replicate", "cpu_seconds"]) for folder in folders]
         minutes = sum(run["cpu_seconds"].sum() for run in runs) / 60.0
         command = f"`wsnsim reproduce {page} --full`"
