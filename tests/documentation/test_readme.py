@@ -68,7 +68,9 @@ def test_outcomes_are_read_from_a_count_line_and_words_that_depend_on_the_readin
     assert "Wei 2022 7 contradicted, 2 undecided (1 at any number of our runs)." in readme_results.reproduction()
 
 
-@pytest.mark.parametrize(("usable", "said"), [(2, "times as large: ["), (1, "1 of 2 pairs"), (0, "no interval of X-MAC")])
+@pytest.mark.parametrize(
+    ("usable", "said"), [(2, "times as large: ["), (1, "1 of 2 pairs"), (0, "no interval of X-MAC")]
+)
 def test_pairs_of_tracker_and_mac_without_a_usable_interval_are_counted(usable, said):
     def row(energy, delivered):
         return {"energy, J": [energy], "latency at the head, s": [energy / 10], "delivered": [delivered],
