@@ -58,6 +58,7 @@ ENRICHED: Final[dict[tuple[str, str], dict[str, Any]]] = {
     ("sensor", "rssi"): {"noise": "student_t", "shadowing": 2.0},
     ("detection", "imperfect"): {"stuck": 0.3},
     ("link", "log_normal"): {"interference": "sinr"},
+    ("mac", "tdma"): {"idle_slots": "skipped"},
 }
 """Values with which other parameters of a kind have an effect."""
 REASONS: Final[dict[str, dict[str, str]]] = {
