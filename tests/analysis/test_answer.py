@@ -52,7 +52,9 @@ SHIPPED = [
     ("ungm_pf", 5, [],
      "Over # runs the filter has a time-averaged RMSE of #, # times the trajectory-conditional CRLB of #; "
      + OF_FILTER),
-    ("indoor_pf", 5, [], f"The target was followed in all # runs, with {BOUND}; {OF_FILTER}"),
+    ("indoor_pf", 5, [],
+     f"The target was lost {SHOWN_RULE} in # of # runs; the other # have {ERROR} (# m over all runs), # times the"
+     f" trajectory-conditional CRLB of # m; {OF_FILTER}"),
     ("range_pf", 4, [],
      f"The target was lost {SHOWN_RULE} in all # runs (and found again in # of these), with {BOUND}; {OF_FILTER}"),
     ("recorded_pf", 1, ["duration=20 s"],

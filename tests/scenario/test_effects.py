@@ -59,6 +59,7 @@ ENRICHED: Final[dict[tuple[str, str], dict[str, Any]]] = {
     ("sensor", "range"): {"blocked": 0.3},
     ("detection", "imperfect"): {"stuck": 0.3},
     ("link", "log_normal"): {"interference": "sinr"},
+    ("mac", "tdma"): {"idle_slots": "skipped"},
 }
 """Values with which other parameters of a kind have an effect."""
 REASONS: Final[dict[str, dict[str, str]]] = {
