@@ -66,6 +66,7 @@ REASONS: Final[dict[str, dict[str, str]]] = {
     "deploy": {
         "* cover": "these fields are covered, or may be uncovered, anyway",
         "* draws": "a limit that is not reached",
+        "network file count_from": "it names nodes, to which only recorded data refer",
         "standalone file *": "the field of a file matters to clusters, coverage and trackers that use it",
         "workload file *": "the field of a file matters to clusters, coverage and trackers that use it",
         "workload anchors *": "the field of a list matters to clusters, coverage and trackers that use it",
