@@ -59,7 +59,6 @@ ENRICHED: Final[dict[tuple[str, str], dict[str, Any]]] = {
     ("sensor", "range"): {"blocked": 0.3},
     ("detection", "imperfect"): {"stuck": 0.3},
     ("link", "log_normal"): {"interference": "sinr"},
-    ("mac", "tdma"): {"idle_slots": "skipped"},
 }
 """Values with which other parameters of a kind have an effect."""
 REASONS: Final[dict[str, dict[str, str]]] = {
@@ -111,6 +110,7 @@ REASONS: Final[dict[str, dict[str, str]]] = {
         "* recorded *": "the two nodes hear each other throughout the recording",
     },
     "mac": {
+        "network tdma contention": "rounds of kept slots are a step apart, which is longer",
         "network * max_psdu": "no frame is so long",
         "* [sl]ifs": "no frame follows another at once",
         "* sifs_bytes": "no frame follows another at once",
