@@ -19,7 +19,7 @@ from wsnsim.scenario.registry import ROLES, load_class
 from wsnsim.testing import check_motion, check_sensor
 
 MOTIONS = [row for row in ROLES["motion"].kinds if row.kind not in ("waypoints", "recorded_track")]
-SENSORS = [row for row in ROLES["sensor"].kinds if row.kind != "recorded"]
+SENSORS = [row for row in ROLES["sensor"].kinds if row.kind not in ("recorded", "quantised")]
 
 
 @pytest.mark.parametrize("row", MOTIONS, ids=lambda row: row.kind)

@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.optional_ports import (
         Announces as Announces, ConstantGaussian as ConstantGaussian, Continuous as Continuous, Detects as Detects,
-        ForecastsSuccession as ForecastsSuccession, Foresees as Foresees, HasHeights as HasHeights,
-        Informs as Informs, IsShadowed as IsShadowed, LimitsReadings as LimitsReadings,
+        FewReadings as FewReadings, ForecastsSuccession as ForecastsSuccession, Foresees as Foresees,
+        HasHeights as HasHeights, Informs as Informs, IsShadowed as IsShadowed, LimitsReadings as LimitsReadings,
         LinearGaussian as LinearGaussian, MeasuresEnergy as MeasuresEnergy, MovesInSpace as MovesInSpace,
         NamesNodes as NamesNodes, Portable as Portable, Ranks as Ranks, RecordedFile as RecordedFile,
         Recording as Recording, Replays as Replays, ReportsState as ReportsState, Snapshots as Snapshots,

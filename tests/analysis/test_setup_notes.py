@@ -43,6 +43,7 @@ def notes(name: Any, *overrides: str) -> list[str]:
         ("ekf_real", [LATE], "step: steps of 40 ms are out of reach of mac: late: a unicast waits up to 0.129 s"),
         ("ekf_real", ["step=20 ms", "duration=4 s"], "mac.idle_slots: about 18 nodes are within sensing range"),
         ("ekf_real", ["mac.idle_slots=skipped"], "mac.idle_slots: skipped is an idealisation"),
+        ("ekf_real", ["sensor={kind: binary}"], "tracker: it takes a reading of 1 bit as Gaussian, with its mean"),
         ("gmtt", [LATE_0_6, WINDOW], "wakeup: over mac: late readings take up to 1.2 s and a message of two"),
         ("collection", [XMAC], "routing.i_min: over mac: xmac a beacon takes up to 0.14 s"),
         ("pso_mhpf", [LATE, "step=1 s", "duration=9 s"],
@@ -180,3 +181,10 @@ def test_check_notes_a_window_of_losses_that_the_run_can_hardly_reach(capsys):
         assert len(said) == count, (changes, said)
     assert said == ["  note: lost.window: 4 s are more than half of the 6 steps of 1 s of the run, in which a track is "
                     "hardly lost by this rule; give a shorter window, or a duration of 9 s"]  # fmt: skip
+
+
+def test_shadowing_of_recorded_readings_that_the_filter_ignores_is_noted() -> None:
+    shadowed = "sensor.law.shadowing=3"
+    (said,) = notes("recorded_track", shadowed)
+    assert said.startswith("sensor.law.shadowing: the filter ignores the 3 dB") and "inflate: true" in said
+    assert notes("recorded_track") == notes("recorded_track", shadowed, "tracker.assumes.inflate=true") == []

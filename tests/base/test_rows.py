@@ -32,6 +32,9 @@ def test_the_fingerprint_sees_events_time_step_target_mean_and_covariance_to_the
 def test_consistency_has_the_mean_and_the_median_of_steps_and_counts_singular_covariances():
     """Of five steps, one has a cloud that is nearly a point, one a singular covariance, and one no estimate."""
     nees = np.array([2.0, 9.2e75, 1.0, np.nan, np.nan])
-    track = {"nees": nees, "nis": nees, "nis_dof": np.zeros(5), "sd_x": np.array([1.0, 1e-38, 1.0, 0.0, np.nan])}
+    sd = np.array([1.0, 1e-38, 1.0, 0.0, np.nan])
+    track = {"nees": nees, "nis": nees, "nis_dof": np.zeros(5), "sd_x": sd, "error": sd}
     found = consistency([track], 2)
     assert found["nees"] == np.mean(nees[:3]) / 2 and found["nees_median"] == 1.0 and found["singular"] == 1
+    absent = track | {"nees": np.full(5, np.nan), "error": np.full(5, np.nan)}
+    assert consistency([absent], 2)["singular"] == 0, "an estimate of an absent target has no error, and so no NEES"

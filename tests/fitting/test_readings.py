@@ -171,7 +171,7 @@ def test_columns_may_have_other_names_and_the_trajectory_may_be_a_file_of_its_ow
     readings.write_bytes(gzip.compress(text.encode()))
     track.write_text("\n".join(["at,x,y,z", *(f"{row[0]},{row[3]},{row[4]},{row[5]}" for row in rows)]))
     columns = {"time": "at", "node": "who", "reading": "dbm"}
-    apart = wsnsim.fit(readings, nodes, tracks=[track], columns=columns | {"id": "id"})
+    apart = wsnsim.fit(readings, nodes, tracks=[track], columns=columns, node_columns={"id": "id"})
     assert apart.sensor | {"fitted_on": []} == wsnsim.fit(files[0], nodes).sensor | {"fitted_on": []}
 
 
@@ -222,19 +222,24 @@ def test_a_long_recording_has_a_bounded_number_of_pairs_over_the_same_lags() -> 
     assert set(np.unique(second - first).tolist()) >= {1, 60}
 
 
-def test_the_law_of_distances_has_the_spread_about_zero(tmp_path: Path) -> None:
+def test_the_law_of_distances_has_the_biases_of_nodes(tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     (tmp_path / "nodes.csv").write_text("id,x,y\na,0,0\nb,10,0\n")
     x = np.linspace(0.0, 10.0, 400)
     lines = ["time,node,range,x,y"]
     lines += [f"{k},a,{np.hypot(v, 3.0) + 0.5 + rng.normal(0, 1.0)},{v},3" for k, v in enumerate(x)]
+    lines += [f"{k},b,{np.hypot(v - 10.0, 3.0) - 1.5 + rng.normal(0, 1.0)},{v},3" for k, v in enumerate(x)]
     (tmp_path / "ranges.csv").write_text("\n".join(lines))
     found = wsnsim.fit(tmp_path / "ranges.csv", tmp_path / "nodes.csv", law="range")
-    assert found.values["bias"].low < 0.5 < found.values["bias"].high
-    assert found.sensor.keys() == {"kind", "sd", "fitted_on"}
-    assert abs(found.sensor["sd"] - np.hypot(0.5, 1.0)) < 0.1
+    assert found.values["bias"].low < -0.5 < found.values["bias"].high
+    assert found.sensor.keys() == {"kind", "sd", "biases", "fitted_on"}
+    np.testing.assert_allclose(found.sensor["biases"], [0.5, -1.5], atol=0.2)
+    assert abs(found.sensor["sd"] - 1.0) < 0.1
+    common = wsnsim.fit(tmp_path / "ranges.csv", tmp_path / "nodes.csv", law="range", gains=False)
+    np.testing.assert_allclose(common.sensor["biases"], [-0.5, -0.5], atol=0.2)
+    assert abs(common.sensor["sd"] - np.sqrt(2.0)) < 0.1
     (tmp_path / "ranges.csv").write_text("\n".join([*lines, "400,a,-500,1,3"]))
-    with pytest.raises(RunError, match=r"ranges\.csv:402: reading -500 m must be between -100 and 1e\+07"):
+    with pytest.raises(RunError, match=r"ranges\.csv:802: reading -500 m must be between -100 and 1e\+07"):
         wsnsim.fit(tmp_path / "ranges.csv", tmp_path / "nodes.csv", law="range")
 
 

@@ -180,6 +180,7 @@ class Sampler:
         if kind in ONLINE:
             values["reach"] = self.rng.choice([0.3, 0.6, 2.0]) * self.side
             values.pop("beyond", None)
+            values.pop("biases", None)  # one for each node
             values.pop("target_height", None)  # the nodes of a recording alone have heights
             values.pop("least", None)  # it is below the range
         return values

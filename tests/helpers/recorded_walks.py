@@ -26,6 +26,11 @@ class Walks:
     dt: float = 0.5
     speed: float = 0.5
 
+    @property
+    def total(self) -> float:
+        """The standard deviation of all noise."""
+        return float(np.hypot(self.sd, self.shadowing))
+
     def nodes(self) -> tuple[np.ndarray, np.ndarray]:
         """Places (S, 3) and gains (S,), which have the sum 0."""
         rng = np.random.default_rng(5)

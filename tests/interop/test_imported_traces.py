@@ -16,7 +16,7 @@ import wsnsim
 import wsnsim.interop as traces
 from tests.helpers.commands import run_command
 from wsnsim.base.errors import RunError, UsageError, WsnsimError, printable
-from wsnsim.interop import ns3, sumo, trajectories
+from wsnsim.interop import field_data, ns3, sumo, trajectories
 from wsnsim.interop.trajectories import Placement
 from wsnsim.models.csvfile import Wanted, bad_rows_text, read_rows
 from wsnsim.models.k7file import read_links
@@ -284,6 +284,65 @@ def test_nodes_are_listed_with_their_times(
     assert lines[1].split() == ["bus.1", "2", "0", "1"] and lines[2].split() == ["ann", "1", "1", "1"]
 
 
+def fcd(*rows: tuple[float, str, str, float, float]) -> str:
+    """Floating car data of rows with time, kind, id, x and y."""
+    steps = "".join(f'<timestep time="{t}"><{kind} id="{name}" x="{x}" y="{y}" speed="10"/></timestep>\n'
+                    for t, kind, name, x, y in rows)  # fmt: skip
+    return f"<fcd-export>\n{steps}</fcd-export>\n"
+
+
+def test_a_person_with_the_id_of_a_vehicle_is_another_node(tmp_path: Path) -> None:
+    rows = [(t, kind, "7", x, y) for t in range(3) for kind, x, y in (("vehicle", 10 * t, 0), ("person", 500, 500 + t))]
+    found = traces.read(written(tmp_path, "a.xml", fcd(*rows)), sumo, ["7", "person:7"])
+    assert found.tracks["7"][:, 1].tolist() == [0, 10, 20] and found.tracks["person:7"][:, 2].tolist() == [
+        500,
+        501,
+        502,
+    ]
+
+
+@pytest.mark.parametrize("text", [fcd((0, "vehicle", "a", 0, 0), (1, "vehicle", "a", 1, 0), (1, "vehicle", "a", 9, 9)),
+                                  "t;id;x;y\n0;a;0;0\n1;a;1;0\n1;a;9;9\n"])  # fmt: skip
+def test_two_places_at_one_time_are_refused(text: str, tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r":4: 'a' is at another place at the same time, 1 s"):
+        traces.read(written(tmp_path, "a.txt", text), sumo)
+
+
+def test_degrees_are_recognised_by_speeds_and_projected_if_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = [(t, "vehicle", "a", 13.4 + t * 1.47e-4, 52.5) for t in range(3)]
+    for name, text in (("a.xml", fcd(*rows)), ("b.xml", f'<!-- <fcd-output.geo value="true"/> -->{fcd(*rows)}')):
+        written(tmp_path, name, text)
+        answer = run_command(capsys, "import", "sumo", name)
+        assert answer.code == 1 and f"wsnsim import sumo {name} --crs wgs84" in answer.err
+    pytest.importorskip("pyproj")
+    assert (
+        run_command(
+            capsys, "import", "sumo", "b.xml", "--crs", "wgs84", "--origin", "13.4,52.5", "--out", "s.yaml"
+        ).code
+        == 0
+    )
+    track = np.genfromtxt("s_a.csv", delimiter=",", skip_header=1)[:, 2:]
+    assert np.hypot(*np.diff(track, axis=0).T) == pytest.approx(9.98, abs=0.02)
+    assert "--origin 13.4,52.5" in Path("s.yaml").read_text()
+
+
+def test_several_targets_have_the_span_in_which_all_are_there_and_absences_are_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    long = [(t, "vehicle", "long", 10.0 * t, 0) for t in range(20) if not 3 < t < 9]
+    written(tmp_path, "a.xml", fcd(*long, *((t, "vehicle", "short", 10.0 * t, 30) for t in range(2, 6))))
+    answer = run_command(capsys, "import", "sumo", "a.xml", "--id", "long", "--id", "short", "--out", "s.yaml")
+    assert answer.code == 0
+    assert "only 2 to 5 s is written, when all targets are there: node long is known from 0 to 19 s" in answer.out
+    assert "'long' is absent from 3 to 9 s" in answer.out
+    setup = build(load(Path("s.yaml")))
+    assert setup.duration == 4.0 and [motion.track.times[-1] for motion in setup.motions] == [3.0, 3.0]
+
+
 @pytest.mark.thorough
 def test_a_long_trace_is_read_in_pieces(tmp_path: Path) -> None:
     path = tmp_path / "long.xml"
@@ -364,6 +423,7 @@ PARSERS = {
         path, read_rows(path, Wanted({"id": "id"}, {"x": "x"}), "positions").bad, 1
     ).splitlines()[1],
     "links": read_links,
+    "table": lambda path: str(field_data.readings([path]).facts),
     "scenario": load,
 }
 FRAMES = {
@@ -371,6 +431,7 @@ FRAMES = {
             "now=+1s node=1 pos={} vel=0:0:0", "$node_(0) set X_ {}", "{}"],
     "sumo": ["t id x y\n0 a {} 1", '<fcd-export><timestep time="{}"/></fcd-export>', "t;id;{}\n"],
     "csv": ["id,x\n{},1\n", "id,x\na,{}\n", "{}\n"],
+    "table": ["time,node,reading\n0,{},1\n", "time,node,reading\n{},a,1\n", "time,node,{}\n0,a,1\n", "{}\n"],
     "links": ['{{"tx_length": {}, "interframe_duration": 1}}', "{}"],
     "scenario": ["duration: {}\n", "{}: 1\n", "step: 1 {}\n", "tracker: {{kind: {}}}"],
 }  # fmt: skip

@@ -12,7 +12,16 @@ from hypothesis import strategies as st
 from wsnsim.base import files
 from wsnsim.base.errors import RunError
 from wsnsim.models import csvfile
-from wsnsim.models.csvfile import BadRow, Wanted, bad_rows_text, demand_digest, first_of_equal, only_rows, read_rows
+from wsnsim.models.csvfile import (
+    BadRow,
+    Wanted,
+    bad_rows_text,
+    demand_digest,
+    first_of_equal,
+    identifiers,
+    only_rows,
+    read_rows,
+)
 
 WANTED = Wanted({"node": "receiver"}, {"time": "time", "reading": "rssi", "z": "z"}, optional=("z",))
 PLACES = Wanted(numbers={"x": "x", "y": "y"})
@@ -165,3 +174,18 @@ def test_a_row_of_readings_takes_bytes_not_objects(tmp_path: Path) -> None:
     held, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert len(rows.lines) == 10_001 and held < 10_000 * 40 and peak < 10_000 * 100 + 300_000
+
+
+def test_a_header_that_names_a_column_twice_is_refused_where_the_column_is_read(tmp_path):
+    path = tmp_path / "twice.csv"
+    path.write_text("x,y,x,more,more\n1,2,3,4,5\n")
+    with pytest.raises(RunError, match=r"twice.csv:1: the header names the column 'x' twice"):
+        read_rows(str(path), Wanted(numbers={"x": "x"}), "positions")
+    assert read_rows(str(path), Wanted(numbers={"y": "y"}), "positions").numbers["y"].tolist() == [2.0]
+
+
+def test_columns_that_look_like_identifiers_have_such_names_and_whole_numbers_or_words(tmp_path):
+    path = tmp_path / "some.csv"
+    path.write_text("x,moteid,mac,tag,rate,node\n1,7,a:1,0.5,3,\n2,8,a:2,1.5,4,b\n\n")
+    assert identifiers(str(path), ()) == {"moteid": ["7", "8"], "mac": ["a:1", "a:2"]}
+    assert identifiers(str(path), ("mac",)) == {"moteid": ["7", "8"]}

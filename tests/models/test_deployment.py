@@ -213,7 +213,11 @@ def test_a_file_names_its_nodes_and_gives_their_heights(tmp_path: Path) -> None:
     part = FromFile(path=path, columns=PlaceColumns(id="receiver"))
     assert part.names == ("north", "south")
     assert part.heights is not None and part.heights.tolist() == [2.0, 1.5]
-    assert FromFile(path=path).names == ("0", "1")
+    with pytest.raises(
+        RunError, match=r"the column 'receiver' looks like names: columns: \{id: receiver\}; count_from: 0"
+    ):
+        _ = FromFile(path=path).names
+    assert FromFile(path=path, count_from=1).names == ("1", "2")
     assert FromFile(path=path, columns=PlaceColumns(z="height")).heights is None
 
 

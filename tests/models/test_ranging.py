@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.stats import norm
 
 from wsnsim.base.optional_ports import Detects
@@ -202,6 +203,8 @@ def problem(with_network: bool) -> TrackingSetup:
         (Range(beyond="noise"), False, []),
         (Range(beyond="noise"), True, [("sensor", "beyond")]),
         (Range(beyond="noise", own_cell=True), False, [("sensor", "own_cell")]),
+        (Range(beyond="noise", bias_spread=1.0), False, [("sensor", "beyond")]),
+        (Range(beyond="noise", blocked=0.1), False, [("sensor", "beyond")]),
         (Range(reach=1e300), False, [("sensor", "reach")]),
         (Range(reach=np.inf), False, []),
         (Rssi(reach=1e8), False, [("sensor", "reach")]),
@@ -210,3 +213,48 @@ def problem(with_network: bool) -> TrackingSetup:
 )
 def test_what_cannot_be_is_a_fault(sensor: Any, with_network: bool, paths: list[Any]) -> None:
     assert [issue.path for issue in sensor.check(problem(with_network))] == paths
+
+
+def test_biases_are_drawn_with_a_part_in_common_or_listed_and_heights_count_in_space() -> None:
+    sensor = Range(bias_spread=3.0, clock_spread=4.0)
+    drawn = np.array([sensor.draw_traits(2, np.random.default_rng(seed))[:, 0] for seed in range(4000)])
+    assert np.cov(drawn.T) == pytest.approx(np.array([[25.0, 16.0], [16.0, 25.0]]), rel=0.1)
+    listed = Range(sd=0.5, biases=(1.0, -2.0, 0.0), target_height=2.0)
+    traits = listed.draw_traits(3, np.random.default_rng(0))
+    traits[:, 1] = 8.0, 2.0, 5.0
+    point = np.tile([4.0, 7.0], (3, 1))
+    squares = ((point - NODES) ** 2).sum(axis=1)
+    wanted = np.sqrt(squares + np.array([36.0, 0.0, 9.0])) + np.array([1.0, -2.0, 0.0])
+    readings = listed.measure(point, NODES, traits, np.zeros(3))
+    assert readings == pytest.approx(wanted, rel=1e-12)
+    assert listed.ranges_in_plane(readings, traits) == pytest.approx(np.sqrt(squares), rel=1e-12)
+    at_seven = np.column_stack([point, np.full(3, 7.0)])  # the target's own height counts where it is known
+    assert listed.measure(at_seven, NODES, traits, np.zeros(3))[1] == pytest.approx(np.sqrt(squares[1] + 25.0) - 2.0)
+
+
+def score_of_mixture(error: float) -> float:
+    """The score of an error of the mixture below, times the root of its density."""
+
+    def density(z: float) -> float:
+        return float(0.7 * norm.pdf(z, 0.0, 0.5) + 0.3 * norm.pdf(z, 6.0, np.hypot(0.5, 1.5)))
+
+    return (density(error + 1e-5) - density(error - 1e-5)) / 2e-5 / np.sqrt(density(error))
+
+
+def test_a_blocked_line_of_sight_makes_a_mixture_whose_likelihood_filters_use() -> None:
+    sensor = Range(sd=0.5, blocked=0.3, detour=6.0, detour_sd=1.5)
+    place, point, none = np.zeros((1, 2)), np.array([[20.0], [0.0]]), np.empty((1, 0))
+    late = norm(26.0, np.hypot(0.5, 1.5))
+    for reading in (19.0, 20.4, 24.0, 30.0):
+        wanted = np.log(0.7 * norm.pdf(reading, 20.0, 0.5) + 0.3 * late.pdf(reading))
+        assert sensor.log_likelihood(point, np.array([reading]), place, none) == pytest.approx([wanted], rel=1e-12)
+    normals = norm.ppf((np.arange(100_000) + 0.5) / 100_000)
+    readings = sensor.measure(np.tile([20.0, 0.0], (normals.size, 1)), *at(np.zeros(2), normals.size), normals)
+    for threshold in (19.5, 20.5, 24.0, 27.0):
+        chance = 0.7 * norm.cdf(threshold, 20.0, 0.5) + 0.3 * late.cdf(threshold)
+        assert (readings < threshold).mean() == pytest.approx(chance, abs=2e-5)
+    mean, _, variance = sensor.linearise(point, place, none)
+    assert (mean.item(), variance.item()) == pytest.approx((readings.mean(), readings.var()), rel=1e-3)
+    exact = quad(lambda z: score_of_mixture(z) ** 2, -5.0, 25.0, points=[0.0, 6.0], limit=200)[0]
+    found = sensor.information(point, place, none)[0, 0, 0, 0]
+    assert exact < found < 1.05 * exact  # known lines of sight say more: a bound for all filters

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from tests.models.test_k7file import GRENOBLE, row, written
+from wsnsim.base.errors import ScenarioError
 from wsnsim.models.deploy import Anchors, Grid
 from wsnsim.models.recorded_links import RecordedLinks
+from wsnsim.scenario import build, load
 
 
 def three_rounds(folder: Path) -> str:
@@ -142,6 +144,21 @@ def test_a_scenario_that_the_recording_does_not_fit_is_refused(tmp_path: Path) -
     assert said(setup(), path=str(tmp_path / "none.k7"))[0][0] == ("link", "path")
     made = SimpleNamespace(deploy=Anchors(places=((0.0, 0.0),)), duration=1.0)
     assert [path for path, _ in said(made)] == [("link", "map")]
+
+
+def test_links_are_joined_to_the_nodes_of_a_file_by_name_whatever_their_order(tmp_path: Path) -> None:
+    path = written(tmp_path, row(0, "m1", "m7", 0.1), row(20, "m7", "m1", 0.3), row(40, "m9", "m1", 0.4))
+    for names in (("m9", "m1", "m7"), ("m7", "m9", "m1")):
+        (tmp_path / "n.csv").write_text("id,x,y\n" + "".join(f"{name},{i},{i}\n" for i, name in enumerate(names)))
+        changes = ["duration=1 s", "step=1 s", f"link={{kind: recorded, path: {path}, channel: 11, round_length: 1 s}}"]
+        file = f"{{kind: file, path: {tmp_path}/n.csv, fit: true, cover: false}}"
+        made: Any = build(load("recorded_links", [*changes, f"deploy={file}"]))
+        assert ratios(made.link, 0, names.index("m7")) == {names.index("m1"): 0.3}
+    with pytest.raises(ScenarioError, match="have no name of a node in common: 0, 1, 2; m1, m7, m9; name the rec"):
+        build(load("recorded_links", [*changes, "deploy={kind: grid, nodes: 3, cover: false}"]))
+    (tmp_path / "n.csv").write_text("mote,x,y\nm1,0,0\nm7,1,1\nm9,2,2\n")
+    with pytest.raises(ScenarioError, match=r"the column 'mote' looks like names: columns: \{id: mote\}"):
+        build(load("recorded_links", [*changes, f"deploy={file}"]))
 
 
 def test_values_that_make_no_sense_together_are_refused() -> None:

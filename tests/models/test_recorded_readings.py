@@ -156,3 +156,18 @@ def test_means_of_sampled_bearings_stay_near_the_target_across_the_cut() -> None
     points, places = np.tile([[-10.0], [0.0]], 400).T, np.zeros((400, 2))
     found = model.measure(points, places, np.full((400, 1), 100.0), noise)
     assert np.std(found % (2.0 * np.pi)) == pytest.approx(0.01, rel=0.1)
+
+
+def test_names_that_do_not_meet_are_both_shown_with_the_column_that_has_them(tmp_path: Path) -> None:
+    model = sensor(tmp_path, "time,node,mac,reading\n0,1,a,3\n1,2,b,4\n")
+    with pytest.raises(RunError) as caught:
+        model.recordings(NAMES, 1, 1, 0.5)
+    said = str(caught.value).split("readings.csv ")[1]
+    assert said == "and the deployment have no name of a node in common: 1, 2; a, b; the column 'mac' has some"
+
+
+def test_the_order_of_the_nodes_in_their_file_does_not_matter(tmp_path: Path) -> None:
+    model = sensor(tmp_path, "0,a,1\n0,b,2\n0.5,c,3\n")
+    for names in itertools.permutations("abc"):
+        found = np.array(steps_of(model, 1, names=names))
+        assert equal(found[:, [names.index(name) for name in "abc"]], [[1, 2, NAN], [NAN, NAN, 3]])

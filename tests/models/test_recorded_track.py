@@ -85,3 +85,30 @@ def test_two_places_at_nearly_one_time_are_refused_before_a_tracker_meets_their_
     assert lines[2].endswith(":6: x, y and z must be within ±1e+09 m, time within ±1e+15 s")
     kept = RecordedTrack(path=str(path), skip_bad_rows=True).track
     assert kept.times.tolist() == [0.0, 1e-9, 5.0]
+
+
+def test_several_movers_in_a_file_are_refused_and_receivers_of_one_are_not(tmp_path):
+    path = tmp_path / "track.csv"
+    rows = [(t, name, x0 + t, 5.0) for t in range(9) for name, x0 in (("car", 0.0), ("bus", 300.0))]
+    path.write_text("time,vehicle,x,y\n" + "".join(f"{t},{name},{x},{y}\n" for t, name, x, y in rows))
+    with pytest.raises(RunError, match="the column 'vehicle' names 2 movers, car, bus: give each a file of its own"):
+        _ = RecordedTrack(path=str(path)).track
+    heard = "".join(f"{t},{'ab'[t % 2]},{t},5\n" for t in range(9))
+    path.write_text(f"time,receiver,x,y\n{heard}")
+    assert len(RecordedTrack(path=str(path)).track.times) == 9
+    path.write_text("time,id,x,y\n" + "".join(f"{t},{t},{t},5\n" for t in range(9)))
+    assert len(RecordedTrack(path=str(path)).track.times) == 9
+
+
+def test_with_a_gap_the_target_is_absent_where_the_file_has_no_rows(tmp_path: Path) -> None:
+    """Rows at 10, 12, 13 s, and at 20 and 21 s; instants at rows are within."""
+    model = track(tmp_path, TEXT + "20,0,0,1\n21,1,0,1\n", time_origin=9.0, gap=2.0)
+    found = model.truth(14, 1.0, RNG)
+    there = np.isfinite(found).all(axis=1)
+    assert np.flatnonzero(there).tolist() == [1, 2, 3, 4, 11, 12]
+    assert np.array_equal(
+        found[there], track(tmp_path, TEXT + "20,0,0,1\n21,1,0,1\n", time_origin=9.0).truth(14, 1.0, RNG)[there]
+    )
+    assert model.may_be_absent and not track(tmp_path).may_be_absent
+    short = track(tmp_path, TEXT, gap=1.5).truth(6, 0.5, RNG)
+    assert np.flatnonzero(np.isfinite(short[:, 0])).tolist() == [0, 4, 5, 6]

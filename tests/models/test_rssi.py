@@ -10,7 +10,8 @@ from scipy.stats import kstest, norm, t
 
 import wsnsim
 from wsnsim.base.errors import RunError, ScenarioError
-from wsnsim.models.rssi import AssumedRssi, Rssi
+from wsnsim.models.node_constants import AssumedDistance
+from wsnsim.models.rssi import Rssi
 
 NODES = np.array([[0.0, 0.0], [9.0, 1.0], [4.0, 12.0]])
 TRAITS = np.array([[3.0, 1.2], [-5.0, 2.3], [0.5, 0.0]])
@@ -71,7 +72,7 @@ def test_listed_gains_are_those_of_the_nodes_and_their_mean_square_is_the_varian
     assert sensor.gain_variance == pytest.approx(25.0 / 3.0)
     assert Rssi(gains=(3.0,), gain_spread=2.0).gain_variance == 4.0
     estimating = sensor.assumed("estimated", True)
-    assert isinstance(estimating, AssumedRssi) and estimating.gain_prior == sensor.gain_variance
+    assert isinstance(estimating, AssumedDistance) and estimating.gain_prior == sensor.gain_variance
     assert np.all(estimating.linearise(POINTS, NODES, TRAITS)[2] == 0.25)
     with pytest.raises(RunError, match="3 gains for 2 nodes: list one for each node"):
         sensor.draw_traits(2, np.random.default_rng(1))

@@ -56,6 +56,7 @@ CASES: Final = [
 ENRICHED: Final[dict[tuple[str, str], dict[str, Any]]] = {
     ("motion", "random_waypoint"): {"pause": [0.1, 0.5]},
     ("sensor", "rssi"): {"noise": "student_t", "shadowing": 2.0},
+    ("sensor", "range"): {"blocked": 0.3},
     ("detection", "imperfect"): {"stuck": 0.3},
     ("link", "log_normal"): {"interference": "sinr"},
 }
@@ -64,6 +65,7 @@ REASONS: Final[dict[str, dict[str, str]]] = {
     "deploy": {
         "* cover": "these fields are covered, or may be uncovered, anyway",
         "* draws": "a limit that is not reached",
+        "network file count_from": "it names nodes, to which only recorded data refer",
         "standalone file *": "the field of a file matters to clusters, coverage and trackers that use it",
         "workload file *": "the field of a file matters to clusters, coverage and trackers that use it",
         "workload anchors *": "the field of a list matters to clusters, coverage and trackers that use it",

@@ -11,9 +11,12 @@ import pytest
 import wsnsim
 from tests.helpers.linear_cluster import VARIANCE, Cluster, LinearSensor, kalman
 from wsnsim.base.errors import ScenarioError
+from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.models.linear import ConstantVelocity
+from wsnsim.models.ranging import Range
 from wsnsim.models.rssi import Rssi
 from wsnsim.offline.loopback import silent
+from wsnsim.scenario import build
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.bootstrap_pf import CentralPf, Sir
 from wsnsim.trackers.ekf import ExtendedKalman
@@ -42,12 +45,18 @@ def filtered(cluster: Cluster, tracker: Any, sensor: Any, steps: int) -> Any:
         yield step, belief, scene.ids
 
 
-def test_the_kalman_filter_is_the_joint_filter_of_state_and_all_gains() -> None:
+@pytest.mark.parametrize(
+    ("sensor", "own", "common"),
+    [(SENSOR, 16.0, 0.0), (Range(sd=2.0, bias_spread=3.0, clock_spread=5.0), 9.0, 25.0)],
+    ids=["gains", "biases"],
+)
+def test_the_kalman_filter_is_the_joint_filter_of_state_and_all_gains(sensor: Any, own: float, common: float) -> None:
     """The twin has all gains from the start, a batch update and no code of ours but the motion model's matrices."""
-    cluster = Cluster(6, MOTION, SENSOR)
-    mean, cov = np.zeros(10), 16.0 * np.eye(10)
-    mean[:4], cov[:4, :4] = cluster.prior.mean, cluster.prior.cov
-    for step, belief, ids in filtered(cluster, ExtendedKalman(), ESTIMATING, 30):
+    cluster = Cluster(6, MOTION, sensor)
+    mean, cov = np.zeros(10), own * np.eye(10) + common
+    mean[:4], cov[:4, :], cov[:, :4] = cluster.prior.mean, 0.0, 0.0
+    cov[:4, :4] = cluster.prior.cov
+    for step, belief, ids in filtered(cluster, ExtendedKalman(), sensor.assumed("estimated", False), 30):
         transition, noise = MOTION.matrices(mean[:4, None], cluster.dt, (step - 1) * cluster.dt)
         moved = np.eye(10)
         moved[:4, :4] = transition[0]
@@ -58,9 +67,13 @@ def test_the_kalman_filter_is_the_joint_filter_of_state_and_all_gains() -> None:
         apart = mean[[0, 2]] - cluster.positions[rows]
         squares = (apart**2).sum(axis=1)
         slopes = np.zeros((len(rows), 10))
-        slopes[:, [0, 2]] = -23.0 / np.log(10.0) * apart / squares[:, None]
+        logs = sensor is SENSOR
+        slopes[:, [0, 2]] = (
+            -23.0 / np.log(10.0) * apart / squares[:, None] if logs else apart / np.sqrt(squares)[:, None]
+        )
         slopes[np.arange(len(rows)), [4 + row for row in rows]] = 1.0
-        residual = z - (-37.8 - 11.5 * np.log10(squares) + mean[[4 + row for row in rows]])
+        expected = -37.8 - 11.5 * np.log10(squares) if logs else np.sqrt(squares)
+        residual = z - (expected + mean[[4 + row for row in rows]])
         gain = cov @ slopes.T @ np.linalg.inv(slopes @ cov @ slopes.T + 4.0 * np.eye(len(rows)))
         mean, cov = mean + gain @ residual, cov - gain @ slopes @ cov
         assert belief.mean == pytest.approx(mean[:4], rel=1e-9, abs=1e-9)
@@ -70,6 +83,26 @@ def test_the_kalman_filter_is_the_joint_filter_of_state_and_all_gains() -> None:
     assert belief.gains.mean == pytest.approx(mean[order], rel=1e-7)
     assert belief.gains.cov == pytest.approx(cov[np.ix_(order, order)], rel=1e-7, abs=1e-9)
     assert belief.gains.cross == pytest.approx(cov[np.ix_(range(4), order)], rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.thorough
+def test_the_bias_of_a_node_is_in_its_95_per_cent_interval_as_often_as_it_should_be() -> None:
+    """250 runs of four anchors: 1000 biases with a common part, whose intervals hold 95 % but for three deviations."""
+    law = {"kind": "range", "sd": "0.3 m", "reach": ".inf", "bias_spread": "1 m", "clock_spread": "2 m"}
+    scenario = {"extends": "range_anchors", "name": "x", "duration": "16 s", "replicates": 250, "sensor": law}
+    tracker = {"kind": "ekf", "assumes": {"gains": "estimated"}}
+    setup = build(wsnsim.load(scenario | {"tracker": tracker}))
+    state = wsnsim.run(scenario | {"tracker": tracker}, keep=["tracker_state"]).table("tracker_state")
+    last = state[state["step"] == state["step"].max()]
+    inside = []
+    for run, rows in last.groupby("replicate"):
+        truth = sample_initial_conditions(setup, run).traits[:, 0]
+        named = {name: part["value"].to_numpy() for name, part in rows.groupby("name", observed=True)}
+        errors = named["bias"] - truth[named["gain_node"].astype(int)]
+        inside += list(np.abs(errors) < 1.96 * named["bias_sd"])
+    assert len(inside) == 1000
+    # the biases of a run are correlated: 250 to 1000 independent ones
+    assert abs(np.mean(inside) - 0.95) < 3.0 * np.sqrt(0.95 * 0.05 / 250)
 
 
 def test_given_each_particle_the_gains_are_gaussian_and_the_joint_moments_those_of_the_kalman_filter() -> None:

@@ -246,6 +246,8 @@ def _targets(facts: ResultFacts) -> int:
 def _no_estimate(facts: ResultFacts) -> str:
     subject = "The target was" if _targets(facts) == 1 else "The targets were"
     where = "the run" if facts.count == 1 else f"the {facts.count:,} runs"
+    if not facts.tracks.get("time_present", np.ones(1)).any():
+        return f"No target existed: none is present at any step of {where}"
     return f"{subject} never located: no step of {where} has an estimate"
 
 

@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.analysis import setup_notes
+from wsnsim.analysis import recording_notes, setup_notes
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.quantities import FIGURES, NETWORK_ONLY
 from wsnsim.analysis.setup_notes import covering_range, named
@@ -91,7 +91,14 @@ RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]
     (ALWAYS, Setup, setup_notes.faults_between_instants),
     (ALWAYS, TrackingSetup, setup_notes.motions_beyond_the_field),
     (ALWAYS, TrackingSetup, setup_notes.steps_across_the_field),
+    (ALWAYS, TrackingSetup, setup_notes.shadowing_that_filters_ignore),
+    (ALWAYS, TrackingSetup, recording_notes.absent_movers),
+    (ALWAYS, TrackingSetup, recording_notes.unread_identifiers),
+    (ALWAYS, TrackingSetup, recording_notes.unexplained_readings),
+    (ALWAYS, TrackingSetup, setup_notes.gaussian_filter_of_cells),
+    (ALWAYS, TrackingSetup, setup_notes.places_in_another_unit),
     (ALWAYS, RadioSetup, setup_notes.sink_outside_the_field),
+    (ALWAYS, RadioSetup, setup_notes.links_that_are_left_out),
     (ALWAYS, Setup, setup_notes.longer_than_the_run),
     (ALWAYS, RadioSetup, setup_notes.sleep_that_costs_more),
     (ALWAYS, NetworkSetup, setup_notes.steps_shorter_than_a_hop),
@@ -130,13 +137,13 @@ def _noted(when: str, setup: Setup) -> list[str]:
 
 def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
     """Which steps have no estimate, and whether targets were out of range in runs that were not tracked throughout."""
-    missing, steps = figures["without_estimate"], figures["steps"] * figures["targets"]
-    notes = []
+    missing, steps = figures["without_estimate"], figures["present_steps"]
+    notes = _absences(report)
     if missing == steps:
-        notes = ["no step has an estimate: there is no error"]
+        notes.append("no step has an estimate: there is no error")
     elif missing:
-        count = f"{missing:,.4g} of {steps:,} steps"
-        notes = [f"{count} have no estimate (mean of the runs); errors are over the others"]
+        count = f"{missing:,.4g} of {steps:,.10g} steps"
+        notes += [f"{count} have no estimate (mean of the runs); errors are over the others"]
     poor = [summary for summary in report.summaries if any(track["tracked"] < 1.0 for track in summary.tracks)]
     if report.out.is_file():  # it may have been moved since
         notes += _skipped(read_json(report.out, "provenance_json", optional=True))
@@ -153,6 +160,22 @@ def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
         f"run {poor[0].run['replicate']}" if len(poor) == 1 else f"mean of the {len(poor)} runs with steps not tracked"
     )
     return notes + _visibility_notes(setup, seen, when)
+
+
+def _absences(report: Report) -> list[str]:
+    """In how many runs no target ever existed, and for how long tracks were kept of targets that were absent."""
+    runs = [summary.tracks for summary in report.summaries]
+    if "time_present" not in runs[0][0]:
+        return []
+    empty = sum(not any(track["time_present"] for track in tracks) for tracks in runs)
+    kept = float(np.mean([sum(track["false_time"] for track in tracks) for tracks in runs]))
+    found = [f"no target in {empty} of {counted(len(runs), 'run')}"] if empty else []
+    if kept:
+        found.append(
+            f"tracks were kept for {kept:.4g} s while their target was absent (false time, mean of the runs): "
+            "that counts as energy, not as error"
+        )
+    return found
 
 
 def _skipped(provenance: Mapping[str, Any]) -> list[str]:
@@ -217,6 +240,7 @@ def _visibilities(setup: TrackingSetup, conditions: InitialConditions, steps: in
     found = []
     for motion, truth in zip(setup.motions, conditions.truths, strict=True):
         points = planar(truth[1 : steps + 1, list(motion.position)])
+        points = points[np.isfinite(points[:, 0])]
         distances = tree.query(points)[0]
         inside = setup.deploy.field.contains(points)
         unheard = int((distances > setup.sensor.reach).sum())
@@ -233,7 +257,7 @@ def _visibility_notes(setup: TrackingSetup, runs: Sequence[Sequence[_Visibility]
             float(np.mean([getattr(each, key) for each in of])) for key in _Visibility._fields[:3]
         )
         reach = f"the sensing range of {setup.sensor.reach:g} m"
-        if unheard == steps:
+        if 0 < unheard == steps:
             nearest = min(each.nearest for each in of)
             notes.append(
                 f"{when}: target {target} is never within {reach} of a node; the nearest is {nearest:.4g} m away"

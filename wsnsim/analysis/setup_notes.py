@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from wsnsim.analysis.phrases import counted
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import sample_positions
@@ -21,6 +22,10 @@ from wsnsim.base.network_ports import FaultEvent, Field
 from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.rng import Streams, derive, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
+from wsnsim.models.node_file import FromFile
+from wsnsim.models.recorded_links import RecordedLinks
+from wsnsim.models.recorded_track import RecordedTrack
+from wsnsim.models.unit_checks import other_units, too_close
 from wsnsim.network.faults import ROUNDING, places_hit
 
 CROWD: Final = 20
@@ -63,6 +68,44 @@ def steps_across_the_field(setup: TrackingSetup) -> Iterator[str]:
             )
 
 
+def shadowing_that_filters_ignore(setup: TrackingSetup) -> Iterator[str]:
+    """Recorded readings whose law has shadowing, which the filter takes for independent noise, or for none."""
+    shadowing = getattr(setup.sensor, "shadowing", 0.0)
+    if setup.recorded is not None and shadowing and not getattr(setup.filter_sensor, "inflate", False):
+        yield (
+            f"sensor.law.shadowing: the filter ignores the {shadowing:g} dB, and its covariances will be too small: "
+            "give tracker.assumes.inflate: true"
+        )
+
+
+def gaussian_filter_of_cells(setup: TrackingSetup) -> Iterator[str]:
+    """A Kalman filter on readings that take few values, whose likelihood is not Gaussian."""
+    bits = getattr(setup.filter_sensor, "reading_bits", None)
+    if bits is not None and getattr(setup.tracker, "assumes_gaussian", False):
+        yield (
+            f"tracker: it takes a reading of {counted(bits, 'bit')} as Gaussian, with its mean and variance at the "
+            "prediction; it is in a cell, and far from a threshold it hardly counts: pf and central_pf use the "
+            "likelihood of the cell"
+        )
+
+
+def places_in_another_unit(setup: TrackingSetup) -> Iterator[str]:
+    """Nodes and trajectories of files that are so near to each other that they are in degrees or kilometres."""
+    sensor = setup.sensor
+    least = getattr(sensor, "least", getattr(sensor, "floor", 0.0))
+    with contextlib.suppress(RunError):  # the check says so
+        files = []
+        if isinstance(setup.deploy, FromFile):
+            files.append(
+                ("deploy", "nodes", setup.deploy.path, setup.deploy.draw(0.0, np.random.default_rng(0)), least)
+            )
+        files += [(_of_target(setup, i), "track", motion.path, motion.track.points[:, :2], 0.0)
+                  for i, motion in enumerate(setup.motions) if isinstance(motion, RecordedTrack)]  # fmt: skip
+        for key, kind, path, points, nearest in files:
+            if said := too_close(points, sensor.reach, nearest):
+                yield f"{key}.path: {said}; {other_units(path, kind)}"
+
+
 def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
     """A sink whose point is farther outside the field than a frame reaches: the node nearest to it is at the edge."""
     field = setup.deploy.field
@@ -75,6 +118,12 @@ def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
                 f"sink: ({x:g}, {y:g}) m is {away:.4g} m outside {named(field)}; the sink is the node nearest to it, "
                 f"at the edge: the nearest point of the field is ({nearest[0]:g}, {nearest[1]:g}) m"
             )
+
+
+def links_that_are_left_out(setup: RadioSetup) -> Iterator[str]:
+    """Rounds and bursts of recorded links that are not played."""
+    if isinstance(setup.link, RecordedLinks):
+        yield from (f"link.path: {said}" for said in setup.link.recording.left_out(setup.link.channel))
 
 
 def longer_than_the_run(setup: Setup) -> Iterator[str]:
@@ -226,6 +275,7 @@ CONDITIONS: Final = (
     ("motion", "slack", _if("course", "in_room"), "on this course: give motion.course: in_room"),
     ("sensor", "dof", _if("noise", "student_t"), "with this noise: give sensor.noise: student_t"),
     ("sensor", "decorrelation", _if("shadowing"), "without shadowing: give sensor.shadowing"),
+    ("sensor", "detour", _if("blocked"), "while no line of sight is blocked: give sensor.blocked"),
     ("link", "capture_margin", _if("interference", "sinr"), "without link.interference: sinr"),
     ("deploy", "position_error", _with_targets, "with a workload without targets"),
     ("energy", "sensing", _with_targets, "with a workload without targets"),

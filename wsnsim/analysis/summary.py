@@ -129,7 +129,7 @@ def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) 
         "joules": dict(facts.joules),
         "clusters": clusters,
         "runs_with_deaths": int(np.isfinite(facts.runs["first_death"]).sum()),
-        **_track_figures(facts),
+        **_track_figures(facts, report.scenario.step),
         **_costs(report),
         "published": dict(published),
         "bound": limits.rmse,
@@ -171,20 +171,23 @@ def without_network(report: Report) -> bool:
     return report.scenario.network is not None
 
 
-def _track_figures(facts: ResultFacts) -> dict[str, float]:
-    """What the table `tracks` adds: losses, latencies, steps with three readings, wake-ups."""
+def _track_figures(facts: ResultFacts, dt: float) -> dict[str, float]:
+    """What the table `tracks` adds: losses, latencies, steps with three readings, wake-ups; steps of `dt` s."""
     tracks = {name: column.ravel() for name, column in facts.tracks.items()}
     three = facts.column("tracked_three")
     low, high = interval(three, metrics.mean_error)
     summed = ("reacquired", "late", "received", "due", "woken", "ineffective", "ineffective_twenty", "called")
     steps = float(facts.runs["steps"].sum()) * facts.tracks["lost_at"].shape[1] / facts.count
+    if "time_present" in tracks:
+        steps = float(tracks["time_present"].sum()) / dt / facts.count
     return {
         "lost_at": median_time(tracks["lost_at"]),
         **{name: float(tracks[name].sum()) / facts.count for name in (*summed, "dismissed")},
+        "present_steps": round(steps, 6),
         "without_estimate": steps - float(tracks["reports"].sum()) / facts.count,
         **{name: metrics.median_error(tracks[name]) for name in ("delay", "report_delay", *notes.OF_THREE)},
         "mean_error": metrics.mean_error(facts.recorded.errors),
-        "tracked_three": float(np.mean(three)),
+        "tracked_three": metrics.mean_error(three),
         "tracked_three_low": low,
         "tracked_three_high": high,
     }

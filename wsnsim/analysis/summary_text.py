@@ -141,8 +141,8 @@ class _SummaryRows:
     def accuracy(self, bounds: bool) -> Rows:
         """Errors, bounds beside them if they are wanted, and consistency."""
         figures, error = self.figures, QUANTITIES["rmse"]
-        missing, steps = figures["without_estimate"], figures["steps"] * figures["targets"]
-        of_steps = f"  (of {steps - missing:,.4g} of {steps:,} steps)" if missing else ""
+        missing, steps = figures["without_estimate"], figures["present_steps"]
+        of_steps = f"  (of {steps - missing:,.4g} of {steps:,.10g} steps)" if missing else ""
         yield from self.row("rmse", after=of_steps, pattern=f"{error.form} {self.unit}")
         yield from self.row("rmse_of_kept", figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]))
         for key, readings in BOUND_KEYS.items():

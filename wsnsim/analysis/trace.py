@@ -107,7 +107,8 @@ def text(picked: StepTrace) -> str:
     run = f"replicate {picked.replicate}, step {picked.step}"
     lines = [f"{picked.path}: {picked.name}", f"{run}: from {picked.start:g} s to {picked.start + picked.dt:g} s"]
     for target, (truth, estimate) in picked.targets.items():
-        lines.append(f"target {target}" + (f" is at {_place(picked, truth)}" if truth else ""))
+        where = f" is at {_place(picked, truth)}" if truth else ""
+        lines.append(f"target {target}" + (" is absent" if "nan" in where else where))
         lines.append(f"  {_of_estimate(picked, estimate)}")
     if not picked.network:
         return "\n".join([*lines, "no network: nothing was sent and no energy was spent"])

@@ -9,17 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from wsnsim.base.arrays import Estimate, Floats, Ints, Keys, planar
-from wsnsim.base.errors import RunError, plugin_faults_of_run
+from wsnsim.base.arrays import Bools, Estimate, Floats, Ints, Keys, planar
+from wsnsim.base.errors import RunError, plugin_faults_of_run, shortened
 from wsnsim.base.optional_ports import Continuous, MovesInSpace
 from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.rng import Streams, derive_all, normals
 from wsnsim.base.sensing import HEIGHT, recorded_traits
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
+
+ROUNDING: Final = 1e-9
+"""s: a target is present this long before and after its intervals, so that instants at their ends are within."""
 
 
 def node_names(setup: Any, nodes: int | None = None) -> tuple[str, ...]:
@@ -41,13 +44,35 @@ def node_names(setup: Any, nodes: int | None = None) -> tuple[str, ...]:
     return tuple(map(str, range(nodes)))
 
 
+def joined_by_name(names: Sequence[str], known: Sequence[str], who: str, whose: str) -> Ints:
+    """(n,) the number among `known` of each of the names of nodes, -1 for one that is not there.
+
+    Every join of two data sets about the same nodes is made by this function.
+
+    Args:
+        names: the names in one of them, each once.
+        known: the names in the other, each once.
+        who: what the first is called in the message.
+        whose: what the second is called.
+
+    Raises:
+        RunError: they have not one name in common; the message shows both.
+    """
+    number = {name: node for node, name in enumerate(known)}
+    found = np.array([number.get(name, -1) for name in names], dtype=np.int64)
+    if len(found) and (found < 0).all():
+        shown = "; ".join(shortened(", ".join(each)) for each in (names, known))
+        raise RunError(f"{who} and {whose} have no name of a node in common: {shown}")
+    return found
+
+
 class InitialConditions(NamedTuple):
     """The network, trajectories and priors of one Monte Carlo run.
 
     Attributes:
         positions: (N, 2) where the nodes stand, in m.
         traits: (N, T) constants of the nodes' sensors, such as gains.
-        truths: For each target, its states (steps + 1, D).
+        truths: For each target, its states (steps + 1, D); NaN at steps at which it is absent.
         priors: For each target, the prior of its filter.
         assumed: (N, 2) positions of the nodes that filters and cluster heads assume, in m.
     """
@@ -70,9 +95,33 @@ def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialCo
     with plugin_faults_of_run(setup.seed, replicate):
         positions = sample_positions(setup, setup.sensor.reach, replicate)
         traits = with_heights(setup, _traits(setup, len(positions), streams("gains")))
-        truths = [motion.truth(setup.steps, setup.dt, truth) for motion in setup.motions]
-        priors = [setup.prior.draw(states[0], prior) for states in truths]
+        truths = _trajectories(setup, setup.steps, setup.dt, truth)
+        priors = [setup.prior.draw(held(states)[0], prior) for states in truths]
     return InitialConditions(positions, traits, truths, priors, assumed_positions(setup, positions, replicate))
+
+
+def _trajectories(setup: TrackingSetup, steps: int, dt: float, rng: np.random.Generator) -> list[Floats]:
+    """The trajectory (steps + 1, D) of each target, NaN where the target is absent."""
+    times = np.arange(steps + 1) * dt
+    found = []
+    for motion, intervals in zip(setup.motions, setup.presence or [None] * len(setup.motions), strict=True):
+        states = motion.truth(steps, dt, rng)
+        if intervals is not None:
+            begins, ends = np.reshape(intervals, (-1, 2, 1)).swapaxes(0, 1)
+            within: Bools = np.any((times >= begins - ROUNDING) & (times <= ends + ROUNDING), axis=0)
+            states = np.where(within[:, None], states, np.nan)
+        found.append(states)
+    return found
+
+
+def held(states: Floats) -> Floats:
+    """States, or points, (T, D) without absences: the last one, or the first, stands for those that are NaN.
+
+    They are 0 where the target never exists.
+    """
+    there = np.isfinite(states[:, 0])
+    last = np.maximum.accumulate(np.where(there, np.arange(len(states)), there.argmax()))
+    return np.nan_to_num(states[last])
 
 
 def _traits(setup: TrackingSetup, nodes: int, rng: np.random.Generator) -> Floats:
@@ -146,8 +195,7 @@ def sample_paths(setup: NetworkSetup, truths: Sequence[Floats], replicate: int) 
     if polls == 1:
         return truths
     if all(isinstance(motion, Continuous) for motion in setup.motions):
-        stream = Streams(setup.seed, replicate)("truth")
-        return [motion.truth(steps * polls, setup.dt / polls, stream) for motion in setup.motions]
+        return _trajectories(setup, steps * polls, setup.dt / polls, Streams(setup.seed, replicate)("truth"))
     fine, coarse = np.arange(steps * polls + 1) / polls, np.arange(steps + 1)
     return [np.column_stack([np.interp(fine, coarse, column) for column in truth.T]) for truth in truths]
 

@@ -34,6 +34,15 @@ class Continuous(Protocol):
 
 
 @runtime_checkable
+class MayBeAbsent(Protocol):
+    """Optional port of a built-in motion model: states of its `truth` may be NaN, where the target is absent."""
+
+    @property
+    def may_be_absent(self) -> bool:
+        """Whether they may."""
+
+
+@runtime_checkable
 class LinearGaussian(Protocol):
     """Optional port of a motion model, a sensor model or a tracker, for χ² intervals of NEES and NIS.
 
@@ -155,6 +164,22 @@ class LimitsReadings(Protocol):
     @property
     def reading_limits(self) -> tuple[float, float]:
         """The least and the greatest reading."""
+
+
+@runtime_checkable
+class FewReadings(Protocol):
+    """Optional port of a sensor model whose readings take few values: their mean need be none of these.
+
+    `linearise` then holds the mean and the variance of a reading, and `log_likelihood` is that of a probability.
+    """
+
+    @property
+    def reading_values(self) -> Floats:
+        """(C,) the values, ascending; nothing if a reading may be any number."""
+
+    @property
+    def reading_bits(self) -> int:
+        """The bits of a reading in a packet, beside the header."""
 
 
 @runtime_checkable

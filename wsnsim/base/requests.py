@@ -85,7 +85,8 @@ class Gathered(dict[int, tuple[Any, Bools]]):
 
 
 NodeId: TypeAlias = int
-PACKET_BITS: Final = 96
+HEADER_BITS: Final = 32
+PACKET_BITS: Final = HEADER_BITS + 64
 """A packet of Jiang (2013), section 5: 12 bytes, of which 4 are header and 8 payload."""
 Belief = TypeVar("Belief")
 _NUMBERS: Final = frozenset({float, int, *(kind for kind in np.sctypeDict.values() if issubclass(kind, np.number))})

@@ -2,7 +2,7 @@
 
 summarise(setup, replicate, result, truths, recorder) -> Summary        writes the rows of these tables
 provenance_of(setup)                     the recorded files that a scenario reads, and the rows left out
-track_row(estimates, columns, rule) -> {column: value}      losses(errors, window, limit, dt) -> those on losses
+track_row(columns, rule) -> {column: value}      losses(errors, window, limit, dt) -> those on losses
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from wsnsim.base import metrics
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import MOST_PRINTED
 from wsnsim.base.files import file_digest
 from wsnsim.base.optional_ports import RecordedFile
@@ -28,7 +28,6 @@ from wsnsim.base.rows import (
     deviation_rmse,
     estimate_rows,
     fingerprint,
-    late_steps,
     truth_rows,
 )
 from wsnsim.base.setups import Setup, TrackingSetup
@@ -39,38 +38,60 @@ FIRST_STEPS: Final = 20
 
 
 class TrackRule(NamedTuple):
-    """When a track is lost (window in steps, limit in m), the duration of a step (s), and the number of due reports."""
+    """What a track is judged by.
+
+    Attributes:
+        window: number of steps, and `limit` in m: when the track is lost.
+        dt: duration of a step in s.
+        every: number of steps from one due report to the next; 0: none is due.
+        present: (steps,) whether the target is there at the steps from 1 on. Nothing is asked of a track while it is
+            not, except what it costs.
+    """
 
     window: int
     limit: float
     dt: float
-    due: int
+    every: int
+    present: Bools
 
 
-def track_row(estimates: Mapping[int, Issued], columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
-    """The row of one track, from its estimates and their columns in the table `estimates`."""
-    errors, steps = np.asarray(columns["error"]), len(columns["time"])
+def track_row(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
+    """The row of one track, from its columns in the table `estimates`."""
+    names = ("time", "issued", "received", "readings", "error", "late")
+    seen = {name: np.asarray(columns[name])[rule.present] for name in names}
     return {
-        "rmse": metrics.rmse(errors),
-        "median_error": metrics.median_error(errors),
-        **losses(errors, rule.window, rule.limit, rule.dt),
-        "late": late_steps(estimates, steps, rule.dt),
-        "reports": len(estimates),
-        **_delays(columns, rule),
-        **_followed(columns, rule.dt),
-        **_woken(columns, steps),
+        "rmse": metrics.rmse(seen["error"]),
+        "median_error": metrics.median_error(seen["error"]),
+        **losses(np.asarray(columns["error"]), rule.window, rule.limit, rule.dt, rule.present),
+        "late": int(seen["late"].sum()),
+        "reports": int(np.isfinite(seen["issued"]).sum()),
+        **_delays(seen, rule),
+        **_followed(seen, rule.dt),
+        **_woken(columns, len(rule.present)),
     }
 
 
-def losses(errors: Floats, window: int, limit: float, dt: float) -> dict[str, Any]:
-    """Whether the track is lost at the end, how often and for how long it was lost, and when first."""
-    lost = metrics.lost_steps(errors, window, limit)
-    steps = int(lost.sum())
+def absence_columns(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, float]:
+    """The columns of the table `tracks` on a target that may be absent."""
+    kept = np.isfinite(columns["issued"]) & ~rule.present
+    return {"time_present": int(rule.present.sum()) * rule.dt, "false_time": int(kept.sum()) * rule.dt}
+
+
+def losses(errors: Floats, window: int, limit: float, dt: float, present: Bools | bool = True) -> dict[str, Any]:
+    """Whether the track is lost at the end, how often and for how long it was lost, and when first.
+
+    Only steps count at which the target is `present`, and an absence ends a loss.
+    """
+    lost, there = (
+        metrics.lost_steps(np.where(present, errors, 0.0), window, limit),
+        np.broadcast_to(present, errors.size),
+    )
+    steps, seen = int(lost.sum()), lost[there]
     return {
-        "lost": int(lost[-1:].any()),
+        "lost": int(seen[-1:].any()),
         "losses": metrics.count_losses(lost),
         "time_lost": steps * dt,
-        "lost_share": steps / lost.size if lost.size else NAN,
+        "lost_share": steps / seen.size if seen.size else NAN,
         "lost_at": (int(np.argmax(lost)) + window) * dt if steps else NAN,
     }
 
@@ -79,12 +100,13 @@ def _delays(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
     """Latencies at the cluster head and at the sink, in s; NaN without an estimate."""
     steps, issued, received = (columns[name] for name in ("time", "issued", "received"))
     in_time = int((received <= steps + rule.dt).sum())
+    due = int(rule.present[rule.every - 1 :: rule.every].sum()) if rule.every else 0
     return {
         "delay": metrics.median_error(issued - steps),
         "received": int(np.isfinite(received).sum()),
         "report_delay": metrics.median_error(received - steps),
-        "due": rule.due,
-        "in_time": in_time / rule.due if rule.due else NAN,
+        "due": due,
+        "in_time": in_time / due if due else NAN,
     }
 
 
@@ -162,7 +184,7 @@ class TrackResult(NamedTuple):
 class RunResult(NamedTuple):
     """The result of one run: simulated steps, tracks, totals, energy (J) by cause, and number of clusters.
 
-    `due`: number of reports that each track owes the sink.
+    `report_every`: number of steps from one report that each track owes the sink to the next; 0: it owes none.
     """
 
     steps: int
@@ -170,7 +192,7 @@ class RunResult(NamedTuple):
     totals: RunTotals
     joules: Mapping[str, float]
     clusters: int = 0
-    due: int = 0
+    report_every: int = 0
 
 
 @dataclass(frozen=True)
@@ -223,7 +245,7 @@ def summarise(
         setup: The scenario.
         replicate: Number of the run.
         result: What the run produced.
-        truths: The states (steps + 1, D) of each target.
+        truths: The states (steps + 1, D) of each target; NaN where it is absent.
         recorder: Where the rows go.
         started: Processor time (s) at the start of the run, as `time.process_time` gives it, later by what is not to
             be counted.
@@ -232,7 +254,8 @@ def summarise(
     deviations, rows, estimates = [], [], []
     for target, truth in enumerate(truths):
         assert isinstance(setup, TrackingSetup), "only a tracking scenario has targets"
-        rule = TrackRule(setup.lost_window, setup.lost_limit, setup.dt, result.due)
+        present = np.isfinite(truth[1 : result.steps + 1, 0])
+        rule = TrackRule(setup.lost_window, setup.lost_limit, setup.dt, result.report_every, present)
         track, motion = result.tracks[target], setup.motions[target]
         key = {"replicate": replicate, "target": target}
         columns = estimate_rows(track.estimates, track.heads, motion, truth, result.steps, setup.dt)
@@ -246,7 +269,8 @@ def summarise(
         estimates.append(columns)
         errors[target] = columns["error"]
         deviations.append(deviation_rmse(columns, motion, truth))
-        rows.append({**key, **track_row(track.estimates, columns, rule), **track.counts})
+        rows.append({**key, **track_row(columns, rule), **track.counts})
+        rows[-1].update(absence_columns(columns, rule) if setup.has_absences else {})
     column_rmse = np.array(deviations) if deviations else np.empty((0, 0))
     run = {"replicate": replicate, **_run_row(result, errors, rows)}
     tracking = setup if isinstance(setup, TrackingSetup) else None
@@ -285,7 +309,8 @@ def columns_of_totals(totals: RunTotals) -> dict[str, Any]:
 
 
 def _mean(tracks: Sequence[Mapping[str, Any]], name: str) -> float:
-    return float(np.mean([row[name] for row in tracks])) if tracks else NAN
+    """The mean over the targets that were ever present."""
+    return metrics.mean_error(np.array([row[name] for row in tracks], dtype=np.float64))
 
 
 FILES: Final = "recorded_files"

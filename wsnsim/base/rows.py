@@ -54,11 +54,6 @@ def is_late(issued: float, step: int, dt: float) -> bool:
     return issued > (step + 1) * dt
 
 
-def late_steps(estimates: Mapping[int, Issued], steps: int, dt: float) -> int:
-    """Number of steps without an estimate in time, those without any included."""
-    return sum(step not in estimates or is_late(estimates[step].issued, step, dt) for step in range(1, steps + 1))
-
-
 def truth_rows(motion: MotionModel, truth: Floats, steps: int, dt: float) -> dict[str, Any]:
     """Columns of the table `truth` for steps 0 to `steps` of trajectories (..., steps + 1 or more, D)."""
     numbers = np.arange(steps + 1)
@@ -152,14 +147,14 @@ def consistency(tracks: Sequence[Mapping[str, Any]], size: int) -> dict[str, flo
         tracks: Columns of the table `estimates` of each track.
         size: Number of position columns.
     """
-    nees, nis, dof, sd = (
+    nees, nis, dof, sd, error = (
         np.concatenate([track[name] for track in tracks]) if tracks else np.empty(0)
-        for name in ("nees", "nis", "nis_dof", "sd_x")
+        for name in ("nees", "nis", "nis_dof", "sd_x", "error")
     )
     known = np.isfinite(nis) & (dof > 0)
     per_reading = float(nis[known].sum() / dof[known].sum()) if known.any() else NAN
     average, middle = metrics.mean_error(nees) / size, metrics.median_error(nees) / size
-    singular = int(np.count_nonzero(np.isfinite(sd) & ~np.isfinite(nees)))
+    singular = int(np.count_nonzero(np.isfinite(sd) & np.isfinite(error) & ~np.isfinite(nees)))
     return {"nees": average, "nees_median": middle, "singular": singular, "nis": per_reading}
 
 
@@ -253,7 +248,7 @@ class RunStart(NamedTuple):
         setup: The scenario.
         replicate: Number of the run.
         positions: (N, 2) positions of the nodes in m.
-        truths: The states (steps + 1, D) of each target.
+        truths: The states (steps + 1, D) of each target; NaN where it is absent.
     """
 
     setup: Setup

@@ -15,6 +15,8 @@ GAIN: Final = "gain"
 """A factor of a sensor's readings, or of the signal in them."""
 GAIN_DB: Final = "gain_db"
 """What is added to a sensor's readings of received power, in dB."""
+BIAS: Final = "bias"
+"""What is added to a sensor's readings of a distance, in m."""
 HEIGHT: Final = "height"
 """The height of a node in m, which the deployment gives (`HasHeights`)."""
 
@@ -44,7 +46,7 @@ def recorded_traits(law: Any, nodes: int, rng: np.random.Generator) -> Floats:
 
 def samples_gains(sensor: Any) -> bool:
     """Whether a sensor model samples gains that differ from node to node, instead of listing them."""
-    return has_gains(sensor) and not getattr(sensor, "gains", ())
+    return has_gains(sensor) and not any(getattr(sensor, key, ()) for key in ("gains", "biases"))
 
 
 def has_gains(sensor: Any) -> bool:
@@ -63,8 +65,8 @@ def gain_variance(sensor: Any) -> float:
 
 
 def gain_column(names: tuple[str, ...]) -> int | None:
-    """The column of the gain among a sensor's traits; None if sensors have no gain."""
-    return next((column for column, name in enumerate(names) if name in (GAIN, GAIN_DB)), None)
+    """The column of the gain, or of what is added, among a sensor's traits; None if sensors have none."""
+    return next((column for column, name in enumerate(names) if name in (GAIN, GAIN_DB, BIAS)), None)
 
 
 def is_perfect(detection: Detection) -> bool:

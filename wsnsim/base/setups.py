@@ -18,12 +18,15 @@ from wsnsim.base.arrays import Estimate, components_of
 from wsnsim.base.mechanisms import TimeSync
 from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
 from wsnsim.base.network_ports import ClusterPolicy, Deployment, FaultEvent, HasSeveralSinks, Routing, Sink, Workload
-from wsnsim.base.optional_ports import ForecastsSuccession, LinearGaussian, Replays
+from wsnsim.base.optional_ports import ForecastsSuccession, LinearGaussian, MayBeAbsent, Replays
 from wsnsim.base.ports import Acquire, Detection, MotionModel, PriorModel, Scene, SensorModel, Tracker
 from wsnsim.base.radio import Clock, Cpu, EnergyModel, LinkModel, PacketJoules
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.sensing import is_perfect
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
+
+Intervals = tuple[tuple[float, float], ...]
+"""(begin, end) in s of each of several intervals, disjoint and ascending."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +71,8 @@ class TrackingSetup(Setup):
     Attributes:
         prior: of each track.
         motions: one model per target.
+        presence: for each target the intervals (s, both ends within) in which it is present, None for all the time;
+            empty: no target has any.
         sensor: the sensor model; of recorded readings, the law that they are taken to follow.
         filter_motions: one model per target, which the tracker assumes (`tracker.assumes`).
         filter_sensor: the sensor model that the tracker assumes.
@@ -89,6 +94,14 @@ class TrackingSetup(Setup):
     recorded: Replays | None = None
     lost_window: int = LOST_STEPS
     lost_limit: float = LOST_ERROR
+    presence: tuple[Intervals | None, ...] = ()
+
+    @property
+    def has_absences(self) -> bool:
+        """Whether a target may be absent for a while, or for a whole run."""
+        return any(each is not None for each in self.presence) or any(
+            isinstance(motion, MayBeAbsent) and motion.may_be_absent for motion in self.motions
+        )
 
     @property
     def member_cycles(self) -> float:
@@ -215,12 +228,12 @@ class NetworkSetup(TrackingSetup, RadioSetup):
         every = self.acquire.poll
         return 1 if every is None or not self.nodes_search else max(1, round(self.dt / every))
 
-    def due_reports(self, steps: int) -> int:
-        """Number of reports that a track owes the sink in this many steps."""
+    @property
+    def report_every(self) -> int:
+        """The number of steps from one report that a track owes the sink to the next; 0: there is no sink."""
         if self.sink.point is None:
             return 0
-        every = 1 if self.sink.every is None else max(1, round(self.sink.every / self.dt))
-        return steps // every
+        return 1 if self.sink.every is None else max(1, round(self.sink.every / self.dt))
 
     @property
     def head_threshold(self) -> float:
@@ -264,12 +277,14 @@ class TableLayout(NamedTuple):
         position: Which of them are the position; none without a target.
         components: The number of components of a reading.
         duty_cycled: Whether a MAC switches radios off.
+        absences: Whether a target may be absent.
     """
 
     states: tuple[tuple[str, str], ...] = ()
     position: tuple[int, ...] = ()
     components: int = 1
     duty_cycled: bool = False
+    absences: bool = False
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -278,6 +293,7 @@ class TableLayout(NamedTuple):
             "position": self.position or None,
             "components": self.components,
             "duty_cycled": self.duty_cycled,
+            "absences": self.absences,
         }
 
 
@@ -288,4 +304,4 @@ def table_layout(setup: Setup) -> TableLayout:
         return TableLayout(duty_cycled=duty_cycled)
     motion = setup.motions[0]
     states = tuple(zip(motion.columns, motion.units, strict=True))
-    return TableLayout(states, motion.position, len(components_of(setup.sensor)), duty_cycled)
+    return TableLayout(states, motion.position, len(components_of(setup.sensor)), duty_cycled, setup.has_absences)

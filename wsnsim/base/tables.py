@@ -85,6 +85,8 @@ MORE_IS_BETTER: Final = ("delivered", "tracked", "tracked_three", "alive", "firs
 
 DUTY_CYCLED: Final = ("radio_on", "hurried")
 """Columns of `runs` about MACs that switch radios off."""
+ABSENCES: Final = ("time_present", "false_time")
+"""Columns of `tracks` about targets that may be absent."""
 
 
 def columns_of(
@@ -93,6 +95,7 @@ def columns_of(
     position: Sequence[int] | None = None,
     components: int = 1,
     duty_cycled: bool = False,
+    absences: bool = False,
 ) -> tuple[Column, ...]:
     """The columns of a table for one motion model and one sensor model.
 
@@ -103,12 +106,15 @@ def columns_of(
             `sd_y` and no `cov_xy`.
         components: Number of components of a reading. If it is one, `readings` has no column `component`.
         duty_cycled: Whether a MAC switches radios off. If not, `runs` has none of the columns of `DUTY_CYCLED`.
+        absences: Whether a target may be absent. If not, `tracks` has none of the columns of `ABSENCES`.
     """
     columns = TABLES[table]
     if table == "readings" and components == 1:
         return tuple(column for column in columns if column.name != "component")
     if table == "runs" and not duty_cycled:
         columns = tuple(column for column in columns if column.name not in DUTY_CYCLED)
+    if table == "tracks" and not absences:
+        columns = tuple(column for column in columns if column.name not in ABSENCES)
     if table == "covariances":
         return columns + covariance_columns(states)
     if position is not None:

@@ -183,6 +183,8 @@ def _reason_without_bound(setup: TrackingSetup, kind: str) -> str:
     """Why there is no bound for this setup; empty if nothing is known against it yet."""
     if not isinstance(setup.sensor, Informs):
         return "the sensor model has no information matrix"
+    if setup.has_absences and kind == "unconditional":
+        return "a target may be absent, which the motion model does not say: use kind per_trajectory"
     return next(filter(None, (reason_without_bound(motion, kind) for motion in setup.motions)), "")
 
 
@@ -232,7 +234,7 @@ def _check_truths(
         for target, truth in enumerate(one.truths):
             mine = (table["replicate"] == replicate) & (table["target"] == target)
             held = np.column_stack([table[name][mine] for name in names])
-            if not np.allclose(held, truth[table["step"][mine]], rtol=1e-6, atol=1e-6):
+            if not np.allclose(held, truth[table["step"][mine]], rtol=1e-6, atol=1e-6, equal_nan=True):
                 raise ResultError(
                     f"{path}: holds another ground-truth trajectory of replicate {replicate} than this version samples"
                 )

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, components_of, near
-from wsnsim.base.initial_conditions import InitialConditions
+from wsnsim.base.initial_conditions import InitialConditions, held
 from wsnsim.base.optional_ports import Informs
 from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.sensing import gain_column
@@ -247,32 +247,44 @@ def _of_target(
     unknown: UnknownConstants,
     detected: float,
 ) -> Floats:
-    """(R, steps, D, D) of one target, by the recursion for filters that know, or do not know, constants of nodes."""
+    """(R, steps, D, D) of one target, by the recursion for filters that know, or do not know, constants of nodes.
+
+    They are NaN where the target is absent. Each time it comes, the recursion begins again from the prior (our choice).
+    """
     motion, sensor, variances = setup.motions[target], setup.sensor, unknown.variances
     columns, truths = list(motion.position), np.array([run.truths[target] for run in conditions])
     priors = np.array([run.priors[target].cov for run in conditions])
-    places = [truth[:, columns] for truth in truths]
+    places, absent = [held(truth)[:, columns] for truth in truths], np.isnan(truths[:, 1:, 0])
     if along and variances.size:
         result = []
         for row, run in enumerate(conditions):
             used = readings_of(row, target)
             readings, used = linearised_readings(sensor, places[row], run.positions, run.traits, used, unknown)
             readings = readings._replace(weights=detected * readings.weights)
-            motions = _linearised(motion, truths[row : row + 1], setup.dt)
+            motions = _linearised(motion, truths[row : row + 1], priors[row : row + 1], setup.dt)
             result.append(along_trajectory(motions, priors[row], readings, used, columns, variances))
-        return np.array(result)
+        return np.where(absent[..., None, None], np.nan, np.array(result))
     informations = detected * np.stack([
         information(sensor, places[row], run.positions, run.traits, readings_of(row, target))[1:]
         for row, run in enumerate(conditions)
     ], axis=1)  # fmt: skip
-    motions = _linearised(motion, truths, setup.dt)
+    motions = _linearised(motion, truths, priors, setup.dt)
     if along:
-        return along_trajectories(motions, priors, informations, columns).swapaxes(0, 1)
+        covariances = along_trajectories(motions, priors, informations, columns).swapaxes(0, 1)
+        return np.where(absent[..., None, None], np.nan, covariances)
     return over_trajectories(motions, priors, informations, columns)[None]
 
 
-def _linearised(motion: MotionModel, truths: Floats, dt: float) -> Iterator[LinearisedMotion]:
-    """The motion model linearised at the trajectories, step by step; without noise where only filters assume it."""
+def _linearised(motion: MotionModel, truths: Floats, priors: Floats, dt: float) -> Iterator[LinearisedMotion]:
+    """The motion model linearised at the trajectories, step by step; without noise where only filters assume it.
+
+    Where a target comes, nothing is known of it but its prior.
+    """
+    there, states = np.isfinite(truths[..., 0]), np.array([held(truth) for truth in truths])
     for step in range(truths.shape[1] - 1):
-        jacobian, noise = motion.matrices(np.ascontiguousarray(truths[:, step].T), dt, step * dt)
-        yield jacobian, noise if getattr(motion, "truth_noise", True) else np.zeros_like(noise)
+        jacobian, noise = motion.matrices(np.ascontiguousarray(states[:, step].T), dt, step * dt)
+        noise = noise if getattr(motion, "truth_noise", True) else np.zeros_like(noise)
+        comes = (there[:, step + 1] & ~there[:, step])[:, None, None]
+        if comes.any():
+            jacobian, noise = np.where(comes, 0.0, jacobian), np.where(comes, priors, noise)
+        yield jacobian, noise

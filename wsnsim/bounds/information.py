@@ -63,15 +63,16 @@ def in_range(sensor: SensorModel, points: Floats, positions: Floats) -> UsedRead
 
     Args:
         sensor: the sensor model.
-        points: (T, P) the target's position at each step.
+        points: (T, P) the target's position at each step; NaN where it is absent.
         positions: (N, 2) of the nodes.
     """
-    steps, nodes = CellGrid(positions).within_each(planar(points), sensor.reach)
-    if not isinstance(sensor, Detects):
-        return UsedReadings(steps, nodes)
-    candidates = np.unique(nodes)
-    steps, rows = np.nonzero(sensor.detects(points, positions[candidates]))
-    return UsedReadings(steps, candidates[rows])
+    present = np.flatnonzero(np.isfinite(points[:, 0]))
+    steps, nodes = CellGrid(positions).within_each(planar(points[present]), sensor.reach)
+    if isinstance(sensor, Detects):
+        candidates = np.unique(nodes)
+        steps, rows = np.nonzero(sensor.detects(points[present], positions[candidates]))
+        nodes = candidates[rows]
+    return UsedReadings(present[steps], nodes)
 
 
 def information(sensor: SensorModel, points: Floats, positions: Floats, traits: Floats, used: UsedReadings) -> Floats:

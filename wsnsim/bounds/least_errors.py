@@ -7,6 +7,7 @@ reason_without_bound(motion, kind) -> text or ''      cautions(setup, conditions
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
@@ -59,7 +60,9 @@ def assumed_places(setup: Setup) -> str:
 
 
 def unknown_constants(setup: TrackingSetup, query: BoundQuery) -> UnknownConstants:
-    """What the filters of a query do not know of the nodes."""
+    """What the filters of a query do not know of the nodes. Raises ValueError if no bound counts it."""
+    if query.gains == "unknown" and query.kind == "per_trajectory" and getattr(setup.sensor, "clock_spread", None):
+        raise ValueError("an unknown clock offset is common to all readings, and the bound takes biases as independent")
     gain = gain_variance(setup.sensor) if query.gains == "unknown" and has_gains(setup.sensor) else 0.0
     return UnknownConstants(gain, setup.position_error**2 if query.places == "unknown" else 0.0)
 
@@ -111,21 +114,19 @@ class Bound:
         """The root mean square over recursions and targets at each step, (steps,); empty if there is no bound."""
         if self.reason:
             return np.empty(0)
-        result: Floats = np.sqrt((self.each**2).mean(axis=(0, 1)))
-        return result
+        return np.sqrt(_mean(self.each**2))
 
     @property
     def columns(self) -> Floats:
         """The bound of each state column at each step, (steps, D); empty if there is no bound."""
         if self.reason:
             return np.empty((0, self.covariances.shape[-1]))
-        result: Floats = np.sqrt(np.diagonal(self.covariances, axis1=-2, axis2=-1).mean(axis=(0, 1)))
-        return result
+        return np.sqrt(_mean(np.diagonal(self.covariances, axis1=-2, axis2=-1)))
 
     @property
     def time_mean(self) -> float:
         """The mean of `rmse` over the steps, to compare with a time-averaged RMSE; NaN if there is no bound."""
-        return float(self.rmse.mean()) if self.rmse.size else float("nan")
+        return metrics.mean_error(self.rmse)
 
     def time_mean_at(self, errors: Floats) -> float:
         """The same over the estimates that exist, to compare with a tracker that skips steps or ended early.
@@ -152,8 +153,15 @@ class Bound:
     @property
     def of_replicates(self) -> Floats:
         """The root mean square over steps and targets of each recursion, (R,)."""
-        result: Floats = np.sqrt((self.each**2).mean(axis=(1, 2)))
-        return result
+        return np.sqrt(_mean(self.each**2, (1, 2)))
+
+
+def _mean(values: Floats, axes: tuple[int, int] = (0, 1)) -> Floats:
+    """The mean over two axes where the target is present; NaN where it never is."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        result: Floats = np.nanmean(values, axis=axes)
+    return result
 
 
 FAULTLESS: Final = "faults are not counted: the bound for readings in range is that without faults"
@@ -192,6 +200,8 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions], plac
     yield from sorted({reason_without_bound(motion, "unconditional") for motion in setup.motions} - {""})
     if getattr(setup.sensor, "beyond", "") == "noise" and math.isfinite(setup.sensor.reach):
         yield "sensors out of range read noise, which tells where the target is not: the bound does not count that"
+    if setup.has_absences:
+        yield "a target may be absent: the bound begins from the prior each time it comes, trackers from readings"
     yield from cautions_of_readings(setup)
     if setup.position_error and places_known:
         yield "the bound takes node positions as known: the filters have only assumed ones (deploy.position_error)"
@@ -207,6 +217,8 @@ def cautions_of_readings(setup: TrackingSetup) -> Iterator[str]:
     """Those of the cautions that are about readings: what the bound takes to be otherwise than it is."""
     if setup.faults:
         yield FAULTLESS
+    if getattr(setup.sensor, "adapts", False):
+        yield "thresholds follow a prediction: the bound takes those about the true reading, which no filter knows"
     if setup.recorded is not None:
         yield "readings were recorded: the bound is that of the law (sensor.law), which they need not follow"
     elif isinstance(setup.sensor, IsShadowed) and setup.sensor.shadowing:

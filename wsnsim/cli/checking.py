@@ -56,13 +56,14 @@ def check(request: Request, limit: float) -> CheckAnswer:
 
 def _checked(request: Request) -> CheckAnswer:
     import wsnsim.scenario as scenario
-    from wsnsim.analysis import notes
+    from wsnsim.analysis import notes, recording_notes
 
     try:
         setup = scenario.build(loaded(*request))
     except ScenarioError as error:
         return CheckAnswer(INVALID, [str(error)], [])
-    return CheckAnswer(0, [], [f"{request[0]}: ok", *(f"  note: {note}" for note in notes.of_setup(setup))])
+    stated = [f"  {said}" for said in recording_notes.residuals(setup)]
+    return CheckAnswer(0, [], [f"{request[0]}: ok", *stated, *(f"  note: {note}" for note in notes.of_setup(setup))])
 
 
 def _checked_apart(request: Request, limit: float) -> CheckAnswer:

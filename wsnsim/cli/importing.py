@@ -1,42 +1,70 @@
-"""The commands that take data of others: mobility traces of other simulators, recorded readings and links."""
+"""The commands that take data of others: field data, mobility traces of other simulators, recorded readings."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from wsnsim.base.errors import RunError, ScenarioError, UsageError
 from wsnsim.cli import shared
+from wsnsim.cli.fitting import renamed_columns, target
 from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, writable
 
 if TYPE_CHECKING:
-    from wsnsim.interop import NodeSummary, TraceFormat
+    from wsnsim.interop import NodeSummary, Trace, TraceFormat
+    from wsnsim.interop.conventions import Conventions
     from wsnsim.interop.trajectories import PlacedTracks, Placement
 
-FORMATS: Final = ("ns3", "sumo")
+TRACES: Final = ("ns3", "sumo", "track")
+TABLES: Final = ("readings", "nodes", "links")
+ANGLES: Final = (
+    "counterclockwise-from-east", "clockwise-from-north", "counterclockwise-from-north", "clockwise-from-east",
+)  # fmt: skip
 MOST_SHOWN: Final = 40
 """Nodes that --list shows."""
+READ: Final = ("columns", "column", "missing", "skip_bad_rows", "time_format", "angle", "node_prefix", "repeated")
+"""Options that say how tables are read."""
+MEANT_FOR: Final = {
+    **dict.fromkeys(READ[:4], (*TABLES, "track")), **dict.fromkeys(READ[5:], ("readings",)),
+    **dict.fromkeys(("ids", "listed", "nodes", "start", "end"), TRACES), "time_unit": ("ns3", "sumo"),
+    "time_format": ("readings", "links", "track"), "time_origin": ("readings", "links", *TRACES),
+    "crs": ("nodes", "track", "sumo"), "origin": ("nodes", *TRACES),
+}  # fmt: skip
+"""{option: kinds for which it has a meaning}; others have one for all."""
 
 
-def _finite(_: click.Context, option: click.Parameter, value: float | None) -> float | None:
-    """The value of an option, refused if it is no finite number."""
-    if value is not None and not math.isfinite(value):
-        raise UsageError(f"{option.opts[0]} {value}: give a finite number of seconds, such as 12.5")
-    return value
+def _finite(_: click.Context | None, option: click.Parameter | str, text: str | None) -> float | None:
+    """The number that the text of an option gives; refuses texts that are no finite number."""
+    try:
+        value = None if text is None else float(text)
+    except ValueError:
+        value = math.nan
+    if value is None or math.isfinite(value):
+        return value
+    name = option if isinstance(option, str) else option.opts[0]
+    raise UsageError(f"{name} {text}: give a finite number of seconds, such as 12.5")
+
+
+def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tuple[str, ...]:
+    """The words of a list with commas."""
+    return tuple(word.strip() for word in value.split(",")) if value else ()
 
 
 @group.command("import")
-@click.argument("kind", metavar="ns3|sumo", type=click.Choice(FORMATS))
-@click.argument("trace", metavar="FILE", type=PATH)
-@click.option("--id", "ids", multiple=True, metavar="ID", help="Node or vehicle to import; each --id becomes a target.")
-@click.option("--list", "listed", is_flag=True, help="Only list the nodes or vehicles of the file.")
+@click.argument("kind", metavar="readings|nodes|track|links|ns3|sumo", type=click.Choice((*TABLES, *TRACES)))
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=PATH)
+@click.option("--id", "ids", multiple=True, metavar="ID", help="Mover to import; each --id becomes a target.")
+@click.option("--list", "listed", is_flag=True, help="Only list the nodes, vehicles or movers of the file.")
 @click.option(
     "--out", "-o", type=PATH, metavar="FILE",
-    help="FILE.csv: the track; FILE.yaml: the track and a scenario. Default ID.csv.",
+    help="FILE.csv: the table or track; FILE.yaml: it and a scenario or a block. Default ID.csv, FILE_KIND.csv.",
 )  # fmt: skip
 @click.option(
     "--nodes",
@@ -44,60 +72,139 @@ def _finite(_: click.Context, option: click.Parameter, value: float | None) -> f
     metavar="CSV",
     help="For a scenario: positions (m) of the sensor nodes; --origin shifts a copy of them, as it shifts the tracks.",
 )
-@click.option("--unit", default="m", show_default=True, metavar="UNIT", help="Unit of the file's coordinates.")
-@click.option("--time-unit", default="s", show_default=True, metavar="UNIT", help="Unit of the file's times.")
-@click.option("--from", "start", type=float, callback=_finite, metavar="S", help="Time (s) at which the track begins.")
-@click.option("--until", "end", type=float, callback=_finite, metavar="S", help="Time (s) at which the track ends.")
-@click.option("--time-origin", type=float, callback=_finite, metavar="S", help="Time (s) of the file that becomes 0.")
+@click.option("--columns", callback=_listed, metavar="A,B,...", help="Names of the columns of a file without a header.")
+@click.option("--column", multiple=True, metavar="OURS=THEIRS", help="What the files call a column: reading=level.")
+@click.option("--unit", default="", metavar="UNIT", help="Unit of coordinates or readings: mm, km, mW, deg, % ...")
+@click.option("--angle", type=click.Choice(ANGLES), metavar="FROM", help="Such as clockwise-from-north, for bearings.")
+@click.option("--missing", callback=_listed, metavar="A,B,...", help="Values that stand for no reading: 100,-100,nan.")
 @click.option(
-    "--origin", metavar="X,Y|centre", help="Position (m) that becomes (0, 0): X,Y, or the centre of the tracks."
+    "--time-format", default="", metavar="FORM", help="A unit such as ms, or %d.%m.%Y %H:%M:%S. Default: ISO 8601 or s."
 )
+@click.option("--time-unit", default="s", show_default=True, metavar="UNIT", help="Unit of the times of a trace.")
+@click.option("--time-origin", metavar="TIME", help="Time that becomes 0: s, or as the table has it.")
+@click.option("--from", "start", callback=_finite, metavar="S", help="Time (s) at which the track begins.")
+@click.option("--until", "end", callback=_finite, metavar="S", help="Time (s) at which the track ends.")
+@click.option("--crs", type=click.Choice(["wgs84"]), help="Positions are longitudes and latitudes: project them.")
+@click.option(
+    "--origin", metavar="X,Y|centre", help="Position that becomes (0, 0): X,Y (with --crs LON,LAT), or centre."
+)
+@click.option("--node-prefix", default="", metavar="TEXT", help="What columns of nodes begin with, in wide tables.")
+@click.option(
+    "--repeated", type=click.Choice(["first", "last", "mean"]), help="Which of several readings of one time counts."
+)
+@click.option("--skip-bad-rows", is_flag=True, help="Leave out rows that cannot be used, and count them.")
 @shared.json_option
-def import_(kind: str, trace: Path, ids: tuple[str, ...], listed: bool, as_json: bool, **options: Any) -> None:
-    """Import a mobility trace of ns-3 or SUMO as a trajectory.
+def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -> None:
+    """Import field data, or a mobility trace of ns-3 or SUMO.
 
-    `ns3` reads movement traces of ns-2 ($node_(0) setdest ...) and logs of course changes
-    (MobilityHelper::EnableAscii). `sumo` reads floating car data (--fcd-output), XML or CSV. A file may be compressed
-    with gzip, and may be larger than the memory.
+    `readings`, `nodes`, `track` and `links` read tables: CSV with any separator, .xlsx, .parquet, .mat, JSON,
+    GeoJSON, GPX, Cooja's .csc. `ns3` reads movement traces of ns-2 ($node_(0) setdest ...) and logs of course changes
+    (MobilityHelper::EnableAscii). `sumo` reads floating car data (--fcd-output), XML or CSV. Texts may be compressed
+    with gzip.
     """
-    if listed:
-        if ids:
-            raise UsageError("--list shows all nodes: leave out --id")
+    _demand_fitting(kind, files)
+    if kind in TABLES:
+        _echo_written(_table(kind, files, options), as_json)
+    elif not options["listed"]:
+        _echo_written(_imported(kind, files, options), as_json)
+    else:
         from wsnsim.interop import summarised
 
-        _echo_nodes(summarised(str(trace), _format(kind)), as_json)
-        return
-    _echo_written(_imported(kind, trace, ids, options), as_json)
+        if options["ids"]:
+            raise UsageError("--list shows all nodes: leave out --id")
+        if kind == "track":
+            _echo_nodes(_tracks(files, options, None).nodes, as_json)
+        else:
+            _echo_nodes(summarised(str(files[0]), _format(kind, options)), as_json)
 
 
-def _imported(kind: str, trace: Path, ids: tuple[str, ...], options: dict[str, Any]) -> dict[str, Any]:
-    """Import, and return what was written."""
-    out: Path | None = options["out"]
+def _demand_fitting(kind: str, files: Sequence[Path]) -> None:
+    """Raise UsageError for several traces, and for an option that has no meaning for a kind."""
+    if kind in ("ns3", "sumo") and len(files) > 1:
+        raise UsageError(f"{kind} reads one file, {len(files)} are given")
+    context = click.get_current_context()
+    for option in context.command.params:
+        given = context.get_parameter_source(str(option.name)) is not click.core.ParameterSource.DEFAULT
+        if given and kind not in MEANT_FOR.get(str(option.name), (*TABLES, *TRACES)):
+            raise UsageError(f"{option.opts[0]} has no meaning for {kind}")
+
+
+def _conventions(options: dict[str, Any]) -> Conventions:
+    """How tables are read, from the options."""
+    from wsnsim.interop.conventions import Conventions
+
+    place = options["origin"] if options["crs"] and options["origin"] != "centre" else None
+    names = (*READ, "unit", "time_origin", "crs")
+    given = {name: options[name] for name in names if options[name] and name != "column"}
+    return Conventions(**given, names=renamed_columns(options["column"]), origin=_origin(place, 3))
+
+
+def _table(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[str, Any]:
+    """Import tables of readings, nodes or links, and return what was written."""
+    out: Path = options["out"] or Path(f"{files[0].name.split('.')[0]}_{kind}.csv")
+    data = out.with_suffix(".k7" if kind == "links" else ".csv")
+    if out.suffix not in (".yaml", ".csv", data.suffix):
+        raise UsageError(f"--out {out}: give a file that ends in {data.suffix} (the table) or .yaml (a block with it)")
+    if options["out"] is None and data.exists():
+        raise UsageError(f"{data} exists: --out FILE{data.suffix} names another file, or this one to replace it")
+    if options["origin"] and not options["crs"]:
+        raise UsageError("--origin goes with --crs wgs84: longitude and latitude that become (0, 0)")
+    target(writable(data, data), data.name, files)
+    from wsnsim.interop import field_data
+    from wsnsim.recording.atomic_files import write_text_atomically
+
+    found = getattr(field_data, kind)([str(file) for file in files], _conventions(options))
+    written = {data: found.text()} | ({out: f"{found.block(data.name)}\n"} if out.suffix == ".yaml" else {})
+    for path, text in written.items():
+        write_text_atomically(path, text)
+    facts = {name: value for name, value in found.facts.items() if name != "header"}
+    return {"files": [str(path) for path in written], **facts, "notes": found.notes, "block": found.block(data.name)}
+
+
+def _tracks(files: Sequence[Path], options: dict[str, Any], ids: tuple[str, ...] | None) -> Trace:
+    """The trace of a table of tracks: of the chosen movers, or of all (None)."""
+    from wsnsim.interop import field_data
+
+    how = _conventions(options)
+    found = field_data.track([str(file) for file in files], how)
+    options["notes"] = found.notes
+    if found.facts["origin"] and options["origin"] and not options["crs"]:
+        raise UsageError("--origin: the file has degrees: give --crs wgs84 and --origin LON,LAT")
+    return field_data.trace_of(found, str(files[0]), found.table.id.unique() if ids is None else ids)
+
+
+def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[str, Any]:
+    """Import tracks, and return what was written."""
+    out, trace, ids = options["out"], files[0], tuple(dict.fromkeys(options["ids"]))
     if out is not None and out.suffix not in (".csv", ".yaml"):
         raise UsageError(f"--out {out}: give a file that ends in .csv (the track) or .yaml (a scenario with it)")
     as_scenario = out is not None and out.suffix == ".yaml"
     if options["nodes"] is not None and not as_scenario:
         raise UsageError("--nodes goes with a scenario: --out FILE.yaml")
-    how = _placement(options, as_scenario)
+    if options["crs"] and options["nodes"] is not None and options["origin"] is None:
+        raise UsageError("--nodes and --crs: give --origin LON,LAT, that of the nodes")
+    how = _placement(kind, options, as_scenario)
     if out is not None:
         not_the_result(writable(out, out), trace, "track") if trace.exists() else writable(out, out)
     import wsnsim.interop as traces
     from wsnsim.interop import trajectories
 
-    read = traces.read(str(trace), _format(kind), tuple(dict.fromkeys(ids)))
+    read = _tracks(files, options, ids) if kind == "track" else traces.read(str(trace), _format(kind, options), ids)
     tracks = trajectories.placed(read, how)
+    tracks = replace(tracks, notes=(*options.get("notes", ()), *tracks.notes))
     if out is None:
         first = next(iter(trajectories.files_of(tracks.tracks, Path("_")).values()))
         out = Path(f"{first.stem.removeprefix('__')}.csv") if len(tracks.tracks) == 1 else Path("track.csv")
         if out.exists():
             raise UsageError(f"{out} exists: --out FILE.csv names another file, or this one to replace it")
     _demand_valid(options["nodes"], out, trace, tracks)
-    files = _written(options["nodes"], out, trace, tracks)
+    written = _written(options["nodes"], out, trace, tracks)
     known = {
         node: {"points": len(track), "first": float(track[0, 0]), "last": float(track[-1, 0])}
         for node, track in tracks.tracks.items()
     }
-    return {"files": [str(file) for file in files], "origin": list(tracks.origin), "tracks": known}
+    answer = {"files": [str(file) for file in written], "origin": list(tracks.origin), "tracks": known}
+    return answer | {"notes": list(tracks.notes)}
 
 
 def _written(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> list[Path]:
@@ -155,47 +262,52 @@ def _nodes(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> 
     return Path(copy.name), [copy]
 
 
-def _format(kind: str) -> TraceFormat:
-    """The module of a format."""
+def _format(kind: str, options: dict[str, Any]) -> TraceFormat:
+    """The functions of a format."""
     from wsnsim.interop import ns3, sumo
 
+    if kind == "sumo" and options["crs"]:
+        return SimpleNamespace(entries=partial(sumo.entries, degrees=True), track=partial(sumo.track, degrees=True))
     return ns3 if kind == "ns3" else sumo
 
 
-def _placement(options: dict[str, Any], as_scenario: bool) -> Placement:
-    """How times and places are converted, from the options."""
+def _placement(kind: str, options: dict[str, Any], as_scenario: bool) -> Placement:
+    """How times and places are converted, from the options; those of a table are in SI units already."""
+    import numpy as np
+
+    from wsnsim.interop.conventions import converted
     from wsnsim.interop.trajectories import CENTRE, Placement
 
-    origin = _origin(options["origin"])
-    if origin is None and as_scenario and options["nodes"] is None:
+    window, sampled = (options["start"], options["end"]), kind != "ns3"
+    if kind == "track" and options["crs"]:
+        return Placement(1.0, 1.0, *window, sampled=True)
+    origin = _origin(options["origin"], 3 if options["crs"] else 2)
+    if origin is None and as_scenario and options["nodes"] is None and not options["crs"]:
         origin = CENTRE
-    return Placement(
-        _factor(options["unit"], "m", "--unit"), _factor(options["time_unit"], "s", "--time-unit"),
-        options["start"], options["end"], options["time_origin"], origin,
-    )  # fmt: skip
+    if kind == "track":
+        return Placement(1.0, 1.0, *window, None, origin, sampled=True)
+    units = (options["unit"] or "m", "m", "--unit"), (options["time_unit"], "s", "--time-unit")
+    metres, seconds = (float(converted(np.ones(1), unit, (base,), option)[0][0]) for unit, base, option in units)
+    zero = _finite(None, "--time-origin", options["time_origin"])
+    return Placement(metres, seconds, *window, zero, origin, bool(options["crs"]), sampled)
 
 
-def _factor(unit: str, base: str, option: str) -> float:
-    """What one of a unit is in `base`."""
-    from wsnsim.scenario.units import UnitError, si
-
-    try:
-        return si(f"1 {unit}", base)
-    except UnitError as error:
-        raise UsageError(f"{option} {unit}: {error}") from None
-
-
-def _origin(text: str | None) -> tuple[float, float] | str | None:
-    """The place that a text names."""
+def _origin(text: str | None, most: int) -> Any:
+    """The place that a text names, with two numbers or more."""
     if text in (None, "centre"):
         return text
     try:
-        x, y = map(float, text.split(","))
+        place = tuple(map(float, text.split(",")))
     except ValueError:
-        x = y = float("nan")
-    if not abs(x) + abs(y) < float("inf"):
-        raise UsageError(f"--origin {text}: give two numbers in m, such as 500000,4180000, or centre")
-    return x, y
+        place = ()
+    if not 2 <= len(place) <= most or not all(map(math.isfinite, place)):
+        such = (
+            "m, such as 500000,4180000, or centre"
+            if most == 2
+            else "degrees, such as 8.6,50.1, and perhaps a height in m"
+        )
+        raise UsageError(f"--origin {text}: give two numbers in {such}")
+    return place
 
 
 def _echo_nodes(nodes: dict[str, NodeSummary], as_json: bool) -> None:
@@ -218,127 +330,22 @@ def _echo_written(answer: dict[str, Any], as_json: bool) -> None:
     if as_json:
         echo_json(answer)
         return
-    for node, track in answer["tracks"].items():
+    for node, track in answer.get("tracks", {}).items():
         echo(f"{node}: {track['points']} points, {track['first']:g} to {track['last']:g} s")
+    if "rows" in answer:
+        named = (
+            ("nodes", "{} nodes"),
+            ("first", "from {:.12g}"),
+            ("last", "to {:.12g} s"),
+            ("rate", "{:.4g}/s of a node"),
+        )
+        known = [text.format(answer[name]) for name, text in named if name in answer]
+        echo(f"{answer['rows']:,} rows: {', '.join(known)}".replace(", to", " to"))
+    for note in answer["notes"]:
+        echo(f"  {note}")
     for file in answer["files"]:
         echo(f"{file}: written")
-    if answer["files"][-1].endswith(".yaml"):
+    if "block" in answer:
+        echo(answer["block"])
+    elif answer["files"][-1].endswith(".yaml"):
         echo(f"run it with: wsnsim run {answer['files'][-1]}")
-
-
-FAMILIES: Final = ("auto", "normal", "student_t")
-LAWS: Final = ("rssi", "range", "log_normal")
-
-
-@group.command()
-@click.argument("data", metavar="DATA...", nargs=-1, required=True, type=PATH)
-@click.option("--nodes", type=PATH, metavar="FILE", help="CSV with id, x, y and perhaps z of the nodes, in m.")
-@click.option("--law", metavar="|".join(LAWS), default=LAWS[0], show_default=True, help="Law to fit.")
-@click.option(
-    "--test", type=PATH, multiple=True, metavar="FILE", help="Recorded readings on which the fitted law is tested."
-)
-@click.option(
-    "--track", type=PATH, multiple=True, metavar="FILE",
-    help="Trajectory with time, x, y and perhaps z: one for all files, or one per file, test files last.",
-)  # fmt: skip
-@click.option("--column", multiple=True, metavar="OURS=THEIRS", help="What the files call a column: reading=level.")
-@click.option("--gains/--no-gains", default=True, show_default=True, help="Fit a gain for each node.")
-@click.option(
-    "--heights/--no-heights",
-    default=None,
-    help="Distances in space or in the plane; default: in space if heights are known.",
-)
-@click.option(
-    "--noise", type=click.Choice(FAMILIES), default="auto", show_default=True, help="Family of the white noise."
-)
-@click.option(
-    "--block", type=float, metavar="S", help="Least length (s) of the blocks from which intervals are computed."
-)
-@click.option("--seed", type=click.IntRange(min=0), default=0, metavar="S", help="Seed of the bootstrap; default 0.")
-@click.option("--in-sample", is_flag=True, help="Allow a test on readings that were fitted; the output says so.")
-@click.option("--skip-bad-rows", is_flag=True, help="Leave out rows that cannot be used, and name them.")
-@click.option(
-    "--out", "-o", type=PATH, metavar="YAML", help="Write a file with the fitted block, which a scenario can extend."
-)
-@click.option(
-    "--readings", type=PATH, metavar="FILE",
-    help="With --out: write a sensor that plays the readings of this file; filters assume the law.",
-)  # fmt: skip
-@click.option("--plot", "figure", type=PATH, metavar="PLOT", help="Write the residual plots: .png, .svg or .pdf.")
-@click.option("--power", type=float, metavar="DBM", help="For links: transmit power; default 0 dBm.")
-@click.option(
-    "--frame", type=click.IntRange(1, 127), metavar="BYTES", help="For links: length of the packets; default 100."
-)
-@shared.json_option
-def fit(
-    data: tuple[Path, ...],
-    nodes: Path | None,
-    law: str,
-    test: tuple[Path, ...],
-    track: tuple[Path, ...],
-    column: tuple[str, ...],
-    out: Path | None,
-    readings: Path | None,
-    figure: Path | None,
-    as_json: bool,
-    **options: Any,
-) -> None:
-    """Fit a sensor or link model (a law) to recorded data.
-
-    DATA are CSV files, one per track, with the columns time, node, reading, and x, y and perhaps z of the target. With
-    the law log_normal, DATA are recorded links (K7). Both may be compressed (.gz). --out writes the fitted law as a
-    block that a scenario can extend.
-    """
-    import wsnsim.fitting as fitting
-
-    if readings is not None and (out is None or law == "log_normal"):
-        raise UsageError("--readings goes with --out and a law of readings")
-    read = [*data, *(path for path in (nodes, readings) if path), *test, *track]
-    default, context = click.core.ParameterSource.DEFAULT, click.get_current_context()
-    # what the command line gives: other options do not exist for every law
-    asked = {name: value for name, value in options.items() if context.get_parameter_source(name) is not default}
-    asked |= ({"tracks": track} if track else {}) | ({"columns": _renamed_columns(column)} if column else {})
-    out, figure = _target(out, "law.yaml", read), _target(figure, "residuals.png", read)
-    if figure is not None:
-        from wsnsim.analysis.figure_style import suffix_of
-
-        suffix_of(figure)
-    found = fitting.fit(data, nodes, law, test, **asked)
-    recorded = None
-    if isinstance(found, fitting.Fit) and readings is not None and out is not None:
-        recorded = found.recorded_sensor(readings, out.parent, asked.get("columns"), options["in_sample"])
-    written = [path for path in (out, figure) if path]
-    if out is not None:
-        from wsnsim.recording.atomic_files import write_text_atomically
-
-        write_text_atomically(out, found.yaml(recorded) if recorded else found.yaml())  # type: ignore[call-arg]
-    if figure is not None:
-        found.plot(figure)
-    if as_json:
-        echo_json(found.as_json() | {"written": [str(path) for path in written]})
-        return
-    echo(found.text())
-    for path in written:
-        echo(f"{path}: written")
-
-
-def _target(path: Path | None, default: str, read: Sequence[Path]) -> Path | None:
-    """The path of a file to be written, which must not be one that is read."""
-    if path is None:
-        return None
-    writable(path, Path(default))
-    for other in read:
-        if path.exists() and other.exists() and path.samefile(other):
-            raise UsageError(f"{path} is one of the files that are read; write to another one")
-    return path
-
-
-def _renamed_columns(texts: Sequence[str]) -> dict[str, str]:
-    """The names of columns by ours."""
-    found = {}
-    for text in texts:
-        ours, sign, theirs = text.partition("=")
-        if not (ours and sign and theirs):
-            raise UsageError(f"--column {text}: must be OURS=THEIRS, such as reading=rssi")
-        found[ours.strip()] = theirs.strip()
-    return found

@@ -107,11 +107,13 @@ def _write_page(result: Path, page: Path, options: Any) -> None:
 
 def _say_notes(scenario: Scenario, replicates: int, batch: bool) -> None:
     """Print, before the runs of a scenario, what is hardly meant in it, and how large they are if that is much."""
-    from wsnsim.analysis import notes, run_size
+    from wsnsim.analysis import notes, recording_notes, run_size
     from wsnsim.scenario import build
 
     setup = build(scenario)
     size = run_size.run_size(setup, replicates, batch)
+    for said in recording_notes.residuals(setup):
+        echo(f"wsnsim: {said}", err=True)
     for note in (*notes.before_a_run(setup), run_size.warning(size, run_size.free_memory())):
         if note:
             echo(f"wsnsim: note: {note}", err=True)

@@ -34,7 +34,8 @@ COMMANDS: Final = {
     "campaigns": ("sweep", "compare", "collect"),
     "commands": ("check", "list", "schema", "verify", "trace", "diff", "recover", "info", "new"),
     "exporting": ("export", "plot", "report"),
-    "importing": ("import", "fit"),
+    "fitting": ("fit",),
+    "importing": ("import",),
     "reproducing": ("reproduce",),
     "running": ("run", "watch"),
 }

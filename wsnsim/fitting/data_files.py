@@ -31,7 +31,9 @@ NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     "y": ("y",),
     "z": ("z",),
 }
-"""{our name of a column: its usual names in files}; `columns` can give another."""
+"""{our name of a column: its usual names in files}; `columns` and `node_columns` can give another."""
+COLUMNS: Final = {"columns": set(NAMES) - {"id"}, "node_columns": {"id", "x", "y", "z"}}
+"""{option: the columns that it can rename}."""
 
 REMEDY: Final = "--skip-bad-rows leaves them out and counts them"
 
@@ -41,7 +43,9 @@ class ReadingOptions:
     """How the files are read.
 
     Attributes:
-        columns: {our name of a column: its name in the files}, where it is not one of NAMES.
+        columns: {our name of a column: its name in the files of readings and trajectories}, where it is not one of
+            NAMES. A trajectory may have another name of `time` that is.
+        node_columns: the same for the file of nodes.
         tracks: files of trajectories with time, x, y and perhaps z: one for all files of readings, or one for each;
             without any, x and y are columns of the readings.
         skip_bad_rows: whether rows that cannot be used are left out and counted, instead of refused.
@@ -50,12 +54,13 @@ class ReadingOptions:
     columns: Mapping[str, str] = field(default_factory=dict)
     tracks: Sequence[str] = ()
     skip_bad_rows: bool = False
+    node_columns: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Raises UsageError for an unknown column."""
-        for name in self.columns:
-            if name not in NAMES:
-                raise UsageError(f"columns: unknown column '{name}' ({did_you_mean(name, NAMES)})")
+        for option, allowed in COLUMNS.items():
+            for name in set(getattr(self, option)) - allowed:
+                raise UsageError(f"{option}: unknown column '{name}' ({did_you_mean(name, allowed)})")
 
 
 class _Rows(NamedTuple):
@@ -183,7 +188,7 @@ def _places_of(rows: CsvRows, track: str, options: ReadingOptions) -> tuple[Floa
     count = len(rows.lines)
     if not track:
         return _points(rows), np.ones(count, dtype=np.bool_), ()
-    names = names_in(track, options.columns, ())
+    names = names_in(track, options.columns, (), shared="time")
     wanted = {name: names[name] for name in ("time", "x", "y", "z")}
     times, track_points, bad = recorded_points(track, wanted, options.skip_bad_rows, REMEDY)
     wanted_times = rows.numbers["time"]
@@ -199,16 +204,18 @@ def _points(rows: CsvRows) -> Floats:
     return np.column_stack([rows.numbers.get(axis, unknown) for axis in "xyz"])
 
 
-def names_in(path: str, columns: Mapping[str, str], reading: tuple[str, ...]) -> dict[str, str]:
+def names_in(path: str, columns: Mapping[str, str], reading: tuple[str, ...], shared: str = "") -> dict[str, str]:
     """The names of our columns in a file: as `columns` says, else the first of the usual names that it has.
 
     Args:
         path: The file.
         columns: The names that are given.
         reading: The usual names of the column of readings.
+        shared: Our name of a column that another file has as well: the given name may be its alone.
     """
     with open_text(path) as file:
         header = {name.strip() for name in next(csv.reader(file), [])}
+    columns = {ours: name for ours, name in columns.items() if name in header or ours != shared}
     usual = {**NAMES, "reading": reading or NAMES["reading"]}
     return {
         ours: columns.get(ours) or next((name for name in names if name in header), names[0])

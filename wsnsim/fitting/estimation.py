@@ -40,6 +40,9 @@ LEAST_BLOCKS: Final = 10
 """Shorter recordings are cut into this many blocks."""
 DECORRELATIONS: Final = 4.0
 """Decorrelation distances of path in a block, at least."""
+LEAST_NOISE: Final = 1e-6
+"""Least standard deviation that a sensor can have."""
+AT_LIMIT: Final = " (at a limit of what was tried)"
 LEAST_WHITE: Final = 1e-3
 """Least standard deviation of the white part, relative to that of the residuals."""
 LEAST_SPREAD: Final = 1e-3
@@ -51,7 +54,7 @@ class FitOptions:
     """What is fitted.
 
     Attributes:
-        gains: whether each node has a gain; laws without gains ignore it.
+        gains: whether each node has a gain, or a bias.
         heights: whether distances are those in space; None: if the heights of nodes and target are known.
         noise: family of the white part; `auto`: that with the lower criterion of Akaike.
         block: least length (s) of the blocks from which intervals are computed; None: 10 s, and a path of
@@ -93,11 +96,18 @@ class _Residuals(NamedTuple):
 
 
 def fit_sample(sample: LocatedReadings, form: LawForm, options: FitOptions) -> Fit:
-    """Fit a law to the readings of a sample. Raises RunError if they do not determine it."""
+    """Fit a law to the readings of a sample.
+
+    Raises:
+        UsageError: the sensor has no heavy tails, which are asked for.
+        RunError: the readings do not determine the law.
+    """
+    if options.noise == "student_t" and not form.has("dof"):
+        raise UsageError(f"noise: the sensor `{form.kind}` has normal noise alone; give normal or auto")
     heights = sample.has_heights if options.heights is None else options.heights
     if heights and not sample.has_heights:
         raise RunError("heights: the file of nodes or that of the trajectory has no column z")
-    count = len(sample.deployment.ids) if options.gains and form.gains else 0
+    count = len(sample.deployment.ids) if options.gains else 0
     _check_determined(sample, form, heights, count)
     asked = dataclasses.replace(options, heights=heights)
     if options.block is not None:
@@ -128,6 +138,8 @@ def _fit_in_blocks(
         each = len(blocks) / weights.shape[1] / len(np.unique(sample.nodes))
         inflation = _inflation(ratio, (noise.sd / noise.shadowing) ** 2 / each)
     reaches = solved.reaches * math.sqrt(inflation)
+    if not form.has("shadowing"):
+        noise = Noise("normal", values["sd"].value, math.inf, 0.0)
     return Fit(
         model._replace(noise=noise),
         _coefficients(form, solved, reaches[: len(solved.values)]) | values,
@@ -189,8 +201,14 @@ def _inflation(ratio: float, white: float = 0.0) -> float:
 def _fitted_noise(
     sample: LocatedReadings, left: _Residuals, form: LawForm, options: FitOptions
 ) -> tuple[Noise, dict[str, FittedValue], dict[Family, float]]:
-    """The noise, its values with intervals from the bootstrap, and the criterion of each family."""
+    """The noise, its values with intervals from the bootstrap, and the criterion of each family.
+
+    Raises:
+        RunError: there is hardly any noise, or its family cannot be told.
+    """
     total = _variances(left)
+    if total[0] <= LEAST_NOISE**2:
+        raise RunError(f"the readings follow the law to {LEAST_NOISE:g} {form.unit}: there is no noise to be fitted")
     found = lagged(sample, left.values, left.blocks, sample.travelled)
     mean = averaged(sample, left.parameters > len(form.coefficients))
     parts = _significant(shadowing(found, mean, left.weights), total)
@@ -208,25 +226,31 @@ def _fitted_noise(
         if options.noise == "student_t":
             raise RunError("noise: nearly all of it is correlated along the path, so that its family cannot be told")
     family: Family = min(aic, key=lambda name: aic[name]) if options.noise == "auto" else options.noise
-    tails = dofs if family == "student_t" else None
-    values = _noise_values(sample, white, tails, parts, left.weights.shape[1], form.unit)
+    tails = dofs if family == "student_t" and form.has("dof") else None
+    values = _noise_values(sample, np.stack([white, np.sqrt(total)]), tails, parts, left.weights.shape[1], form)
     return Noise(family, sd, math.inf if tails is None else float(tails[0]), spread), values, aic
 
 
 def _noise_values(
-    sample: LocatedReadings, white: Floats, dofs: Floats | None, parts: Shadowing, count: int, unit: str
+    sample: LocatedReadings, deviations: Floats, dofs: Floats | None, parts: Shadowing, count: int, form: LawForm
 ) -> dict[str, FittedValue]:
-    """The values of the noise with intervals from this number of blocks."""
+    """The values of the noise with intervals from this number of blocks; deviations (2, R) of white part and of all."""
+    unit, split = form.unit, form.has("shadowing")
     few = f"{count} blocks are fewer than {LEAST_BLOCKS}" if count < LEAST_BLOCKS else ""
-    values = {"sd": logarithmic(white, count, unit, "standard deviation of the white part of the noise", few)}
+    about = f"standard deviation of {'the white part of ' * split}the noise"
+    values = {"sd": logarithmic(deviations[0 if split else 1], count, unit, about, few)}
     if dofs is not None:
         why = "it takes sd and shadowing as known"
-        values["dof"] = logarithmic(dofs, count, "", "degrees of freedom of the white part", why)
+        limit = AT_LIMIT * (dofs[0] in (noises.GRID[0], noises.GRID[-1]))
+        values["dof"] = logarithmic(dofs, count, "", f"degrees of freedom of the white part{limit}", why)
     if parts.variances[0] > 0.0:
         about = "standard deviation of the part that is correlated along the path"
         values["shadowing"] = logarithmic(np.sqrt(parts.variances), count, unit, about, few)
+        if split:
+            both = np.sqrt(deviations[0] ** 2 + parts.variances)
+            values["total"] = logarithmic(both, count, unit, "standard deviation of both parts together", few)
         few = few or ("the noise has heavy tails" if dofs is not None else "")
-        about = "path over which that correlation falls to 1/e"
+        about = f"path over which that correlation falls to 1/e{AT_LIMIT * parts.limited}"
         inflation = _inflation(sample.whole_path / count / float(parts.distances[0]))
         values["decorrelation"] = logarithmic(parts.distances, count, "m", about, few, inflation)
     return values
@@ -244,7 +268,7 @@ def _significant(parts: Shadowing, total: Floats) -> Shadowing:
     """The correlated parts, or none at all if any resample has none."""
     if parts.variances.min() > 0.0:
         return parts
-    return Shadowing(np.zeros_like(total), np.full_like(total, np.nan), np.ones_like(total))
+    return Shadowing(np.zeros_like(total), np.full_like(total, np.nan), np.ones_like(total), False)
 
 
 def _coefficients(form: LawForm, solved: Coefficients, reaches: Floats) -> dict[str, FittedValue]:
@@ -277,7 +301,7 @@ def fit_readings(
         RunError: a file cannot be used, or the readings do not determine the law.
     """
     how, wanted = reading or ReadingOptions(), options or FitOptions()
-    table = read_nodes(nodes, how.columns)
+    table = read_nodes(nodes, how.node_columns)
     every = read_sample([*files, *test], table, form, how)
     train = every.of(range(len(files)))
     judged = [every.of([index]) for index in range(len(files), len(every.files))]

@@ -16,7 +16,7 @@ from scipy import stats
 from wsnsim.base.arrays import Floats
 from wsnsim.fitting.located_readings import CONFIDENCE, DataFile, LocatedReadings
 from wsnsim.fitting.residuals import Family, Noise, correlation_at
-from wsnsim.models.ranging import GREATEST_RANGE
+from wsnsim.models.ranging import GREATEST_RANGE, Range
 from wsnsim.models.rssi import Rssi
 
 LEAST_RANGE: Final = -100.0
@@ -35,26 +35,32 @@ class LawForm(NamedTuple):
     """A law whose expected reading is linear in its coefficients.
 
     Attributes:
-        kind: kind of the sensor in a scenario.
+        sensor: class of the sensor, whose fields are what a scenario can express.
+        kind: its kind in a scenario.
         unit: unit of the residuals.
         reading_unit: unit of the readings.
         coefficients: one for each column of the design; the first is a constant.
         design: (n,) distances -> (n, C) columns.
         offset: (n,) distances -> (n,) the part of the expectation that has no coefficient.
-        gains: whether each node may have its own constant.
+        constants: key of what is added to the readings of each node.
         least: the least reading in a file.
         greatest: the greatest reading in a file.
     """
 
+    sensor: type[Any]
     kind: str
     unit: str
     reading_unit: str
     coefficients: tuple[Coefficient, ...]
     design: Callable[[Floats], Floats]
     offset: Callable[[Floats], Floats]
-    gains: bool
+    constants: str
     least: float
     greatest: float
+
+    def has(self, key: str) -> bool:
+        """Whether the sensor has this key."""
+        return hasattr(self.sensor, key)
 
 
 def _log_distance(distances: Floats) -> Floats:
@@ -64,13 +70,14 @@ def _log_distance(distances: Floats) -> Floats:
 
 LAWS: Final = {
     "rssi": LawForm(
-        "rssi", "dB", "dBm",
+        Rssi, "rssi", "dB", "dBm",
         (Coefficient("z0", "dBm", "strength at 1 m"), Coefficient("eta", "", "exponent of the loss with distance")),
-        _log_distance, np.zeros_like, True, *Rssi.reading_limits,
+        _log_distance, np.zeros_like, "gains", *Rssi.reading_limits,
     ),
     "range": LawForm(
-        "range", "m", "m", (Coefficient("bias", "m", "mean of reading minus distance"),),
-        lambda distances: np.ones((len(distances), 1)), lambda distances: distances, False, LEAST_RANGE, GREATEST_RANGE,
+        Range, "range", "m", "m", (Coefficient("bias", "m", "mean of reading minus distance"),),
+        lambda distances: np.ones((len(distances), 1)), lambda distances: distances, "biases",
+        LEAST_RANGE, GREATEST_RANGE,
     ),
 }  # fmt: skip
 """The laws, by their kind."""
@@ -136,12 +143,12 @@ def logarithmic(
 
 
 class FittedGain(NamedTuple):
-    """The gain of a node.
+    """The gain of a node, or its bias minus their mean.
 
     Attributes:
         node: the name of the node.
         readings: the number of its readings.
-        value: the gain in dB; 0 without readings.
+        value: the gain in dB, or the bias in m; 0 without readings.
         low: the lower end of its 95 % interval.
         high: the upper end.
     """
@@ -229,7 +236,8 @@ class FittedLaw:
 
     Attributes:
         model: expectation and noise of readings.
-        values: estimates by the key of the scenario, with intervals: coefficients, sd, dof, shadowing, decorrelation.
+        values: estimates with intervals: coefficients, sd, dof, shadowing, decorrelation, and `total`, the sd of all
+            noise, if the sensor has shadowing. Keys of the sensor have the interval of what `sensor` has.
         gains: of the nodes, in the order of the deployment; empty if none were fitted.
         sample: the readings that were fitted.
         basis: the basis of the intervals and of the choice of the family of noise.
@@ -267,24 +275,28 @@ class FittedLaw:
 
     @property
     def sensor(self) -> dict[str, Any]:
-        """The block `sensor` of a scenario, or the `law` of one with recorded readings."""
-        names = [column.name for column in self.model.form.coefficients]
-        block: dict[str, Any] = {"kind": self.model.form.kind}
-        if self.model.form.kind == "range":
-            # the sensor `range` has no bias: its sd includes it
-            spread = math.hypot(self.model.noise.total, float(self.model.coefficients[0]))
-            return block | {"sd": _rounded(spread), "fitted_on": self.digests}
-        block |= {name: _rounded(self.values[name].value) for name in names} | {"d0": 1.0}
-        block |= {"sd": _rounded(self.model.noise.sd)}
-        if self.gains:
-            block["gains"] = [round(gain.value, 3) for gain in self.gains]
+        """The block `sensor` of a scenario."""
+        form = self.model.form
+        block: dict[str, Any] = {"kind": form.kind}
+        block |= {name: _rounded(value.value) for name, value in self.values.items() if form.has(name)}
+        if form.kind == "range":
+            own = self.model.gains if self.gains else np.zeros(len(self.sample.deployment.ids))
+            block["biases"] = [_rounded(self.values["bias"].value + bias) for bias in own.tolist()]
+            if self.sample.distances(heights=False).max() > Range.reach:
+                block["reach"] = ".inf"
+        else:
+            block |= {"d0": 1.0} | ({"gains": [round(gain.value, 3) for gain in self.gains]} if self.gains else {})
         if self.target_height is not None:
             block["target_height"] = self.target_height
         if math.isfinite(self.model.noise.dof):
-            block |= {"noise": "student_t", "dof": _rounded(self.model.noise.dof)}
-        if self.model.noise.shadowing > 0.0:
-            block |= {name: _rounded(self.values[name].value) for name in ("shadowing", "decorrelation")}
+            block["noise"] = "student_t"
         return block | {"fitted_on": self.digests}
+
+    @property
+    def law(self) -> dict[str, Any]:
+        """The block `sensor` as filters believe it: they take readings as independent, and shadowing as part of sd."""
+        block = {name: value for name, value in self.sensor.items() if name not in ("shadowing", "decorrelation")}
+        return block | ({"sd": _rounded(self.values["total"].value)} if "total" in self.values else {})
 
 
 def figures(model: FittedModel, sample: LocatedReadings) -> ResidualFigures:

@@ -31,7 +31,7 @@ from wsnsim.base.version import __version__
 from wsnsim.fitting.fitted_law import FittedValue, percentiles, resampled
 from wsnsim.fitting.link_sample import LinkRows, delivery, margin, mean_power, read_link_rows
 from wsnsim.fitting.located_readings import DataFile, shared_with
-from wsnsim.fitting.result import bad_row_notes, block_lines, file_json, file_text, one_line, value_lines
+from wsnsim.fitting.result import bad_row_notes, block_lines, file_text, one_line, refused, value_lines
 
 STATED_RATIOS: Final = (0.1, 0.5, 0.9)
 """Delivery ratios at which powers are stated."""
@@ -76,7 +76,7 @@ class LinkFit:
     @property
     def link(self) -> dict[str, Any]:
         """The block `link` of a scenario."""
-        fitted = {name: float(f"{value.value:.5g}") for name, value in self.values.items()}
+        fitted = {key: float(f"{own.value:.5g}") for key, own in self.values.items() if math.isfinite(own.value)}
         return {"kind": "log_normal", "power": self.power} | fitted
 
     def mean_power(self, distances: Floats) -> Floats:
@@ -94,7 +94,9 @@ class LinkFit:
         return (found[many].astype(np.float64) + 0.5) * CURVE_BIN, ratios[many].astype(np.float64)
 
     def yaml(self) -> str:
-        """The block `link` as text that a scenario can extend, with its origin in comments."""
+        """The block `link` as text that a scenario can extend. Raises RunError if no scenario can have this link."""
+        for reason in refused("link", self.link):
+            raise RunError(reason)
         head = [
             f"Link fitted by wsnsim fit {__version__}; a scenario can extend this file.",
             f"power and the length of packets ({self.frame} bytes) are as stated by the user, not recorded",
@@ -124,8 +126,8 @@ class LinkFit:
             "link": self.link,
             "values": {name: value._asdict() for name, value in self.values.items()},
             "curve": {"power": powers.tolist(), "ratio": ratios.tolist()},
-            "train": {"files": [file_json(file) for file in self.rows.files]},
-            "test": [file_json(row.file) | {
+            "train": {"files": [dataclasses.asdict(file) for file in self.rows.files]},
+            "test": [dataclasses.asdict(row.file) | {
                 "in_sample": row.in_sample, "ratio_rmse": row.ratio_rmse, "power_rmse": row.power_rmse,
             } for row in self.test],
         }  # fmt: skip
@@ -144,6 +146,7 @@ class LinkFit:
         yield "Recorded delivery ratio: " + ", ".join(f"{level:g} at {power:.1f} dBm" for level, power in reached) + "."
         if "exponent" not in self.values:
             yield "Without positions (--nodes), path loss and shadowing cannot be fitted."
+        yield from refused("link", self.link)
         for row in self.test:
             yield f"{'IN SAMPLE' if row.in_sample else 'Test'}: {_test_text(row)}."
         yield from bad_row_notes([*self.rows.files, *(row.file for row in self.test)])
@@ -174,7 +177,7 @@ class LinkOptions:
     Attributes:
         power: transmit power (dBm) of the recording, which its files do not state.
         frame: length (bytes) of the recorded packets, headers included, which its files do not state reliably.
-        columns: names of the columns id, x, y and z of the file of places, where they differ.
+        node_columns: names of the columns id, x, y and z of the file of places, where they differ.
         skip_bad_rows: whether rows that cannot be used are left out and counted, instead of refused.
         seed: seed of the bootstrap.
         in_sample: whether the links may be judged on files that they were fitted to.
@@ -182,7 +185,7 @@ class LinkOptions:
 
     power: float = 0.0
     frame: int = 100
-    columns: Mapping[str, str] = field(default_factory=dict)
+    node_columns: Mapping[str, str] = field(default_factory=dict)
     skip_bad_rows: bool = False
     seed: int = 0
     in_sample: bool = False
@@ -201,9 +204,9 @@ def fit_links(files: Sequence[str], nodes: str | None, test: Sequence[str], opti
         UsageError: a test file shares rows with a fitted file, and `in_sample` is not set.
         RunError: a file cannot be used, or too few links were recorded.
     """
-    rows = read_link_rows(files, nodes, options.columns, options.skip_bad_rows)
+    rows = read_link_rows(files, nodes, options.node_columns, options.skip_bad_rows)
     judged = test or (files if options.in_sample else ())
-    tests = [read_link_rows([file], nodes, options.columns, options.skip_bad_rows) for file in judged]
+    tests = [read_link_rows([file], nodes, options.node_columns, options.skip_bad_rows) for file in judged]
     known = {file.path: keys for file, keys in zip(rows.files, rows.keys, strict=True)}
     shared = [shared_with(each.keys[0], known) for each in tests]
     for each, found in zip(tests, shared, strict=True):

@@ -64,11 +64,13 @@ class Shadowing(NamedTuple):
         variances: (R,) of the process.
         distances: (R,) over which its correlation falls to 1/e.
         remaining: (R,) share of the variance that the gains leave in the residuals.
+        limited: whether the first distance is the least or the greatest one that was tried.
     """
 
     variances: Floats
     distances: Floats
     remaining: Floats
+    limited: bool
 
 
 class Averaged(NamedTuple):
@@ -138,7 +140,7 @@ def shadowing(found: Lagged, mean: Averaged, weights: Floats) -> Shadowing:
     The variance is 0 where the mean products are not positive.
     """
     if not found.lags.size:
-        return Shadowing(np.zeros(len(weights)), np.full(len(weights), np.nan), np.ones(len(weights)))
+        return Shadowing(np.zeros(len(weights)), np.full(len(weights), np.nan), np.ones(len(weights)), False)
     means, counts = found.means(weights)
     longest = float(found.lags.max())
     tried = np.geomspace(max(float(found.lags[found.lags > 0.0].min()), longest * 1e-3), longest, TRIED)
@@ -149,7 +151,8 @@ def shadowing(found: Lagged, mean: Averaged, weights: Floats) -> Shadowing:
     variances = np.maximum(across / norms, 0.0)
     best = np.argmax(variances * across, axis=1)
     chosen = variances[np.arange(len(weights)), best]
-    return Shadowing(chosen, np.where(chosen > 0.0, tried[best], np.nan), 1.0 - taken[best])
+    distances = np.where(chosen > 0.0, tried[best], np.nan)
+    return Shadowing(chosen, distances, 1.0 - taken[best], int(best[0]) in (0, TRIED - 1))
 
 
 def correlation_at(sample: LocatedReadings, residuals: Floats, seconds: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import os
@@ -12,14 +13,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.errors import MOST_PRINTED, UsageError
+from wsnsim.base.errors import MOST_PRINTED, RunError, ScenarioError, UsageError
 from wsnsim.base.version import __version__
 from wsnsim.fitting.data_files import digest_of, names_in
 from wsnsim.fitting.fitted_law import Evaluation, FittedLaw, FittedValue, ResidualFigures
 from wsnsim.fitting.located_readings import DataFile
+from wsnsim.scenario import load
 
 SKEWED: Final = 0.2
 """Skewness from which it is said that the families of noise have none."""
+NEARLY_ALL: Final = 0.995
+"""It is said that the white part of the noise is nearly zero if more than this share of sd is correlated."""
+MUCH: Final = 0.3
+"""It is said that the target's height changes if that moves expected readings by more than this share of sd."""
 FIGURES: Final = ("RMSE", "skewness", "kurtosis", "correlation at 1 s", "mean log density")
 
 
@@ -68,16 +74,45 @@ def _notes(fit: FittedLaw) -> Iterator[str]:
     if abs(skewness) > SKEWED:
         yield f"The residuals have a skewness of {skewness:.2f}; both families are symmetric."
     if fit.gains:
-        yield "Gains have the sum 0 over the nodes with readings, and are not shrunk; a node without readings has 0."
+        constants = fit.model.form.constants.capitalize()
+        yield f"{constants} have the sum 0 over the nodes with readings, and are not shrunk; a node without has 0."
+    yield from _doubts(fit)
     if fit.basis.stays == fit.basis.blocks:
         yield "The target never moves: errors that links keep at a place are part of sd, as if they were white noise."
-    elif fit.model.noise.shadowing <= 0.0:
+    elif "shadowing" not in fit.values:
         yield "No part of the noise is correlated along the path beyond doubt: shadowing is left out."
-    if fit.model.form.kind == "range":
-        yield "The sensor `range` has no bias: its sd is that of reading minus distance about 0."
     yield from bad_row_notes([*fit.sample.files, *(row.file for row in fit.test)])
     if not fit.test:
         yield "Not judged on other readings: name some with --test."
+
+
+def _doubts(fit: FittedLaw) -> Iterator[str]:
+    """What can hardly be meant, and what the sensor or filters take otherwise than it was fitted."""
+    form, values, noise, height = fit.model.form, fit.values, fit.model.noise, fit.target_height
+    yield from refused("sensor", fit.sensor)
+    if "eta" in values and values["eta"].value <= 0.0:
+        yield "Implausible: strength grows with distance. Are names, units, times and places right?"
+    if "shadowing" in values and values["shadowing"].value > NEARLY_ALL * noise.total:
+        yield "Implausible: the white part of the noise is nearly zero. Is the law wrong along the path?"
+    if "total" in values:
+        yield f"Filters take readings as independent: the file widens their noise to {fit.law['sd']:g} {form.unit}."
+    elif "shadowing" in values:
+        yield f"The sensor `{form.kind}` has no shadowing: sd includes the part that is correlated along the path."
+    if not form.has("dof") and fit.basis.aic["student_t"] < fit.basis.aic["normal"]:
+        yield f"The sensor `{form.kind}` has normal noise alone: heavy tails are left out."
+    if height is not None:
+        level = np.insert(fit.sample.points[:, :2], 2, height, axis=1)
+        moved = fit.model.residuals(dataclasses.replace(fit.sample, points=level)) - fit.residuals
+        if math.sqrt(float((moved**2).mean())) > MUCH * noise.total:
+            yield f"Filters take the target's height as {height:g} m, but it changes: their sd should be larger."
+
+
+def refused(role: str, block: Mapping[str, Any]) -> Iterator[str]:
+    """Yield why no scenario can have a fitted block, if none can."""
+    try:
+        load({"extends": "ekf_real", "name": "fitted", role: block})
+    except ScenarioError as error:
+        yield f"No scenario can have this law: {error}"
 
 
 def _clusters(fit: FittedLaw) -> str:
@@ -120,11 +155,6 @@ def _test_text(row: Evaluation, unit: str) -> str:
     return f"{file_text(row.file)}, {what}{figures}"
 
 
-def file_json(file: DataFile) -> dict[str, Any]:
-    """A file as plain values."""
-    return {"path": file.path, "digest": file.digest, "readings": file.readings, "bad_rows": list(file.bad_rows)}
-
-
 def interval_text(low: float, high: float, approximate: str = "") -> str:
     """An interval as text, marked if it is approximate."""
     if not (math.isfinite(low) and math.isfinite(high)):
@@ -155,7 +185,12 @@ class Fit(FittedLaw):
         Args:
             recorded: the keys of a sensor with recorded readings, as `recorded_sensor` gives them; without them the
                 sensor samples its readings from the law.
+
+        Raises:
+            RunError: no scenario can have this law.
         """
+        for reason in refused("sensor", self.sensor):
+            raise RunError(reason)
         head = [
             f"Law '{self.model.form.kind}', fitted by wsnsim fit {__version__}; a scenario can extend this file.",
             *(f"train: {file_text(file)}, {file.digest}" for file in self.sample.files),
@@ -164,8 +199,11 @@ class Fit(FittedLaw):
         ]
         if recorded is None:
             block = [*block_lines("sensor", self.sensor, self.values)]
+            if "total" in self.values:
+                block += ["tracker:", "  assumes: {inflate: true}   # shadowing widens the noise that filters assume"]
         else:
-            law = (f"  {line}" for line in block_lines("law", self.sensor, self.values))
+            values = {**self.values, "sd": self.values.get("total", self.values["sd"])}
+            law = (f"  {line}" for line in block_lines("law", self.law, values))
             block = [*block_lines("sensor", recorded, {}), *law]
         return "\n".join([*(f"# {one_line(line)}" for line in head), *block]) + "\n"
 
@@ -209,7 +247,7 @@ class Fit(FittedLaw):
         lines += ["", *value_lines(self.values)]
         if self.gains:
             rows = [[g.node, f"{g.value:.2f}", interval_text(g.low, g.high), str(g.readings)] for g in self.gains]
-            lines += ["", *table_lines(["node", f"gain [{form.unit}]", "95 % interval", "readings"], rows)]
+            lines += ["", *table_lines(["node", f"{form.constants} [{form.unit}]", "95 % interval", "readings"], rows)]
         lines += ["", *table_lines(["readings", "law", *FIGURES], list(_figure_rows(self)))]
         lines += ["", *_notes(self)]
         return "\n".join(lines)
@@ -226,12 +264,12 @@ class Fit(FittedLaw):
             "aic": dict(basis.aic),
             "blocks": {"count": basis.blocks, "seconds": basis.seconds, "path": basis.path, "stays": basis.stays},
             "train": {
-                "files": [file_json(file) for file in self.sample.files],
+                "files": [dataclasses.asdict(file) for file in self.sample.files],
                 "fitted": fitted._asdict(),
                 "plain": plain._asdict(),
             },
             "test": [
-                file_json(row.file)
+                dataclasses.asdict(row.file)
                 | {"in_sample": row.in_sample, "fitted": row.fitted._asdict(), "plain": row.plain._asdict()}
                 for row in self.test
             ],

@@ -1,7 +1,8 @@
-"""What wsnsim exchanges with other tools, and mobility traces as streams of entries.
+"""What wsnsim exchanges with other tools, field data, and mobility traces as streams of entries.
 
+    field_data      tables of readings, nodes, tracks and links in (`wsnsim import`); from tables, by conventions
     ns3, sumo       mobility traces in (`wsnsim import`)
-    trajectories    what they become: CSV files and a scenario
+    trajectories    what tracks become: CSV files and a scenario
     stonesoup       Stone Soup filters as trackers, results as Stone Soup tracks (extra `stonesoup`)
 
 Nothing here is imported by the other packages but `cli`. Result tables leave by `wsnsim export`: `analysis.frames`.
@@ -114,7 +115,7 @@ def read(path: str, format_: TraceFormat, ids: Collection[str] = ()) -> Trace:
             kept[entry.node].append(entry)
     if not nodes:
         raise RunError(f"{path}: contains no positions")
-    _demand(path, nodes, ids)
+    demand_choice(path, nodes, ids)
     end = max(summary.last for summary in nodes.values())
     return Trace(path, {node: format_.track(path, entries, end) for node, entries in kept.items()}, nodes)
 
@@ -136,7 +137,7 @@ def _count(nodes: dict[str, NodeSummary], entry: TraceEntry, path: str) -> None:
     known.first, known.last = min(known.first, time), max(known.last, time)
 
 
-def _demand(path: str, nodes: dict[str, NodeSummary], ids: Collection[str]) -> None:
+def demand_choice(path: str, nodes: dict[str, NodeSummary], ids: Collection[str]) -> None:
     """Raise UsageError unless the choice of nodes is clear."""
     for node in ids:
         if node not in nodes:
@@ -149,7 +150,7 @@ def _demand(path: str, nodes: dict[str, NodeSummary], ids: Collection[str]) -> N
         raise UsageError(f"{path}: holds {len(nodes)} nodes ({first}{more}): choose with --id, or see --list")
 
 
-def ascending(rows: Sequence[tuple[float, float, float, float]]) -> Floats:
+def ascending(rows: Sequence[tuple[float, float, float, float]] | Floats) -> Floats:
     """(n, 4) the rows with distinct times, the last of each time, in ascending order."""
     table = np.array(rows, dtype=np.float64).reshape(-1, 4)
     order = np.argsort(table[:, 0], kind="stable")

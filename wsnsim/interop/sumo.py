@@ -3,13 +3,13 @@
     <timestep time="4.00"><vehicle id="bus.1" x="12.5" y="80.0" .../></timestep>       also person and container
     timestep_time;vehicle_id;vehicle_x;vehicle_y         also time;id;x;y or t id x y; commas, tabs, blanks
 
-Both are read in pieces. The first character tells them apart. Positions must be in metres: with `--fcd-output.geo`
-SUMO writes degrees, which are refused where a file says so.
+The first character tells them apart; XML is read in pieces. Positions are in metres: with `--fcd-output.geo` SUMO
+writes degrees, which are refused where a file says so or its speeds contradict the positions, unless they are expected.
+A person with the id of a vehicle becomes a node of its own, `person:ID`.
 """
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,13 +17,15 @@ from typing import Any, Final
 from xml.parsers import expat
 
 import numpy as np
+import pandas as pd
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
 from wsnsim.interop import TraceEntry, ascending
+from wsnsim.interop.tables import numeric, read_table
 from wsnsim.models.csvfile import open_text
+from wsnsim.models.unit_checks import remedy, slower_than_stated
 
-SAMPLE: Final = "sample"
 MOVERS: Final = ("vehicle", "person", "container")
 PIECE: Final = 1 << 16
 """Characters that the XML parser is given at once."""
@@ -31,20 +33,50 @@ TIMES: Final = ("timestep_time", "time", "t")
 DEGREES: Final = 'fcd-output.geo value="true"'
 
 
-def entries(path: str) -> Iterator[TraceEntry]:
-    """Yield the entries of a file. Raises RunError with file and line if it cannot be read."""
+def entries(path: str, degrees: bool = False) -> Iterator[TraceEntry]:
+    """Yield the entries of a file: x, y, z and speed (NaN where there is none).
+
+    Args:
+        path: The file.
+        degrees: Whether positions are longitudes and latitudes.
+
+    Raises:
+        RunError: It cannot be read, or holds degrees though none are expected; the message names file and line.
+    """
     with open_text(path) as file:
         head = file.read(PIECE)
         if head.lstrip().startswith("<"):
-            yield from _of_xml(path, itertools.chain([head], iter(lambda: file.read(PIECE), "")))
-        else:
-            yield from _of_csv(path, _lines(head, file))
+            yield from _separated(_of_xml(path, itertools.chain([head], iter(lambda: file.read(PIECE), "")), degrees))
+            return
+    yield from _separated(_of_csv(path))
 
 
-def track(path: str, kept: Sequence[TraceEntry], end: float) -> Floats:
-    """(n, 4) time, x, y, z of one vehicle: its samples; one that was seen once stays there until the end."""
-    rows = [(entry.time, *entry.values[:3]) for entry in kept]
-    table = ascending([(time, x, y, z) for time, x, y, z in rows])
+def _separated(found: Iterator[TraceEntry]) -> Iterator[TraceEntry]:
+    """Yield entries, in which a mover with the id of another kind of mover has its kind in front of its name."""
+    kinds: dict[str, str] = {}
+    for entry in found:
+        kind = kinds.setdefault(entry.node, entry.word)
+        yield entry if kind == entry.word else entry._replace(node=f"{entry.word}:{entry.node}")
+
+
+def track(path: str, kept: Sequence[TraceEntry], end: float, degrees: bool = False) -> Floats:
+    """(n, 4) time, x, y, z of one vehicle: its samples; one that was seen once stays there until the end.
+
+    Raises:
+        RunError: It is at two places at one time, or is so slow for its speed that its positions must be degrees.
+    """
+    rows = np.array([(entry.time, *entry.values) for entry in kept])
+    order = np.argsort(rows[:, 0], kind="stable")
+    ordered = rows[order]
+    jumps = (np.diff(ordered[:, 0]) == 0.0) & (np.diff(ordered[:, 1:3], axis=0) != 0.0).any(axis=1)
+    for row in order[1:][jumps][:1]:
+        raise RunError(f"{path}:{kept[row].line}: '{kept[row].node}' is at another place at the same time, "
+                       f"{kept[row].time:g} s: remove one, or give one of two movers another id")  # fmt: skip
+    if not degrees and (said := slower_than_stated(*ordered[:, [0, 1, 2, 4]].T)):
+        raise RunError(
+            f"{path}:{kept[0].line}: '{kept[0].node}' {said}, in degrees? Write: {remedy(path, 'sumo', '--crs wgs84')}"
+        )
+    table = ascending(rows[:, :4])
     if len(table) == 1:
         still = table.copy()
         still[0, 0] = max(end, table[0, 0] + 1.0)
@@ -52,20 +84,11 @@ def track(path: str, kept: Sequence[TraceEntry], end: float) -> Floats:
     return table
 
 
-def _lines(head: str, file: Any) -> Iterator[str]:
-    """The lines of a text whose beginning was read already."""
-    *whole, rest = head.split("\n")
-    yield from (f"{line}\n" for line in whole)
-    for line in itertools.chain([rest + file.readline()], file):
-        if line:
-            yield line
-
-
 class _Samples:
     """Collects the samples of an XML file while it is parsed."""
 
-    def __init__(self, path: str) -> None:
-        self.path = path
+    def __init__(self, path: str, degrees: bool) -> None:
+        self.path, self.degrees = path, degrees
         self.found: list[TraceEntry] = []
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
@@ -88,9 +111,9 @@ class _Samples:
         if not given.get("id"):
             raise RunError(f"{self._place}: {tag} needs an id")
         assert self._time is not None
-        height = self._number(given, "z", tag) if "z" in given else math.nan
-        values = (self._number(given, "x", tag), self._number(given, "y", tag), height)
-        self.found.append(TraceEntry(self.parser.CurrentLineNumber, given["id"], self._time, SAMPLE, values))
+        optional = [self._number(given, name, tag) if name in given else math.nan for name in ("z", "speed")]
+        values = (self._number(given, "x", tag), self._number(given, "y", tag), *optional)
+        self.found.append(TraceEntry(self.parser.CurrentLineNumber, given["id"], self._time, tag, values))
 
     def _end(self, tag: str) -> None:
         self._depth -= 1
@@ -98,10 +121,9 @@ class _Samples:
             self._time = None
 
     def _comment(self, text: str) -> None:
-        if DEGREES in text:
-            raise RunError(
-                f"{self._place}: positions are degrees (fcd-output.geo), must be metres: run SUMO without it"
-            )
+        if DEGREES in text and not self.degrees:
+            raise RunError(f"{self._place}: positions are degrees (fcd-output.geo), must be metres. Write: "
+                           f"{remedy(self.path, 'sumo', '--crs wgs84')}")  # fmt: skip
 
     def _doctype(self, *_: Any) -> None:
         raise RunError(f"{self._place}: a document type is not allowed in floating car data")
@@ -116,9 +138,9 @@ class _Samples:
         return f"{self.path}:{self.parser.CurrentLineNumber}"
 
 
-def _of_xml(path: str, pieces: Iterator[str]) -> Iterator[TraceEntry]:
+def _of_xml(path: str, pieces: Iterator[str], degrees: bool) -> Iterator[TraceEntry]:
     """Yield the samples of an XML file, piece by piece."""
-    samples = _Samples(path)
+    samples = _Samples(path, degrees)
     try:
         for piece in pieces:
             samples.parser.Parse(piece, False)
@@ -130,43 +152,31 @@ def _of_xml(path: str, pieces: Iterator[str]) -> Iterator[TraceEntry]:
         raise RunError(f"{path}:{error.lineno}: cannot be read: XML: {words}") from error
 
 
-def _of_csv(path: str, lines: Iterator[str]) -> Iterator[TraceEntry]:
+def _of_csv(path: str) -> Iterator[TraceEntry]:
     """Yield the samples of a CSV file; rows without a vehicle, as xml2csv writes for empty steps, are left out."""
-    first = next(lines, "")
-    sign = max((";", ",", "\t"), key=first.count)
-    sign = sign if sign in first else " "
-    names = first.split() if sign == " " else first.rstrip("\r\n").split(sign)
-    header = [name.strip().strip('"') for name in names]
-    time = next((header.index(name) for name in TIMES if name in header), None)
-    columns = [found for prefix in (*(f"{tag}_" for tag in MOVERS), "") if (found := _columns(header, prefix))]
-    if time is None or not columns:
+    frame = read_table(path, texts=lambda name: name.endswith("id")).frame
+    time = next((name for name in TIMES if name in frame), None)
+    movers = [tag for tag in (*MOVERS, "") if {f"{tag}_{name}".strip("_") for name in ("id", "x", "y")} <= set(frame)]
+    if time is None or not movers:
         raise RunError(
             f"{path}:1: the header must name time, id, x and y, as timestep_time;vehicle_id;vehicle_x;vehicle_y, is "
-            f"{first.strip()[:120]!r}"
+            f"{', '.join(frame)[:120]!r}"
         )
-    rows = csv.reader((" ".join(line.split()) for line in lines) if sign == " " else lines, delimiter=sign)
-    for row in rows:
-        for name, x, y, z in columns:
-            if name < len(row) and row[name].strip():
-                place = f"{path}:{rows.line_num + 1}"
-                height = math.nan
-                if z is not None and z < len(row) and row[z].strip():
-                    height = _cell(row, z, place, "z")
-                values = (_cell(row, x, place, "x"), _cell(row, y, place, "y"), height)
-                yield TraceEntry(rows.line_num + 1, row[name].strip(), _cell(row, time, place, "time"), SAMPLE, values)
+    for tag in movers:
+        names = [time, *(f"{tag}_{name}".strip("_") for name in ("id", "x", "y", "z", "speed"))]
+        part = frame.reindex(columns=names).set_axis(["time", "id", "x", "y", "z", "speed"], axis=1).dropna(subset="id")
+        for name in ("time", "x", "y", "z", "speed"):
+            part[name] = _numbers(path, part[name], optional=name in ("z", "speed"))
+        for line, when, node, *values in part.itertuples():
+            yield TraceEntry(line, node.strip(), when, tag or "sample", tuple(values))
 
 
-def _columns(header: list[str], prefix: str) -> tuple[int, int, int, int | None] | None:
-    """The indices of id, x, y and z with a prefix; None if the header lacks one of the first three."""
-    names = [f"{prefix}{name}" for name in ("id", "x", "y")]
-    if not set(names) <= set(header):
-        return None
-    one, two, three = (header.index(name) for name in names)
-    return one, two, three, header.index(f"{prefix}z") if f"{prefix}z" in header else None
-
-
-def _cell(row: Sequence[str], column: int, place: str, name: str) -> float:
-    return _finite(row[column] if column < len(row) else "", f"{place}: {name}")
+def _numbers(path: str, column: pd.Series, optional: bool) -> pd.Series:
+    """A column of finite numbers; an optional one may have empty cells. Raises RunError with file and line."""
+    values = numeric(column)
+    for line, cell in column[~np.isfinite(values) & ~(column.isna() & optional)].iloc[:1].items():
+        _finite("" if pd.isna(cell) else str(cell), f"{path}:{line}: {column.name}")
+    return values
 
 
 def _finite(text: str, place: str) -> float:

@@ -7,21 +7,21 @@ write_scenario(tracks, out, nodes) -> [path]               these files and a sce
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+import pandas as pd
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError, UsageError, printable
 from wsnsim.interop import Trace
+from wsnsim.interop.conventions import local_metres, origin_note
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.node_file import FromFile
 from wsnsim.models.recorded_track import LATEST
@@ -32,6 +32,8 @@ LONGEST_STEM: Final = 60
 """Characters of a node's name in the name of its file."""
 FARTHEST: Final = 1e9
 """m: greatest coordinate of a recorded track."""
+LONGEST_GAP, MOST_GAPS = 3.0, 3
+"""Pauses between samples beyond this many usual intervals are absences, of which so many are named (our choice)."""
 SPACING: Final = 40.0
 """m: distance of neighbouring nodes of the grid in a scenario without positions; sensing range 60 m, links 90 m."""
 LEAST_NODES, MOST_NODES = 9, 2500
@@ -48,7 +50,10 @@ class Placement:
         start: Time (s) from which the track is taken; None for its own beginning.
         end: Time (s) until which it is taken; None for its own end.
         time_origin: Time (s) that becomes 0; None leaves times as they are.
-        origin: Place (m) that becomes (0, 0), `centre` for the middle of the tracks' extent, None for none.
+        origin: Place that becomes (0, 0), in m, or in degrees where places are; `centre` for the middle of the tracks'
+            extent, None for none.
+        degrees: Whether places are longitudes and latitudes, which are projected about the origin.
+        sampled: Whether tracks are samples with a usual interval, so that longer pauses are absences.
     """
 
     metres: float = 1.0
@@ -56,27 +61,40 @@ class Placement:
     start: float | None = None
     end: float | None = None
     time_origin: float | None = None
-    origin: tuple[float, float] | str | None = None
+    origin: tuple[float, ...] | str | None = None
+    degrees: bool = False
+    sampled: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedTracks:
-    """Tracks in SI units: {node: (n, 4) time, x, y, z}, and the place (m) of the file that is their (0, 0)."""
+    """Tracks in SI units: {node: (n, 4) time, x, y, z}, and the place (m) of the file that is their (0, 0).
+
+    `notes` say what was left out, and between which samples a track is drawn straight.
+    """
 
     tracks: Mapping[str, Floats]
     origin: tuple[float, float]
+    notes: tuple[str, ...] = ()
 
 
 def placed(trace: Trace, how: Placement) -> PlacedTracks:
-    """The tracks of a trace in SI units, within the window of time, about the origin.
+    """The tracks of a trace in SI units, within the window of time in which all of them are known, about the origin.
 
     Raises:
         UsageError: The window has no part of a track.
         RunError: A coordinate is too large.
     """
     scale = np.array([how.seconds, how.metres, how.metres, how.metres])
-    tracks = {node: _window(trace.path, node, track * scale, how) for node, track in trace.tracks.items()}
-    origin = _origin(tracks, how.origin)
+    whole = {node: track * scale for node, track in trace.tracks.items()}
+    notes = _gaps(whole) if how.sampled else []
+    if how.degrees:
+        whole, about = _projected(whole, how.origin)
+        notes.append(about)
+    start, end = _common_span(trace.path, whole, how)
+    notes += _cut(whole, start, end) if how.start is None and how.end is None else []
+    tracks = {node: _window(track, start, end) for node, track in whole.items()}
+    origin = (0.0, 0.0) if how.degrees else _origin(tracks, how.origin)
     shift = np.array([how.time_origin or 0.0, *origin, 0.0])
     tracks = {node: track - shift for node, track in tracks.items()}
     for node, track in tracks.items():
@@ -86,28 +104,70 @@ def placed(trace: Trace, how: Placement) -> PlacedTracks:
             )
         if (np.abs(track[:, 0]) > LATEST).any():
             raise RunError(f"{trace.path}: node {node}: times must be within ±{LATEST:g} s: give --time-unit")
-    return PlacedTracks(tracks, origin)
+    return PlacedTracks(tracks, origin, tuple(notes))
 
 
-def _window(path: str, node: str, track: Floats, how: Placement) -> Floats:
-    """The part of a track between two times, interpolated at both."""
-    first, last = float(track[0, 0]), float(track[-1, 0])
+def _gaps(tracks: Mapping[str, Floats]) -> list[str]:
+    """A sentence for each of the longest absences: pauses between samples of formats that have a usual interval."""
+    notes = []
+    for node, track in tracks.items():
+        apart = np.diff(track[:, 0])
+        long = np.flatnonzero(apart > LONGEST_GAP * np.median(apart))
+        pauses = track[long[np.argsort(-apart[long])][:MOST_GAPS, None] + [0, 1], 0].tolist()
+        notes += [
+            f"'{node}' is absent from {start:.10g} to {end:.10g} s: a straight line there" for start, end in pauses
+        ]
+    return notes
+
+
+def _cut(tracks: Mapping[str, Floats], start: float, end: float) -> list[str]:
+    """The sentence about targets that are there for longer than all of them are, if there are any."""
+    longer = [_known(node, track) for node, track in tracks.items() if np.ptp(track[:, 0]) > end - start]
+    said = f"only {start:g} to {end:g} s is written, when all targets are there: {', '.join(longer[:MOST_GAPS])}"
+    return [said] if longer else []
+
+
+def _known(node: str, track: Floats) -> str:
+    return f"node {node} is known from {track[0, 0]:g} to {track[-1, 0]:g} s"
+
+
+def _projected(tracks: dict[str, Floats], origin: tuple[float, ...] | str | None) -> tuple[dict[str, Floats], str]:
+    """Tracks of degrees in local metres, and the sentence that names their origin."""
+    every = np.concatenate(list(tracks.values()))
+    given = origin if isinstance(origin, tuple) else None
+    x, y, about = local_metres(every[:, 1], every[:, 2], np.ones(len(every), dtype=np.bool_), given)
+    ends = np.cumsum([len(track) for track in tracks.values()])[:-1]
+    pieces = np.split(np.column_stack([every[:, 0], x, y, every[:, 3]]), ends)
+    return dict(zip(tracks, pieces, strict=True)), origin_note(about)
+
+
+def _common_span(path: str, tracks: Mapping[str, Floats], how: Placement) -> tuple[float, float]:
+    """First and last time (s) at which all tracks are known, within the window that was asked for.
+
+    A target is there from the first to the last step of a run: what is known of it before and after is not used.
+    """
+    first, last = (max(track[0, 0] for track in tracks.values()), min(track[-1, 0] for track in tracks.values()))
     start = first if how.start is None else max(first, how.start)
     end = last if how.end is None else min(last, how.end)
     if not start < end:
-        raise UsageError(f"{path}: node {node} is known from {first:g} to {last:g} s: no time is left between "
-                         f"{start:g} and {end:g} s")  # fmt: skip
+        known = ", ".join(_known(node, track) for node, track in tracks.items())
+        raise UsageError(f"{path}: {known}: no time is left between {start:g} and {end:g} s")
+    return float(start), float(end)
+
+
+def _window(track: Floats, start: float, end: float) -> Floats:
+    """The part of a track between two times, interpolated at both."""
     inside = track[(track[:, 0] > start) & (track[:, 0] < end)]
     ends = [[time, *(np.interp(time, track[:, 0], track[:, column]) for column in (1, 2, 3))] for time in (start, end)]
     return np.vstack([ends[0], inside, ends[1]])
 
 
-def _origin(tracks: Mapping[str, Floats], wanted: tuple[float, float] | str | None) -> tuple[float, float]:
+def _origin(tracks: Mapping[str, Floats], wanted: tuple[float, ...] | str | None) -> tuple[float, float]:
     """The place that becomes (0, 0)."""
     if wanted is None:
         return 0.0, 0.0
     if isinstance(wanted, tuple):
-        return wanted
+        return wanted[0], wanted[1]
     places = np.concatenate([track[:, 1:3] for track in tracks.values()])
     x, y = np.round((places.min(axis=0) + places.max(axis=0)) / 2).tolist()
     return x, y
@@ -133,22 +193,14 @@ def write_csv(tracks: Mapping[str, Floats], out: Path) -> list[Path]:
 
 def csv_text(node: str, track: Floats) -> str:
     """The rows of a track, as a text with the columns time, id, x, y, and z where it is known everywhere."""
-    high = bool(np.isfinite(track[:, 3]).all())
-    cell = io.StringIO()
-    csv.writer(cell, lineterminator="").writerow([node])
-    name = cell.getvalue()
-    rows = [f"time,id,x,y{',z' if high else ''}"]
-    for time, x, y, z in track.tolist():
-        rows.append(
-            ",".join([_digits(time, 9), name, _digits(x, 6), _digits(y, 6), *([_digits(z, 6)] if high else [])])
-        )
-    return "\n".join(rows) + "\n"
+    table = pd.DataFrame(track, columns=["time", "x", "y", "z"]).round({"time": 9, "x": 6, "y": 6, "z": 6}) + 0.0
+    table.insert(1, "id", node)
+    return _text(table if np.isfinite(track[:, 3]).all() else table.drop(columns="z"))
 
 
-def _digits(value: float, digits: int) -> str:
-    """A number with at most this number of decimal places."""
-    text = f"{value:.{digits}f}".rstrip("0").rstrip(".")
-    return "0" if text == "-0" else text
+def _text(table: pd.DataFrame) -> str:
+    """A table as CSV."""
+    return str(table.to_csv(index=False, float_format="%.15g", lineterminator="\n"))
 
 
 def write_shifted_nodes(source: Path, out: Path, origin: tuple[float, float]) -> None:
@@ -160,20 +212,14 @@ def write_shifted_nodes(source: Path, out: Path, origin: tuple[float, float]) ->
     """
     read = _positions(source)
     places = read.draw(0.0, np.random.default_rng(0)) - np.array(origin)
-    heights = read.heights
-    table: dict[str, Sequence[object]] = {"id": read.names}
-    table |= {name: [_digits(value, 6) for value in column] for name, column in zip("xy", places.T, strict=True)}
-    if heights is not None:
-        table["z"] = [_digits(value, 6) for value in heights]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([table.keys(), *zip(*table.values(), strict=True)])
-    write_text_atomically(out, text.getvalue())
+    heights = {} if read.heights is None else {"z": read.heights}
+    table = pd.DataFrame({"id": read.names, "x": places[:, 0], "y": places[:, 1], **heights})
+    write_text_atomically(out, _text(table.round(6)))
 
 
 def _positions(path: Path) -> FromFile:
     """The nodes of a file, wherever they stand."""
-    return FromFile(path=str(path), fit=True, cover=False)
+    return FromFile(path=str(path), fit=True, cover=False, count_from=0)
 
 
 def write_scenario(placed_tracks: PlacedTracks, out: Path, source: str, nodes: Path | None) -> list[Path]:
@@ -202,14 +248,16 @@ def _scenario_text(
     first = min(float(track[0, 0]) for track in tracks.values())
     last = max(float(track[-1, 0]) for track in tracks.values())
     steps = max(2, math.floor((last - first) / STEP + 1e-9))
-    motions = [f"{{kind: recorded_track, path: {_quoted(path.name)}, time_origin: {_digits(first, 9)}, q: 1}}"
+    motions = [f"{{kind: recorded_track, path: {_quoted(path.name)}, time_origin: {first:.15g}, q: 1}}"
                for path in files.values()]  # fmt: skip
     motion = f"motion: {motions[0]}" if len(motions) == 1 else "targets:\n" + "\n".join(f"  - {m}" for m in motions)
     x, y = placed_tracks.origin
     about = printable(" ".join(source.split()))
+    origin = f" The origin of this scenario is the place ({x:.10g}, {y:.10g}) m of that file." if x or y else ""
+    origin += "".join(f"\n# {printable(' '.join(note.split()))}" for note in placed_tracks.notes)
     allowed = _quoted(re.sub(r"^\W|[^\w.-]", "_", name, flags=re.ASCII)[:LONGEST_STEM])
     return f"""\
-# Trajectories from {about}. The origin of this scenario is the place ({x:.10g}, {y:.10g}) m of that file.
+# Trajectories from {about}.{origin}
 # Nodes, sensor, radio and tracker are a beginning: replace them by yours.
 name: {allowed}
 duration: {(steps + 1) * STEP:.17g} s

@@ -49,6 +49,8 @@ from wsnsim.models.mobility import CoordinatedTurn as CoordinatedTurn
 from wsnsim.models.mobility import GaussMarkov as GaussMarkov
 from wsnsim.models.motion import BoundedVelocity as BoundedVelocity
 from wsnsim.models.node_file import FromFile as FromFile
+from wsnsim.models.quantised import Binary as Binary
+from wsnsim.models.quantised import Quantised as Quantised
 from wsnsim.models.ranging import Range as Range
 from wsnsim.models.ranging import RangeFromOrigin as RangeFromOrigin
 from wsnsim.models.recorded_links import RecordedLinks as RecordedLinks
@@ -106,6 +108,8 @@ Contikimac = ContikiMac
 Xmac = XMac
 File = FromFile
 FileDeployment = FromFile
+BinarySensor = Binary
+QuantisedSensor = Quantised
 RangeSensor = Range
 RecordedLink = RecordedLinks
 RssiSensor = Rssi

@@ -23,7 +23,8 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models.bounds import ACCURACY, LENGTH, LOG_TWO_PI
-from wsnsim.models.ranging import REACH, reach_issues
+from wsnsim.models.distances import reach_issues
+from wsnsim.models.ranging import REACH
 from wsnsim.models.sensing import OfPosition, coordinates, fisher
 
 TURN: Final = 2.0 * math.pi

@@ -53,6 +53,8 @@ POSITION_ERROR: Final = Quantity("m", ge=0, le=1e6)
 """Standard deviation of what is believed of a node's position, per axis."""
 PLACE: Final = Quantity("m", ge=-1e7, le=1e7)
 """A coordinate of a position."""
+ELEVATION: Final = Quantity("m", ge=-1e6, le=1e6)
+"""A height."""
 STATE: Final = Quantity("", ge=-1e7, le=1e7, label="SI")
 """A column of a state, in SI units."""
 DEVIATION: Final = Quantity("", ge=1e-6, le=1e7, label="SI")

@@ -15,8 +15,10 @@ import gzip
 import io
 import itertools
 import math
+import re
+import shlex
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple, TypeAlias, final
@@ -43,6 +45,14 @@ SKIPPING: Final = "skip_bad_rows: true leaves them out, and the result names the
 SkipBadRows: TypeAlias = Annotated[
     bool, "whether rows that cannot be used are left out and counted, instead of refused"
 ]
+IDENTIFIER: Final = re.compile(
+    r"(id|name|node|mote|mac|addr|address|receiver|anchor|beacon|station|tag|vehicle|person|label)$", re.IGNORECASE
+)
+"""Names of columns that look like identifiers (our choice)."""
+LOOKED_AT: Final = 20_000
+"""Rows in which columns that are not read are looked at (our choice)."""
+DATED: Final = re.compile(r"must be a finite number, is '\d{4}-\d\d-\d\d")
+"""What is said of a cell that holds a date."""
 DELIMITERS: Final = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 
 
@@ -128,6 +138,33 @@ def only_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
     return rows
 
 
+def identifiers(path: str, read: Collection[str]) -> dict[str, list[str]]:
+    """The cells, in the first `LOOKED_AT` rows, of the columns that are not `read` and look like identifiers.
+
+    Their names say so (`IDENTIFIER`), and their cells are words or whole numbers.
+
+    Raises:
+        RunError: the file cannot be read.
+    """
+    with open_text(path) as file:
+        rows = itertools.islice(filter(any, csv.reader(file)), LOOKED_AT)
+        columns = [[cell.strip() for cell in column] for column in itertools.zip_longest(*rows, fillvalue="")]
+    return {
+        name: cells
+        for name, *cells in columns
+        if name not in read
+        and IDENTIFIER.search(name)
+        and all(cell and not number_in(cell) % 1.0 > 0.0 for cell in cells)
+    }
+
+
+def demand_once(place: str, header: Sequence[str], names: Iterable[str]) -> None:
+    """Refuse a header that has a column of one of these names twice. Raises RunError with its place."""
+    for name in names:
+        if header.count(name) > 1:
+            raise RunError(f"{place}: the header names the column '{name}' twice: rename one of them, or delete it")
+
+
 def first_of_equal(among: Bools, *keys: Floats | Ints) -> Ints:
     """(n,) the index of the first row with the same keys (n,), of those `among` which it is sought; else its own."""
     first = np.arange(len(among))
@@ -181,6 +218,10 @@ def demand_digest(path: str, digest: str) -> None:
 
 def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int, remedy: str = "") -> str:
     """A message that names the first bad rows of a file with their lines, of `rows` in all, and what helps."""
+    if all(DATED.search(row.reason) for row in bad):
+        like = f" ({len(bad) - 1:,} more rows like it)" if len(bad) > 1 else ""
+        dates = f"times are seconds; write: wsnsim import readings (or track) {shlex.quote(path)}, which reads dates"
+        return f"{path}:{bad[0].line}: {bad[0].reason}{like}: {dates}"
     listed = row_texts(path, bad[:MOST_PRINTED])
     more = len(bad) - len(listed)
     rest = [words for words in (f"and {more} more" if more else "", remedy) if words]
@@ -257,6 +298,7 @@ def _present(path: str, rows: Any, wanted: Wanted) -> tuple[dict[str, int], dict
     needed = tuple(theirs for ours, theirs in named.items() if ours not in wanted.optional)
     if not set(needed) <= set(header):
         raise _without_columns(path, header, needed)
+    demand_once(f"{path}:1", header, named.values())
     texts = {ours: header.index(theirs) for ours, theirs in wanted.texts.items() if theirs in header}
     numbers = {ours: (header.index(theirs), theirs) for ours, theirs in wanted.numbers.items() if theirs in header}
     return texts, numbers

@@ -148,6 +148,7 @@ def _rows(path: str, lines: Any, header: _Header) -> tuple[RecordedRows, list[cs
         raise RunError(
             f"{path}:2: the columns must be '{wanted}'; {', '.join(missing)} not found in '{','.join(columns)[:200]}'"
         )
+    csvfile.demand_once(f"{path}:2", columns, (*COLUMNS, "tx_count"))
     codes: dict[str, int] = {}
     bad: list[csvfile.BadRow] = []
     rows = np.fromiter(_good_rows(path, lines, columns, header, codes, bad), dtype=list(TYPES.items()))

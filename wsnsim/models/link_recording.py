@@ -118,11 +118,12 @@ class LinkRecording:
         starts: {channel: (R,) s at which each of its rounds begins}.
         sent: {channel: (R, N) whether the node's burst was heard by any other in the round}.
         complete: {channel: (R,) whether the whole round was recorded}. The first and the last round of a channel are
-            incomplete if a sender of the round beside them is missing. So is the round of the file's first burst if the
-            file may begin within that burst: its first row is later than `start_date` in the first line by more than a
-            burst lasts. The same holds for the last burst and `stop_date`. Without these dates, both bursts are taken
-            for whole. If one of these two rounds is the only one of its channel, every node that sent on any channel
-            must have sent in it.
+            incomplete if a sender of the round beside them is missing. If the round of the file's first or last burst
+            is the only one of its channel, every node that sent on any channel must have sent in it.
+        cut: Channel, round and sender of the first and the last burst, if the file may begin or end within it: its
+            first row is later than `start_date` in the first line by more than a burst lasts, or its last row is so
+            much earlier than `stop_date`. Rows of such a burst are left out, and the sender is not missed in the round.
+            Without these dates, both bursts are taken for whole.
         bad: Rows that were skipped.
     """
 
@@ -140,7 +141,18 @@ class LinkRecording:
     starts: Mapping[int, Floats]
     sent: Mapping[int, Bools]
     complete: Mapping[int, Bools]
+    cut: tuple[tuple[int, int, str], ...]
     bad: tuple[BadRow, ...]
+
+    def left_out(self, channel: int) -> list[str]:
+        """A sentence on each burst and round of a channel that is left out."""
+        part = "may be cut by the file's beginning or end: left out, no frame of it arrives"
+        notes = [f"the burst of node {sender} in round {number} of channel {channel} {part}"
+                 for on, number, sender in self.cut if on == channel and self.complete[channel][number]]  # fmt: skip
+        for number in np.flatnonzero(~self.complete[channel]).tolist():
+            sent = f"{self.sent[channel][number].sum()} of {len(self.nodes)} senders"
+            notes.append(f"round {number} of channel {channel} was recorded in part, with {sent}: left out")
+        return notes
 
 
 class RecordedRows(NamedTuple):
@@ -169,8 +181,11 @@ def link_recording(
         cut: Whether the first and the last burst of the file may be cut.
     """
     index = {name: i for i, name in enumerate(names)}
-    rows, codes = table.rows, np.array([index.get(name, -1) for name in table.names])
-    origin = float(rows["time"][0])
+    of_rows = np.array(bursts.of_rows)
+    ends = [burst for burst, may_be in zip((0, len(bursts.starts) - 1), cut, strict=True) if may_be]
+    whole = ~np.isin(of_rows, ends)
+    rows, codes = table.rows[whole], np.array([index.get(name, -1) for name in table.names])
+    origin = float(table.rows["time"][0])
     channels, numbers = np.array(bursts.channels), bursts.rounds()
     starts, senders = np.array(bursts.starts), np.array([index[name] for name in bursts.sources])
     begin, sent = {}, {}
@@ -179,6 +194,11 @@ def link_recording(
         begin[channel] = np.array([starts[on & (numbers == i)].min() for i in range(numbers[on].max() + 1)]) - origin
         sent[channel] = np.zeros((begin[channel].size, len(names)), dtype=np.bool_)
         sent[channel][numbers[on], senders[on]] = True
+    complete = _complete(sent, [(bursts.channels[i], int(numbers[i])) for i in (0, -1)])
+    for burst in ends:
+        sent[bursts.channels[burst]][numbers[burst], senders[burst]] = False
+    for channel in complete:
+        complete[channel] &= sent[channel].any(axis=1)
     return LinkRecording(
         path=path,
         nodes=names,
@@ -187,23 +207,24 @@ def link_recording(
         sources=codes[rows["source"]],
         receivers=codes[rows["receiver"]],
         channels=np.ascontiguousarray(rows["channel"]),
-        rounds=numbers[np.array(bursts.of_rows)],
+        rounds=numbers[of_rows[whole]],
         powers=np.ascontiguousarray(rows["power"]),
         ratios=np.ascontiguousarray(rows["ratio"]),
         packets=np.ascontiguousarray(rows["packets"]),
         starts=begin,
         sent=sent,
-        complete=_complete(sent, [(bursts.channels[i], int(numbers[i]), cut[i]) for i in (0, -1)]),
+        complete=complete,
+        cut=tuple((bursts.channels[i], int(numbers[i]), bursts.sources[i]) for i in ends),
         bad=bad,
     )
 
 
-def _complete(sent: Mapping[int, Bools], edges: Sequence[tuple[int, int, bool]]) -> dict[int, Bools]:
+def _complete(sent: Mapping[int, Bools], edges: Sequence[tuple[int, int]]) -> dict[int, Bools]:
     """{channel: (R,) which rounds were recorded as a whole}.
 
     Args:
         sent: {channel: (R, N) who sent}.
-        edges: Channel and round of the first and the last burst of the file, and whether that burst may be cut.
+        edges: Channel and round of the first and the last burst of the file.
     """
     complete = {channel: np.ones(len(each), dtype=np.bool_) for channel, each in sent.items()}
     for channel, each in sent.items():
@@ -211,8 +232,7 @@ def _complete(sent: Mapping[int, Bools], edges: Sequence[tuple[int, int, bool]])
             complete[channel][0] = (each[0] | ~each[1]).all()
             complete[channel][-1] = (each[-1] | ~each[-2]).all()
     anywhere = np.any([each.any(axis=0) for each in sent.values()], axis=0)
-    for channel, number, cut in edges:
-        alone = len(sent[channel]) == 1
-        if cut or (alone and not sent[channel][number][anywhere].all()):
+    for channel, number in edges:
+        if len(sent[channel]) == 1 and not sent[channel][number][anywhere].all():
             complete[channel][number] = False
     return complete

@@ -17,8 +17,9 @@ from wsnsim.base.sensing import HEIGHT
 from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import ASSUMED, outside, too_few_for_a_cluster, uncovered
-from wsnsim.models.csvfile import Wanted, first_of_equal, only_rows
+from wsnsim.models.csvfile import Wanted, first_of_equal, identifiers, only_rows
 from wsnsim.models.deploy import field_around
+from wsnsim.models.unit_checks import degrees_said
 
 MARGIN: Final = Quantity("m", ge=0, le=1e6)
 EVERYWHERE: Final = Field(2e7, 2e7)
@@ -44,7 +45,7 @@ class FromFile:
     Coordinates may have any origin, such as that of a map grid: `centre` says where the field is, or `fit: true` takes
     the field from the nodes. Trajectories are in the same coordinates.
 
-    Recorded readings refer to nodes by these names. Heights count in the law of a sensor that has them.
+    Recorded readings and links refer to nodes by these names. Heights count in the law of a sensor that has them.
     """
 
     fixed: ClassVar[bool] = True
@@ -57,6 +58,9 @@ class FromFile:
     fit: Annotated[bool, "whether the field is the smallest rectangle that contains the nodes, wherever they stand"] = (
         False
     )
+    count_from: Annotated[
+        int | None, Quantity("", ge=0), "number of the first row, where rows have no names; none: no names then"
+    ] = None
     margin: Annotated[float, MARGIN, "by which a fitted field extends beyond the outermost nodes, on every side"] = 0.0
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
@@ -78,27 +82,37 @@ class FromFile:
         if not self.fit:
             return given
         with contextlib.suppress(RunError):
-            return field_around(self._places(), self.margin)
+            return field_around(self._places(EVERYWHERE), self.margin)
         return given
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The name of each node, in the file's order: its id, or its number where the file has no such column.
+        """The name of each node, in the file's order: its id, or its number if `count_from` says how rows count.
 
         Raises:
-            RunError: the file cannot be read, a node has no name, or two have the same. The message names file and
-                line.
+            RunError: the file cannot be read, nodes have no name, or two have the same. The message names file and
+                line, or what names them.
         """
         wanted = Wanted({"id": self.columns.id}, {"x": self.columns.x}, optional=("id",))
         rows = only_rows(self.path, wanted, "positions")
         if "id" not in rows.texts:
-            return tuple(str(node) for node in range(len(rows.lines)))
+            if self.count_from is None:
+                raise RunError(self._nameless(len(rows.lines)))
+            return tuple(str(self.count_from + node) for node in range(len(rows.lines)))
         names, codes = rows.texts["id"]
         first = first_of_equal(np.ones(len(codes), dtype=np.bool_), codes)
         for row in np.flatnonzero(first != np.arange(len(codes)))[:1].tolist():
             taken = f"the node '{names[codes[row]]}' stands in line {rows.lines[first[row]]} already"
             raise RunError(f"{self.path}:{rows.lines[row]}: {taken}")
         return names
+
+    def _nameless(self, nodes: int) -> str:
+        """A sentence on positions without names, and on what may name them."""
+        columns = identifiers(self.path, (self.columns.x, self.columns.y, self.columns.z))
+        like = [name for name, cells in columns.items() if len(set(cells)) == nodes]
+        hint = f"the column '{like[0]}' looks like names: columns: {{id: {like[0]}}}; " if like else ""
+        said = f"{self.path}: the positions have no names, by which recorded data could refer to them"
+        return f"{said}: {hint}count_from: 0 takes the numbers of rows, from 0"
 
     @property
     def heights(self) -> Floats | None:
@@ -112,16 +126,26 @@ class FromFile:
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions in the file's order. Raises RunError with file and line if it cannot be read."""
-        if self.fit:
-            return self._places()
-        return read_positions(self.path, self.field, (self.columns.x, self.columns.y))
+        return self._places(EVERYWHERE if self.fit else self.field)
 
-    def _places(self) -> Floats:
-        """(N, 2) positions, wherever they are. Raises RunError with file and line if the file cannot be read."""
-        return read_positions(self.path, EVERYWHERE, (self.columns.x, self.columns.y))
+    def _places(self, field: Field) -> Floats:
+        """(N, 2) positions in the file's order; several nodes may share one.
+
+        Raises:
+            RunError: the file cannot be read, or a position is outside the field. The message names file and line.
+        """
+        rows = only_rows(self.path, Wanted(numbers={"x": self.columns.x, "y": self.columns.y}), "positions")
+        positions = np.column_stack([rows.numbers["x"], rows.numbers["y"]])
+        for row in np.flatnonzero(~field.contains(positions))[:1].tolist():
+            x, y = positions[row].tolist()
+            raise RunError(f"{self.path}:{rows.lines[row]}: {outside((x, y), field)}")
+        return positions
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue if the file cannot be read, or its nodes are too few or do not cover the field."""
+        """Yield an issue for a file that cannot be read or holds degrees, and nodes too few to cover the field."""
+        if said := degrees_said(self.path, "nodes", self.columns.x, self.columns.y):
+            yield Issue(("deploy", "columns"), said)
+            return
         try:
             positions = self.draw(0.0, np.random.default_rng(0))
             _ = self.heights if isinstance(setup, TrackingSetup) and HEIGHT in setup.sensor.trait_names else None
@@ -130,17 +154,3 @@ class FromFile:
             return
         yield from too_few_for_a_cluster(len(positions), "path", setup)
         yield from uncovered(self, positions, setup)
-
-
-def read_positions(path: str, field: Field, columns: tuple[str, str] = ("x", "y")) -> Floats:
-    """(N, 2) positions in the file's order, from the columns of these names; several nodes may share one.
-
-    Raises:
-        RunError: the file cannot be read, or a position is outside the field. The message names file and line.
-    """
-    rows = only_rows(path, Wanted(numbers={"x": columns[0], "y": columns[1]}), "positions")
-    positions = np.column_stack([rows.numbers["x"], rows.numbers["y"]])
-    for row in np.flatnonzero(~field.contains(positions))[:1].tolist():
-        x, y = positions[row].tolist()
-        raise RunError(f"{path}:{rows.lines[row]}: {outside((x, y), field)}")
-    return positions

@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from functools import cached_property
@@ -16,6 +17,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.errors import Issue, RunError, did_you_mean
+from wsnsim.base.initial_conditions import joined_by_name, node_names
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import BurstyLosses, HeardLinks
 from wsnsim.base.setups import Setup
@@ -50,13 +52,15 @@ class RecordedLinks:
     The recording is a K7 file. A round is one burst of packets of every sender on the channel. A link without a row in
     a round was not heard, and has the ratio 0 in that round: ratios are never taken from other rounds. The same holds
     for all links of a sender of which no node heard anything in a round, whether it was down or out of range. A first
-    or last round that was or may have been recorded in part only is left out.
+    or last round in which senders of the next one are missing is left out, and so is a burst that the file's beginning
+    or end may have cut: the rest of its round is played.
 
     The run begins with the round `start`. A round lasts as long as the recording took until the next one on this
     channel (the last one: the median), or `round_length`. Frames that overlap are both lost where both are heard. A
     node takes the channel for busy during the frames of every sender that it has heard in the round, however rarely,
-    and the ratio holds for frames of any length (our choices: no more is known). With `map`, node i is the recording's
-    node `map[i]`. The places of nodes play no part in what is heard.
+    and the ratio holds for frames of any length (our choices: no more is known). The nodes of the recording are those
+    of the deployment with the same names, or numbers; with `map`, node i is the recording's node `map[i]`, whatever its
+    name. The places of nodes play no part in what is heard.
 
     With `burstiness: gilbert_elliott`, a link is good or bad, each for an exponentially distributed time. Bad states
     last `bad_time` on average, good ones so long that the stationary mean is the recorded ratio. A link whose ratio is
@@ -77,7 +81,7 @@ class RecordedLinks:
     round_length: Annotated[float | None, DURATION, "duration of a round; default: as it was recorded"] = None
     wrap: Annotated[bool, "whether the first round follows the last one; otherwise the run must not be longer"] = False
     map: Annotated[
-        tuple[int | str, ...], "the recording's name of each node of the scenario; default: all, in ascending order"
+        tuple[int | str, ...], "the recording's name of each node of the scenario, in their order; default: the same"
     ] = ()
     reach: Annotated[float, LENGTH, "distance for which a broadcast is amplified; it does not limit links"] = 75.0
     burstiness: Annotated[Literal["none", "gilbert_elliott"], "how losses of a link depend on each other"] = "none"
@@ -105,6 +109,10 @@ class RecordedLinks:
         """The whole recording. Raises RunError with file and line if it cannot be used."""
         demand_digest(self.path, self.digest)
         return read_links(self.path, self.skip_bad_rows)
+
+    def with_nodes(self, names: tuple[str, ...]) -> RecordedLinks:
+        """The links between nodes of these names, unless `map` says which nodes they are in the recording."""
+        return self if self.map else dataclasses.replace(self, map=names)
 
     @property
     def rounds(self) -> int:
@@ -153,22 +161,31 @@ class RecordedLinks:
             known = ", ".join(map(str, recording.complete))
             yield Issue(("link", "channel"), f"{self.path} has no channel {self.channel}; it has {known}")
             return
-        yield from self._unknown_nodes(setup, recording.nodes)
+        try:
+            yield from self._unknown_nodes(setup, recording.nodes)
+        except RunError as error:
+            yield Issue(("link", "map"), f"{error}; name the recording's node of each node, in their order")
+            return
         yield from self._missing_rounds(setup)
 
     def _unknown_nodes(self, setup: Setup, known: tuple[str, ...]) -> Iterator[Issue]:
-        """Yield issues for names that the recording lacks, and if their number is not that of the scenario's nodes."""
-        for i, name in enumerate(map(str, self.map)):
-            if name not in known:
-                yield Issue(("link", "map", i), f"{self.path} has no node {name} ({did_you_mean(name, known)})")
+        """Yield issues for names that the recording lacks, and if their number is not that of the scenario's nodes.
+
+        Raises:
+            RunError: the nodes of the scenario have no names, or none of them is in the recording.
+        """
         nodes = number_of_nodes(setup.deploy)
+        if not (self.map or hasattr(type(setup.deploy), "names")) and nodes not in (None, len(known)):
+            said = f"{self.path} has {len(known)} nodes, but the scenario {nodes}: say which, in their order"
+            yield Issue(("link", "map"), said)
+            return
+        names = tuple(map(str, self.map)) or node_names(setup, nodes)
+        found = joined_by_name(names, known, "the nodes of the scenario", self.path)
+        for i in np.flatnonzero(found < 0).tolist():
+            near = did_you_mean(names[i], known)
+            yield Issue(("link", "map", i), f"{self.path} has no node {names[i]} ({near})")
         if self.map and nodes not in (None, len(self.map)):
             yield Issue(("link", "map"), f"names {len(self.map)} nodes, but the scenario has {nodes}")
-        if not self.map and nodes not in (None, len(known)):
-            yield Issue(
-                ("link", "map"),
-                f"{self.path} has {len(known)} nodes, but the scenario {nodes}: say which, in their order",
-            )
 
     def _missing_rounds(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if the recording ends before the run, or before the run begins."""
@@ -205,9 +222,7 @@ class RecordedLinks:
         """The recording as a run plays it."""
         recording = self.recording
         names = tuple(map(str, self.map)) or recording.nodes
-        known = {name: i for i, name in enumerate(recording.nodes)}
-        ours = np.full(len(recording.nodes), -1)
-        ours[[known[name] for name in names]] = np.arange(len(names))
+        ours = joined_by_name(recording.nodes, names, self.path, "the nodes of the scenario")
         complete = recording.complete[self.channel]
         number = np.cumsum(complete) - 1
         sources, ids = ours[recording.sources], ours[recording.receivers]

@@ -14,8 +14,8 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, means, near
-from wsnsim.base.errors import Issue, RunError
-from wsnsim.base.initial_conditions import node_names
+from wsnsim.base.errors import Issue, RunError, shortened
+from wsnsim.base.initial_conditions import joined_by_name, node_names
 from wsnsim.base.optional_ports import LimitsReadings, Recording, Replays
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import SensorModel
@@ -23,13 +23,14 @@ from wsnsim.base.sensing import recorded_traits
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile
 from wsnsim.models.recorded_issues import recorded_issues
+from wsnsim.models.sensing import OfLaw
 
 COUNT: Final = "count"
 """The trait of a node that is the number of readings of which its reading is the mean. It may change at each step."""
 
 
 @part
-class RepeatedReadings:
+class RepeatedReadings(OfLaw):
     """What filters assume of means of readings: the last trait of a node, `count`, says of how many.
 
     With Gaussian noise of a constant variance R, the n readings of a node in a step have the likelihood of n times
@@ -37,11 +38,6 @@ class RepeatedReadings:
     """
 
     law: Any
-
-    @property
-    def reach(self) -> float:
-        """The law's sensing range."""
-        return float(self.law.reach)
 
     @property
     def trait_names(self) -> tuple[str, ...]:
@@ -118,7 +114,7 @@ class _ReadingRows(NamedTuple):
 
 
 @part
-class RecordedSensor:
+class RecordedSensor(OfLaw):
     """Readings that were recorded, from a CSV file with a row per reading: time, node, reading, and perhaps target.
 
     Rows may stand in any order. A reading at the time t belongs to the first step k with k dt >= t - `time_origin`, so
@@ -142,37 +138,15 @@ class RecordedSensor:
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
 
     def __post_init__(self) -> None:
-        """Raises ValueError if the law is itself a recording."""
+        """Raises ValueError if the law is itself a recording, or has cells and several readings are averaged."""
         if isinstance(self.law, Replays):
             raise ValueError("law: must be a sensor model that can be computed, not recorded readings")
-
-    @property
-    def reach(self) -> float:
-        """The law's sensing range."""
-        return self.law.reach
-
-    @property
-    def trait_names(self) -> tuple[str, ...]:
-        """The law's traits."""
-        return self.law.trait_names
+        if self.several != "last" and getattr(self.law, "reading_bits", None) is not None:
+            raise ValueError("several: a mean of readings is in no cell of a law that quantises: use last")
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
         """(nodes, T) as the law, without gains that it would sample: 1, or 0 dB, in their place."""
         return recorded_traits(self.law, nodes, rng)
-
-    def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
-        """(n,) readings that the law would give; no run uses them."""
-        return self.law.measure(points, positions, traits, noise)
-
-    def log_likelihood(
-        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
-    ) -> Floats:
-        """(N,) as the law."""
-        return self.law.log_likelihood(points, readings, positions, traits, owners)
-
-    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
-        """Expected readings, gradients and variances, as the law."""
-        return self.law.linearise(points, positions, traits)
 
     def assumed(self, gains: str, inflate: bool) -> SensorModel:
         """The model that a filter assumes: that of the law, or of means of its readings."""
@@ -191,17 +165,27 @@ class RecordedSensor:
             RunError: the file cannot be read, is not that of the digest, or has rows that cannot be used. The message
                 names file and lines.
         """
-        table, nodes, bad = self._table, self._nodes(names), self._bad(names, targets)
+        table, bad = self._table, self._bad(names, targets)
         if bad and not self.skip_bad_rows:
             raise RunError(csvfile.bad_rows_text(self.path, bad, len(table.lines) + len(table.bad), csvfile.SKIPPING))
-        used = (nodes >= 0) & (table.targets >= 0) & (table.targets < targets)
-        numbers = np.ceil((table.times - self.origin - ROUNDING) / dt)
-        used &= numbers <= steps
+        times, nodes, values, of = self.rows(names, targets)
+        numbers = np.ceil((times - ROUNDING) / dt)
+        used = numbers <= steps
         where = np.maximum(numbers[used], 0.0).astype(np.int64), nodes[used]
-        values, of = table.readings[used], table.targets[used]
+        values, of = values[used], of[used]
         shape = (steps + 1, len(names))
         return [self._of_target([axis[of == target] for axis in where], values[of == target], shape)
                 for target in range(targets)]  # fmt: skip
+
+    def rows(self, names: Sequence[str], targets: int) -> tuple[Floats, Ints, Floats, Ints]:
+        """(n,) time from the origin (s), node, reading and target of each row that can be used, in the order of time.
+
+        Raises:
+            RunError: as `recordings`, but for single rows.
+        """
+        table, nodes = self._table, self._nodes(names)
+        used = (nodes >= 0) & (table.targets >= 0) & (table.targets < targets)
+        return table.times[used] - self.origin, nodes[used], table.readings[used], table.targets[used]
 
     @property
     def origin(self) -> float:
@@ -216,9 +200,7 @@ class RecordedSensor:
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be used, or if the scenario changes what was recorded."""
-        for issue in self.law.check(setup) if hasattr(self.law, "check") else ():
-            path = ("sensor", "law", *issue.path[1:]) if issue.path[:1] == ("sensor",) else issue.path
-            yield Issue(path, issue.message)
+        yield from super().check(setup)
         try:
             self.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
         except RunError as error:
@@ -238,10 +220,18 @@ class RecordedSensor:
         return Recording(readings.reshape(shape), counts.reshape(shape))
 
     def _nodes(self, names: Sequence[str]) -> Ints:
-        """(n,) the number of each row's node; -1 for one that the deployment does not have."""
-        number = {name: node for node, name in enumerate(names)}
-        codes = np.array([number.get(name, -1) for name in self._table.names], dtype=np.int64)
-        return codes[self._table.codes]
+        """(n,) the number of each row's node; -1 for one that the deployment does not have.
+
+        Raises:
+            RunError: it has none of them.
+        """
+        try:
+            found = joined_by_name(self._table.names, names, self.path, "the deployment")
+        except RunError as error:
+            columns = csvfile.identifiers(self.path, (self.columns.node,))
+            near = [f"the column '{name}' has some" for name, cells in columns.items() if {*cells} & {*names}]
+            raise RunError("; ".join([str(error), *near])) from error
+        return found[self._table.codes]
 
     def _bad(self, names: Sequence[str], targets: int) -> list[csvfile.BadRow]:
         """All rows that cannot be used, ascending: those of unknown nodes and targets too."""
@@ -249,7 +239,7 @@ class RecordedSensor:
 
     def _strangers(self, names: Sequence[str], targets: int) -> Iterator[csvfile.BadRow]:
         """Yield the rows of nodes and targets that the scenario does not have."""
-        table, known = self._table, ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+        table, known = self._table, shortened(", ".join(names))
         for row in np.flatnonzero(self._nodes(names) < 0).tolist():
             reason = f"the deployment has no node '{table.names[table.codes[row]]}' (its nodes: {known})"
             yield csvfile.BadRow(int(table.lines[row]), reason)

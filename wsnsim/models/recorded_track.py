@@ -10,12 +10,15 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import Issue, RunError
+from wsnsim.base.errors import Issue, RunError, shortened
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile
+from wsnsim.models.unit_checks import degrees_said
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
+ROUNDING: Final = 1e-9
+"""s: times that differ by less are equal."""
 SAME_PLACE: Final = 1e-3
 """Largest distance (m) of two places of one time (our choice)."""
 LATEST: Final = 1e15
@@ -53,9 +56,10 @@ def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, re
         remedy: What the message says that leaves them out.
 
     Raises:
-        RunError: The file cannot be used; the message names file and line.
+        RunError: The file cannot be used, or has several movers; the message names file and line, or the movers.
     """
     rows = csvfile.read_rows(path, csvfile.Wanted(numbers=names, optional=("z",)), "points of a trajectory")
+    _demand_one_mover(path, names)
     bad = tuple(csvfile.limited(path, itertools.chain(rows.bad, _conflicts(rows))))
     if bad and not skip_bad_rows:
         raise RunError(csvfile.bad_rows_text(path, bad, len(rows.lines) + len(rows.bad), remedy))
@@ -71,6 +75,9 @@ def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, re
 class RecordedTrack(Straight):
     """A recorded trajectory: interpolated linearly between the rows of a CSV file, at rest before and after them.
 
+    With `gap`, the target is absent instead before the first row, after the last one, and between two rows that are
+    further apart.
+
     The velocity is that of the leg between two rows. Rows may stand in any order. Rows of one time must be at one
     place, to 1 mm; the first counts. Filters do not know the trajectory: they assume near-constant velocity with
     process noise of intensity q. A column z gives the height, which a sensor's law may use; the filter's state stays
@@ -81,6 +88,11 @@ class RecordedTrack(Straight):
 
     path: Annotated[str, "CSV file, also .gz, with a header that names time, x and y, and perhaps z"]
     header: Annotated[TrackColumns, "the names of the file's columns, where they differ"] = TrackColumns()
+    gap: Annotated[
+        float | None,
+        Quantity("s", gt=0.0),
+        "greatest time between two rows over which the target is present; left out: it always is",
+    ] = None
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: that of the first row"
     ] = None
@@ -89,9 +101,24 @@ class RecordedTrack(Straight):
     q: Annotated[float, INTENSITY, "intensity of the noise in the velocity that filters assume"] = 0.05
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 4) the trajectory; `rng` is not used. Raises RunError with file and line if it cannot be read."""
+        """(steps + 1, 4) the trajectory, NaN where the target is absent; `rng` is not used.
+
+        Raises:
+            RunError: the file cannot be read; the message names file and line.
+        """
         track = self.track
-        return sampled(track.times, track.points[:, :2], steps, dt)
+        states = sampled(track.times, track.points[:, :2], steps, dt)
+        if self.gap is not None:
+            now = np.arange(steps + 1) * dt
+            before, after = (np.searchsorted(track.times, now + shift) for shift in (ROUNDING, -ROUNDING))
+            times = np.concatenate([[-np.inf], track.times, [np.inf]])
+            states[times[after + 1] - times[before] > self.gap + ROUNDING] = np.nan
+        return states
+
+    @property
+    def may_be_absent(self) -> bool:
+        """Whether the target is absent where the file has no rows."""
+        return self.gap is not None
 
     def heights(self, steps: int, dt: float) -> Floats | None:
         """(steps + 1,) the height in m at each step; None if the file has no column z."""
@@ -117,7 +144,9 @@ class RecordedTrack(Straight):
         return csvfile.row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Yield an issue if the file cannot be read, has rows that cannot be used, or is not that of the digest."""
+        """Yield an issue if the file cannot be read or is not that of the digest, has bad rows, or holds degrees."""
+        if said := degrees_said(self.path, "track", self.header.x, self.header.y):
+            yield Issue(("motion", "header"), said)
         try:
             _ = self.track
         except RunError as error:
@@ -129,6 +158,33 @@ class RecordedTrack(Straight):
         names = self.header
         numbers = {"time": names.time, "x": names.x, "y": names.y, "z": names.z}
         return recorded_points(self.path, numbers, self.skip_bad_rows, csvfile.SKIPPING)
+
+
+def _demand_one_mover(path: str, names: Mapping[str, str]) -> None:
+    """Refuse a file with a column by which the path becomes less than half as long: its values are several movers.
+
+    Where each value belongs to a part of one path, such as the node that heard the target, the parts together are as
+    long as the path. A column with a value for less than three rows numbers rows (our choices).
+
+    Raises:
+        RunError: it has several movers; the message names them.
+    """
+    for column, cells in csvfile.identifiers(path, names.values()).items():
+        if not 1 < len(set(cells)) <= len(cells) / 3:
+            continue
+        rows = csvfile.read_rows(
+            path, csvfile.Wanted({"id": column}, {key: names[key] for key in ("time", "x", "y")}), ""
+        )
+        places, (movers, codes) = rows.numbers["x"] + 1j * rows.numbers["y"], rows.texts["id"]
+        order = np.argsort(rows.numbers["time"], kind="stable")
+        each = order[np.argsort(codes[order], kind="stable")]
+        with np.errstate(over="ignore", invalid="ignore"):  # places that are too far are refused below
+            whole, parts = np.abs(np.diff(places[order])), np.abs(np.diff(places[each]))
+        if parts[np.diff(codes[each]) == 0].sum() < 0.5 * whole.sum():
+            remedy = f"give each a file of its own, such as wsnsim import track --column id={column} --id {movers[0]}"
+            raise RunError(
+                f"{path}: the column '{column}' names {len(movers)} movers, {shortened(', '.join(movers))}: {remedy}"
+            )
 
 
 def _conflicts(rows: csvfile.CsvRows) -> Iterator[csvfile.BadRow]:

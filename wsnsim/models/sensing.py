@@ -8,13 +8,16 @@ Sensors stand in the plane. A target whose position is one column (P = 1) moves 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, planar
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import acoustic as kernels
 from wsnsim.models.bounds import ACCURACY, LENGTH, LOG_TWO_PI, POWER_OF_SOUND
 
@@ -165,6 +168,57 @@ def coordinates(points: Floats) -> tuple[Floats, Floats]:
     return x, np.ascontiguousarray(points[1]) if len(points) == 2 else np.zeros(x.size)
 
 
+class OfLaw:
+    """The base of sensor models whose readings follow those of another one, the `law`: as the law, but for changes."""
+
+    law: Any
+
+    @property
+    def reach(self) -> float:
+        """The law's sensing range."""
+        return float(self.law.reach)
+
+    @property
+    def trait_names(self) -> tuple[str, ...]:
+        """The law's traits."""
+        names: tuple[str, ...] = self.law.trait_names
+        return names
+
+    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
+        """(nodes, T) as the law."""
+        traits: Floats = self.law.draw_traits(nodes, rng)
+        return traits
+
+    def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
+        """(n,) readings that the law would give."""
+        readings: Floats = self.law.measure(points, positions, traits, noise)
+        return readings
+
+    def log_likelihood(
+        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
+    ) -> Floats:
+        """(N,) as the law."""
+        logs: Floats = self.law.log_likelihood(points, readings, positions, traits, owners)
+        return logs
+
+    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
+        """Expected readings, gradients and variances, as the law."""
+        linear: tuple[Floats, Floats, Floats] = self.law.linearise(points, positions, traits)
+        return linear
+
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
+        """Yield the issues of the law."""
+        for issue in self.law.check(setup) if hasattr(self.law, "check") else ():
+            path = ("sensor", "law", *issue.path[1:]) if issue.path[:1] == ("sensor",) else issue.path
+            yield Issue(path, issue.message)
+
+
+def of_readings(logs: Floats, owners: Ints | None) -> Floats:
+    """(N,) the log-likelihoods (S, N) of all readings, or of reading owners[j] for point j; -inf where not finite."""
+    chosen = logs.sum(axis=0) if owners is None else logs[owners, np.arange(owners.size)]
+    return np.where(np.isfinite(chosen), chosen, -np.inf)
+
+
 def fisher(gradients: Floats, weights: Floats) -> Floats:
     """(S, P, P, N) w g gᵀ of gradients (S, P, N) and weights (S, N): 1/R where the variance does not change."""
     scaled = gradients * weights[:, None, :]
@@ -200,6 +254,7 @@ class Coordinate(OfPosition):
 
     reach: ClassVar[float] = math.inf
     linear_gaussian: ClassVar[bool] = True
+    constant_gaussian: ClassVar[bool] = True
 
     sd: Annotated[float, ACCURACY, "standard deviation of a reading"] = 1.0
 
@@ -228,9 +283,7 @@ class Coordinate(OfPosition):
             return np.zeros(points.shape[1])
         with np.errstate(invalid="ignore"):
             residuals = (readings[:, None] - _axes(traits)[:, : len(points)] @ points) / self.sd
-        logs = -0.5 * residuals**2 - math.log(self.sd) - 0.5 * LOG_TWO_PI
-        chosen = logs.sum(axis=0) if owners is None else logs[owners, np.arange(owners.size)]
-        return np.where(np.isfinite(chosen), chosen, -np.inf)
+        return of_readings(-0.5 * residuals**2 - math.log(self.sd) - 0.5 * LOG_TWO_PI, owners)
 
     def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
         """Expected readings (S, N) at points (P, N), gradients (S, P, N) and variances (S, N)."""

@@ -90,6 +90,7 @@ class Squared(OfPosition):
     """
 
     reach: ClassVar[float] = float("inf")
+    constant_gaussian: ClassVar[bool] = True
 
     variance: Annotated[float, Quantity("", ge=1e-12, le=1e12), "R: variance of a reading"] = 1.0
 

@@ -17,7 +17,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys, Reading, as_readings, components_of, planar
-from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names
+from wsnsim.base.initial_conditions import InitialConditions, held, measured_points, node_names
 from wsnsim.base.mechanisms import SensorDefect, StartsFault
 from wsnsim.base.network_ports import FaultEvent
 from wsnsim.base.optional_ports import Detects
@@ -69,7 +69,7 @@ class ImperfectSensors:
     Args:
         sensors: The sensors of all nodes.
         target: Number of the target.
-        points: (steps, P) its positions.
+        points: (steps, P) its positions; NaN where it is absent.
         imperfections: What makes readings wrong.
         shadowing: What shadowing adds to the readings, at the step's time whatever a clock shows; None: nothing.
     """
@@ -83,7 +83,8 @@ class ImperfectSensors:
         shadowing: PathShadowing | None = None,
     ) -> None:
         self._shadowing = shadowing
-        self._points, self._positions, self._traits = points, sensors.positions, sensors.traits
+        self._points, self._present = held(points), np.isfinite(points[:, 0])
+        self._positions, self._traits = sensors.positions, sensors.traits
         self._sensor = sensors.model
         self._grid = sensors.grid
         self._key = derive(sensors.key, target)
@@ -120,6 +121,8 @@ class ImperfectSensors:
         A node whose clock is ahead by e measures the target where it was at t_k - e; its reading counts for step k. The
         trajectory is interpolated linearly, and constant beyond its ends.
         """
+        if not self._present[step]:
+            return np.empty(0, dtype=np.int64), self._points[:0]
         time, point = float(self._times[step]), self._points[step]
         error = self._imperfections.clocks.largest_error(time)
         if not error:
@@ -204,7 +207,7 @@ def make_readings(
     for target, (trajectory, motion) in enumerate(zip(trajectories, setup.motions, strict=True)):
         points = measured_points(motion, setup.sensor, trajectory, dt)
         instants, sense = round(setup.dt / dt), derive(imperfections.key, target)
-        shadowing = path_shadowing(setup.sensor, points, sense, instants)
+        shadowing = path_shadowing(setup.sensor, held(points), sense, instants)
         if perfect:
             result.append(Readings(sensors, target, points, shadowing))
         else:

@@ -90,7 +90,7 @@ def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float =
         return RunResult(outcome.steps + 1, (), totals, joules)
     tracks = [TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(t)) for t in outcome.tracks]
     clusters = sum(len(track.clusters) for track in outcome.tracks)
-    return RunResult(outcome.steps, tracks, totals, joules, clusters, setup.due_reports(outcome.steps))
+    return RunResult(outcome.steps, tracks, totals, joules, clusters, setup.report_every)
 
 
 def network_columns(outcome: NetworkOutcome, track: Track) -> dict[str, Any]:

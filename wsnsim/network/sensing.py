@@ -49,7 +49,7 @@ class Readings:
     Args:
         sensors: The sensors of all nodes.
         target: Number of the target.
-        points: Its positions (steps, P).
+        points: Its positions (steps, P); NaN where it is absent: it is not measured then.
         shadowing: What shadowing adds to the readings; None: nothing.
     """
 
@@ -57,7 +57,9 @@ class Readings:
         self, sensors: SensorArray, target: int, points: Floats, shadowing: PathShadowing | None = None
     ) -> None:
         model, positions = sensors.model, sensors.positions
-        steps, nodes = sensors.grid.within_each(planar(points), model.reach)
+        present = np.flatnonzero(np.isfinite(points[:, 0]))
+        steps, nodes = sensors.grid.within_each(planar(points[present]), model.reach)
+        steps = present[steps]
         if isinstance(model, Detects):
             detected = _detected(model, points, positions, steps, nodes)
             steps, nodes = steps[detected], nodes[detected]

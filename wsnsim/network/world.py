@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.rng import Streams
@@ -53,7 +55,8 @@ class World(BaseNetwork):
         super().__init__(setup, replicate, conditions, streams, recorder)
         nodes, clock, log, transport = self._nodes, self._clock, self._event_log, self._transport
         self._log = ProtocolLog(clock, log)
-        self._tracks = tuple(Track(i, prior, self._env.event()) for i, prior in enumerate(conditions.priors))
+        known = [bool(np.isfinite(truth[0, 0])) for truth in conditions.truths]
+        self._tracks = tuple(Track(i, prior, self._env.event(), known[i]) for i, prior in enumerate(conditions.priors))
         points = [
             truth[:, list(motion.position)] for truth, motion in zip(conditions.truths, setup.motions, strict=True)
         ]

@@ -16,4 +16,5 @@ def offers_batch(setup: Setup) -> bool:
         return False
     if len(components_of(setup.sensor)) > 1:
         return False
-    return offers_whole_runs(setup.tracker) and not (setup.recorded and setup.recorded.counted)
+    changing = (setup.recorded and setup.recorded.counted) or getattr(setup.filter_sensor, "adapts", False)
+    return offers_whole_runs(setup.tracker) and not changing

@@ -46,9 +46,10 @@ def _copy(content: Content, tmp: Path, final: Path) -> None:
     wanted = dict.fromkeys(held, True)
     components = 2 if "readings" in held and "component" in column_names(content, held["readings"]) else 1
     duty_cycled = "runs" in held and "radio_on" in column_names(content, held["runs"])
+    absences = "tracks" in held and "time_present" in column_names(content, held["tracks"])
     file = ResultFile(
         final, states_of(content), wanted, position=position_of(content), components=components,
-        duty_cycled=duty_cycled, status=PARTIAL,
+        duty_cycled=duty_cycled, absences=absences, status=PARTIAL,
     )  # fmt: skip
     with file as result:
         if words := _words(content, held, "events", "what"):

@@ -39,10 +39,8 @@ class ResultFile:
         path: result file.
         states: names and units of the motion model's state.
         wanted: whether a table is kept; rows of other tables are dropped.
-        position: indices of the position in the state.
-        components: number of components of a reading: `readings` has the column `component` if there are several.
-        duty_cycled: whether a MAC switches radios off: `runs` has the column `radio_on` then.
         status: status that the file gets when it is closed; until then it is WRITING.
+        **layout: `position`, `components`, `duty_cycled` and `absences`, as of `columns_of`.
 
     Raises:
         StorageError: the file cannot be written (missing folder, full disk, ...). The temporary file is removed.
@@ -54,20 +52,15 @@ class ResultFile:
         states: Sequence[tuple[str, str]],
         wanted: Mapping[str, bool],
         *,
-        position: Sequence[int] | None = None,
-        components: int = 1,
-        duty_cycled: bool = False,
         status: str = rows.COMPLETE,
+        **layout: Any,
     ) -> None:
         unknown = wanted.keys() - TABLES.keys()
         assert not unknown, f"unknown tables: {', '.join(sorted(unknown))}"
         self.path = Path(path)
         self.words = Words()
         self.state_names = Words(())
-        self._states = tuple(states)
-        self._position = None if position is None else tuple(position)
-        self._components = components
-        self._duty_cycled = duty_cycled
+        self._states, self._layout = tuple(states), layout
         self._wanted = tuple(table for table in TABLES if wanted.get(table, False))
         self._status = status
         self._buffers: dict[str, rows.TableBuffer] = {}
@@ -134,10 +127,10 @@ class ResultFile:
         attributes["status"] = rows.WRITING
         attributes["states"] = [name for name, _ in self._states]
         attributes["state_units"] = [unit for _, unit in self._states]
-        if self._position is not None:
-            attributes["position"] = list(self._position)
+        if self._layout.get("position") is not None:
+            attributes["position"] = list(self._layout["position"])
         for table in self._wanted:
-            columns = columns_of(table, self._states, self._position, self._components, self._duty_cycled)
+            columns = columns_of(table, self._states, **self._layout)
             self._buffers[table] = rows.TableBuffer(self._file.create_group(table), columns)
         self._file.flush()
 
@@ -228,7 +221,7 @@ class MemoryResult:
     Args:
         states: names and units of the motion model's state.
         wanted: whether a table is kept; rows of other tables are dropped.
-        **layout: `position`, `components` and `duty_cycled`, as of `ResultFile`.
+        **layout: as of `ResultFile`.
     """
 
     def __init__(self, states: Sequence[tuple[str, str]], wanted: Mapping[str, bool], **layout: Any) -> None:

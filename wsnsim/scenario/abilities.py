@@ -43,7 +43,8 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
     elif tracker.assumes.gains == "estimated":
         yield from _cannot_estimate_gains(scenario, setup)
     elif tracker.assumes.gains == "known" and setup.recorded is not None and samples_gains(setup.sensor):
-        listed = "list them (sensor.law.gains)" if hasattr(setup.sensor, "gains") else "set sensor.law.gain_spread: 0"
+        keys = [key for key in ("gains", "biases") if hasattr(setup.sensor, key)]
+        listed = f"list them (sensor.law.{keys[0]})" if keys else "set sensor.law.gain_spread: 0"
         message = f"the gains of nodes whose readings were recorded are not known: {listed}, or say unknown"
         yield Issue(("tracker", "assumes", "gains"), f"{message} or estimated")
     if HEIGHT in setup.sensor.trait_names and _lacks_heights(setup.deploy):
@@ -52,11 +53,13 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
 
 
 def _readings_not_taken(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
-    """Yield an issue for readings with several components, or with angles, that the scenario cannot do with."""
+    """Yield an issue for readings of several components, of angles, or in cells, that the scenario cannot do with."""
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     names = components_of(setup.filter_sensor)
     needed = [("vector_readings", "readings of several components")] if len(names) > 1 else []
     needed += [("angles", "angles, which are the same after a turn")] if any(periods_of(setup.filter_sensor)) else []
+    if getattr(setup.filter_sensor, "adapts", False):
+        needed.append(("tells_prediction", "thresholds about a prediction, which it would have to send"))
     for ability, what in needed:
         if not getattr(setup.tracker, ability, False):
             able = _able(scenario, "tracker", ability)

@@ -8,12 +8,13 @@ Heavy modules are imported where they are used: `wsnsim list` imports this modul
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from wsnsim.base.errors import Issue, ScenarioError, UsageError
+from wsnsim.base.errors import Issue, RunError, ScenarioError, UsageError
 from wsnsim.scenario.registry import AT_TOP, ROLES, Role, find
 from wsnsim.scenario.texts import Keys, in_order
 
@@ -139,6 +140,9 @@ def _setup(scenario: Scenario, components: dict[Keys, Any]) -> TrackingSetup | B
     }
     of_targets = ("motion", "sensor")
     roles = {str(path[0]): part for path, part in components.items() if path[0] in ROLES and path[0] not in of_targets}
+    if hasattr(roles.get("link"), "with_nodes") and hasattr(type(roles["deploy"]), "names"):
+        with contextlib.suppress(RunError):  # the check of one of them says so
+            roles["link"] = roles["link"].with_nodes(roles["deploy"].names)
     if not scope.targets:
         return BeaconSetup(**common, **roles)
     roles.pop("workload", None)
@@ -154,10 +158,12 @@ def _of_targets(scenario: Scenario, components: dict[Keys, Any]) -> dict[str, An
 
     sensor = components["sensor",]
     law = sensor.law if isinstance(sensor, Replays) else sensor
-    motions = tuple(components[path] for path, _ in scenario.written(ROLES["motion"]))
+    written = scenario.written(ROLES["motion"])
+    motions = tuple(components[path] for path, _ in written)
     assumes = scenario.tracker.assumes  # type: ignore[attr-defined]
     return {
         "motions": motions,
+        "presence": tuple(model.presence for _, model in written),  # type: ignore[attr-defined]
         "sensor": law,
         "recorded": sensor if isinstance(sensor, Replays) else None,
         "filter_motions": tuple(motion.assumed(assumes.noise_scale) for motion in motions),
@@ -186,6 +192,7 @@ def _issues(scenario: Scenario, setup: TrackingSetup | BeaconSetup, components: 
     if isinstance(setup, TrackingSetup):
         yield from missing_abilities(scenario, setup)
         yield from _other_columns(scenario, setup)
+        yield from _presence_issues(scenario, setup)
 
 
 def _within(path: Keys, named: Keys) -> Keys:
@@ -225,6 +232,27 @@ def _other_columns(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
         if motion.columns != first:
             names = " ".join(motion.columns), " ".join(first)
             yield Issue(path, f"its state is ({names[0]}), the first target's ({names[1]}): all must have the same")
+
+
+def _presence_issues(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
+    """Yield an issue for intervals that are not disjoint and ascending, and for absences where nothing follows them."""
+    from wsnsim.base.setups import NetworkSetup
+
+    for (path, _), intervals in zip(scenario.written(ROLES["motion"]), setup.presence, strict=True):
+        instants = [instant for interval in intervals or () for instant in interval]
+        if sorted(set(instants)) != instants:
+            shown = ", ".join(f"[{begin:g}, {end:g}]" for begin, end in intervals or ())
+            yield Issue(
+                (*path, "presence"), f"must be disjoint, ascending intervals in s that begin and end: got {shown}"
+            )
+        if setup.recorded is not None and intervals is not None:
+            yield Issue((*path, "presence"), "readings were recorded: they say when the target was there; remove it")
+    if setup.has_absences and not isinstance(setup, NetworkSetup):
+        message = "a target may be absent, and a filter without a network has no track initiation: it needs a network"
+        yield Issue(scenario.written(ROLES["motion"])[0][0], message)
+    for i, model in enumerate(getattr(scenario.tracker, "models", ())):  # type: ignore[attr-defined]
+        if model.presence is not None:
+            yield Issue(("tracker", "models", i, "presence"), "a mode of a filter has none: targets have")
 
 
 ABSENT: Final = "(absent)"

@@ -18,7 +18,7 @@ import dataclasses
 import functools
 import types
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import (
     Annotated,
     Any,
@@ -34,11 +34,11 @@ from typing import (
     get_type_hints,
 )
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_serializer, model_validator
 
 from wsnsim.base import mechanisms, medium_access, network_ports, ports, radio, sleeping
 from wsnsim.base.errors import did_you_mean
-from wsnsim.base.part import OfRole, Quantity
+from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.scenario.registry import ROLES, find, load_class
 from wsnsim.scenario.units import Named, Number, Strict, demand_items, refusal
 
@@ -276,6 +276,26 @@ class TrackerModel(PartModel):
         return self.model_copy(update={"assumes": folded, **dict.fromkeys(short)})
 
 
+@part
+class Presence:
+    """What every motion of a target has, beside its own fields."""
+
+    presence: Annotated[
+        tuple[tuple[float, float], ...] | None,
+        Quantity("s", ge=0.0),
+        "intervals [begin, end] in which the target is present, both ends within; none in []; left out: always",
+    ] = None
+
+
+class MotionPartModel(PartModel):
+    """The model of a motion, with the fields of `Presence`."""
+
+    @model_serializer(mode="wrap")
+    def _without_default(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        """Leave out a presence that nobody gave."""
+        return {name: value for name, value in handler(self).items() if name != "presence" or value is not None}
+
+
 @functools.cache
 def part_model(role: str, kind: str) -> type[PartModel]:
     """Return the model of one kind.
@@ -290,10 +310,11 @@ def part_model(role: str, kind: str) -> type[PartModel]:
     try:
         fields = fields_of(part)
         demand_port(part, role)
-        if {"kind", "assumes", "part"} & set(fields):
-            raise PartError("has a field named 'kind', 'assumes' or 'part', which are reserved")
+        if {"kind", "assumes", "presence", "part"} & set(fields):
+            raise PartError("has a field named 'kind', 'assumes', 'presence' or 'part', which are reserved")
         choice: Any = (Literal[kind], kind) if kind == ROLES[role].default else (Literal[kind], ...)
-        base = TrackerModel if role == "tracker" else PartModel
-        return made_model(part, base, {"kind": choice, **fields})
+        bases: dict[str, type[PartModel]] = {"tracker": TrackerModel, "motion": MotionPartModel}
+        common = fields_of(Presence) if role == "motion" else {}
+        return made_model(part, bases.get(role, PartModel), {"kind": choice, **fields, **common})
     except PartError as error:
         raise PartError(f"{info.path} {error}") from None

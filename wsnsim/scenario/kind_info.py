@@ -24,7 +24,7 @@ from wsnsim.base.files import read_sections
 from wsnsim.base.plugin_code import PluginImport, announce
 from wsnsim.scenario.examples import Example, example_of
 from wsnsim.scenario.fields import PartError, fields_of
-from wsnsim.scenario.parameter_info import ParameterInfo, assumptions, has_no_default, parameters_of
+from wsnsim.scenario.parameter_info import ParameterInfo, common_parameters, has_no_default, parameters_of
 from wsnsim.scenario.registry import ROLES, Kind, find, kinds, load_class, search
 
 NOT_LOOKED_UP: Final = "not looked up"
@@ -175,7 +175,7 @@ def kind_info(role: str, kind: str) -> KindInfo:
     return KindInfo(
         role=role, kind=kind, purpose=described_role.purpose, idea=idea, paper=entry.paper,
         method=(summary, *method), notes=notes, citations=tuple(cited_in(text)),
-        parameters=(*parameters_of(part), *(assumptions() if role == "tracker" else ())),
+        parameters=(*parameters_of(part), *common_parameters(role)),
         facts=tuple(_facts(part, entry.state, entry.messages)),
         import_line=_import_line(role, entry, part),
         example=example_of(described_role, kind, tuple(_required(part))),

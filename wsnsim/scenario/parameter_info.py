@@ -20,7 +20,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from wsnsim.base.part import Quantity
 from wsnsim.scenario.build import plain_json
-from wsnsim.scenario.fields import PartError, PartModel, names_of, nested_of, part_model, roles_of
+from wsnsim.scenario.fields import PartError, PartModel, Presence, names_of, nested_of, part_model, roles_of
 from wsnsim.scenario.registry import AT_TOP, ROLES, kinds
 from wsnsim.scenario.schema import WITHOUT_TARGETS, Scenario
 
@@ -63,8 +63,10 @@ def has_no_default(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
-def assumptions() -> list[ParameterInfo]:
-    """Return the parameters that every tracker has: what its filter assumes about the models of the ground truth."""
+def common_parameters(role: str) -> list[ParameterInfo]:
+    """Return the parameters that every kind of a role has: of trackers, what its filter assumes about the models."""
+    if role != "tracker":
+        return list(parameters_of(Presence)) if role == "motion" else []
     return [
         ParameterInfo("assumes.gains", "text", "", "known | unknown | estimated", "known",
             "whether the filter knows each sensor's gain, ignores it or estimates it beside the state"),

@@ -256,12 +256,13 @@ class LocatedValue:
     def merged(self, over: LocatedValue, path: Keys = ()) -> LocatedValue:
         """Return the tree with `over` merged into it.
 
-        Mappings are merged key by key; all other values, and components whose kind changes, are replaced.
+        Mappings are merged key by key; all other values, and components whose kind changes, are replaced. A component
+        without a kind takes that of `over`.
         """
         if not (isinstance(self.value, dict) and isinstance(over.value, dict)):
             return over
         new = over.child("kind")
-        if path and new is not None and new.plain() != self._kind(path):
+        if path and new is not None and new.plain() != (self._kind(path) or new.plain()):
             return over
         kept = self.value if path else {key: entry for key, entry in self.value.items() if not over._replaces(key)}
         overlay = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Keys, components_of, near, periods_of, rows
 from wsnsim.base.errors import RunError
-from wsnsim.base.optional_ports import Detects
+from wsnsim.base.optional_ports import Detects, FewReadings
 from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.rng import derive_all
 from wsnsim.testing.table import demand, demand_each, examined
@@ -180,9 +180,10 @@ def check_sensor(sensor: SensorModel, columns: int = 2, seed: int = 1) -> None:
 
     Raises:
         AssertionError: The model breaks a rule, which the message names. traits: a row of constants per node, the
-            same for the same seed. measure: readings are finite, and change with the noise. detects: bool of (points,
-            sensors), if the model has that method. linearisation: `linearise` holds the readings without noise, their
-            gradients and positive variances. angles: an expected reading that jumps by a whole turn has a period.
+            same for the same seed. measure: readings are finite, and change with the noise, or are among the few values
+            that a model has (`FewReadings`). detects: bool of (points, sensors), if the model has that method.
+            linearisation: `linearise` holds the readings without noise, or the means of those that are not Gaussian,
+            their gradients and positive variances. angles: an expected reading that jumps by a whole turn has a period.
             likelihood: the likelihood of several readings is the product of theirs, no readings give 1, points that
             are not finite -inf, and whole periods of angles change nothing. truth: on average no other point is more
             likely than the true one. assumed: the model of a filter has the same methods.
@@ -223,6 +224,9 @@ def _check_measure(sensor: SensorModel, field: _SensorField, _: float, rng: np.r
     readings = _measured(sensor, field, noise)
     assert readings.shape == noise.shape, f"measure gives the shape {readings.shape}, expected {noise.shape}"
     assert np.isfinite(readings).all(), "measure gives readings that are not finite"
+    if (values := _values_of(sensor)).size:
+        assert np.isin(readings, values).all(), f"measure gives {readings}, and `reading_values` are {values}"
+        return
     assert not np.array_equal(readings, _measured(sensor, field, -noise)), "readings do not change with the noise"
 
 
@@ -238,12 +242,10 @@ def _check_sensor_linearisation(sensor: SensorModel, field: _SensorField, *_: ob
         assert array.shape == wanted, f"linearise: {name} have the shape {array.shape}, expected {wanted}"
         assert np.isfinite(array).all(), f"linearise: {name} are not finite"
     assert (variances > 0.0).all(), "linearise: variances must be greater than 0"
-    silence = np.zeros_like(_noise(sensor, len(field.positions), np.random.default_rng(0)))
-    quiet = rows(sensor, _measured(sensor, field, silence))
-    error = np.abs(near(sensor, quiet, expected[:, 0]) - expected[:, 0])
-    assert (error <= 1e-6 * np.maximum(1.0, np.abs(expected[:, 0]))).all(), (
-        f"linearise expects {expected[:, 0]}, and measure without noise gives {quiet}"
-    )
+    if _values_of(sensor).size or getattr(sensor, "constant_gaussian", None) is False:
+        _check_moments(sensor, field, expected[:, 0], variances[:, 0])
+    else:
+        _check_quiet(sensor, field, expected[:, 0])
     for axis in range(axes):
         shift = WIDTH * np.eye(axes)[:, [axis]]
         above, below = (sensor.linearise(field.points + s, field.positions, field.traits)[0] for s in (shift, -shift))
@@ -252,6 +254,39 @@ def _check_sensor_linearisation(sensor: SensorModel, field: _SensorField, *_: ob
         assert (error <= 1e-3 * np.maximum(1e-3, np.abs(slopes).max())).all(), (
             f"linearise: gradients along axis {axis} are not the derivatives of the expected readings: {error.max():g}"
         )
+
+
+def _values_of(sensor: SensorModel) -> Floats:
+    """What a reading can be; nothing if it can be any number."""
+    return sensor.reading_values if isinstance(sensor, FewReadings) else np.empty(0)
+
+
+def _check_quiet(sensor: SensorModel, field: _SensorField, expected: Floats) -> None:
+    silence = np.zeros_like(_noise(sensor, len(field.positions), np.random.default_rng(0)))
+    quiet = rows(sensor, _measured(sensor, field, silence))
+    error = np.abs(near(sensor, quiet, expected) - expected)
+    assert (error <= 1e-6 * np.maximum(1.0, np.abs(expected))).all(), (
+        f"linearise expects {expected}, and measure without noise gives {quiet}"
+    )
+
+
+def _check_moments(sensor: SensorModel, field: _SensorField, expected: Floats, variances: Floats) -> None:
+    """Demand the mean and the variance of readings that are not Gaussian, of samples of the first target."""
+    many = SENSOR_SAMPLES * len(expected)
+    places, traits = (np.tile(each, (SENSOR_SAMPLES, 1)) for each in (field.positions, field.traits))
+    points = np.repeat(field.points[:, :1].T, many, axis=0)
+    sampled = sensor.measure(points, places, traits, _noise(sensor, many, np.random.default_rng(0)))
+    apart = near(sensor, sampled.reshape(SENSOR_SAMPLES, -1).T, expected[:, None]) - expected[:, None]
+    width = max(np.ptp([*_values_of(sensor), 0.0]), np.abs(apart).max())
+    allowed = SIGMAS * np.sqrt(variances / SENSOR_SAMPLES)
+    rare = SIGMAS * width / SENSOR_SAMPLES  # a few readings that were to be expected hardly once
+    assert (np.abs(apart.mean(axis=1)) <= allowed + rare).all(), (
+        f"linearise expects {expected}, and readings of measure have the mean {expected + apart.mean(axis=1)}"
+    )
+    spread = (apart**2).mean(axis=1)
+    assert (np.abs(spread - variances) <= width * (allowed + rare)).all(), (
+        f"linearise gives the variances {variances}, and readings of measure have {spread}"
+    )
 
 
 def _check_angles(sensor: SensorModel, field: _SensorField, reach: float, _: object) -> None:

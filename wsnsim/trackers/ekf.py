@@ -9,6 +9,7 @@ Requests of a step:
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -19,11 +20,11 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.kernels.relay import kalman
-from wsnsim.trackers.shared.gains import Gains, gain_prior, gains_before, no_gains
+from wsnsim.trackers.shared.gains import gain_prior, gains_before, gains_of
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.readings import Evidence, gather_readings, parcel, reading_parcel
+from wsnsim.trackers.shared.readings import Evidence, gather_readings, packet_bits, parcel, reading_parcel
 from wsnsim.trackers.shared.whole_runs import kalman_runs
 
 POLL = "poll"
@@ -46,10 +47,16 @@ class ExtendedKalman(HeadFilter):
     """
 
     linear_gaussian: ClassVar[bool] = True
+    assumes_gaussian: ClassVar[bool] = True
     estimates_gains: ClassVar[bool] = True
 
     readings: Annotated[Literal["all", "nearest"], "whose readings update the filter"] = "all"
     iterations: Annotated[int, Quantity("", ge=1, le=1000), "linearisations in an update; more than 1: iterated"] = 1
+
+    @property
+    def tells_prediction(self) -> bool:
+        """Whether members that quantise about the head's prediction are sent it: if all of them are asked."""
+        return self.readings == "all"
 
     def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
         """One step: N_act - 1 readings reach the head, or one; it predicts, and updates with what arrived."""
@@ -58,10 +65,11 @@ class ExtendedKalman(HeadFilter):
         if self.readings == "nearest":
             seen = yield from _nearest_reading(mean[place], scene)
         else:
-            seen = yield from gather_readings(scene)
+            seen = yield from gather_readings(scene, belief=belief)
         yield Compute(_cycles(mean.size, place.size, seen.readings.size, scene.steps, self.iterations))
-        if prior := gain_prior(scene.sensor):
-            gains = gains_before(belief.gains or no_gains(mean.size), scene, belief.mean).with_nodes(seen.ids, prior)
+        if gain_prior(scene.sensor):
+            gains = gains_before(gains_of(belief, scene, ()), scene, belief.mean)
+            gains = gains_of(replace(belief, gains=gains), scene, seen.ids)
             before = KalmanBelief(mean, cov, scene.head, gains=gains)
             return (yield from _updated_with_gains(before, seen, scene, self.iterations))
         innovation = NO_INNOVATION
@@ -131,7 +139,7 @@ def _updated_with_gains(belief: KalmanBelief, seen: Evidence, scene: Scene, iter
     cov = np.block([[belief.cov, gains.cross], [gains.cross.T, gains.cov]])
     columns = size + np.array(gains.rows(seen.ids))
     mean, cov, innovation = _updated(mean, cov, seen, scene, iterations, columns)
-    after = Gains(gains.nodes, mean[size:].copy(), cov[size:, size:].copy(), cov[:size, size:].copy())
+    after = replace(gains, mean=mean[size:].copy(), cov=cov[size:, size:].copy(), cross=cov[:size, size:].copy())
     return replace(belief, mean=mean[:size].copy(), cov=cov[:size, :size].copy(), innovation=innovation, gains=after)
 
 
@@ -143,17 +151,18 @@ def _nearest_reading(point: Floats, scene: Scene) -> Flow[Evidence]:
         row = int(((scene.positions - planar(point[None])) ** 2).sum(axis=1).argmin())
         node = scene.ids[row]
         polled = {node: True} if node == scene.head else (yield Scatter({node: parcel(None, 1, POLL)}))
-        reply = (yield Gather(_polled_reading, who=(node,))) if node in polled else {}
+        answer = partial(_polled_reading, bits=packet_bits(scene.sensor))
+        reply = (yield Gather(answer, who=(node,))) if node in polled else {}
         rows = [row] if node in reply else []
         values = [reply[node][0] for _ in rows]
     ids = tuple(scene.ids[row] for row in rows)
     return Evidence(ids, np.array(values, dtype=np.float64), scene.positions[rows], scene.traits[rows])
 
 
-def _polled_reading(member: Member) -> Parcel | None:
+def _polled_reading(member: Member, bits: int) -> Parcel | None:
     """The reading of a member that was asked for it; the poll is read."""
     member.take_inbox()
-    return reading_parcel(member)
+    return reading_parcel(member, bits)
 
 
 def _cycles(size: int, place: int, sensors: int, steps: int, iterations: int) -> float:

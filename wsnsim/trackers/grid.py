@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -47,6 +47,8 @@ class GridFilter(HeadFilter):
     below 19, and the accumulated noise has a standard deviation below 4.
     """
 
+    tells_prediction: ClassVar[bool] = True
+
     cells: Annotated[int, Quantity("", ge=2, le=100_000), "cells of the grid"] = 2000
     low: Annotated[float, EDGE, "lower edge of the grid, in SI units"] = -60.0
     high: Annotated[float, EDGE, "upper edge of the grid, in SI units"] = 60.0
@@ -83,7 +85,7 @@ class GridFilter(HeadFilter):
 
     def step(self, belief: GridBelief, scene: Scene) -> Flow[GridBelief]:
         """One step: N_act - 1 readings reach the head, which spreads the density and weighs it."""
-        seen = yield from gather_readings(scene)
+        seen = yield from gather_readings(scene, belief=belief)
         yield Compute(self._cycles(len(seen.ids), scene))
         masses = self._moved(belief.masses, scene, scene.since, scene.steps)
         if seen.ids:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Annotated, Any, NamedTuple, cast
+from typing import Annotated, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
@@ -199,6 +199,8 @@ class InteractingModels(HeadFilter):
 
     Source: Blom, Bar-Shalom (1988); Bar-Shalom, Li, Kirubarajan (2001), section 11.6.6.
     """
+
+    assumes_gaussian: ClassVar[bool] = True
 
     models: Annotated[tuple[MotionModel, ...], OfRole("motion"), "a motion model per mode; none: see manoeuvre"] = ()
     manoeuvre: Annotated[

@@ -92,6 +92,7 @@ class MixturePf(HeadFilter):
 
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
     angles: ClassVar[bool] = False
+    assumes_gaussian: ClassVar[bool] = True
     vector_readings: ClassVar[bool] = False
     """Methods that its sensor must have in addition to the port's."""
 

@@ -53,13 +53,16 @@ class Weights(NamedTuple):
 class SigmaPointFilter(HeadFilter):
     """A sigma-point Kalman filter in the head, on all readings that reach it. A subclass gives `weights`."""
 
+    tells_prediction: ClassVar[bool] = True
+    assumes_gaussian: ClassVar[bool] = True
+
     def weights(self, size: int) -> Weights:
         """The rule for a state of `size` columns."""
         raise NotImplementedError
 
     def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
         """One step: N_act - 1 readings reach the head; it predicts, and updates with what arrived."""
-        seen = yield from gather_readings(scene)
+        seen = yield from gather_readings(scene, belief=belief)
         yield Compute(_cycles(belief.mean.size, seen.readings.size, scene.steps))
         weights, innovation = self.weights(belief.mean.size), NO_INNOVATION
         mean, cov = _stepped(belief.mean, belief.cov, weights, scene, scene.since, scene.steps)

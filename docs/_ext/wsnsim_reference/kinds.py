@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from wsnsim.scenario.kind_info import Citation, KindInfo, kind_info
-from wsnsim.scenario.parameter_info import ParameterInfo, assumptions
+from wsnsim.scenario.parameter_info import ParameterInfo, common_parameters
 from wsnsim.scenario.registry import ROLES, Role
 from wsnsim_reference.markdown import code, escaped, fence, generated, table
 
@@ -38,7 +38,7 @@ def _index() -> str:
 def _page(role: Role) -> str:
     found = [kind_info(role.name, row.kind) for row in role.kinds]
     rows = [[f"[{one.kind}](#{one.kind})", escaped(one.idea), escaped(one.paper)] for one in found]
-    common = _assumes() if role.name == "tracker" else ""
+    common = _common(role) if common_parameters(role.name) else ""
     return generated(
         f"{role.name}: {escaped(role.purpose)}",
         _keys(role),
@@ -61,9 +61,9 @@ def _keys(role: Role) -> str:
     return " ".join(piece for piece in (place, listed, default, network, plug_in) if piece)
 
 
-def _assumes() -> str:
-    return "Every tracker has these parameters, beside its own:\n\n" + table(
-        HEADINGS, [_row(one) for one in assumptions()]
+def _common(role: Role) -> str:
+    return f"Every {role.name} has these parameters, beside its own:\n\n" + table(
+        HEADINGS, [_row(one) for one in common_parameters(role.name)]
     )
 
 

@@ -38,9 +38,7 @@ class Estimates:
         self.received: dict[tuple[int, int], float] = {}
         self._reports = reports
         self._sinks = sinks
-        sink, dt = network.setup.sink, network.clock.dt
-        self._bits = sink.bits
-        self._interval = 1 if sink.every is None else max(1, round(sink.every / dt))
+        self._bits, self._interval = network.setup.sink.bits, network.setup.report_every
 
     def initial(self, track: Track, readings: Mapping[int, Reading]) -> Estimate:
         """The estimate from which a track is initiated, given {node: reading}."""

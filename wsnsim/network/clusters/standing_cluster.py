@@ -124,8 +124,11 @@ class StandingClusterProtocol:
     def _first_estimate(
         self, track: Track, handover: Handover, readings: Mapping[int, Reading]
     ) -> Acting[tuple[Estimate, int]]:
-        """The initial estimate and the number of readings in it: at step 0 the prior, later one from readings."""
-        if not track.started and handover.belief_step == 0:
+        """The initial estimate and the number of readings in it: at step 0 the prior, later one from readings.
+
+        Of a target that is absent at step 0, it is always one from readings: nobody is told when it comes (our choice).
+        """
+        if not track.started and handover.belief_step == 0 and track.known_at_start:
             return track.prior, 0
         readings = yield from self._known_readings(track, handover.successor, readings)
         if not self._network.nodes.alive[handover.successor]:
@@ -256,7 +259,7 @@ class OpenClusterProtocol(StandingClusterProtocol):
         """Appoint the head that the policy names, once some node senses the target."""
         network, step = self._network, self._network.clock.step
         head = self._setup.clusters.successor(np.zeros(2), network.nodes.assumed.positions, network.who_can_lead())
-        if head is None or not (network.readings[track.target] or step == 0):
+        if head is None or not (network.readings[track.target] or (step == 0 and track.known_at_start)):
             return None
         return Handover(head, step, readings={}, elected=True, acts_now=True)
 

@@ -84,6 +84,7 @@ class Track:
 
     Attributes:
         prior: what every filter is given at the start.
+        known_at_start: the target is present at step 0, where the prior tells where it is.
         tick: fires once per step, after the nodes have sensed.
         head: the cluster head, None where the track has none.
         heads: the head at the beginning of each step, -1 for none.
@@ -94,6 +95,7 @@ class Track:
     target: int
     prior: Estimate
     tick: simpy.Event
+    known_at_start: bool = True
     head: int | None = None
     cluster: Cluster | None = None
     election: Election | None = None

@@ -126,7 +126,7 @@ class WakeUpCounters:
         for one in rounds:
             tracking = [node for node in one.tracking if nodes.alive[node]]
             apart = nodes.positions[np.array(tracking, dtype=np.int64)] - point
-            beyond = np.hypot(apart[:, 0], apart[:, 1]) > reach
+            beyond = ~(np.hypot(apart[:, 0], apart[:, 1]) <= reach)  # NaN: the target is absent
             one.woken, one.ineffective = len(tracking), int(beyond.sum())
             one.dismissed = len(one.reached.difference(one.tracking))
             woken.update(tracking)

@@ -1,8 +1,8 @@
 """Gains of sensors that a filter estimates beside the state: a Gaussian joint with it, kept in the cluster head.
 
-A reading is z = h(x) + g + v with the constant gain g of its node, which the filter takes as normal before the first
-reading (`gain_prior` of the sensor model, its variance). Gains of nodes that were not heard yet are independent of
-everything, and are left out.
+A reading is z = h(x) + g + v with the constant gain g of its node, or its bias, which the filter takes as normal before
+the first reading (`gain_prior` of the sensor model, its variance). Gains of nodes that were not heard yet are left out:
+they are independent of everything, but for a part that all may have in common (`common_prior`).
 
 A Kalman filter updates state and gains as one augmented state. Filters of particles marginalise the gains: given a
 particle, they are linear in the readings and Gaussian, so that a Kalman filter per particle has them, with the same
@@ -15,12 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Flow, Send
+from wsnsim.base.sensing import BIAS, GAIN_DB
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence, parcel, weight_packets
 
@@ -35,38 +37,48 @@ class Gains:
 
     Attributes:
         nodes: n node numbers.
-        mean: (n,) in dB.
-        cov: (n, n) covariance in dB².
+        mean: (n,) in dB, or in m of biases.
+        cov: (n, n) covariance in the square of that.
         cross: (D, n) covariance of the state with the gains.
+        name: `gain_db` or `bias`.
     """
 
     nodes: tuple[int, ...]
     mean: Floats
     cov: Floats
     cross: Floats
+    name: str = GAIN_DB
 
     def rows(self, ids: Iterable[int]) -> list[int]:
         """The places of some nodes."""
         places = {node: place for place, node in enumerate(self.nodes)}
         return [places[node] for node in ids]
 
-    def with_nodes(self, ids: Iterable[int], prior: float) -> Gains:
-        """These gains and those of further nodes: independent of all, with the mean 0 and the variance `prior`."""
+    def with_nodes(self, ids: Iterable[int], prior: float, common: float = 0.0) -> Gains:
+        """These gains and those of further nodes: with the mean 0, the variance `prior` and the covariance `common`.
+
+        Before any reading. By now, that of a new node is known by its regression on those of nodes that were heard.
+        """
         new = [node for node in ids if node not in self.nodes]
         if not new:
             return self
         known, count = len(self.nodes), len(self.nodes) + len(new)
-        cov = prior * np.eye(count)
+        cov = (prior - common) * np.eye(count) + common
+        between = cov[known:, :known]
+        slope = between @ np.linalg.pinv(cov[:known, :known], rcond=SMALLEST, hermitian=True)
+        cov[known:, known:] += slope @ (self.cov @ slope.T - between.T)
         cov[:known, :known] = self.cov
-        mean, cross = np.zeros(count), np.zeros((len(self.cross), count))
-        mean[:known], cross[:, :known] = self.mean, self.cross
-        return Gains((*self.nodes, *new), mean, cov, cross)
+        cov[known:, :known] = slope @ self.cov
+        cov[:known, known:] = cov[known:, :known].T
+        mean, cross = np.append(self.mean, slope @ self.mean), np.hstack([self.cross, self.cross @ slope.T])
+        return replace(self, nodes=(*self.nodes, *new), mean=mean, cov=cov, cross=cross)
 
     def only(self, ids: Iterable[int]) -> Gains:
         """The gains of those of the nodes that are among `ids`."""
         kept = self.rows(sorted(set(ids).intersection(self.nodes), key=self.nodes.index))
         nodes = tuple(self.nodes[row] for row in kept)
-        return Gains(nodes, self.mean[kept], self.cov[np.ix_(kept, kept)], self.cross[:, kept])
+        cov = self.cov[np.ix_(kept, kept)]
+        return replace(self, nodes=nodes, mean=self.mean[kept], cov=cov, cross=self.cross[:, kept])
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,9 +137,13 @@ def gain_prior(sensor: object) -> float:
     return prior
 
 
-def no_gains(columns: int) -> Gains:
-    """No node was heard yet; the state has D `columns`."""
-    return Gains((), np.empty(0), np.empty((0, 0)), np.empty((columns, 0)))
+def gains_of(belief: Any, scene: Scene, ids: Iterable[int]) -> Gains:
+    """The gains of a belief, which may have none yet, and of the nodes `ids`."""
+    sensor, gains = scene.sensor, belief.gains
+    if not isinstance(gains, Gains):
+        name = BIAS if BIAS in sensor.trait_names else GAIN_DB
+        gains = Gains((), np.empty(0), np.empty((0, 0)), np.empty((belief.mean.size, 0)), name)
+    return gains.with_nodes(ids, gain_prior(sensor), getattr(sensor, "common_prior", 0.0))
 
 
 def gains_before(gains: Gains, scene: Scene, mean: Floats) -> Gains:
@@ -161,8 +177,9 @@ def send_gains(gains: Gains, scene: Scene, successor: int) -> Flow[Gains | None]
 
 
 def reported(gains: Gains | None) -> dict[str, Floats]:
-    """The quantities of the gains for the table `tracker_state`: nodes, means in dB and standard deviations in dB."""
+    """The quantities of the gains for the table `tracker_state`: nodes, means and standard deviations."""
     if gains is None:
         return {}
     deviations: Floats = np.sqrt(np.diag(gains.cov))
-    return {"gain_node": np.array(gains.nodes, dtype=np.float64), "gain_db": gains.mean, "gain_db_sd": deviations}
+    nodes = np.array(gains.nodes, dtype=np.float64)
+    return {"gain_node": nodes, gains.name: gains.mean, f"{gains.name}_sd": deviations}

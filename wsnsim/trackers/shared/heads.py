@@ -39,7 +39,7 @@ from wsnsim.trackers.shared.gains import (
     GainsOfParticles,
     gain_prior,
     gains_before,
-    no_gains,
+    gains_of,
     reported,
     send_gains,
 )
@@ -111,6 +111,8 @@ class HeadFilter:
     """Whether it compares angles at their shortest difference, by `near`."""
     vector_readings: ClassVar[bool] = True
     """Whether it takes readings of several components."""
+    assumes_gaussian: ClassVar[bool] = False
+    """Whether it takes the noise of readings as Gaussian, by their mean and variance at the prediction."""
 
     @property
     def member_cycles(self) -> float:
@@ -154,6 +156,9 @@ class HeadCloud(HeadFilter):
 
     A subclass gives `reading_cycles`, and `weighed` or `filtered`.
     """
+
+    tells_prediction: ClassVar[bool] = True
+    """Whether members that quantise about the head's prediction are sent it."""
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 400
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
@@ -204,7 +209,7 @@ class HeadCloud(HeadFilter):
         Then mean and covariance are the motion's prediction of the last ones, free of the noise of a resampling.
         """
         belief = yield from self._full(belief, scene)
-        seen = yield from gather_readings(scene)
+        seen = yield from gather_readings(scene, belief=belief)
         used = self.move_cycles + self.reading_cycles * len(seen.ids) if seen.ids else 0.0
         yield Compute((PREDICT_CYCLES * scene.steps + used) * self.particles)
         if seen.ids and gain_prior(scene.sensor):
@@ -322,15 +327,14 @@ def weighed_with_gains(
         scene: the scene.
         log_weights: (N,) of the particles before the readings.
     """
-    gains = belief.gains or no_gains(belief.mean.size)
-    gains = gains.with_nodes(seen.ids, gain_prior(scene.sensor))
+    gains = gains_of(belief, scene, seen.ids)
     yield Compute(_gain_cycles(cloud, len(gains.nodes), len(seen.ids)))
     given = GainsOfParticles.given(gains, belief.mean, belief.cov, before)
     expected, _, variances = scene.sensor.linearise(cloud[place_of(scene)], seen.positions, seen.traits)
     given, scores = given.weighed(expected, variances, seen)
     scores += log_weights
     mean, cov, effective = summary(cloud, scores)
-    gains = given.joint(cloud, mean, scores)
+    gains = replace(given.joint(cloud, mean, scores), name=gains.name)
     return CloudBelief(mean, cov, scene.head, effective, Pool(cloud, scores), gains=gains)
 
 

@@ -2,12 +2,13 @@
 
 A packet of 12 bytes is 4 bytes of header and 8 of payload: four int16 of a state or of weights, or eight replication
 counts, or one reading (Jiang 2013, section 5). Quantisation only counts for the number of packets: values arrive
-unrounded.
+unrounded, but for readings of a sensor that quantises them, whose packets have 4 bytes of header and their bits.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -15,10 +16,12 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, is_finite
 from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import (
+    HEADER_BITS,
     PACKET_BITS,
     Broadcast,
     Delivery,
     Flow,
+    Gather,
     GatheredReadings,
     GatherReadings,
     Member,
@@ -26,6 +29,7 @@ from wsnsim.base.requests import (
     Scatter,
     all_arrived,
 )
+from wsnsim.trackers.shared.moments import predicted
 
 PARTICLES: Final = "particles"
 MOMENTS: Final = "moments"
@@ -134,6 +138,7 @@ def log_mean(log_weights: Floats) -> float:
 
 
 READINGS = "readings"
+PREDICTION: Final = "prediction"
 NUMBERS_A_PACKET = 4
 
 
@@ -176,7 +181,13 @@ def reading_parcel(member: Member, bits: int = PACKET_BITS) -> Parcel | None:
     return Parcel(member.reading, 1, bits, "reading", readings=1)
 
 
-def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
+def packet_bits(sensor: SensorModel, bits: int = PACKET_BITS) -> int:
+    """The bits of a packet with one reading: `bits`, or fewer where a reading takes few."""
+    few = getattr(sensor, "reading_bits", None)
+    return bits if few is None else min(bits, HEADER_BITS + few)
+
+
+def gather_readings(scene: Scene, bits: int = PACKET_BITS, belief: Any = None) -> Flow[Evidence]:
     """The measurements that reached the head, in one packet per member; the head's own costs nothing.
 
     It is a flow: `seen = yield from gather_readings(scene)`. Positions and traits of the members are known to the head.
@@ -184,7 +195,12 @@ def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
     Args:
         scene: What the head knows.
         bits: Bits of each packet.
+        belief: Anything with `mean` and `cov` of the last step, from which it is predicted for members that quantise
+            their reading about what the head expects.
     """
+    bits = packet_bits(scene.sensor, bits)
+    if belief is not None and getattr(scene.sensor, "adapts", False):
+        return (yield from _gather_about(belief, scene, bits))
     reply: GatheredReadings = yield GatherReadings(bits)
     ids = scene.ids
     if reply.ids == ids:  # all members: nothing to select
@@ -193,6 +209,33 @@ def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
     rows = [row for row, node in enumerate(ids) if node in places]
     values = reply.values[[places[ids[row]] for row in rows]]
     return Evidence(tuple([ids[row] for row in rows]), values, scene.positions[rows], scene.traits[rows])
+
+
+def _gather_about(belief: Any, scene: Scene, bits: int) -> Flow[Evidence]:
+    """The readings that arrived, quantised about the predicted position, which is broadcast before."""
+    mean, cov = predicted(belief.mean, belief.cov, scene)
+    place, sensor = list(scene.motion.position), scene.sensor
+    told = parcel((mean[place], cov[np.ix_(place, place)]), moment_packets(len(place)), PREDICTION)
+    if set(scene.ids) - {scene.head}:
+        yield Broadcast(told)
+    if scene.head in scene.ids:
+        yield Scatter({scene.head: told})
+    reply = yield Gather(partial(_reading_about, sensor=sensor, bits=bits))
+    rows = [row for row, node in enumerate(scene.ids) if node in reply]
+    ids = tuple([scene.ids[row] for row in rows])
+    positions = scene.positions[rows]
+    traits = sensor.with_thresholds(*told.payload, positions, scene.traits[rows])  # type: ignore[attr-defined]
+    return Evidence(ids, np.array([reply[node][0] for node in ids], dtype=np.float64), positions, traits)
+
+
+def _reading_about(member: Member, sensor: Any, bits: int) -> Parcel | None:
+    """A member's reading, quantised about the prediction that it was sent; None if that or the reading is missing."""
+    told = [each.payload for each in member.take_inbox() if each.what == PREDICTION and is_whole(each.mask)]
+    if not told or member.reading is None or not is_finite(member.reading):
+        return None
+    traits = sensor.with_thresholds(*told[-1], member.position[None], member.traits[None])
+    (value,) = sensor.quantised(np.array([member.reading]), traits).tolist()
+    return Parcel(value, 1, bits, "reading", readings=1)
 
 
 def share_readings(scene: Scene) -> Flow[Evidence]:

@@ -1,0 +1,220 @@
+"""Rules of `notes.RULES` on what was recorded: targets that were absent, and readings that do not follow their law.
+
+Readings are held against the law at the trajectory, at the time of each reading. Of several explanations of what
+differs, the one is noted that leaves the least loss, the mean of log(1 + (r / σ)²) over residuals r, if that is less
+than half of the loss without it, and less by `CLEARLY`. The loss is that of a Cauchy distribution: few outliers do not
+decide it (our choices).
+
+    absent_movers(setup), unread_identifiers(setup), unexplained_readings(setup) -> notes
+    residuals(setup) -> a sentence or none
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.analysis.phrases import counted
+from wsnsim.base.arrays import Floats, Ints, components_of, near
+from wsnsim.base.errors import RunError, shortened
+from wsnsim.base.initial_conditions import measured_points, node_names, sample_initial_conditions
+from wsnsim.base.sensing import gain_variance, samples_gains
+from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.models.csvfile import identifiers
+from wsnsim.models.recorded_readings import RecordedSensor
+from wsnsim.models.recorded_track import RecordedTrack
+
+LONG_GAP: Final = 5.0
+"""A recorded target is absent for more than this many steps, and usual times between rows [our choice]."""
+MOST_READINGS: Final = 5_000
+"""Readings that are held against the law; of more, as many are sampled [our choice]."""
+FEWEST: Final = 10
+"""Readings for each quantity that an explanation estimates, at least [our choice]."""
+CLEARLY: Final = 0.5
+"""Loss by which an explanation must be better than none: that of residuals which are larger by about a half."""
+FAR: Final = 4.0
+"""Median of |residual| / σ above which readings do not follow the law; it should be 0.67 [our choice]."""
+FINER: Final = 4
+"""Instants of a trajectory in a step; between them it is interpolated."""
+LONGEST_LAG: Final = 100
+"""Steps by which clocks are thought to be wrong, at most [our choice]."""
+CONVERSIONS: Final = (
+    ("in mm", 1e-3, 0.0), ("in cm", 1e-2, 0.0), ("in km", 1e3, 0.0), ("in feet", 0.3048, 0.0),
+    ("in degrees", math.pi / 180.0, 0.0), ("clockwise from north", -1.0, math.pi / 2.0), ("clockwise", -1.0, 0.0),
+    ("from the target to the node", 1.0, math.pi),
+)  # fmt: skip
+"""(how readings may have been given, factor, summand) that make them those of the law."""
+
+
+def absent_movers(setup: TrackingSetup) -> Iterator[str]:
+    """Recorded trajectories that begin late, end early or have gaps: there the target is not known to be."""
+    end = setup.steps * setup.dt
+    for i, motion in enumerate(setup.motions):
+        if isinstance(motion, RecordedTrack):
+            times = np.array([0.0, *motion.track.times.clip(0.0, end), end])
+            apart = np.diff(times)
+            gaps = np.flatnonzero(apart > LONG_GAP * max(np.quantile(np.diff(motion.track.times), 0.25), setup.dt))
+            for gap in gaps[:1].tolist():
+                span = f"{counted(len(gaps), 'gap')}, the first from {times[gap]:g} s to {times[gap + 1]:g} s"
+                yield f"target {i} is taken to rest, or to go straight, where its trajectory has no row: {span}"
+
+
+def unread_identifiers(setup: TrackingSetup) -> Iterator[str]:
+    """Columns of recorded readings that are not read and name several things at one node, such as targets."""
+    if not isinstance(setup.recorded, RecordedSensor):
+        return
+    path, named = setup.recorded.path, setup.recorded.columns
+    found = identifiers(path, (named.time, named.reading, named.target))
+    nodes = found.pop(named.node, [])
+    for column, cells in found.items():
+        if 1 < len({*cells}) <= len(nodes) / 3 and len({*zip(nodes, cells, strict=True)}) > len({*nodes}):
+            values = shortened(", ".join(dict.fromkeys(cells)))
+            said = f"sensor.columns: '{column}' of {path} ({values}) is not read"
+            yield f"{said}: if it names targets, number them from 0 in a column target, or give each a file"
+
+
+class _Held(NamedTuple):
+    """Readings and what is known of them.
+
+    Attributes:
+        sensor: the law.
+        names: of all nodes.
+        law: (nodes (n,), seconds later, noise) -> (n,) what the law expects of the target at the time of each reading.
+        nodes, readings: (n,) of each reading.
+        sds: (n,) standard deviation of each by the law, with what it does not know of nodes, and shadowing.
+    """
+
+    sensor: Any
+    names: Sequence[str]
+    law: Callable[[Ints, float, float], Floats]
+    nodes: Ints
+    readings: Floats
+    sds: Floats
+
+    def off(self, later: float = 0.0, nodes: Ints | None = None) -> Floats:
+        """(n,) readings minus law."""
+        expected = self.law(self.nodes if nodes is None else nodes, later, 0.0)
+        return near(self.sensor, self.readings, expected) - expected
+
+    def losses(self, off: Floats) -> Floats:
+        """(n,) losses of residuals."""
+        result: Floats = 2.0 * np.log(np.hypot(1.0, off / self.sds))
+        return result
+
+    def medians(self, off: Floats) -> dict[int, float]:
+        """The median residual of each node with readings."""
+        return {node: float(np.median(off[self.nodes == node])) for node in np.unique(self.nodes).tolist()}
+
+
+def _held(setup: Setup) -> _Held | None:
+    """The recorded readings of the first run; None if there are hardly any, or not of one component."""
+    if not (isinstance(setup, TrackingSetup) and isinstance(setup.recorded, RecordedSensor)):
+        return None
+    sensor, steps, dt, rng = setup.sensor, setup.steps * FINER, setup.dt / FINER, np.random.default_rng(0)
+    try:
+        conditions, names = sample_initial_conditions(setup, 0), node_names(setup)
+        rows = setup.recorded.rows(names, len(setup.motions))
+    except RunError:  # `notes.first_run` says so
+        return None
+    used = rng.permutation(np.flatnonzero((rows[0] >= 0.0) & (rows[0] <= steps * dt)))[:MOST_READINGS]
+    if len(used) < FEWEST or len(components_of(sensor)) > 1:
+        return None
+    times, nodes, readings, targets = (row[used] for row in rows)
+    paths = [measured_points(motion, sensor, motion.truth(steps, dt, rng), dt) for motion in setup.motions]
+
+    def law(nodes: Ints, later: float, noise: float) -> Floats:
+        points = np.empty((len(nodes), paths[0].shape[1]))
+        for target, path in enumerate(paths):
+            now = times[targets == target] + later
+            points[targets == target] = np.transpose([np.interp(now, np.arange(steps + 1) * dt, x) for x in path.T])
+        places, traits = conditions.positions[nodes], conditions.traits[nodes]
+        return sensor.measure(points, places, traits, np.full(len(nodes), noise))
+
+    unknown = gain_variance(sensor) * samples_gains(sensor) + getattr(sensor, "shadowing", 0.0) ** 2
+    noise = law(nodes, 0.0, 1.0) - law(nodes, 0.0, 0.0)
+    return _Held(sensor, names, law, nodes, readings, np.sqrt(noise**2 + unknown + 1e-200))  # of a law without noise
+
+
+def residuals(setup: Setup) -> Iterator[str]:
+    """Yield a sentence on recorded readings minus their law at the trajectory, if there are some."""
+    if (held := _held(setup)) is None:
+        return
+    off = held.off()
+    middle, medians = np.median(off), held.medians(off)
+    low, high = min(medians, key=medians.__getitem__), max(medians, key=medians.__getitem__)
+    count = f"{len(off):,} {'sampled ' * (len(off) == MOST_READINGS)}readings"
+    spread = f"{1.4826 * np.median(np.abs(off - middle)):.3g} (law: {np.median(held.sds):.3g})"
+    nodes = f"medians of nodes from {medians[low]:.3g} ({held.names[low]}) to {medians[high]:.3g} ({held.names[high]})"
+    most = f"largest {off[np.abs(off).argmax()]:.3g}"
+    yield f"{count} minus law at the trajectory: median {middle:.3g}, spread {spread}, {most}; {nodes}"
+
+
+def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
+    """Recorded readings that do not follow their law at the trajectory, and what explains it best.
+
+    An extreme value stands for something else if 2 % of the readings have it, three times as many as have the next.
+    """
+    if (held := _held(setup)) is None:
+        return
+    values, counts = np.unique(held.readings, return_counts=True)
+    for end, following, which in ((0, 1, "least"), (-1, -2, "greatest")):
+        if len(values) > FEWEST and counts[end] > max(0.02 * len(held.readings), 3 * counts[following]):
+            share = f"{counts[end]:,} of {len(held.readings):,} readings are {values[end]:g}, the {which}"
+            yield f"sensor: {share}: a limit of the receiver, or no reading? Leave them out"
+            held = held._replace(sds=np.where(held.readings == values[end], np.inf, held.sds))
+    off = held.off()
+    (loss, said), unexplained = min(_explanations(held, off, setup)), held.losses(off).mean()
+    if loss < min(unexplained / 2.0, unexplained - CLEARLY):
+        yield f"sensor: {said}"
+    elif np.median(np.abs(off) / held.sds) > FAR:
+        yield "sensor: readings do not follow the law: units, names, targets, times, values of the law?"
+
+
+def _explanations(held: _Held, off: Floats, setup: TrackingSetup) -> Iterator[tuple[float, str]]:
+    """Yield the loss that an explanation of residuals leaves, and the explanation with what to write."""
+    for said, factor, summand in CONVERSIONS:
+        converted = held._replace(readings=summand + factor * held.readings)
+        yield held.losses(converted.off()).mean(), f"readings seem to be {said}: convert them"
+    yield _lagging(held, setup)
+    if len(off) < FEWEST * len(held.names):
+        return
+    medians = held.medians(off)
+    values = np.array([*medians.values()])
+    most = ", ".join(f"{held.names[node]} {medians[node]:.3g}" for node in medians)
+    said = f"a constant of each node, {shortened(most)}: give the law its gains, or take it off"
+    if np.ptp(values) < abs(np.median(values)):
+        said = f"a constant {np.median(values):.3g} of all nodes, such as a clock offset: take it off"
+    without = held._replace(readings=held.readings - [medians[node] for node in held.nodes.tolist()])
+    yield held.losses(without.off()).mean(), f"readings contain {said}"
+    yield _swapped(held)
+
+
+def _lagging(held: _Held, setup: TrackingSetup) -> tuple[float, str]:
+    """The loss at the clock offset that fits best."""
+    from scipy.optimize import minimize_scalar
+
+    def loss(later: float) -> float:
+        return float(held.losses(held.off(later)).mean())
+
+    most = min(LONGEST_LAG, setup.steps // 2)
+    coarse = min((setup.dt * lag for lag in range(-most, most + 1)), key=loss)
+    found = minimize_scalar(loss, method="bounded", bounds=(coarse - setup.dt, coarse + setup.dt))
+    when = f"{abs(found.x):.3g} s {'later' if found.x > 0 else 'earlier'}"
+    return float(found.fun), f"readings fit the trajectory {when}: set time_origin of sensor or motion, or the clocks"
+
+
+def _swapped(held: _Held) -> tuple[float, str]:
+    """The loss with the nodes to which the readings of each node fit best, each once."""
+    from scipy.optimize import linear_sum_assignment
+
+    count = len(held.names)
+    each = (held.losses(held.off(nodes=np.full_like(held.nodes, node))) for node in range(count))
+    sums = np.array([np.bincount(held.nodes, losses, count) for losses in each]).T
+    rows, columns = linear_sum_assignment(sums)
+    changed = np.flatnonzero((rows != columns) & sums.any(axis=1))
+    pairs = ", ".join(f"{held.names[i]} of {held.names[columns[i]]}" for i in changed.tolist())
+    said = f"readings seem to have the names of other nodes: those of {shortened(pairs)}: check names and positions"
+    return float(sums[rows, columns].sum() / len(held.nodes)), said

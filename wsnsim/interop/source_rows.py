@@ -1,0 +1,217 @@
+"""The rows of all files of an import while they become values in SI units: what cannot be used is refused, or counted.
+
+SourceRows(files, conventions, wanted, needed)          .numbers, .in_unit, .texts, .times, .places
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.errors import RunError, UsageError
+from wsnsim.interop.conventions import (
+    Conventions,
+    column_roles,
+    converted,
+    holds_names,
+    local_metres,
+    origin_note,
+    plain,
+    seconds,
+    unit_in,
+)  # fmt: skip
+from wsnsim.interop.tables import RawTable, listed, numeric, read_table
+from wsnsim.models.csvfile import LONGEST_NAME
+from wsnsim.models.unit_checks import degrees_said, other_units, remedy, too_close
+
+NO_VALUE: Final = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>", "nat")
+"""Cells that hold nothing, without case."""
+LATEST: Final = 1e11
+"""s: a greater number of seconds since 1970 is beyond the year 5000, and means milliseconds."""
+Layout = Callable[[RawTable, dict[str, str], Conventions], pd.DataFrame]
+"""The wanted columns of a table, by our names. What it takes from other columns is in `attrs["used"]`."""
+
+
+def columns_of(raw: RawTable, roles: dict[str, str], how: Conventions) -> pd.DataFrame:
+    """The columns of a table by our names."""
+    return raw.frame[list(roles.values())].set_axis(list(roles), axis=1)
+
+
+def without(path: str, frame: pd.DataFrame, ours: str) -> UsageError:
+    """The error of a table that lacks a column."""
+    has = listed(list(frame.columns))
+    return UsageError(f"{path}: no column is called {ours} or alike, it has {has}: say which: --column {ours}=NAME")
+
+
+class SourceRows:
+    """The n rows of all files.
+
+    Attributes:
+        frame: The columns that were found, by our names, and number of the file and line (or row) of each.
+        kept: (n,) which rows are not left out.
+        notes: What was left out and why, and what was assumed.
+        kind: The kind of import, for messages.
+    """
+
+    def __init__(
+        self, files: Sequence[str], how: Conventions, kind: str, wanted: Sequence[str], layout: Layout = columns_of
+    ) -> None:
+        """Read the files; raises UsageError or RunError as `read_table` and `column_roles`."""
+        self.files, self.how, self.kind, self.notes = files, how, kind, list[str]()
+        self._tables, self._headers, parts = list[RawTable](), dict[str, str](), list[pd.DataFrame]()
+        for number, path in enumerate(files):
+            raw = read_table(path, how.columns, lambda name: holds_names(name) or name in how.names.values())
+            raw = raw._replace(frame=_with_dates(raw.frame))
+            names = list(raw.frame.columns)
+            roles = column_roles(path, names, wanted, how.names)
+            part = layout(raw, roles, how)
+            if unused := [name for name in names if name not in {*roles.values(), *part.attrs.get("used", ())}]:
+                self.notes.append(f"{path}: columns not used: {listed(unused)}")
+            self.notes += [f"{path}: {part.attrs['note']}"] if "note" in part.attrs else []
+            self._headers |= roles
+            self._tables.append(raw)
+            parts.append(part.assign(file=number, line=part.index))
+        self.frame = pd.concat(parts, ignore_index=True)
+        self.kept: Bools = np.ones(len(self.frame), dtype=np.bool_)
+
+    def place(self, i: int) -> str:
+        """Where a row stands: file and line."""
+        path, _, by_line, _ = self._tables[self.frame.file[i]]
+        return f"{path}:{self.frame.line[i]}" if by_line else f"{path}: row {self.frame.line[i]}"
+
+    def named(self, ours: str) -> str:
+        """The file's name of a column."""
+        return self._headers.get(ours, ours)
+
+    def demand(self, ours: str) -> pd.Series:
+        """A column. Raises UsageError if a file lacks it."""
+        if ours not in self.frame:
+            raise without(self.files[0], self._tables[0].frame, ours)
+        return self.frame[ours]
+
+    def stems(self) -> Any:
+        """(n,) the name of each row's file, without endings."""
+        return np.array([Path(path).name.split(".")[0] for path in self.files])[self.frame.file]
+
+    def leave_out(self, where: Bools, why: str) -> None:
+        """Leave out the rows `where` (n,), and say so."""
+        if (found := np.flatnonzero(where & self.kept)).size:
+            self.kept &= ~where
+            count = "1 row" if found.size == 1 else f"{found.size:,} rows"
+            self.notes.append(f"left out: {count} {why} ({'the first: ' * (found.size > 1)}{self.place(found[0])})")
+
+    def refuse(self, where: Bools, reason: Callable[[int], str]) -> None:
+        """Refuse the rows `where` (n,) with one sentence for all, or leave them out if that is asked for."""
+        if not (found := np.flatnonzero(where & self.kept)).size:
+            return None
+        said = reason(int(found[0]))
+        if self.how.skip_bad_rows:
+            return self.leave_out(where, f"that cannot be used: {said}")
+        like = f" ({found.size - 1:,} more rows like it; --skip-bad-rows leaves them out)" if found.size > 1 else ""
+        raise RunError(f"{self.place(int(found[0]))}: {said}{like}")
+
+    def once(self, table: pd.DataFrame, keys: list[str], reason: Callable[[int], str]) -> pd.DataFrame:
+        """The kept rows of a table (n,) in the order of the keys: copies are left out, contradictions refused."""
+        used = table[self.kept]
+        again, copies = (pd.Series(found, used.index).reindex(table.index, fill_value=False).to_numpy()
+                         for found in (used.duplicated(keys), used.duplicated()))  # fmt: skip
+        self.leave_out(copies, "that repeat another one")
+        self.refuse(again & ~copies, reason)
+        return table[self.kept & ~again].sort_values(keys, kind="stable", ignore_index=True)
+
+    def numbers(self, ours: str, optional: bool = False) -> Floats:
+        """(n,) a column of numbers; rows without one are left out, or NaN if it is optional; others are refused."""
+        column, marks = self.demand(ours), [text.strip().casefold() for text in self.how.missing]
+        lacking = column.isna().to_numpy()
+        if pd.api.types.is_numeric_dtype(column):
+            values = column.to_numpy(dtype=np.float64, na_value=np.nan)
+        else:
+            texts = column.astype(str).str.strip()
+            values = numeric(texts).to_numpy()
+            lacking = lacking | texts.str.casefold().isin([*NO_VALUE, *marks]).to_numpy()
+        if not optional:
+            lacking = lacking | np.isin(values, numeric(pd.Series(marks, dtype=object)).dropna())
+            self.leave_out(lacking, f"without a {ours}")
+        name = self.named(ours)
+        self.refuse(~lacking & ~np.isfinite(values), lambda i: f"{name} must be a finite number, is {_cell(column[i])}")
+        return np.where(lacking, np.nan, values)
+
+    def in_unit(self, ours: str, bases: Sequence[str]) -> tuple[Floats, str]:
+        """(n,) a column of numbers in SI units or dBm, and its unit; what the header states in brackets counts."""
+        values, unit = converted(self.numbers(ours), self.how.unit or unit_in(self.named(ours)), bases)
+        self.refuse(
+            ~np.isfinite(values), lambda i: f"{self.named(ours)} must be a positive power, to have a level in dBm"
+        )
+        return values, unit
+
+    def texts(self, ours: str) -> Any:
+        """(n,) a column of names; rows without one are refused."""
+        column, name = self.demand(ours), self.named(ours)
+        if pd.api.types.is_float_dtype(column) and (column.dropna() % 1 == 0).all():
+            column = column.astype("Int64")  # 3.0 of a spreadsheet is the node 3
+        texts = column.astype(str).str.strip()
+        self.refuse((column.isna() | (texts == "")).to_numpy(), lambda i: f"{name} must not be empty")
+        long = (texts.str.len() > LONGEST_NAME).to_numpy()
+        self.refuse(long, lambda i: f"{name} must have at most {LONGEST_NAME} characters")
+        return texts.to_numpy(dtype=object)
+
+    def times(self) -> Floats:
+        """(n,) times in s, after the time origin. Raises UsageError if the origin is no time."""
+        form, origin, column = self.how.time_format, self.how.time_origin, self.demand("time")
+        times, dated = seconds(column, form)
+        allowed = "a time of the format that is given" if form else "a number of seconds or an ISO 8601 date"
+        name = self.named("time")
+        self.refuse(~np.isfinite(times), lambda i: f"{name} must be {allowed}, is {_cell(column[i])}")
+        late, shorter = np.abs(times) > LATEST, self.remedy("--time-format ms")
+        self.refuse(late, lambda i: f"{times[i]:.15g} s is beyond the year 5000, milliseconds? Write: {shorter}")
+        if not origin:
+            self.notes += ["times are s since 1970-01-01 UTC; --time-origin DATE makes one of them 0"] * dated
+            return times
+        zero = seconds(pd.Series([origin]), form)[0][0]
+        if not np.isfinite(zero):
+            raise UsageError(f"--time-origin {origin}: must be a time as the file writes them, such as {column[0]}")
+        after: Floats = times - zero
+        return after
+
+    def places(self) -> tuple[dict[str, Floats], tuple[float, ...]]:
+        """{axis: (n,) m}, and the origin in degrees if places were projected."""
+        geographic = {"lon", "lat"} <= set(self.frame)
+        if not (geographic or self.how.crs):
+            flat = {axis: self.in_unit(axis, ("m",))[0] for axis in "xyz" if axis in ("x", "y", *self.frame)}
+            if said := too_close(np.column_stack([flat["x"], flat["y"]])[self.kept]):
+                self.notes.append(f"{said}; {other_units(self.files[0], self.kind)}")
+            return flat, ()
+        if geographic and not self.how.crs and not self._tables[0].degrees:
+            raise UsageError(degrees_said(self.files[0], self.kind, self.named("lon"), self.named("lat")))
+        lon, lat = (self.numbers(axis) for axis in (("lon", "lat") if geographic else "xy"))
+        outside = (np.abs(lon) > 180.0) | (np.abs(lat) > 90.0)
+        self.refuse(outside, lambda i: f"a longitude and a latitude are expected, found {lon[i]:g} and {lat[i]:g}")
+        x, y, origin = local_metres(lon, lat, self.kept, self.how.origin)
+        self.notes.append(origin_note(origin))
+        heights = self.numbers("z", optional=True) if "z" in self.frame else np.full(len(x), np.nan)
+        if np.isfinite(heights[self.kept]).all():
+            return {"x": x, "y": y, "z": heights - (*origin, 0.0)[2]}, origin
+        return {"x": x, "y": y}, origin
+
+    def remedy(self, option: str) -> str:
+        """The command line that reads the first file with another option."""
+        return remedy(self.files[0], self.kind, option)
+
+
+def _cell(value: Any) -> str:
+    return repr(str(value)[:60])
+
+
+def _with_dates(frame: pd.DataFrame) -> pd.DataFrame:
+    """The columns, `date` and `time` joined where both are there."""
+    named = {plain(name): name for name in frame.columns}
+    if not {"date", "time"} <= set(named):
+        return frame
+    date, time = named["date"], named["time"]
+    joined: Mapping[str, Any] = {time: frame[date].astype(str) + " " + frame[time].astype(str)}
+    return frame.assign(**joined).drop(columns=date)
