@@ -111,7 +111,9 @@ def _of_text(path: str, columns: Sequence[str], texts: Callable[[str], bool]) ->
     data = [i for i, line in enumerate(head) if line.strip() and not line.lstrip().startswith(COMMENTS)]
     first = data[0] if data else len(head)
     separator, rows = _split([line for line in head[first:] if line.strip()], len(columns))
-    commas, points = (any(form.fullmatch(cell) for row in rows for cell in row) for form in (DECIMAL_COMMA, DECIMAL_POINT))
+    commas, points = (
+        any(form.fullmatch(cell) for row in rows for cell in row) for form in (DECIMAL_COMMA, DECIMAL_POINT)
+    )
     if not columns and _is_headless(rows):
         raise UsageError(f"{path}:{first + 1}: the file has no header: name its {len(rows[0])} columns in their order, "
                          "such as --columns time,node,reading")  # fmt: skip
