@@ -490,6 +490,26 @@ def test_a_head_that_crashed_and_leads_again_announces_a_schedule_though_it_expe
     assert [burst.packets for burst in gather(network)] == [1] * 8
 
 
+@pytest.mark.parametrize("outage", [0.0, 1e-4, 3e-3, 8e-3])
+@pytest.mark.parametrize("at", np.linspace(0.0, 0.04, 9))
+def test_rounds_end_whenever_the_head_crashes_in_them_and_however_soon_it_is_back(at, outage):
+    network = RadioNetwork(STAR, mac=Tdma())
+    network.mac.expect(0, range(1, 9))
+    parcel = Parcel("parcel", 1, PACKET_BITS, "parcel")
+    bursts = [full_burst(*ends, parcel, 0) for node in range(1, 9) for ends in ((0, node), (node, 0))]
+
+    def crash():
+        network.nodes.crash(0)
+        network.mac.silence(0)
+
+    network.at(at, crash)
+    network.at(at + outage, lambda: network.nodes.restart(0, network.env.now))
+    network.env.run(until=network.env.all_of([network.mac.send(bursts[:5], 0), network.mac.send(bursts[5:], 0)]))
+    network.mac.expect(0, range(1, 9))
+    network.env.run(until=network.env.now + 0.1)
+    assert [burst.packets for burst in gather(network)] == [1] * 8 and network.ledger_adds_up()
+
+
 def test_who_contended_has_a_slot_in_the_next_schedule_though_the_plan_does_not_expect_it():
     network = planned()
     gather(network, sources=(7,))

@@ -85,7 +85,7 @@ def fit(
     default, context = click.core.ParameterSource.DEFAULT, click.get_current_context()
     # what the command line gives: other options do not exist for every law
     asked = {name: value for name, value in options.items() if context.get_parameter_source(name) is not default}
-    renamed = {"columns": renamed_columns(column), "node_columns": renamed_columns(node_column)}
+    renamed = {"columns": renamed_columns(column), "node_columns": renamed_columns(node_column, "--node-column")}
     asked |= {name: given for name, given in {"tracks": track, **renamed}.items() if given}
     out, figure = target(out, "law.yaml", read), target(figure, "residuals.png", read)
     if figure is not None:
@@ -122,12 +122,12 @@ def target(path: Path | None, default: str, read: Sequence[Path]) -> Path | None
     return path
 
 
-def renamed_columns(texts: Sequence[str]) -> dict[str, str]:
+def renamed_columns(texts: Sequence[str], option: str = "--column") -> dict[str, str]:
     """The names of columns by ours."""
     found = {}
     for text in texts:
         ours, sign, theirs = text.partition("=")
         if not (ours and sign and theirs):
-            raise UsageError(f"--column {text}: must be OURS=THEIRS, such as reading=rssi")
+            raise UsageError(f"{option} {text}: must be OURS=THEIRS, such as reading=rssi")
         found[ours.strip()] = theirs.strip()
     return found

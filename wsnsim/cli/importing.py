@@ -102,7 +102,7 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
     (MobilityHelper::EnableAscii). `sumo` reads floating car data (--fcd-output), XML or CSV. Texts may be compressed
     with gzip.
     """
-    _demand_fitting(kind, files)
+    _demand_meaning(kind, files)
     if kind in TABLES:
         _echo_written(_table(kind, files, options), as_json)
     elif not options["listed"]:
@@ -118,7 +118,7 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
             _echo_nodes(summarised(str(files[0]), _format(kind, options)), as_json)
 
 
-def _demand_fitting(kind: str, files: Sequence[Path]) -> None:
+def _demand_meaning(kind: str, files: Sequence[Path]) -> None:
     """Raise UsageError for several traces, and for an option that has no meaning for a kind."""
     if kind in ("ns3", "sumo") and len(files) > 1:
         raise UsageError(f"{kind} reads one file, {len(files)} are given")

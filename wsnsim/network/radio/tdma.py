@@ -267,7 +267,9 @@ class TdmaMechanism:
             fragments = self._csma.fragmentation.split(burst, lambda: None)
             if not fragments or not self._nodes.alive[source]:
                 burst.lose()
-            elif source != head and source not in self._schedules.get(head, {}):
+            elif (source != head and source not in self._schedules.get(head, {})) or (
+                self.keeps_idle_slots and source == head and burst.to not in self._orders.get(head, ())
+            ):  # the latter: the head crashed after its schedule and is back, without it
                 self._miss(burst, "no_schedule")
             elif source != head and self._is_off(head, source):
                 self._miss(burst, "out_of_slot")
