@@ -145,7 +145,9 @@ def near(sensor: Any, measured: Floats, expected: Floats) -> Floats:
             expected rows (n M, N) at N points, pass `rows[:, None]`.
     """
     if is_relative(sensor) and len(measured):
-        return measured - (measured - expected).mean(axis=0)
+        apart: Floats = measured - expected
+        moved: Floats = measured - apart.mean(axis=0)
+        return moved
     periods = periods_of(sensor)
     if not any(periods):
         return measured

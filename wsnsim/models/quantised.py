@@ -201,8 +201,8 @@ class Quantised(OfCells, OfLaw):
             raise ValueError("law: must be a sensor model of scalar readings that are computed and not yet quantised")
         if constant is False or getattr(self.law, "shadowing", None) or getattr(self.law, "beyond", None) == "noise":
             raise ValueError(
-                "law: the noise must be Gaussian about the mean, without shadowing, blocking, beyond: noise or an unknown "
-                "part that readings have in common"
+                "law: the noise must be Gaussian about the mean, without shadowing, blocking, beyond: noise or an "
+                "unknown part that readings have in common"
             )
         if about and (not constant or any(periods_of(self.law))):
             raise ValueError("thresholds: lloyd_max needs noise of constant variance, and no angle; use uniform")

@@ -15,7 +15,18 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation, Ints, innovation_of, is_relative, near, planar, rows
+from wsnsim.base.arrays import (
+    NO_INNOVATION,
+    Estimate,
+    Floats,
+    Innovation,
+    Ints,
+    innovation_of,
+    is_relative,
+    near,
+    planar,
+    rows,
+)
 from wsnsim.base.errors import Issue
 from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
 from wsnsim.base.part import Quantity, part
