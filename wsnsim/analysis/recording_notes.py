@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from wsnsim.analysis.phrases import counted
-from wsnsim.base.arrays import Floats, Ints, components_of, near
+from wsnsim.base.arrays import Floats, Ints, components_of, is_relative, near
 from wsnsim.base.errors import RunError, shortened
 from wsnsim.base.initial_conditions import measured_points, node_names, sample_initial_conditions
 from wsnsim.base.sensing import gain_variance, samples_gains
@@ -110,7 +110,7 @@ class _Held(NamedTuple):
 
 
 def _held(setup: Setup) -> _Held | None:
-    """The recorded readings of the first run; None if there are hardly any, or not of one component."""
+    """The recorded readings of the first run; None if there are hardly any, or not of one component each."""
     if not (isinstance(setup, TrackingSetup) and isinstance(setup.recorded, RecordedSensor)):
         return None
     sensor, steps, dt, rng = setup.sensor, setup.steps * FINER, setup.dt / FINER, np.random.default_rng(0)
@@ -120,7 +120,7 @@ def _held(setup: Setup) -> _Held | None:
     except RunError:  # `notes.first_run` says so
         return None
     used = rng.permutation(np.flatnonzero((rows[0] >= 0.0) & (rows[0] <= steps * dt)))[:MOST_READINGS]
-    if len(used) < FEWEST or len(components_of(sensor)) > 1:
+    if len(used) < FEWEST or len(components_of(sensor)) > 1 or is_relative(sensor):
         return None
     times, nodes, readings, targets = (row[used] for row in rows)
     paths = [measured_points(motion, sensor, motion.truth(steps, dt, rng), dt) for motion in setup.motions]

@@ -85,6 +85,7 @@ DIRECTIONS: Final = "a bearing is an angle, and no linear function of coefficien
 UNFITTED: Final = {
     "bearing": DIRECTIONS,
     "range_bearing": f"{DIRECTIONS}; a file has one number in a row",
+    "tdoa": "the times of emission are unknown, one for each step; give sd, such as that of the synchronisation",
     "acoustic_energy": "its readings are a power of the distance, and not linear in its exponent",
 }
 """Sensors that cannot be fitted, and why."""

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, components_of, near, periods_of
+from wsnsim.base.arrays import Bools, Floats, Ints, components_of, is_relative, near, periods_of
 from wsnsim.base.errors import Issue
 from wsnsim.base.optional_ports import Replays
 from wsnsim.base.part import OfRole, Quantity, part
@@ -195,13 +195,14 @@ class Quantised(OfCells, OfLaw):
 
     def __post_init__(self) -> None:
         """Raises ValueError for a law that cannot be quantised, or limits in the wrong order."""
-        constant = getattr(self.law, "constant_gaussian", None)
+        constant = False if is_relative(self.law) else getattr(self.law, "constant_gaussian", None)
         about = self.thresholds == "lloyd_max"
         if isinstance(self.law, (Replays, OfCells)) or len(components_of(self.law)) > 1:
             raise ValueError("law: must be a sensor model of scalar readings that are computed and not yet quantised")
         if constant is False or getattr(self.law, "shadowing", None) or getattr(self.law, "beyond", None) == "noise":
             raise ValueError(
-                "law: the noise must be Gaussian about the mean, without shadowing, blocking or beyond: noise"
+                "law: the noise must be Gaussian about the mean, without shadowing, blocking, beyond: noise or an "
+                "unknown part that readings have in common"
             )
         if about and (not constant or any(periods_of(self.law))):
             raise ValueError("thresholds: lloyd_max needs noise of constant variance, and no angle; use uniform")

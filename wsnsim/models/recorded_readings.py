@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, means, near
+from wsnsim.base.arrays import Floats, Ints, is_relative, means, near
 from wsnsim.base.errors import Issue, RunError, shortened
 from wsnsim.base.initial_conditions import joined_by_name, node_names
 from wsnsim.base.optional_ports import LimitsReadings, Recording, Replays
@@ -202,10 +202,13 @@ class RecordedSensor(OfLaw):
         """Yield an issue if the file cannot be used, or if the scenario changes what was recorded."""
         yield from super().check(setup)
         try:
-            self.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
+            found = self.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
         except RunError as error:
             yield Issue(("sensor", "path"), str(error))
             return
+        if is_relative(self.law) and any((each.counts > 1).any() for each in found):
+            message = "a node has several times of arrival in a step, of emissions at unknown times that differ"
+            yield Issue(("sensor", "several"), f"{message}: give a step (and time_origin) that holds one of each node")
         yield from recorded_issues(self, setup)
 
     def _of_target(self, where: Sequence[Ints], values: Floats, shape: tuple[int, int]) -> Recording:

@@ -111,6 +111,8 @@ class HeadFilter:
     """Whether it compares angles at their shortest difference, by `near`."""
     vector_readings: ClassVar[bool] = True
     """Whether it takes readings of several components."""
+    relative_readings: ClassVar[bool] = True
+    """Whether it takes all readings of a step together, of which only the differences may count."""
     assumes_gaussian: ClassVar[bool] = False
     """Whether it takes the noise of readings as Gaussian, by their mean and variance at the prediction."""
 
