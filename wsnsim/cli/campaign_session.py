@@ -20,8 +20,7 @@ from wsnsim.base.errors import ResultError, UsageError, did_you_mean, printable
 from wsnsim.base.files import why_not_regular
 from wsnsim.base.tables import METRICS
 from wsnsim.campaign import WHOLE, CampaignOutcome, Shard, engines, needs_permission
-from wsnsim.campaign.engines import Engine
-from wsnsim.campaign.sweeping import CostEstimate, estimate_cost
+from wsnsim.campaign.sweeping import CostEstimate, engine_of, estimate_cost
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.live import LiveOptions, linger, shown_live
 from wsnsim.cli.progress import CAMPAIGN, display, duration
@@ -154,7 +153,7 @@ def resume(source: str, options: Options, interrupts: Interrupts) -> int:
 
 def _run(folder: Folder, shard: Shard, options: Options, interrupts: Interrupts, allowed: PluginAccess) -> int:
     """Run what is missing, print the comparison, say what is still missing, and show it as long as it is watched."""
-    engine = _engine(folder, options)
+    engine = engine_of(folder.path, options.jobs, options.scheduler, options.scheduler_file)
 
     def view_at(port: int) -> Any:
         from wsnsim.watch.campaign_view import CampaignView
@@ -180,14 +179,6 @@ def _run(folder: Folder, shard: Shard, options: Options, interrupts: Interrupts,
         if view and not interrupts.number:
             linger("the address still shows the campaign; ", options.quiet, interrupts, view.look)
     return code
-
-
-def _engine(folder: Folder, options: Options) -> Engine:
-    if options.scheduler is not None or options.scheduler_file is not None:
-        from wsnsim.campaign.dask_engine import DaskEngine
-
-        return DaskEngine(folder.path, options.scheduler, options.scheduler_file)
-    return engines.LocalEngine(options.jobs or engines.available_cores())
 
 
 def _check_engine_options(options: Options) -> None:
