@@ -85,9 +85,14 @@ def code_lines(folder: Folder) -> list[str]:
     found = [f"code         accepted changes; runs: {runs}"]
     for change in about["code_changes"]:
         files = change.get("changed") or ["unknown files"]
-        named = ", ".join(files[:MAX_NAMED]) + (f" and {len(files) - MAX_NAMED} more" if len(files) > MAX_NAMED else "")
-        found.append(f"  {change.get('time')}: {change.get('before')} to {change.get('after')}: {named}")
+        found.append(f"  {change.get('time')}: {change.get('before')} to {change.get('after')}: {shortened(files)}")
     return found
+
+
+def shortened(names: Sequence[str]) -> str:
+    """The names in one line; of many, the first ones."""
+    more = len(names) - MAX_NAMED
+    return ", ".join(names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _code_of(path: Path) -> str:

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Final
 
 from wsnsim.analysis import result_info
-from wsnsim.analysis.figure_style import replacing
 from wsnsim.analysis.replicate_tables import check_replicate, first_replicate
 from wsnsim.analysis.summary_text import PublishedLookup
+from wsnsim.recording.atomic_files import replacing
 from wsnsim.report import page_sections
 from wsnsim.report.page_sections import PageSection, summary_table
 from wsnsim.report.page_template import filled, script_of, source_of, static_text

@@ -25,7 +25,7 @@ from wsnsim.base.plugin_code import PluginImport, announce
 from wsnsim.scenario.examples import Example, example_of
 from wsnsim.scenario.fields import PartError, fields_of
 from wsnsim.scenario.parameter_info import ParameterInfo, common_parameters, has_no_default, parameters_of
-from wsnsim.scenario.registry import ROLES, Kind, find, kinds, load_class, search
+from wsnsim.scenario.registry import ROLES, find, kinds, load_class, search
 
 NOT_LOOKED_UP: Final = "not looked up"
 """The mark of a DOI that was not compared with the record at doi.org."""
@@ -169,7 +169,7 @@ def kind_info(role: str, kind: str) -> KindInfo:
     entry, described_role = find(role, kind), ROLES[role]
     part = load_class(entry)
     fields_of(part)  # raises PartError if the class is no component
-    summary, method, notes = _paragraphs(part)
+    summary, method, notes = paragraphs_of(part)
     text = " ".join([entry.paper, *notes, *method])
     idea = summary.rstrip(".") if entry.plugin else entry.idea or summary.rstrip(".")
     return KindInfo(
@@ -177,16 +177,12 @@ def kind_info(role: str, kind: str) -> KindInfo:
         method=(summary, *method), notes=notes, citations=tuple(cited_in(text)),
         parameters=(*parameters_of(part), *common_parameters(role)),
         facts=tuple(_facts(part, entry.state, entry.messages)),
-        import_line=_import_line(role, entry, part),
+        import_line=import_line(role, kind)
+        if entry in described_role.kinds
+        else f"from {part.__module__} import {part.__name__}",
         example=example_of(described_role, kind, tuple(_required(part))),
         default=kind == described_role.default, plugin=entry.plugin,
     )  # fmt: skip
-
-
-def _import_line(role: str, entry: Kind, part: type[Any]) -> str:
-    """Return the line that imports the class of a component; that of a plug-in is imported from its own module."""
-    is_own = entry in ROLES[role].kinds
-    return import_line(role, entry.kind) if is_own else f"from {part.__module__} import {part.__name__}"
 
 
 def _plugin(path: str) -> list[tuple[str, str]]:
@@ -209,22 +205,16 @@ def _plugin(path: str) -> list[tuple[str, str]]:
     return found
 
 
-def _paragraphs(part: type[Any]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+def paragraphs_of(part: type[Any]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
     """Return the first paragraph of a class's docstring, the others, and those about sources, also of its bases."""
-    text = inspect.cleandoc(vars(part).get("__doc__") or "")
-    first, *others = [" ".join(piece.split()) for piece in text.split("\n\n")] if text else [""]
-    inherited = [
-        " ".join(piece.split())
-        for owner in part.__mro__[1:]
+    each = [
+        (owner, " ".join(piece.split()))
+        for owner in part.__mro__
         for piece in inspect.cleandoc(vars(owner).get("__doc__") or "").split("\n\n")
-        if _is_source(piece)
     ]
-    notes = dict.fromkeys([*(piece for piece in others if _is_source(piece)), *inherited])
-    return first, tuple(piece for piece in others if not _is_source(piece)), tuple(notes)
-
-
-def _is_source(paragraph: str) -> bool:
-    return paragraph.startswith(("Source:", "Sources:"))
+    notes = dict.fromkeys(piece for _, piece in each if piece.startswith(("Source:", "Sources:")))
+    first, *others = (piece for owner, piece in each if owner is part)
+    return first, tuple(piece for piece in others if piece not in notes), tuple(notes)
 
 
 def _facts(part: type[Any], state: str, messages: str) -> Iterator[tuple[str, str]]:

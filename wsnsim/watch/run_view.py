@@ -76,15 +76,11 @@ class RunView(WatchServer):
         """The recorder through which the run is watched."""
         return LiveRecorder(file, self._queue.put, self._queue.put, self._interval)
 
-    def report(self, progress: Progress) -> None:
-        """Take the progress of the run."""
-        self._progress = progress
-
     def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
         """A function that takes the progress, and passes it on."""
 
         def report(progress: Progress) -> None:
-            self.report(progress)
+            self._progress = progress
             step(progress)
 
         return report
