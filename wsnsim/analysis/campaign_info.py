@@ -1,7 +1,7 @@
 """Information from a campaign's folder: progress, settings, baseline, the runs that points need, and code changes.
 
 info(path) -> dict        info_text(path) -> str        as `wsnsim info DIR` shows them
-demand_baseline(plan, by, wanted)      baseline_point(manifest, by, wanted) -> its label      label(values) -> text
+baseline_point(manifest, by, wanted) -> its label      label(values) -> text
 code_json(folder) -> dict        code_lines(folder) -> [str, ...], both empty unless a change of the code was accepted
 ReplicateCounts(folder, manifest): a fixed number of runs, or until the median of a metric is precise enough
 
@@ -27,11 +27,6 @@ from wsnsim.scenario.sweep_schema import Plan, StoppingRule
 
 SCENARIO: Final = "scenario"
 """The swept key of a sweep over several scenarios."""
-
-
-def demand_baseline(plan: Plan | Manifest, by: Sequence[str], wanted: str | None) -> None:
-    """Raise UsageError unless the campaign can be compared with this baseline."""
-    baseline_point(plan, tuple(by) or keys_by_default(plan.keys), wanted)
 
 
 def baseline_point(manifest: Plan | Manifest, by: Sequence[str], wanted: str | None) -> str | None:

@@ -148,7 +148,7 @@ def _chosen(points: Sequence[PointOnDisk], owners: Ints, replicates: Ints, files
     rows = pd.DataFrame({"owner": owners, "replicate": replicates, "file": files})[replicates < most[owners]]
     rows = rows.sort_values(["owner", "replicate"], kind="stable")
     first = rows.groupby(["owner", "replicate"], sort=False)["file"].transform("first")
-    return rows.index[rows["file"] == first].to_numpy()
+    return np.asarray(rows.index[rows["file"] == first], dtype=np.int64)
 
 
 def metric(folder: Folder, point: str, name: str, replicates: int) -> tuple[Floats, Bools]:

@@ -143,11 +143,9 @@ def compare(
 def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
     """The metric's unit; that of errors is the unit of the position, which the result files hold."""
     column = next(column for column in TABLES["runs"] if column.name == metric)
-    for batch in (batch for point in manifest.points for batch in folder.batches(point.id)):
-        about = attributes(batch.path)
-        if column.of_position and about["position"]:
-            return str(about["states"][about["position"][0]][1])
-        break
+    batch = next((batch for point in manifest.points for batch in folder.batches(point.id)), None)
+    if column.of_position and batch and (about := attributes(batch.path))["position"]:
+        return str(about["states"][about["position"][0]][1])
     return column.units
 
 

@@ -54,7 +54,7 @@ def check_comparison(options: Options, plan: Plan | Manifest, by: Sequence[str])
     for key in options.by:
         if key not in plan.keys:
             raise UsageError(f"--by: the campaign does not vary '{key}' ({did_you_mean(key, plan.keys)})")
-    campaign_info.demand_baseline(plan, by, options.baseline)
+    campaign_info.baseline_point(plan, tuple(by) or campaign_info.keys_by_default(plan.keys), options.baseline)
     if options.csv and options.csv.is_dir():
         raise UsageError(f"--csv {options.csv} is a folder, not a file")
     if options.csv and (reason := why_not_regular(options.csv)):

@@ -104,11 +104,6 @@ def demand_no_axis(assignments: Iterable[Assignment], settings: Iterable[Setting
         raise ScenarioError(issues)
 
 
-def keys_of_points(points: Iterable[Point]) -> tuple[str, ...]:
-    """Return the columns that distinguish points, in the order of their first use."""
-    return tuple(dict.fromkeys(key for point in points for key in point.settings))
-
-
 def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any], name: PointName | None) -> Point:
     content = resolved(scenario)
     decides = {key: value for key, value in content.items() if key not in LEFT_OUT}
