@@ -22,8 +22,8 @@ from wsnsim.base.tables import METRICS
 from wsnsim.campaign import WHOLE, CampaignOutcome, Shard, engines, needs_permission
 from wsnsim.campaign.sweeping import CostEstimate, engine_of, estimate_cost
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.live import LiveOptions, linger, shown_live
 from wsnsim.cli.progress import CAMPAIGN, display, duration
+from wsnsim.cli.running import LiveOptions, linger, shown_live
 from wsnsim.cli.shared import INCOMPLETE, METRIC, command_line, echo, echo_json, echo_lines
 from wsnsim.recording.folder import Folder, Manifest
 from wsnsim.scenario.registry import PluginAccess, Plugins, access

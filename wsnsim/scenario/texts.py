@@ -48,6 +48,12 @@ def shipped_studies() -> dict[str, Path]:
     return {path.parent.name: path.parent for path in _paths("*/*/study.yaml")}
 
 
+def template(name: str, offline: bool = False) -> str:
+    """Return the text of a scenario of this name, with a network or without (`offline`)."""
+    file = Path(__file__).with_name("templates") / ("offline.yaml" if offline else "tracking.yaml")
+    return file.read_text(encoding="utf-8").replace("{name}", name)
+
+
 def find_or_none(source: str | Path, folder: Path | None = None) -> Path | None:
     """Return the file of a scenario.
 

@@ -20,8 +20,7 @@ from typing import Any, Final, final
 
 import numpy as np
 
-from wsnsim.analysis.plot_data import Columns
-from wsnsim.analysis.replicate_tables import EVENTS
+from wsnsim.analysis.plot_data import EVENTS, Columns
 from wsnsim.base.arrays import Floats
 from wsnsim.base.rows import Issued, RunNow, RunStart
 from wsnsim.base.setups import TrackingSetup

@@ -23,7 +23,7 @@ from typing import Any, Final, Self, final
 from wsnsim.base.rows import RunStart
 from wsnsim.base.runs import Progress
 from wsnsim.base.tables import Recorder
-from wsnsim.report.page_template import filled, script_of, source_of, static_text
+from wsnsim.report.html_page import filled, script_of, source_of, static_text
 from wsnsim.watch.live_frames import INTERVAL, LiveFrames, LiveRecorder, RunPiece
 from wsnsim.watch.server import HttpAnswer, WatchServer, answer_with_page
 
