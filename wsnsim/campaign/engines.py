@@ -144,7 +144,7 @@ class Engine(Protocol):
 class SerialEngine:
     """An `engines.Engine` that performs a task when it is asked for finished ones."""
 
-    def __init__(self) -> None:
+    def __init__(self, workers: int = 1) -> None:
         self.window = 1
         self.left_out: Mapping[str, str] = {}
         self._tasks: list[Task] = []
