@@ -24,6 +24,7 @@ class NetworkServices:
         self._env, self._nodes, self._clocks = env, nodes, clocks
         self.is_awake: Callable[[int], bool] = nodes.is_awake
         self.lasts: Callable[[int, float], float] = clocks.lasts
+        self.clock: Callable[[int], float] = clocks.local_time
 
     @property
     def now(self) -> float:
@@ -56,10 +57,6 @@ class NetworkSyncServices(NetworkServices):
         self.size = nodes.size
         self.next_change: Callable[[int], float] = nodes.sleep_states.next_change
         self.own_clock: Callable[[int], float] = clocks.raw_time
-
-    def clock(self, node: int) -> float:
-        """What the clock of a node shows now, in s."""
-        return self._clocks.local_time(node)
 
     def set_clock(self, node: int, shows: float, rate: float) -> None:
         """Correct the clock of a node: it shows `shows` now, and its own clock counts `rate` s per second of it."""
