@@ -24,7 +24,6 @@ class NetworkServices:
         self._env, self._nodes, self._clocks = env, nodes, clocks
         self.is_awake: Callable[[int], bool] = nodes.is_awake
         self.lasts: Callable[[int, float], float] = clocks.lasts
-        self.clock: Callable[[int], float] = clocks.local_time
 
     @property
     def now(self) -> float:
@@ -38,6 +37,10 @@ class NetworkServices:
     def is_dead(self, node: int) -> bool:
         """Whether the battery of a node is empty."""
         return node in self._nodes.died_at
+
+    def clock(self, node: int) -> float:
+        """What the clock of a node shows now, in s."""
+        return self._clocks.local_time(node)
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""
