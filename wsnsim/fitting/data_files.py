@@ -16,9 +16,20 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import MOST_PRINTED, RunError, UsageError, did_you_mean
 from wsnsim.base.files import content_digest
+from wsnsim.base.initial_conditions import joined_by_name
 from wsnsim.fitting.fitted_law import LawForm
 from wsnsim.fitting.located_readings import DataFile, LocatedReadings, NodeTable
-from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, first_of_equal, limited, open_text, read_rows
+from wsnsim.models.csvfile import (
+    BadRow,
+    CsvRows,
+    Wanted,
+    bad_rows_text,
+    first_of_equal,
+    identifiers,
+    limited,
+    open_text,
+    read_rows,
+)
 from wsnsim.models.recorded_track import recorded_points
 
 NAMES: Final[Mapping[str, tuple[str, ...]]] = {
@@ -90,7 +101,7 @@ def read_nodes(path: str, columns: Mapping[str, str]) -> NodeTable:
     )
     if bad := limited(path, chain(rows.bad, repeated)):
         raise RunError(bad_rows_text(path, bad, len(rows.lines) + len(rows.bad)))
-    return NodeTable(ids, _points(rows))
+    return NodeTable(ids, _points(rows), path)
 
 
 def read_sample(files: Sequence[str], nodes: NodeTable, form: LawForm, options: ReadingOptions) -> LocatedReadings:
@@ -125,9 +136,10 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
     )
     rows = read_rows(path, wanted, "readings")
     points, located, skipped = _places_of(rows, track, options)
-    index = {name: number for number, name in enumerate(nodes.ids)}
     ids, codes = rows.texts["node"]
-    row_nodes = np.array([index.get(name, -1) for name in ids], dtype=np.int64)[codes]
+    row_nodes = joined_by_name(ids, nodes.ids, path, nodes.path, lambda: _others(path, names, nodes.path, options))[
+        codes
+    ]
     bad = limited(path, chain(rows.bad, _unusable(rows, row_nodes, nodes, form, located)))
     good = ~np.isin(rows.lines, [row.line for row in bad])
     total = len(rows.lines) + len(rows.bad)
@@ -145,6 +157,16 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
     file = DataFile(path, digest_of(path), int(good.sum()), notes)
     numbers = rows.numbers
     return _Rows(numbers["time"][good], row_nodes[good], numbers["reading"][good], points[good], file)
+
+
+def _others(path: str, names: Mapping[str, str], nodes: str, options: ReadingOptions) -> dict[str, list[str]]:
+    """The cells of columns that look like names and are not read as such: of a file of readings, and of the nodes."""
+    return identifiers(path, (names["node"],)) | unread_names(nodes, options.node_columns)
+
+
+def unread_names(nodes: str, columns: Mapping[str, str]) -> dict[str, list[str]]:
+    """The cells of the columns of a file of nodes that look like names and are not read as such."""
+    return identifiers(nodes, (names_in(nodes, columns, ())["id"],))
 
 
 def _unusable(rows: CsvRows, row_nodes: Ints, nodes: NodeTable, form: LawForm, located: Bools) -> Iterator[BadRow]:

@@ -5,6 +5,7 @@ recordings(names, targets, steps, dt) -> one Recording per target, (steps + 1, N
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -225,13 +226,8 @@ class RecordedSensor(OfLaw):
         Raises:
             RunError: it has none of them.
         """
-        try:
-            found = joined_by_name(self._table.names, names, self.path, "the deployment")
-        except RunError as error:
-            columns = csvfile.identifiers(self.path, (self.columns.node,))
-            near = [f"the column '{name}' has some" for name, cells in columns.items() if {*cells} & {*names}]
-            raise RunError("; ".join([str(error), *near])) from error
-        return found[self._table.codes]
+        near = functools.partial(csvfile.identifiers, self.path, (self.columns.node,))
+        return joined_by_name(self._table.names, names, self.path, "the deployment", near)[self._table.codes]
 
     def _bad(self, names: Sequence[str], targets: int) -> list[csvfile.BadRow]:
         """All rows that cannot be used, ascending: those of unknown nodes and targets too."""
