@@ -167,6 +167,7 @@ def test_the_first_of_equal_rows_is_that_of_a_dictionary(rows: list[tuple[bool, 
 
 def test_a_row_of_readings_takes_bytes_not_objects(tmp_path: Path) -> None:
     """277 kB of gzip with readings took 12.5 GB: some 380 bytes a row, of which those that repeat others have most."""
+    read_rows(written(tmp_path, "x,y\n1,2\n"), PLACES, "positions")  # imports pandas
     path = tmp_path / "many.csv.gz"
     path.write_bytes(gzip.compress(b"time,node,reading\n" + b"1,1,1\n" * 10_000 + b"2,2,2\n"))
     tracemalloc.start()
