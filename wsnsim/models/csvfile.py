@@ -120,7 +120,47 @@ class CsvRows:
     lines: Ints
     texts: Mapping[str, TextColumn]
     numbers: Mapping[str, Floats]
-    bad: tuple[BadRow, ...]
+    bad: tuple[BadRow, ...] = ()
+
+    def without(self, *checks: Check, skip: bool = True, remedy: str = "") -> CsvRows:
+        """The rows that no check refuses.
+
+        Args:
+            *checks: Checks of these rows; of several that refuse a row, the first gives the reason.
+            skip: Whether other rows are left out, instead of refused.
+            remedy: What the message says that leaves them out.
+
+        Raises:
+            RunError: A row is refused; or there are more than `MOST_BAD` such rows.
+        """
+        bad = tuple(limited(self.path, itertools.chain(self.bad, bad_rows(self.lines, *checks))))
+        if bad and not skip:
+            raise RunError(bad_rows_text(self.path, bad, self.total, remedy))
+        if len(bad) == len(self.bad):
+            return self
+        good = ~np.isin(self.lines, [row.line for row in bad])
+        texts = {name: column.only(good) for name, column in self.texts.items()}
+        numbers = {name: values[good] for name, values in self.numbers.items()}
+        return CsvRows(self.path, self.lines[good], texts, numbers, bad)
+
+    def nodes_once(self, name: str) -> Check:
+        """Which rows name a node that an earlier one names in the same column."""
+        names, codes = self.texts[name]
+        first = first_of_equal(np.ones(len(codes), dtype=np.bool_), codes)
+        return first != np.arange(
+            len(codes)
+        ), lambda row: f"the node '{names[codes[row]]}' stands in line {self.lines[first[row]]} already"
+
+    @property
+    def total(self) -> int:
+        """The number of good and bad rows."""
+        return len(self.lines) + len(self.bad)
+
+    @property
+    def points(self) -> Floats:
+        """(n, 3) the columns x, y and z; NaN for a z that the file lacks."""
+        unknown = np.full(len(self.lines), np.nan)
+        return np.column_stack([self.numbers.get(axis, unknown) for axis in "xyz"])
 
 
 class Cells(NamedTuple):
@@ -189,21 +229,16 @@ def read_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
             ones.
     """
     with open_text(path) as file:
-        lines, texts, numbers, _ = cells = read_cells(path, file, wanted, what)
+        cells = read_cells(path, file, wanted, what)
     checks: list[Check] = []
-    for name, column in texts.items():
+    for name, column in cells.texts.items():
         checks.append((column.where(lambda word: not word), f"{name} must not be empty"))
         long = column.where(lambda word: len(word) > LONGEST_NAME)
         checks.append((long, f"{name} must have at most {LONGEST_NAME} characters"))
-    for name, values in numbers.items():
+    for name, values in cells.numbers.items():
         said = functools.partial("{} must be a finite number, is {}".format, wanted.numbers[name])
         checks.append((~np.isfinite(values), lambda row, name=name, said=said: said(cells.shown(name, row))))
-    bad = limited(path, bad_rows(lines, *checks))
-    if bad:
-        good = ~np.isin(lines, [row.line for row in bad])
-        texts = {name: column.only(good) for name, column in texts.items()}
-        lines, numbers = lines[good], {name: values[good] for name, values in numbers.items()}
-    return CsvRows(path, lines, texts, numbers, tuple(bad))
+    return CsvRows(path, cells.lines, cells.texts, cells.numbers).without(*checks)
 
 
 Check: TypeAlias = tuple[Bools, str | Callable[[int], str]]
@@ -223,9 +258,13 @@ def only_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
     Raises:
         RunError: as there, or a row cannot be used. The message names file and line.
     """
-    rows = read_rows(path, wanted, what)
+    return demand_good(read_rows(path, wanted, what))
+
+
+def demand_good(rows: CsvRows) -> CsvRows:
+    """The rows. Raises RunError if one was bad; the message names file and line."""
     if rows.bad:
-        raise RunError(f"{path}:{rows.bad[0].line}: {rows.bad[0].reason}")
+        raise RunError(f"{rows.path}:{rows.bad[0].line}: {rows.bad[0].reason}")
     return rows
 
 

@@ -231,17 +231,17 @@ class RecordedSensor(OfLaw):
 
     def _bad(self, names: Sequence[str], targets: int) -> list[csvfile.BadRow]:
         """All rows that cannot be used, ascending: those of unknown nodes and targets too."""
-        return csvfile.limited(self.path, itertools.chain(self._table.bad, self._strangers(names, targets)))
-
-    def _strangers(self, names: Sequence[str], targets: int) -> Iterator[csvfile.BadRow]:
-        """Yield the rows of nodes and targets that the scenario does not have."""
         table, known = self._table, shortened(", ".join(names))
-        for row in np.flatnonzero(self._nodes(names) < 0).tolist():
-            reason = f"the deployment has no node '{table.names[table.codes[row]]}' (its nodes: {known})"
-            yield csvfile.BadRow(int(table.lines[row]), reason)
-        for row in np.flatnonzero((table.targets < 0) | (table.targets >= targets)).tolist():
-            reason = f"there is no target {table.targets[row]}: allowed are 0 to {targets - 1}"
-            yield csvfile.BadRow(int(table.lines[row]), reason)
+        strangers = csvfile.bad_rows(
+            table.lines,
+            (self._nodes(names) < 0, lambda row: (
+                f"the deployment has no node '{table.names[table.codes[row]]}' (its nodes: {known})"
+            )),
+            ((table.targets < 0) | (table.targets >= targets), lambda row: (
+                f"there is no target {table.targets[row]}: allowed are 0 to {targets - 1}"
+            )),
+        )  # fmt: skip
+        return csvfile.limited(self.path, itertools.chain(table.bad, strangers))
 
     @cached_property
     def _table(self) -> _ReadingRows:
@@ -252,29 +252,24 @@ class RecordedSensor(OfLaw):
         rows = csvfile.read_rows(
             self.path, csvfile.Wanted({"node": names.node}, numbers, optional=("target",)), "readings"
         )
-        kinds, codes = rows.texts["node"]
-        targets = rows.numbers.get("target", np.zeros(len(rows.lines)))
-        every = tuple(csvfile.limited(self.path, itertools.chain(rows.bad, self._refused(rows, codes, targets))))
-        good = ~np.isin(rows.lines, [row.line for row in every])
-        order = np.flatnonzero(good)[np.argsort(rows.numbers["time"][good], kind="stable")]
-        if not order.size:
-            raise RunError(csvfile.bad_rows_text(self.path, every, len(rows.lines) + len(rows.bad)))
-        columns = (rows.numbers["time"], rows.numbers["reading"])
-        times, readings = (column[order] for column in columns)
-        whole = targets[order].astype(np.int64)
-        return _ReadingRows(rows.lines[order], times, kinds, codes[order], readings, whole, every)
+        rows = rows.without(*self._checks(rows))
+        if not rows.lines.size:
+            raise RunError(csvfile.bad_rows_text(self.path, rows.bad, rows.total))
+        order = np.argsort(rows.numbers["time"], kind="stable")
+        times, readings = (rows.numbers[name][order] for name in ("time", "reading"))
+        targets = rows.numbers.get("target", np.zeros(len(order)))[order].astype(np.int64)
+        (known, codes), lines = rows.texts["node"], rows.lines[order]
+        return _ReadingRows(lines, times, known, codes[order], readings, targets, rows.bad)
 
-    def _refused(self, rows: csvfile.CsvRows, codes: Ints, targets: Floats) -> Iterator[csvfile.BadRow]:
-        """Yield the rows whose reading the law cannot give, whose target is no number of one, or that repeat a row."""
+    def _checks(self, rows: csvfile.CsvRows) -> Iterator[csvfile.Check]:
+        """Yield which rows have a reading that the law cannot give, no number of a target, or repeat another row."""
         least, most = self.law.reading_limits if isinstance(self.law, LimitsReadings) else NO_LIMITS
-        readings, lines = rows.numbers["reading"], rows.lines
+        readings, targets = rows.numbers["reading"], rows.numbers.get("target", np.zeros(len(rows.lines)))
         beyond = (readings < least) | (readings > most)
+        between = f"{self.columns.reading} must be between {least:g} and {most:g}"
+        yield beyond, lambda row: f"{between}, is {readings[row]:g}"
         broken = (targets != np.floor(targets)) | (np.abs(targets) > 1e9)
-        first = csvfile.first_of_equal(~(beyond | broken), rows.numbers["time"], codes, targets)
-        for row in np.flatnonzero(beyond | broken | (first != np.arange(len(lines)))).tolist():
-            reason = f"repeats time, node and target of line {lines[first[row]]}"
-            if beyond[row]:
-                reason = f"{self.columns.reading} must be between {least:g} and {most:g}, is {readings[row]:g}"
-            elif broken[row]:
-                reason = f"{self.columns.target} must be a whole number, is {targets[row]:g}"
-            yield csvfile.BadRow(int(lines[row]), reason)
+        yield broken, lambda row: f"{self.columns.target} must be a whole number, is {targets[row]:g}"
+        first = csvfile.first_of_equal(~(beyond | broken), rows.numbers["time"], rows.texts["node"].codes, targets)
+        repeated = "repeats time, node and target of line {}"
+        yield first != np.arange(len(first)), lambda row: repeated.format(rows.lines[first[row]])

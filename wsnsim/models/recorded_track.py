@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Final, NamedTuple
@@ -60,15 +59,11 @@ def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, re
     """
     rows = csvfile.read_rows(path, csvfile.Wanted(numbers=names, optional=("z",)), "points of a trajectory")
     _demand_one_mover(path, names)
-    bad = tuple(csvfile.limited(path, itertools.chain(rows.bad, _conflicts(rows))))
-    if bad and not skip_bad_rows:
-        raise RunError(csvfile.bad_rows_text(path, bad, len(rows.lines) + len(rows.bad), remedy))
-    used = ~np.isin(rows.lines, [row.line for row in bad])
-    times, first = np.unique(rows.numbers["time"][used], return_index=True)
+    rows = rows.without(*_conflicts(rows), skip=skip_bad_rows, remedy=remedy)
+    times, first = np.unique(rows.numbers["time"], return_index=True)
     if len(times) < 2:
         raise RunError(f"{path}: at least two points of different times are needed")
-    points = np.column_stack([rows.numbers[name][used][first] for name in "xyz" if name in rows.numbers])
-    return RecordedPoints(times, points, bad)
+    return RecordedPoints(times, rows.points[first, : 3 if "z" in rows.numbers else 2], rows.bad)
 
 
 @part
@@ -187,21 +182,24 @@ def _demand_one_mover(path: str, names: Mapping[str, str]) -> None:
             )
 
 
-def _conflicts(rows: csvfile.CsvRows) -> Iterator[csvfile.BadRow]:
-    """Yield the rows that are too far away, at another place than the first of their time, or at nearly its time."""
-    times, lines = rows.numbers["time"], rows.lines
-    points = np.column_stack([rows.numbers[name] for name in "xyz" if name in rows.numbers])
+def _conflicts(rows: csvfile.CsvRows) -> Iterator[csvfile.Check]:
+    """Yield which rows are too far away, at another place than the first of their time, or at nearly its time."""
+    times, lines, points = rows.numbers["time"], rows.lines, np.nan_to_num(rows.points)
     far = (np.abs(points) > FARTHEST_POINT).any(axis=1) | (np.abs(times) > LATEST)
+    yield far, f"x, y and z must be within ±{FARTHEST_POINT:g} m, time within ±{LATEST:g} s"
     first = csvfile.first_of_equal(~far, times)
     apart = np.linalg.norm(points - points[first], axis=1)
-    for i in np.flatnonzero(far | (apart > SAME_PLACE)).tolist():
-        reason = f"x, y and z must be within ±{FARTHEST_POINT:g} m, time within ±{LATEST:g} s"
-        if not far[i]:
-            place = f"it is {apart[i]:.3g} m from the place in line {lines[first[i]]}"
-            reason = f"at the time {times[i]:g} s {place}; at most {SAME_PLACE:g} m is allowed"
-        yield csvfile.BadRow(int(lines[i]), reason)
+    yield (
+        apart > SAME_PLACE,
+        lambda i: (
+            f"at the time {times[i]:g} s it is {apart[i]:.3g} m from the place in line {lines[first[i]]}; at most "
+            f"{SAME_PLACE:g} m is allowed"
+        ),
+    )
     order = np.flatnonzero(~far)[np.argsort(times[~far], kind="stable")]
-    between = np.diff(times[order])
-    for i in np.flatnonzero((between > 0.0) & (between < LEAST_APART * (1.0 - 1e-6))).tolist():
-        reason = f"is {between[i]:.3g} s after line {lines[order[i]]}; {LEAST_APART:g} s are the least that is allowed"
-        yield csvfile.BadRow(int(lines[order[i + 1]]), reason)
+    before, later = np.arange(len(times)), np.zeros(len(times))
+    before[order[1:]], later[order[1:]] = order[:-1], np.diff(times[order])
+    yield (
+        (later > 0.0) & (later < LEAST_APART * (1.0 - 1e-6)),
+        lambda i: f"is {later[i]:.3g} s after line {lines[before[i]]}; {LEAST_APART:g} s are the least that is allowed",
+    )
