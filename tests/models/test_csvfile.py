@@ -11,17 +11,15 @@ from hypothesis import strategies as st
 
 from wsnsim.base import files
 from wsnsim.base.errors import RunError
-from wsnsim.models import csvfile
+from wsnsim.models import csvfile, row_checks
 from wsnsim.models.csvfile import (
-    BadRow,
     Wanted,
-    bad_rows_text,
     demand_digest,
-    first_of_equal,
     identifiers,
     only_rows,
     read_rows,
 )
+from wsnsim.models.row_checks import BadRow, bad_rows_text, first_of_equal
 
 WANTED = Wanted({"node": "receiver"}, {"time": "time", "reading": "rssi", "z": "z"}, optional=("z",))
 PLACES = Wanted(numbers={"x": "x", "y": "y"})
@@ -141,7 +139,7 @@ def test_rows_are_counted_while_they_are_read(tmp_path: Path, monkeypatch: pytes
 
 
 def test_bad_rows_are_kept_up_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(csvfile, "MOST_BAD", 2)
+    monkeypatch.setattr(row_checks, "MOST_BAD", 2)
     with pytest.raises(
         RunError, match=r"more than 2 rows cannot be used:\n  data\.csv:2: .*\n.*\n.*:4: .*\n  and more$"
     ):

@@ -269,7 +269,7 @@ def test_a_row_that_cannot_be_used_is_named_with_its_line_or_skipped(name: str, 
         (
             HEADER,
             "datetime,src,dst,channel,pdr",
-            "mean_rssi and pdr, for example 'src,dst,datetime,channel,mean_rssi,pdr', is 'datetime,src,dst,channel,pdr'",
+            "for example 'src,dst,datetime,channel,mean_rssi,pdr', is 'datetime,src,dst,channel,pdr'",
         ),
     ],
 )

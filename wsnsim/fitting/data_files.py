@@ -19,8 +19,9 @@ from wsnsim.base.files import content_digest
 from wsnsim.base.initial_conditions import joined_by_name
 from wsnsim.fitting.fitted_law import LawForm
 from wsnsim.fitting.located_readings import DataFile, LocatedReadings, NodeTable
-from wsnsim.models.csvfile import BadRow, Check, CsvRows, Wanted, first_of_equal, identifiers, open_text, read_rows
+from wsnsim.models.csvfile import Wanted, identifiers, open_text, read_rows
 from wsnsim.models.recorded_track import recorded_points
+from wsnsim.models.row_checks import BadRow, Check, CsvRows, first_of_equal
 
 NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     "time": ("time", "t"),

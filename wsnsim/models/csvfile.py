@@ -2,7 +2,7 @@
 
 read_rows(path, wanted, "readings") -> CsvRows      columns of texts and numbers, bad rows apart
 only_rows(path, wanted, "positions") -> CsvRows     the same, where no row may be bad
-read_cells(path, file, wanted, "links") -> Cells    for formats with checks of their own: bad_rows(lines, *checks)
+read_cells(path, file, wanted, "links") -> Cells    for formats with checks of their own
 open_text(path) -> a text file                      for other formats, with the same limits and messages
 
 Rows become arrays while they are read, so that memory is that of the numbers.
@@ -18,57 +18,41 @@ import io
 import itertools
 import math
 import re
-import shlex
 import zlib
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, NamedTuple, TypeAlias, final
+from typing import Any, Final, NamedTuple, final
 
 import numpy as np
 
 from wsnsim.base import files
-from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.errors import MOST_PRINTED, RunError
+from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.errors import RunError
 from wsnsim.base.files import file_digest, why_not_regular
+from wsnsim.models import row_checks
+from wsnsim.models.row_checks import CsvRows, TextColumn
 
 MOST_ROWS: Final = 8_000_000
 """Rows of one file (our choice): readings of 100 nodes, once a second for 22 hours."""
-MOST_BAD: Final = 100_000
-"""Rows of one file that may be left out because they cannot be used (our choice)."""
 LONGEST_LINE: Final = 1_000_000
 """Characters of a line."""
 LONGEST_NAME: Final = 200
 """Characters of a text, such as the name of a node (our choice)."""
 LONGEST_SHOWN: Final = 60
 """Characters of a cell in a message."""
-SKIPPING: Final = "skip_bad_rows: true leaves them out, and the result names them"
-"""What helps a scenario whose file has bad rows."""
-SkipBadRows: TypeAlias = Annotated[
-    bool, "whether rows that cannot be used are left out and counted, instead of refused"
-]
 IDENTIFIER: Final = re.compile(
     r"(id|name|node|mote|mac|addr|address|receiver|anchor|beacon|station|tag|vehicle|person|label)$", re.IGNORECASE
 )
 """Names of columns that look like identifiers (our choice)."""
 LOOKED_AT: Final = 20_000
 """Rows in which columns that are not read are looked at (our choice)."""
-DATED: Final = re.compile(r"must be a finite number, is '\d{4}-\d\d-\d\d")
-"""What is said of a cell that holds a date."""
 CHUNK: Final = 100_000
 """Rows that are read at once."""
 BLANK: Final = ' \t\r\n,"'
 """The characters of a line without a cell."""
 DELIMITERS: Final = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
-
-
-@dataclass(frozen=True, slots=True)
-class BadRow:
-    """A row of a file that cannot be used: its line, and what is wrong and allowed."""
-
-    line: int
-    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,81 +70,6 @@ class Wanted:
     numbers: Mapping[str, str] = field(default_factory=dict)
     optional: Sequence[str] = ()
     read: Mapping[str, Callable[[str], float]] = field(default_factory=dict)
-
-
-class TextColumn(NamedTuple):
-    """(n,) texts, each of which is kept once: `names[codes[i]]` is that of row i. Names are in the file's order."""
-
-    names: tuple[str, ...]
-    codes: Ints
-
-    def where(self, holds: Callable[[str], bool]) -> Bools:
-        """(n,) in which rows the text has this property."""
-        return np.array([*map(holds, self.names)], dtype=np.bool_)[self.codes]
-
-    def only(self, rows: Bools) -> TextColumn:
-        """The texts of some rows (n,)."""
-        used, codes = np.unique(self.codes[rows], return_inverse=True)
-        return TextColumn(tuple(self.names[code] for code in used.tolist()), codes)
-
-
-@dataclass(frozen=True, slots=True)
-class CsvRows:
-    """The good rows of a file, by our names of the columns, in the file's order.
-
-    Attributes:
-        path: the file.
-        lines: (n,) line of each good row.
-        texts: (n,) texts of each column that the file has.
-        numbers: (n,) numbers of each column that the file has.
-        bad: the other rows, ascending.
-    """
-
-    path: str
-    lines: Ints
-    texts: Mapping[str, TextColumn]
-    numbers: Mapping[str, Floats]
-    bad: tuple[BadRow, ...] = ()
-
-    def without(self, *checks: Check, skip: bool = True, remedy: str = "") -> CsvRows:
-        """The rows that no check refuses.
-
-        Args:
-            *checks: Checks of these rows; of several that refuse a row, the first gives the reason.
-            skip: Whether other rows are left out, instead of refused.
-            remedy: What the message says that leaves them out.
-
-        Raises:
-            RunError: A row is refused; or there are more than `MOST_BAD` such rows.
-        """
-        bad = tuple(limited(self.path, itertools.chain(self.bad, bad_rows(self.lines, *checks))))
-        if bad and not skip:
-            raise RunError(bad_rows_text(self.path, bad, self.total, remedy))
-        if len(bad) == len(self.bad):
-            return self
-        good = ~np.isin(self.lines, [row.line for row in bad])
-        texts = {name: column.only(good) for name, column in self.texts.items()}
-        numbers = {name: values[good] for name, values in self.numbers.items()}
-        return CsvRows(self.path, self.lines[good], texts, numbers, bad)
-
-    def nodes_once(self, name: str) -> Check:
-        """Which rows name a node that an earlier one names in the same column."""
-        names, codes = self.texts[name]
-        first = first_of_equal(np.ones(len(codes), dtype=np.bool_), codes)
-        return first != np.arange(
-            len(codes)
-        ), lambda row: f"the node '{names[codes[row]]}' stands in line {self.lines[first[row]]} already"
-
-    @property
-    def total(self) -> int:
-        """The number of good and bad rows."""
-        return len(self.lines) + len(self.bad)
-
-    @property
-    def points(self) -> Floats:
-        """(n, 3) the columns x, y and z; NaN for a z that the file lacks."""
-        unknown = np.full(len(self.lines), np.nan)
-        return np.column_stack([self.numbers.get(axis, unknown) for axis in "xyz"])
 
 
 class Cells(NamedTuple):
@@ -209,7 +118,9 @@ def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) 
                     values = np.array([known[name].setdefault(cell.strip(), len(known[name])) for cell in cells], int)
                 else:
                     values = np.array([*map(wanted.read.get(name, number_in), cells)])
-                    wrong = np.flatnonzero(~np.isfinite(values)[codes])[: max(MOST_BAD + 1 - len(odd[name]), 0)]
+                    wrong = np.flatnonzero(~np.isfinite(values)[codes])[
+                        : max(row_checks.MOST_BAD + 1 - len(odd[name]), 0)
+                    ]
                     odd[name] |= {int(chunk.index[row]): cells[codes[row]].strip() for row in wrong.tolist()}
                 parts[name].append(values[codes])
     if not lines.numbers:
@@ -230,7 +141,7 @@ def read_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
     """
     with open_text(path) as file:
         cells = read_cells(path, file, wanted, what)
-    checks: list[Check] = []
+    checks: list[row_checks.Check] = []
     for name, column in cells.texts.items():
         checks.append((column.where(lambda word: not word), f"{name} must not be empty"))
         long = column.where(lambda word: len(word) > LONGEST_NAME)
@@ -239,17 +150,6 @@ def read_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
         said = functools.partial("{} must be a finite number, is {}".format, wanted.numbers[name])
         checks.append((~np.isfinite(values), lambda row, name=name, said=said: said(cells.shown(name, row))))
     return CsvRows(path, cells.lines, cells.texts, cells.numbers).without(*checks)
-
-
-Check: TypeAlias = tuple[Bools, str | Callable[[int], str]]
-"""Which rows (n,) cannot be used, and why: a sentence for all, or what says it of the row with this number."""
-
-
-def bad_rows(lines: Ints, *checks: Check) -> Iterator[BadRow]:
-    """Yield the rows in the lines (n,) that a check refuses, with the reason of the first one that does."""
-    for row in np.flatnonzero(np.any([refused for refused, _ in checks], axis=0)).tolist():
-        reason = next(reason for refused, reason in checks if refused[row])
-        yield BadRow(int(lines[row]), reason if isinstance(reason, str) else reason(row))
 
 
 def only_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
@@ -295,15 +195,6 @@ def demand_once(place: str, header: Sequence[str], names: Iterable[str]) -> None
             raise RunError(f"{place}: the header names the column '{name}' twice: rename one of them, or delete it")
 
 
-def first_of_equal(among: Bools, *keys: Floats | Ints) -> Ints:
-    """(n,) the index of the first row with the same keys (n,), of those `among` which it is sought; else its own."""
-    import pandas as pd
-
-    first, rows = np.arange(len(among)), np.flatnonzero(among)
-    first[rows] = pd.Series(rows).groupby([key[rows] for key in keys]).transform("first")
-    return first
-
-
 @contextlib.contextmanager
 def open_text(path: str) -> Iterator[Any]:
     """Open a UTF-8 text that may be compressed with gzip; what cannot be read within the block is a RunError too.
@@ -342,32 +233,6 @@ def demand_digest(path: str, digest: str) -> None:
         raise RunError(f"{path}: cannot be read: {error.strerror}; the scenario was made with this file") from error
     if found != digest:
         raise RunError(f"{path}: the file has changed: its digest is {found}, the scenario was made with {digest}")
-
-
-def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int, remedy: str = "") -> str:
-    """A message that names the first bad rows of a file with their lines, of `rows` in all, and what helps."""
-    if all(DATED.search(row.reason) for row in bad):
-        like = f" ({len(bad) - 1:,} more rows like it)" if len(bad) > 1 else ""
-        dates = f"times are seconds; write: wsnsim import readings (or track) {shlex.quote(path)}, which reads dates"
-        return f"{path}:{bad[0].line}: {bad[0].reason}{like}: {dates}"
-    listed = row_texts(path, bad[:MOST_PRINTED])
-    more = len(bad) - len(listed)
-    rest = [words for words in (f"and {more} more" if more else "", remedy) if words]
-    return "\n  ".join([f"{path}: {len(bad)} of {rows} rows cannot be used:", *listed, *rest])
-
-
-def limited(path: str, bad: Iterable[BadRow]) -> list[BadRow]:
-    """The bad rows of a file, ascending. Raises RunError where there are more than `MOST_BAD`."""
-    rows = sorted(itertools.islice(bad, MOST_BAD + 1), key=lambda row: row.line)
-    if len(rows) > MOST_BAD:
-        listed = row_texts(path, rows[:MOST_PRINTED])
-        raise RunError("\n  ".join([f"{path}: more than {MOST_BAD:,} rows cannot be used:", *listed, "and more"]))
-    return rows
-
-
-def row_texts(path: str, bad: Sequence[BadRow]) -> list[str]:
-    """Bad rows, a text each with file, line and reason, without the file's folder."""
-    return [f"{Path(path).name}:{row.line}: {row.reason}" for row in bad]
 
 
 def _decompressed(path: str, file: Any) -> Any:

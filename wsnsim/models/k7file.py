@@ -26,7 +26,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.errors import RunError
-from wsnsim.models import csvfile
+from wsnsim.models import csvfile, row_checks
 from wsnsim.models.link_recording import Bursts, LinkRecording, LinkRow, RecordedRows, link_recording
 
 HIGHEST_CHANNEL: Final = 26
@@ -81,14 +81,14 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
         header = _header(path, file.readline())
         cells = csvfile.read_cells(path, file, _wanted(header), "links, only the two lines at its top", first=2)
     rows, names = _rows(cells, header)
-    bad = csvfile.limited(path, csvfile.bad_rows(cells.lines, *_checks(cells, header)))
+    bad = row_checks.limited(path, row_checks.refused(cells.lines, *_checks(cells, header)))
     rows = rows[~np.isin(cells.lines, [row.line for row in bad])]
     rows = rows[np.argsort(rows["time"], kind="stable")]
     bursts = Bursts(header.burst + SLACK)
     repeated = np.zeros(len(rows), dtype=np.bool_)
-    bad = csvfile.limited(path, chain(bad, _repeated(rows, names, bursts, repeated)))
+    bad = row_checks.limited(path, chain(bad, _repeated(rows, names, bursts, repeated)))
     if bad and not skip_bad_rows:
-        raise RunError(csvfile.bad_rows_text(path, bad, len(cells.lines)))
+        raise RunError(row_checks.bad_rows_text(path, bad, len(cells.lines)))
     kept = rows[~repeated]
     if not kept.size:
         raise RunError(f"{path}: contains no row that can be used")
@@ -98,13 +98,13 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
     return link_recording(path, table, bursts, _names(table, header.nodes), tuple(bad), cut)
 
 
-def _repeated(rows: Any, names: Sequence[str], bursts: Bursts, repeated: Bools) -> Iterator[csvfile.BadRow]:
+def _repeated(rows: Any, names: Sequence[str], bursts: Bursts, repeated: Bools) -> Iterator[row_checks.BadRow]:
     """Add rows, which are in the order of their times, to bursts; mark and yield those that a burst has already."""
     for i, row in enumerate(rows):
         line, time, source, receiver, *values = row.tolist()
         if said := bursts.add(LinkRow(line, time, names[source], names[receiver], *values)):
             repeated[i] = True
-            yield csvfile.BadRow(line, said)
+            yield row_checks.BadRow(line, said)
 
 
 def _header(path: str, line: str) -> _Header:
@@ -166,7 +166,7 @@ def _rows(cells: csvfile.Cells, header: _Header) -> RecordedRows:
     return RecordedRows(np.rec.fromarrays(columns, dtype=list(TYPES.items())), tuple(codes))
 
 
-def _checks(cells: csvfile.Cells, header: _Header) -> Iterator[csvfile.Check]:
+def _checks(cells: csvfile.Cells, header: _Header) -> Iterator[row_checks.Check]:
     """Yield which rows cannot be used, and why."""
     (sources, source), (receivers, receiver), values = cells.texts["src"], cells.texts["dst"], cells.numbers
 

@@ -22,7 +22,7 @@ from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import SensorModel
 from wsnsim.base.sensing import recorded_traits
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models import csvfile
+from wsnsim.models import csvfile, row_checks
 from wsnsim.models.recorded_issues import recorded_issues
 from wsnsim.models.sensing import OfLaw
 
@@ -111,7 +111,7 @@ class _ReadingRows(NamedTuple):
     codes: Ints
     readings: Floats
     targets: Ints
-    bad: tuple[csvfile.BadRow, ...]
+    bad: tuple[row_checks.BadRow, ...]
 
 
 @part
@@ -134,7 +134,7 @@ class RecordedSensor(OfLaw):
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: the first reading's"
     ] = None
-    skip_bad_rows: csvfile.SkipBadRows = False
+    skip_bad_rows: row_checks.SkipBadRows = False
     in_sample: Annotated[bool, "whether the law may be one that was fitted to these readings (its `fitted_on`)"] = False
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
 
@@ -168,7 +168,9 @@ class RecordedSensor(OfLaw):
         """
         table, bad = self._table, self._bad(names, targets)
         if bad and not self.skip_bad_rows:
-            raise RunError(csvfile.bad_rows_text(self.path, bad, len(table.lines) + len(table.bad), csvfile.SKIPPING))
+            raise RunError(
+                row_checks.bad_rows_text(self.path, bad, len(table.lines) + len(table.bad), row_checks.SKIPPING)
+            )
         times, nodes, values, of = self.rows(names, targets)
         numbers = np.ceil((times - ROUNDING) / dt)
         used = numbers <= steps
@@ -197,7 +199,7 @@ class RecordedSensor(OfLaw):
         """The rows that are left out, a text each with file, line and reason; none unless `skip_bad_rows` allows it."""
         if not self.skip_bad_rows:
             return []
-        return csvfile.row_texts(self.path, self._bad(node_names(setup), len(setup.motions)))
+        return row_checks.row_texts(self.path, self._bad(node_names(setup), len(setup.motions)))
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be used, or if the scenario changes what was recorded."""
@@ -229,10 +231,10 @@ class RecordedSensor(OfLaw):
         near = functools.partial(csvfile.identifiers, self.path, (self.columns.node,))
         return joined_by_name(self._table.names, names, self.path, "the deployment", near)[self._table.codes]
 
-    def _bad(self, names: Sequence[str], targets: int) -> list[csvfile.BadRow]:
+    def _bad(self, names: Sequence[str], targets: int) -> list[row_checks.BadRow]:
         """All rows that cannot be used, ascending: those of unknown nodes and targets too."""
         table, known = self._table, shortened(", ".join(names))
-        strangers = csvfile.bad_rows(
+        strangers = row_checks.refused(
             table.lines,
             (self._nodes(names) < 0, lambda row: (
                 f"the deployment has no node '{table.names[table.codes[row]]}' (its nodes: {known})"
@@ -241,7 +243,7 @@ class RecordedSensor(OfLaw):
                 f"there is no target {table.targets[row]}: allowed are 0 to {targets - 1}"
             )),
         )  # fmt: skip
-        return csvfile.limited(self.path, itertools.chain(table.bad, strangers))
+        return row_checks.limited(self.path, itertools.chain(table.bad, strangers))
 
     @cached_property
     def _table(self) -> _ReadingRows:
@@ -254,14 +256,14 @@ class RecordedSensor(OfLaw):
         )
         rows = rows.without(*self._checks(rows))
         if not rows.lines.size:
-            raise RunError(csvfile.bad_rows_text(self.path, rows.bad, rows.total))
+            raise RunError(row_checks.bad_rows_text(self.path, rows.bad, rows.total))
         order = np.argsort(rows.numbers["time"], kind="stable")
         times, readings = (rows.numbers[name][order] for name in ("time", "reading"))
         targets = rows.numbers.get("target", np.zeros(len(order)))[order].astype(np.int64)
         (known, codes), lines = rows.texts["node"], rows.lines[order]
         return _ReadingRows(lines, times, known, codes[order], readings, targets, rows.bad)
 
-    def _checks(self, rows: csvfile.CsvRows) -> Iterator[csvfile.Check]:
+    def _checks(self, rows: row_checks.CsvRows) -> Iterator[row_checks.Check]:
         """Yield which rows have a reading that the law cannot give, no number of a target, or repeat another row."""
         least, most = self.law.reading_limits if isinstance(self.law, LimitsReadings) else NO_LIMITS
         readings, targets = rows.numbers["reading"], rows.numbers.get("target", np.zeros(len(rows.lines)))
@@ -270,6 +272,6 @@ class RecordedSensor(OfLaw):
         yield beyond, lambda row: f"{between}, is {readings[row]:g}"
         broken = (targets != np.floor(targets)) | (np.abs(targets) > 1e9)
         yield broken, lambda row: f"{self.columns.target} must be a whole number, is {targets[row]:g}"
-        first = csvfile.first_of_equal(~(beyond | broken), rows.numbers["time"], rows.texts["node"].codes, targets)
+        first = row_checks.first_of_equal(~(beyond | broken), rows.numbers["time"], rows.texts["node"].codes, targets)
         repeated = "repeats time, node and target of line {}"
         yield first != np.arange(len(first)), lambda row: repeated.format(rows.lines[first[row]])

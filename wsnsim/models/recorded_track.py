@@ -12,7 +12,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError, shortened
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models import csvfile
+from wsnsim.models import csvfile, row_checks
 from wsnsim.models.unit_checks import degrees_said
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
@@ -42,7 +42,7 @@ class RecordedPoints(NamedTuple):
 
     times: Floats
     points: Floats
-    bad: tuple[csvfile.BadRow, ...]
+    bad: tuple[row_checks.BadRow, ...]
 
 
 def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, remedy: str) -> RecordedPoints:
@@ -91,7 +91,7 @@ class RecordedTrack(Straight):
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: that of the first row"
     ] = None
-    skip_bad_rows: csvfile.SkipBadRows = False
+    skip_bad_rows: row_checks.SkipBadRows = False
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
     q: Annotated[float, INTENSITY, "intensity of the noise in the velocity that filters assume"] = 0.05
 
@@ -136,7 +136,7 @@ class RecordedTrack(Straight):
 
     def skipped_rows(self, setup: Any) -> list[str]:
         """The rows that are left out, a text each with file, line and reason; none unless `skip_bad_rows` allows it."""
-        return csvfile.row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
+        return row_checks.row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be read or is not that of the digest, has bad rows, or holds degrees."""
@@ -152,7 +152,7 @@ class RecordedTrack(Straight):
         """The points of the file."""
         names = self.header
         numbers = {"time": names.time, "x": names.x, "y": names.y, "z": names.z}
-        return recorded_points(self.path, numbers, self.skip_bad_rows, csvfile.SKIPPING)
+        return recorded_points(self.path, numbers, self.skip_bad_rows, row_checks.SKIPPING)
 
 
 def _demand_one_mover(path: str, names: Mapping[str, str]) -> None:
@@ -182,12 +182,12 @@ def _demand_one_mover(path: str, names: Mapping[str, str]) -> None:
             )
 
 
-def _conflicts(rows: csvfile.CsvRows) -> Iterator[csvfile.Check]:
+def _conflicts(rows: row_checks.CsvRows) -> Iterator[row_checks.Check]:
     """Yield which rows are too far away, at another place than the first of their time, or at nearly its time."""
     times, lines, points = rows.numbers["time"], rows.lines, np.nan_to_num(rows.points)
     far = (np.abs(points) > FARTHEST_POINT).any(axis=1) | (np.abs(times) > LATEST)
     yield far, f"x, y and z must be within ±{FARTHEST_POINT:g} m, time within ±{LATEST:g} s"
-    first = csvfile.first_of_equal(~far, times)
+    first = row_checks.first_of_equal(~far, times)
     apart = np.linalg.norm(points - points[first], axis=1)
     yield (
         apart > SAME_PLACE,
