@@ -9,7 +9,7 @@ import csv
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -65,14 +65,8 @@ class ReadingOptions:
                 raise UsageError(f"{option}: unknown column '{name}' ({did_you_mean(name, allowed)})")
 
 
-class _Rows(NamedTuple):
-    """The usable rows of one file of readings."""
-
-    times: Floats
-    nodes: Ints
-    readings: Floats
-    points: Floats
-    file: DataFile
+_Rows: TypeAlias = tuple[Floats, Ints, Floats, Floats, DataFile]
+"""Times, nodes, readings and points of the usable rows of one file, and the file."""
 
 
 def read_nodes(path: str, columns: Mapping[str, str]) -> NodeTable:
@@ -102,7 +96,7 @@ def read_sample(files: Sequence[str], nodes: NodeTable, form: LawForm, options: 
     # one trajectory stands for all files; '' for none
     tracks = list(options.tracks) * (len(files) if len(options.tracks) == 1 else 1) or [""] * len(files)
     read = [_read_file(file, track, nodes, form, options) for file, track in zip(files, tracks, strict=True)]
-    numbers = np.concatenate([np.full(len(rows.times), index) for index, rows in enumerate(read)])
+    numbers = np.concatenate([np.full(len(rows[0]), index) for index, rows in enumerate(read)])
     *columns, found = zip(*read, strict=True)
     times, heard, readings, points = map(np.concatenate, columns)
     order = np.lexsort((times, numbers))
@@ -137,7 +131,7 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
     notes = tuple(f"{name}:{row.line}: {row.reason}" for name, own in bad for row in own)
     file = DataFile(path, digest_of(path), len(used.lines), notes)
     good = np.isin(rows.lines, used.lines)
-    return _Rows(used.numbers["time"], row_nodes[good], used.numbers["reading"], points[good], file)
+    return used.numbers["time"], row_nodes[good], used.numbers["reading"], points[good], file
 
 
 def _others(path: str, names: Mapping[str, str], nodes: str, options: ReadingOptions) -> dict[str, list[str]]:

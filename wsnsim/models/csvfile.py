@@ -146,9 +146,11 @@ def read_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
         checks.append((column.where(lambda word: not word), f"{name} must not be empty"))
         long = column.where(lambda word: len(word) > LONGEST_NAME)
         checks.append((long, f"{name} must have at most {LONGEST_NAME} characters"))
-    for name, values in cells.numbers.items():
-        said = functools.partial("{} must be a finite number, is {}".format, wanted.numbers[name])
-        checks.append((~np.isfinite(values), lambda row, name=name, said=said: said(cells.shown(name, row))))
+
+    def said(name: str, row: int) -> str:
+        return f"{wanted.numbers[name]} must be a finite number, is {cells.shown(name, row)}"
+
+    checks += [(~np.isfinite(values), functools.partial(said, name)) for name, values in cells.numbers.items()]
     return CsvRows(path, cells.lines, cells.texts, cells.numbers).without(*checks)
 
 

@@ -189,9 +189,12 @@ def _checks(cells: csvfile.Cells, header: _Header) -> Iterator[row_checks.Check]
     for name, least, most in (("pdr", 0.0, 1.0), ("mean_rssi", *LEVELS), ("tx_count", 1.0, 1e9)):
         number = values.get(name, np.ones(len(source)))
         within = (least <= number) & (number <= most) | (name == "mean_rssi") & (values["pdr"] == 0.0)
-        between = f"{name} must be a number from {least:g} to {most:g}"
-        yield ~within, lambda row, name=name, between=between: f"{between}, is {cells.shown(name, row)}"
+        yield ~within, functools.partial(_beyond, cells, name, least, most)
     yield np.isnan(values["datetime"]), lambda row: f"datetime {A_TIME}, is {cells.shown('datetime', row)}"
+
+
+def _beyond(cells: csvfile.Cells, name: str, least: float, most: float, row: int) -> str:
+    return f"{name} must be a number from {least:g} to {most:g}, is {cells.shown(name, row)}"
 
 
 def _seconds(cell: str) -> float:

@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -102,18 +102,6 @@ class ReadingColumns:
     target: Annotated[str, "the number of the target, from 0; a file of one target may lack it"] = "target"
 
 
-class _ReadingRows(NamedTuple):
-    """The good rows of a file in the order of time: names[codes[i]] is the node of row i. `bad`: the other rows."""
-
-    lines: Ints
-    times: Floats
-    names: tuple[str, ...]
-    codes: Ints
-    readings: Floats
-    targets: Ints
-    bad: tuple[row_checks.BadRow, ...]
-
-
 @part
 class RecordedSensor(OfLaw):
     """Readings that were recorded, from a CSV file with a row per reading: time, node, reading, and perhaps target.
@@ -168,9 +156,7 @@ class RecordedSensor(OfLaw):
         """
         table, bad = self._table, self._bad(names, targets)
         if bad and not self.skip_bad_rows:
-            raise RunError(
-                row_checks.bad_rows_text(self.path, bad, len(table.lines) + len(table.bad), row_checks.SKIPPING)
-            )
+            raise RunError(row_checks.bad_rows_text(self.path, bad, table.total, row_checks.SKIPPING))
         times, nodes, values, of = self.rows(names, targets)
         numbers = np.ceil((times - ROUNDING) / dt)
         used = numbers <= steps
@@ -186,14 +172,14 @@ class RecordedSensor(OfLaw):
         Raises:
             RunError: as `recordings`, but for single rows.
         """
-        table, nodes = self._table, self._nodes(names)
-        used = (nodes >= 0) & (table.targets >= 0) & (table.targets < targets)
-        return table.times[used] - self.origin, nodes[used], table.readings[used], table.targets[used]
+        number, nodes, of = self._table.numbers, self._nodes(names), self._targets
+        used = (nodes >= 0) & (of >= 0) & (of < targets)
+        return number["time"][used] - self.origin, nodes[used], number["reading"][used], of[used]
 
     @property
     def origin(self) -> float:
         """The time (s) in the file that is 0 in the run."""
-        return float(self._table.times[0]) if self.time_origin is None else self.time_origin
+        return float(self._table.numbers["time"][0]) if self.time_origin is None else self.time_origin
 
     def skipped_rows(self, setup: TrackingSetup) -> list[str]:
         """The rows that are left out, a text each with file, line and reason; none unless `skip_bad_rows` allows it."""
@@ -229,25 +215,27 @@ class RecordedSensor(OfLaw):
             RunError: it has none of them.
         """
         near = functools.partial(csvfile.identifiers, self.path, (self.columns.node,))
-        return joined_by_name(self._table.names, names, self.path, "the deployment", near)[self._table.codes]
+        known, codes = self._table.texts["node"]
+        return joined_by_name(known, names, self.path, "the deployment", near)[codes]
 
     def _bad(self, names: Sequence[str], targets: int) -> list[row_checks.BadRow]:
         """All rows that cannot be used, ascending: those of unknown nodes and targets too."""
-        table, known = self._table, shortened(", ".join(names))
+        table, of, known = self._table, self._targets, shortened(", ".join(names))
+        own, codes = table.texts["node"]
         strangers = row_checks.refused(
             table.lines,
             (self._nodes(names) < 0, lambda row: (
-                f"the deployment has no node '{table.names[table.codes[row]]}' (its nodes: {known})"
+                f"the deployment has no node '{own[codes[row]]}' (its nodes: {known})"
             )),
-            ((table.targets < 0) | (table.targets >= targets), lambda row: (
-                f"there is no target {table.targets[row]}: allowed are 0 to {targets - 1}"
+            ((of < 0) | (of >= targets), lambda row: (
+                f"there is no target {of[row]}: allowed are 0 to {targets - 1}"
             )),
         )  # fmt: skip
         return row_checks.limited(self.path, itertools.chain(table.bad, strangers))
 
     @cached_property
-    def _table(self) -> _ReadingRows:
-        """The rows of the file. Raises RunError if it cannot be read, or is not that of the digest."""
+    def _table(self) -> row_checks.CsvRows:
+        """The rows in the order of time. Raises RunError if the file cannot be read, or is not that of the digest."""
         csvfile.demand_digest(self.path, self.digest)
         names = self.columns
         numbers = {"time": names.time, "reading": names.reading, "target": names.target}
@@ -257,11 +245,12 @@ class RecordedSensor(OfLaw):
         rows = rows.without(*self._checks(rows))
         if not rows.lines.size:
             raise RunError(row_checks.bad_rows_text(self.path, rows.bad, rows.total))
-        order = np.argsort(rows.numbers["time"], kind="stable")
-        times, readings = (rows.numbers[name][order] for name in ("time", "reading"))
-        targets = rows.numbers.get("target", np.zeros(len(order)))[order].astype(np.int64)
-        (known, codes), lines = rows.texts["node"], rows.lines[order]
-        return _ReadingRows(lines, times, known, codes[order], readings, targets, rows.bad)
+        return rows.at(np.argsort(rows.numbers["time"], kind="stable"))
+
+    @property
+    def _targets(self) -> Ints:
+        """(n,) the target of each row."""
+        return self._table.numbers.get("target", np.zeros(len(self._table.lines))).astype(np.int64)
 
     def _checks(self, rows: row_checks.CsvRows) -> Iterator[row_checks.Check]:
         """Yield which rows have a reading that the law cannot give, no number of a target, or repeat another row."""

@@ -5,6 +5,7 @@ rows.without(*checks) -> CsvRows    refused(lines, *checks) -> bad rows    bad_r
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import re
 import shlex
@@ -47,8 +48,8 @@ class TextColumn(NamedTuple):
         """(n,) in which rows the text has this property."""
         return np.array([*map(holds, self.names)], dtype=np.bool_)[self.codes]
 
-    def only(self, rows: Bools) -> TextColumn:
-        """The texts of some rows (n,)."""
+    def only(self, rows: Bools | Ints) -> TextColumn:
+        """The texts of some rows."""
         used, codes = np.unique(self.codes[rows], return_inverse=True)
         return TextColumn(tuple(self.names[code] for code in used.tolist()), codes)
 
@@ -87,10 +88,13 @@ class CsvRows:
             raise RunError(bad_rows_text(self.path, bad, self.total, remedy))
         if len(bad) == len(self.bad):
             return self
-        good = ~np.isin(self.lines, [row.line for row in bad])
-        texts = {name: column.only(good) for name, column in self.texts.items()}
-        numbers = {name: values[good] for name, values in self.numbers.items()}
-        return CsvRows(self.path, self.lines[good], texts, numbers, bad)
+        return dataclasses.replace(self.at(~np.isin(self.lines, [row.line for row in bad])), bad=bad)
+
+    def at(self, rows: Bools | Ints) -> CsvRows:
+        """Some of the good rows, by a mask (n,) or by their numbers in another order."""
+        texts = {name: column.only(rows) for name, column in self.texts.items()}
+        numbers = {name: values[rows] for name, values in self.numbers.items()}
+        return CsvRows(self.path, self.lines[rows], texts, numbers, self.bad)
 
     def nodes_once(self, name: str) -> Check:
         """Which rows name a node that an earlier one names in the same column."""
