@@ -118,7 +118,7 @@ class _Held(NamedTuple):
 def _trajectories(setup: TrackingSetup) -> list[_Path]:
     """The path of each target where it is present."""
     steps, dt, rng = setup.steps * FINER, setup.dt / FINER, np.random.default_rng(0)
-    times: Floats = np.arange(steps + 1) * dt
+    times: Floats = np.arange(steps + 1, dtype=np.float64) * dt
     found = [measured_points(motion, setup.sensor, motion.truth(steps, dt, rng), dt) for motion in setup.motions]
     return [_known(times, points) for points in found]
 
