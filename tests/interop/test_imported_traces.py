@@ -18,9 +18,10 @@ from tests.helpers.commands import run_command
 from wsnsim.base.errors import RunError, UsageError, WsnsimError, printable
 from wsnsim.interop import field_data, ns3, sumo, trajectories
 from wsnsim.interop.trajectories import Placement
-from wsnsim.models.csvfile import Wanted, bad_rows_text, read_rows
+from wsnsim.models.csvfile import Wanted, read_rows
 from wsnsim.models.k7file import read_links
 from wsnsim.models.recorded_track import RecordedTrack
+from wsnsim.models.row_checks import bad_rows_text
 from wsnsim.scenario import build, load
 
 SETDEST = """\

@@ -177,6 +177,8 @@ def run_scenario(source: str, options: Any, interrupts: Interrupts, live: LiveOp
         if talks and report.compiled:
             echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)
         echo_answer(summary_of(report, published, options.bounds, options.as_json))
+        if talks:
+            _say_residuals(scenario, path)
         if page:
             _write_page(path, page, options)
         if view and live:
@@ -205,6 +207,15 @@ def _say_notes(scenario: Scenario, replicates: int, batch: bool) -> None:
     for note in (*notes.before_a_run(setup), run_size.warning(size, run_size.free_memory())):
         if note:
             echo(f"wsnsim: note: {note}", err=True)
+
+
+def _say_residuals(scenario: Scenario, result: Path) -> None:
+    """Print, after the runs of a scenario without a recorded trajectory, how recorded readings fit its estimates."""
+    from wsnsim.analysis import recording_notes
+    from wsnsim.scenario import build
+
+    for said in recording_notes.residuals(build(scenario), result):
+        echo(f"wsnsim: {said}", err=True)
 
 
 def _page_path(result: Path) -> Path:

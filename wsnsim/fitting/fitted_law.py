@@ -287,6 +287,8 @@ class FittedLaw:
                 block["reach"] = ".inf"
         else:
             block |= {"d0": 1.0} | ({"gains": [round(gain.value, 3) for gain in self.gains]} if self.gains else {})
+        if form.constants in block:
+            block["nodes"] = list(self.sample.deployment.ids)
         if self.target_height is not None:
             block["target_height"] = self.target_height
         if math.isfinite(self.model.noise.dof):

@@ -22,7 +22,7 @@ from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.kernels import ranging as kernels
 from wsnsim.models.bounds import ACCURACY, ELEVATION, FAILURE, LENGTH, LOG_TWO_PI, PLACE
 from wsnsim.models.distances import Excess, OfDistance
-from wsnsim.models.node_constants import Constants, OfNodes
+from wsnsim.models.node_constants import NAMES, Constants, OfNodes
 from wsnsim.models.sensing import fisher
 
 REACH: Final = Quantity("m", ge=1e-3)
@@ -65,7 +65,8 @@ class Range(OfNodes):
     beyond: Annotated[Literal["silent", "noise"], "reading of a target out of range"] = "silent"
     own_cell: Annotated[bool, "whether only the sensor nearest to the target has a reading"] = False
     bias_spread: Annotated[float, SPREAD, "standard deviation of the biases of nodes, normal"] = 0.0
-    biases: Annotated[tuple[float, ...], PLACE, "bias of each node, in their order; none: drawn"] = ()
+    biases: Annotated[tuple[float, ...], PLACE, "bias of each node, in the order of `nodes`; none: drawn"] = ()
+    nodes: Annotated[tuple[int | str, ...], NAMES] = ()
     clock_spread: Annotated[float, SPREAD, "standard deviation of a bias that all nodes have in common"] = 0.0
     target_height: Annotated[float | None, ELEVATION, "height of the target; none: heights are ignored"] = None
     blocked: Annotated[float, FAILURE, "probability that the line of sight is blocked"] = 0.0
