@@ -117,7 +117,6 @@ def test_every_format_is_the_same_table(form: str, tmp_path: Path) -> None:
         }
         savemat(path, {"data": columns} if form == "struct.mat" else columns)
     elif form == "xlsx":
-        pytest.importorskip("openpyxl")
         LONG.to_excel(path, index=False)
     elif form == "parquet":
         LONG.to_parquet(path)
@@ -180,7 +179,6 @@ LON, LAT, SOUTH = 8.601, 50.1003, 0.0005
 
 
 def test_degrees_become_metres_that_the_ellipsoid_confirms(tmp_path: Path) -> None:
-    pytest.importorskip("pyproj")
     rows = f"id,lon,lat,height\no,{LON},{LAT},120\ne,{LON + 0.001},{LAT},121\ns,{LON},{LAT - SOUTH},119\n"
     found = imported(tmp_path, rows, "nodes", crs="wgs84", origin=(LON, LAT, 100.0)).set_index("id")
     a, e2, sine = 6378137.0, 0.00669437999014, np.sin(np.radians(LAT))
@@ -192,8 +190,6 @@ def test_degrees_become_metres_that_the_ellipsoid_confirms(tmp_path: Path) -> No
 
 
 def test_geojson_and_gpx_say_themselves_that_they_are_degrees(tmp_path: Path) -> None:
-    pytest.importorskip("pyproj")
-    pytest.importorskip("gpxpy")
     shapes = [{"type": "Point", "coordinates": [LON + i / 1e3, LAT]} for i in range(2)]
     points = [{"type": "Feature", "properties": {"name": f"n{i}"}, "geometry": shape} for i, shape in enumerate(shapes)]
     nodes = imported(tmp_path, json.dumps({"type": "FeatureCollection", "features": points}), "nodes", "n.geojson")
@@ -293,8 +289,6 @@ BROKEN = {
 
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_file_that_is_damaged_or_defines_entities_is_refused_with_one_sentence(name: str, tmp_path: Path) -> None:
-    if name.endswith("gpx"):
-        pytest.importorskip("gpxpy")
     (tmp_path / name).write_bytes(BROKEN[name])
     for kind in ("readings", "nodes"):
         with pytest.raises(WsnsimError) as caught:

@@ -317,7 +317,6 @@ def test_degrees_are_recognised_by_speeds_and_projected_if_asked_for(
         written(tmp_path, name, text)
         answer = run_command(capsys, "import", "sumo", name)
         assert answer.code == 1 and f"wsnsim import sumo {name} --crs wgs84" in answer.err
-    pytest.importorskip("pyproj")
     assert (
         run_command(
             capsys, "import", "sumo", "b.xml", "--crs", "wgs84", "--origin", "13.4,52.5", "--out", "s.yaml"
