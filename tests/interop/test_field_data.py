@@ -157,8 +157,10 @@ def test_what_is_left_out_is_said_and_equal_errors_are_one_sentence(tmp_path: Pa
     found = field_data.readings([str(path)], Conventions(skip_bad_rows=True))
     assert len(found.table) == 5 and found.facts["nodes"] == 1 and found.facts["rate"] == 0.5
     assert list(found.notes) == [
-        f"{path}: columns not used: 'seq'", f"left out: 1 row without a reading ({path}:12)",
+        f"{path}: columns not used: 'seq'",
+        f"left out: 1 row without a reading ({path}:12)",
         f"left out: 5 rows that cannot be used: rssi must be a finite number, is 'far' (the first: {path}:3)",
+        "all readings are negative: they are taken for levels in dBm; --unit says otherwise",
     ]  # fmt: skip
 
 
@@ -255,7 +257,10 @@ WRONG: dict[str, tuple[str, str, str, str]] = {
     "two movers": ("track", "time,id,x,y\n0,a,1,1\n1,a,2,2\n0,b,1,1\n", "", "holds 2 nodes"),
     "merged movers": ("track", "time,x,y\n0,1,1\n0,20,2\n1,2,2\n", "", "several movers in one track"),
     "slow degrees": ("track", "time,id,x,y,speed\n0,a,13.4,52.5,10\n1,a,13.400147,52.5,10\n", "", "--crs wgs84"),
-    "no span": ("track", "time,id,x,y\n0,a,1,1\n1,a,2,2\n5,b,1,1\n6,b,2,2\n", "--id a --id b", "no time is left"),
+    "no span": ("track", "time,id,x,y\n0,a,1,1\n1,a,2,2\n5,b,1,1\n6,b,2,2\n", "--id a --id b --from 3", "no time is"),
+    "a strange level": ("readings", "time,node,reading\n0,a,-60\n1,a,100\n", "--unit dBm", "t.csv --missing 100"),
+    "no such cell": ("readings", "time,node,tag,reading\n0,a,7,1\n", "--where tag=07", "no row has the tag '07'"),
+    "no such column of a cell": ("readings", "time,node,tag,reading\n0,a,7,1\n", "--where tg=7", "did you mean 'tag'"),
     "other options": ("nodes", "id,x,y\na,8,5\n", "--from 3", "--from has no meaning for nodes"),
     "other options of tracks": ("sumo", "t id x y\n0 a 1 2\n", "--angle clockwise-from-north", "no meaning for sumo"),
     "another ending": ("nodes", "id,x,y\na,8,5\n", "--out x.txt", "ends in .csv"),

@@ -328,7 +328,7 @@ def test_degrees_are_recognised_by_speeds_and_projected_if_asked_for(
     assert "--origin 13.4,52.5" in Path("s.yaml").read_text()
 
 
-def test_several_targets_have_the_span_in_which_all_are_there_and_absences_are_said(
+def test_each_of_several_targets_is_present_when_the_trace_has_it_and_absences_are_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -336,10 +336,16 @@ def test_several_targets_have_the_span_in_which_all_are_there_and_absences_are_s
     written(tmp_path, "a.xml", fcd(*long, *((t, "vehicle", "short", 10.0 * t, 30) for t in range(2, 6))))
     answer = run_command(capsys, "import", "sumo", "a.xml", "--id", "long", "--id", "short", "--out", "s.yaml")
     assert answer.code == 0
-    assert "only 2 to 5 s is written, when all targets are there: node long is known from 0 to 19 s" in answer.out
-    assert "'long' is absent from 3 to 9 s" in answer.out
+    assert "'long' is there from 0 to 3 s, 9 to 19 s: its `presence`" in answer.out
+    assert "'short' is there from 2 to 5 s: its `presence`" in answer.out
     setup = build(load(Path("s.yaml")))
-    assert setup.duration == 4.0 and [motion.track.times[-1] for motion in setup.motions] == [3.0, 3.0]
+    assert setup.duration == 20.0 and setup.presence == (((0.0, 3.0), (9.0, 19.0)), ((2.0, 5.0),))
+    assert run_command(capsys, "run", "s.yaml", "--quiet", "--out", "s.h5").code == 0
+    truth = wsnsim.read("s.h5", "truth").query("target == 1").set_index("time")
+    assert truth.px.dropna().index.tolist() == [2.0, 3.0, 4.0, 5.0]
+    part = ["import", "sumo", "a.xml", "--id", "long", "--from", "5", "--until", "12", "--time-origin", "5"]
+    answer = run_command(capsys, *part, "--out", "p.csv")
+    assert "time_origin: 0, q: 1, presence: [[4, 7]]" in answer.out
 
 
 @pytest.mark.thorough
