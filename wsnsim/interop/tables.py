@@ -239,11 +239,11 @@ def _of_json(path: str, columns: Sequence[str], part: str) -> RawTable:
         said = [json.loads(line) for line in text.splitlines() if line.strip()]
     if isinstance(said, dict) and str(said.get("type")).startswith("Feature"):
         return _numbered(path, pd.DataFrame(_features(path, said.get("features", [said]))))._replace(degrees=True)
-    if isinstance(said, dict) and part:
-        said = _only(path, said, part)
     if isinstance(said, dict):
-        records = [value for value in said.values() if isinstance(value, list) and value and isinstance(value[0], dict)]
-        said = records[0] if len(records) == 1 else said
+        lists = {
+            name: each for name, each in said.items() if isinstance(each, list) and each and isinstance(each[0], dict)
+        }
+        said = _only(path, lists, part) if lists or part else said
     if isinstance(said, list) and all(isinstance(record, dict) for record in said):
         return _numbered(path, pd.json_normalize(said))
     if isinstance(said, dict) and all(isinstance(value, list) for value in said.values()):
@@ -282,7 +282,7 @@ def _of_gpx(path: str, columns: Sequence[str], part: str) -> RawTable:
 def _of_cooja(path: str, columns: Sequence[str], part: str) -> RawTable:
     """The motes of a simulation: attributes of `pos` (Cooja of Contiki-NG), or elements x, y and z (Contiki)."""
     rows = []
-    for mote in ElementTree.fromstring(_xml(path)).iter("mote"):
+    for mote in filter(len, ElementTree.fromstring(_xml(path)).iter("mote")):  # plug-ins name motes by numbers
         place = next((dict(found.attrib) for found in mote.iter("pos")), {})
         place |= {found.tag: (found.text or "").strip() for found in mote.iter() if found.tag in ("id", "x", "y", "z")}
         rows.append(place)
