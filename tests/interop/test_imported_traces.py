@@ -459,3 +459,24 @@ def refusal_of(parser: str, path: str) -> str:
     except WsnsimError as error:
         return str(error)
     return found if isinstance(found, str) else ""
+
+
+def test_nodes_of_ns_3_are_always_there(tmp_path: Path) -> None:
+    text = SETDEST + '$ns_ at 40.0 "$node_(1) setdest 500.0 5.0 1.0"\n'
+    found = trajectories.placed(traces.read(written(tmp_path, "a.tcl", text), ns3, ["0", "1"]), Placement())
+    assert {node: track[-1, 0] for node, track in found.tracks.items()} == {"0": 40.0, "1": 535.0}
+    assert not found.presence and not found.notes
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_presence_holds_every_sample_that_has_a_neighbour_and_no_long_pause(seed: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.choice([0.5, 1.0, 2.0, 2.0, 30.0], p=[0.3, 0.3, 0.2, 0.17, 0.03], size=60)).round(3)
+    rows = "".join(f"{time} a {k} {seed}\n" for k, time in enumerate(times.tolist()))
+    trace = traces.read(written(tmp_path, "a.txt", f"t id x y\n{rows}-50 b 0 0\n900 b 1 1\n"), sumo, ["a", "b"])
+    spans = trajectories.placed(trace, Placement(sampled=True)).presence["a"]
+    near = np.diff(times) < 30.0
+    joined = np.append(near, False) | np.insert(near, 0, False)
+    inside = np.array([any(begin <= time <= end for begin, end in spans) for time in times])
+    assert (inside == joined).all() and all(begin in times and end in times for begin, end in spans)
+    assert sum(end - begin for begin, end in spans) == pytest.approx(np.diff(times)[near].sum())

@@ -322,11 +322,7 @@ def _origin(text: str | None, most: int) -> Any:
     except ValueError:
         place = ()
     if not 2 <= len(place) <= most or not all(map(math.isfinite, place)):
-        such = (
-            "m, such as 500000,4180000, or centre"
-            if most == 2
-            else "degrees, such as 8.6,50.1, and perhaps a height in m"
-        )
+        such = "m: 500000,4180000, or centre" if most == 2 else "degrees: 8.6,50.1, perhaps with a height in m"
         raise UsageError(f"--origin {text}: give two numbers in {such}")
     return place
 
@@ -354,14 +350,10 @@ def _echo_written(answer: dict[str, Any], as_json: bool) -> None:
     for node, track in answer.get("tracks", {}).items():
         echo(f"{node}: {track['points']} points, {track['first']:.10g} to {track['last']:.10g} s")
     if "rows" in answer:
-        named = (
-            ("nodes", "{} nodes"),
-            ("first", "from {:.12g}"),
-            ("last", "to {:.12g} s"),
-            ("rate", "{:.4g}/s of a node"),
-        )
-        known = [text.format(answer[name]) for name, text in named if name in answer]
-        echo(f"{answer['rows']:,} rows: {', '.join(known)}".replace(", to", " to"))
+        known = [f"{answer['nodes']} nodes"] if "nodes" in answer else []
+        known += [f"from {answer['first']:.12g} to {answer['last']:.12g} s"] if "first" in answer else []
+        known += [f"{answer['rate']:.4g}/s of a node"] if "rate" in answer else []
+        echo(f"{answer['rows']:,} rows: {', '.join(known)}")
     for note in answer["notes"]:
         echo(f"  {note}")
     for file in answer["files"]:

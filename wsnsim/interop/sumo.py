@@ -23,7 +23,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
 from wsnsim.interop import TraceEntry, ascending
 from wsnsim.interop.tables import numeric, read_table
-from wsnsim.models.csvfile import open_text
+from wsnsim.models.csvfile import number_in, open_text
 from wsnsim.models.unit_checks import remedy, slower_than_stated
 
 MOVERS: Final = ("vehicle", "person", "container")
@@ -181,10 +181,7 @@ def _numbers(path: str, column: pd.Series, optional: bool) -> pd.Series:
 
 def _finite(text: str, place: str) -> float:
     """A finite number. Raises RunError if the text is none; `place` begins the message."""
-    try:
-        value = float(text.replace("_", "no digit"))
-    except ValueError:
-        value = math.nan
+    value = number_in(text)
     if not math.isfinite(value):
         raise RunError(f"{place} must be a finite number, is {text[:60]!r}")
     return value
