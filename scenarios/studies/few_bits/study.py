@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy import stats
 
-from wsnsim.papers.toolkit import COLOURS, Data, Floats, OwnMeasure, statistics
+from wsnsim.papers.toolkit import COLOURS, Data, Floats, OwnMeasure, plotting, statistics
 
 TRAFFIC: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear")
 """Causes of what is spent on frames, strobes and acknowledgements on the air, by whoever hears them."""
@@ -119,6 +119,7 @@ def figure(figure: Figure, data: Data) -> None:
                 axes.annotate(f" {name.split()[-1]}", place, color=colour)
         axes.plot([1.0], [1.0], "k*", markersize=9, label=LABELS["full"])
         axes.set(title=radio, xlabel="energy of traffic / that of full readings", yscale="log")
+        plotting.plain_numbers(axes)
     panels[0].set_ylabel("RMSE / that of full readings")
     panels[0].legend(frameon=False)
 
