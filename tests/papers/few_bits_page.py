@@ -100,14 +100,14 @@ def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:
     eight, one, adaptive = "pf, fixed 8", "pf, fixed 1", "pf, adaptive 2"
     radios = ("ideal", "xmac 125")
     return "\n".join([
-        f"- **Bits alone**: 8 fixed bits have {over(f'ideal: {eight}', 'error')} times the error of full readings on the"
-        f" ideal radio and {over(f'xmac 125: {eight}', 'error')} times on X-MAC at 125 ms. Their traffic is"
+        f"- **Bits alone**: 8 fixed bits have {over(f'ideal: {eight}', 'error')} times the error of full readings on"
+        f" the ideal radio and {over(f'xmac 125: {eight}', 'error')} times on X-MAC at 125 ms. Their traffic is"
         f" {over(f'ideal: {eight}', 'traffic')} times that of full readings on the ideal radio,"
         f" {over(f'xmac 125: {eight}', 'traffic')} times on X-MAC, and the network's energy on X-MAC"
         f" {over(f'xmac 125: {eight}', 'energy')} times.",
         f"- **One bit**: 1 fixed bit spends {over(f'ideal: {one}', 'traffic')} times the traffic on the ideal radio,"
-        f" {over(f'xmac 125: {one}', 'traffic')} times on X-MAC at 125 ms and {over(f'xmac 250: {one}', 'traffic')} times"
-        f" at 250 ms, has {over(f'ideal: {one}', 'error')}, {over(f'xmac 125: {one}', 'error')} and"
+        f" {over(f'xmac 125: {one}', 'traffic')} times on X-MAC at 125 ms and {over(f'xmac 250: {one}', 'traffic')}"
+        f" times at 250 ms, has {over(f'ideal: {one}', 'error')}, {over(f'xmac 125: {one}', 'error')} and"
         f" {over(f'xmac 250: {one}', 'error')} times the error, and loses the target in"
         f" {', '.join(str(rows[f'{radio}: {one}']['lost']) for radio in (*radios, 'xmac 250'))} of"
         f" {rows[f'ideal: {one}']['runs']} runs.",
@@ -116,8 +116,8 @@ def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:
                        f" {over(f'{radio}: {adaptive}', 'traffic')} times the traffic of full readings ({radio})"
                        for radio in radios) + ".",
         f"- **Gaussian filters**: with 1 fixed bit, `ekf` loses the target in {rows['ideal: ekf, fixed 1']['lost']} of"
-        f" {rows['ideal: ekf, fixed 1']['runs']} runs on the ideal radio, `pf` in {rows[f'ideal: {one}']['lost']}; with 1"
-        f" adaptive bit, {rows['ideal: ekf, adaptive 1']['lost']} and {rows['ideal: pf, adaptive 1']['lost']}.",
+        f" {rows['ideal: ekf, fixed 1']['runs']} runs on the ideal radio, `pf` in {rows[f'ideal: {one}']['lost']}; with"
+        f" 1 adaptive bit, {rows['ideal: ekf, adaptive 1']['lost']} and {rows['ideal: pf, adaptive 1']['lost']}.",
     ])  # fmt: skip
 
 
