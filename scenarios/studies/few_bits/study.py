@@ -60,7 +60,8 @@ def ratio(data: Data, one: str, other: str, measure: str) -> Ratio:
     if len(found) < 2:
         return Ratio(np.nan, np.nan, np.nan, len(found))
     half = stats.t.ppf(0.975, len(found) - 1) * stats.sem(found)
-    return Ratio(*np.exp([found.mean(), found.mean() - half, found.mean() + half]).tolist(), len(found))
+    value, low, high = np.exp([found.mean(), found.mean() - half, found.mean() + half]).tolist()
+    return Ratio(value, low, high, len(found))
 
 
 def tested(data: Data) -> list[dict[str, Any]]:
