@@ -184,7 +184,8 @@ class Quantised(OfCells, OfLaw):
     true reading.
 
     Source: Msechu, Roumeliotis, Ribeiro, Giannakis (2008) for thresholds about the prediction; Ribeiro, Giannakis,
-    Roumeliotis (2006) for one bit.
+    Roumeliotis (2006) for one bit; Niu, Varshney (2006) for the likelihood and the information of cells with fixed
+    thresholds.
     """
 
     law: Annotated[SensorModel, OfRole("sensor"), "the sensor model whose readings are quantised"]
@@ -371,8 +372,8 @@ def log_between(low: Floats, high: Floats) -> Floats:
 def lloyd_max(bits: int) -> tuple[Floats, Floats]:
     """The ends (C + 1,) and means (C,) of the 2^bits cells of a standard normal with the least mean squared error.
 
-    Each end is midway between two means (Lloyd's iteration from the thresholds of equal probability of N(0, 3), which
-    are the limit for many cells). Max (1960), table 1.
+    Each end is midway between two means: the iteration of Lloyd (1982), from the thresholds of equal probability of
+    N(0, 3), which are the limit for many cells. Max (1960), table 1.
     """
     from scipy.special import ndtri
 
