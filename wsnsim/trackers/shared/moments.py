@@ -24,7 +24,7 @@ def predicted(mean: Floats, cov: Floats, scene: Scene) -> tuple[Floats, Floats]:
         cov: (D, D) then.
         scene: What the head knows.
     """
-    return _stepped(mean, cov, scene.motion, scene.dt, scene.since, scene.steps)
+    return stepped(mean, cov, scene.motion, scene.dt, scene.since, scene.steps)
 
 
 def forecast(estimate: Estimate, scene: Scene, ahead: int) -> Estimate:
@@ -36,13 +36,14 @@ def forecast(estimate: Estimate, scene: Scene, ahead: int) -> Estimate:
         ahead: The number of steps.
     """
     now = scene.step * scene.dt
-    moved = _stepped(estimate.mean, estimate.cov, scene.motion, scene.dt, now, ahead)
+    moved = stepped(estimate.mean, estimate.cov, scene.motion, scene.dt, now, ahead)
     return Estimate(*moved, estimate.effective)
 
 
-def _stepped(
-    mean: Floats, cov: Floats, motion: MotionModel, dt: float, time: float, steps: int
+def stepped(
+    mean: Floats, cov: Floats, motion: MotionModel, dt: float, time: float, steps: int = 1
 ) -> tuple[Floats, Floats]:
+    """Mean and covariance `steps` steps of `dt` after `time`, by a motion model."""
     for step in range(steps):
         point, now = np.ascontiguousarray(mean[:, None]), time + step * dt
         transitions, noise = motion.matrices(point, dt, now)
@@ -58,6 +59,13 @@ def symmetric(cov: Floats) -> Floats:
         cov: (..., D, D).
     """
     return 0.5 * (cov + cov.swapaxes(-1, -2))
+
+
+def mixed(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats, Floats]:
+    """Mean and covariance of a mixture of Gaussians (K, D), (K, D, D), whose weights (K,) have the sum 1."""
+    mean = weights @ means
+    around = means - mean
+    return mean, symmetric(np.einsum("k,kij->ij", weights, covs) + (around.T * weights) @ around)
 
 
 def fused_by_variance(means: Floats, variances: Floats) -> tuple[Floats, Floats, Floats]:
