@@ -190,8 +190,7 @@ class OfLaw:
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
         """(n,) readings that the law would give."""
-        readings: Floats = self.law.measure(points, positions, traits, noise)
-        return readings
+        return self.law.measure(points, positions, traits, noise)
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None

@@ -289,12 +289,9 @@ def bootstrap(pool: Pool, seen: Evidence, scene: Scene, threshold: float) -> Clo
     Mean, covariance and effective number are those before the resampling. Gordon, Salmond, Smith (1993).
     """
     _, cloud = propagated_by(scene.key, pool.cloud, scene)
-    count, log_weights = pool.log_weights.size, pool.log_weights + score_of(seen, scene)(cloud)
+    log_weights = pool.log_weights + score_of(seen, scene)(cloud)
     mean, cov, effective = summary(cloud, log_weights)
-    after = Pool(cloud, log_weights)
-    if threshold >= 1.0 or effective < threshold * count:
-        after = Pool(np.take(cloud, resampled(log_weights, count, scene.key), axis=1), np.zeros(count))
-    return CloudBelief(mean, cov, scene.head, effective, after)
+    return _renewed(CloudBelief(mean, cov, scene.head, effective, Pool(cloud, log_weights)), scene.key, threshold)
 
 
 def bootstrap_with_gains(belief: CloudBelief, seen: Evidence, scene: Scene, threshold: float) -> Flow[CloudBelief]:
@@ -302,11 +299,16 @@ def bootstrap_with_gains(belief: CloudBelief, seen: Evidence, scene: Scene, thre
     before = belief.pool.cloud
     _, cloud = propagated_by(scene.key, before, scene)
     after = yield from weighed_with_gains(belief, before, cloud, seen, scene, belief.pool.log_weights)
-    count = before.shape[1]
-    if threshold < 1.0 and not after.effective < threshold * count:
-        return after
-    chosen = resampled(after.pool.log_weights, count, scene.key)
-    return replace(after, pool=Pool(np.take(cloud, chosen, axis=1), np.zeros(count)))
+    return _renewed(after, scene.key, threshold)
+
+
+def _renewed(belief: CloudBelief, key: int, threshold: float) -> CloudBelief:
+    """The belief, resampled if the effective number is below this fraction of its particles; 1: always."""
+    cloud, log_weights = belief.pool.cloud, belief.pool.log_weights
+    if threshold < 1.0 and not belief.effective < threshold * log_weights.size:
+        return belief
+    chosen = resampled(log_weights, log_weights.size, key)
+    return replace(belief, pool=Pool(np.take(cloud, chosen, axis=1), np.zeros(chosen.size)))
 
 
 def weighed_with_gains(
