@@ -55,7 +55,7 @@ def absent_movers(setup: TrackingSetup) -> Iterator[str]:
     """Recorded trajectories that begin late, end early or have gaps: there the target is not known to be."""
     end = setup.steps * setup.dt
     for i, motion in enumerate(setup.motions):
-        if isinstance(motion, RecordedTrack):
+        if isinstance(motion, RecordedTrack) and not setup.has_absences:
             times = np.array([0.0, *motion.track.times.clip(0.0, end), end])
             apart = np.diff(times)
             gaps = np.flatnonzero(apart > LONG_GAP * max(np.quantile(np.diff(motion.track.times), 0.25), setup.dt))
