@@ -268,9 +268,9 @@ def _features(path: str, features: Sequence[Mapping[str, Any]]) -> Iterator[dict
 def _of_gpx(path: str, columns: Sequence[str], part: str) -> RawTable:
     import gpxpy
 
-    found = gpxpy.parse(_xml(path))
+    found, stem = gpxpy.parse(_xml(path)), Path(path).name.split(".")[0]
     points: list[tuple[str, Any]] = [
-        (track.name or str(number), point) for number, track in enumerate(found.tracks)
+        (track.name or f"{stem}_{number}".removesuffix("_0"), point) for number, track in enumerate(found.tracks)
         for segment in track.segments for point in segment.points
     ]  # fmt: skip
     points = points or [(point.name or str(number), point) for number, point in enumerate(found.waypoints)]

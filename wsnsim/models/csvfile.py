@@ -166,7 +166,7 @@ def only_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
 def demand_good(rows: CsvRows) -> CsvRows:
     """The rows. Raises RunError if one was bad; the message names file and line."""
     if rows.bad:
-        raise RunError(f"{rows.path}:{rows.bad[0].line}: {rows.bad[0].reason}")
+        raise RunError(row_checks.summarised(f"{rows.path}:{row.line}: {row.reason}" for row in rows.bad)[0])
     return rows
 
 
