@@ -23,7 +23,7 @@ FOREIGN = {
     ("interop.ns3", "NUMBER"): ("fullmatch", "-12.5e-3"),
     ("interop.trajectories", "'[^\\\\w.-]'"): ("search", "bus 1"),
     ("interop.conventions", "'[\\\\s.\\\\-]+'"): ("search", "a . b"),
-    ("interop.conventions", "'[\\\\[(]'"): ("search", "range [mm]"),
+    ("interop.conventions", "STATED"): ("search", "range [mm]"),
     ("interop.tables", "DECIMAL_COMMA"): ("fullmatch", "-1,5"),
     ("interop.tables", "DECIMAL_POINT"): ("fullmatch", "-1.5"),
     ("interop.tables", "NUMBER"): ("fullmatch", "-1.5e+3"),

@@ -95,7 +95,7 @@ def test_the_fitted_link_passes_beside_the_datasheet_of_a_radio_and_unknown_rati
     )
     few = dataclasses.replace(found.rows, ratios=np.zeros_like(found.rows.ratios))
     said = dataclasses.replace(found, rows=few).text()
-    assert "Recorded delivery ratio: below 0.1, or of too few bursts at each power\n" in said
+    assert "Recorded delivery ratio: below 0.1, or of too few bursts at each power." in said
     assert "holds beside the datasheet of a radio" in said
 
 

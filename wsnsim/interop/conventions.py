@@ -33,7 +33,7 @@ ANGLES: Final = {
     "counterclockwise-from-north": (1.0, TURN / 4.0), "clockwise-from-east": (-1.0, 0.0),
 }  # fmt: skip
 """(sign, angle of zero from the x-axis) of each convention; the x-axis points east."""
-STATED: Final = re.compile(r"\s*[\[(]([^\])]*)[\])]$|(?<=.)_(mm|cm|m|km|s|ms|us|ns|deg|rad|dBm|mW)$")
+STATED: Final = re.compile(r"[\[(]([^\[\]()]*+)[\])]$|(?<=.)_(mm|cm|m|km|s|ms|us|ns|deg|rad|dBm|mW)$")
 """The unit at the end of a header."""
 EPOCH: Final = pd.Timestamp(0, tz="UTC")
 

@@ -26,7 +26,7 @@ SKIPPING: Final = "skip_bad_rows: true leaves them out, and the result names the
 SkipBadRows: TypeAlias = Annotated[
     bool, "whether rows that cannot be used are left out and counted, instead of refused"
 ]
-VARYING: Final = re.compile(r"""'[^']*+'|"[^"]*+"|[-+]?\d[-+\d.,e]*+|\b(nan|inf)\b""")
+VARYING: Final = re.compile(r"""'[^']*+'|"[^"]*+"|[-+]?\d[-+\d.,e]*+|nan|inf""")
 """What differs between messages on rows with equal errors."""
 DATED: Final = re.compile(r"must be a finite number, is '\d{4}-\d\d-\d\d")
 """What is said of a cell that holds a date."""

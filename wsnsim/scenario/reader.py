@@ -93,8 +93,10 @@ def _extended(text: ScenarioText, folder: Path, extending: tuple[Path, ...]) -> 
         if len(extending) > MOST_EXTENDED:
             raise ScenarioError([node.spot.issue(("extends",), f"more than {MOST_EXTENDED} files extend each other")])
         bases.append(_of_file(file, tree.spot.origin.plugins, extending))
-    merged = functools.reduce(LocatedValue.merged, [*(base.tree for base in bases if base.tree is not None), own])
-    return text._replace(tree=merged, issues=[*text.issues, *(issue for base in bases for issue in base.issues)])
+    issues = [*text.issues, *(issue for base in bases for issue in base.issues)]
+    trees = [base.tree for base in bases if base.tree is not None]
+    unknown = issues and len(trees) < len(bases)
+    return text._replace(tree=None if unknown else functools.reduce(LocatedValue.merged, [*trees, own]), issues=issues)
 
 
 def _nearest(source: str | Path) -> str:
