@@ -316,9 +316,9 @@ def _placement(kind: str, options: dict[str, Any], as_scenario: bool) -> Placeme
         return Placement(origin=origin, sampled=True)
     units = (options["unit"] or "m", "m", "--unit"), (options["time_unit"], "s", "--time-unit")
     metres, seconds = (float(converted(np.ones(1), unit, (base,), option)[0][0]) for unit, base, option in units)
-    times = [_finite(f"--{name}", options[key])
-             for name, key in (("from", "start"), ("until", "end"), ("time-origin", "time_origin"))]  # fmt: skip
-    return Placement(metres, seconds, *times, origin, bool(options["crs"]), sampled=kind != "ns3")
+    start, end, zero = (_finite(f"--{name}", options[key])
+             for name, key in (("from", "start"), ("until", "end"), ("time-origin", "time_origin")))  # fmt: skip
+    return Placement(metres, seconds, start, end, zero, origin, bool(options["crs"]), sampled=kind != "ns3")
 
 
 def _origin(text: str | None, most: int) -> Any:
