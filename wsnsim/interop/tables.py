@@ -8,7 +8,6 @@ byte order mark, and compressed with gzip. XML with a document type is refused: 
 
 from __future__ import annotations
 
-import csv
 import itertools
 import json
 import re
@@ -23,7 +22,7 @@ import pandas as pd
 
 from wsnsim.base.errors import RunError, UsageError, WsnsimError, shortened
 from wsnsim.base.files import MOST_BYTES, why_not_regular
-from wsnsim.models.csvfile import MOST_ROWS, number_in, open_text
+from wsnsim.models.csvfile import MOST_ROWS, cells_in, number_in, open_text
 
 SAMPLE: Final = 50
 """Lines from which separator, decimal sign and header are recognised."""
@@ -164,8 +163,7 @@ def _split(lines: Sequence[str], width: int) -> tuple[str, list[list[str]]]:
     """
     best: tuple[tuple[float, float], str, list[list[str]]] = ((0.0, 0.0), ",", [[line] for line in lines])
     for sign in SEPARATORS:
-        rows = [line.split() for line in lines] if sign == r"\s+" else list(csv.reader(lines, delimiter=sign))
-        rows = [[cell.strip() for cell in row] for row in rows]
+        rows = [line.split() for line in lines] if sign == r"\s+" else [*cells_in(lines, sign)]
         counts = [len(row) for row in rows]
         if not counts or (wanted := width or counts[0]) < 2:
             continue
