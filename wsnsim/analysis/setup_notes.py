@@ -14,9 +14,10 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.analysis.phrases import counted
+from wsnsim.base.arrays import Floats
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.errors import RunError
-from wsnsim.base.initial_conditions import sample_positions
+from wsnsim.base.initial_conditions import present_at, sample_positions
 from wsnsim.base.medium_access import CAP_SHARE, is_duty_cycled
 from wsnsim.base.network_ports import FaultEvent, Field
 from wsnsim.base.radio import Mode, continuous_power
@@ -50,6 +51,17 @@ def motions_beyond_the_field(setup: TrackingSetup) -> Iterator[str]:
             yield (
                 f"{_of_target(setup, i)}.{key}: the target moves up to {beyond:g} m beyond {named(field)}, out of the "
                 f"sensing range of {reach:g} m of every node; keep it within the field, or enlarge the field"
+            )
+
+
+def targets_that_never_exist(setup: TrackingSetup) -> Iterator[str]:
+    """Targets whose intervals of presence hold no instant of the run."""
+    times: Floats = np.arange(setup.steps + 1) * setup.dt
+    for i, intervals in enumerate(setup.presence):
+        if intervals is not None and not present_at(times, intervals).any():
+            yield (
+                f"{_of_target(setup, i)}.presence: the target never exists at an instant of the run, every "
+                f"{setup.dt:g} s up to {times[-1]:g} s"
             )
 
 
