@@ -121,6 +121,7 @@ RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]
     (ALWAYS, TrackingSetup, recording_notes.unread_identifiers),
     (ALWAYS, TrackingSetup, recording_notes.unexplained_readings),
     (ALWAYS, TrackingSetup, setup_notes.gaussian_filter_of_cells),
+    (ALWAYS, TrackingSetup, setup_notes.cells_beside_the_readings),
     (ALWAYS, TrackingSetup, setup_notes.places_in_another_unit),
     (ALWAYS, RadioSetup, setup_notes.sink_outside_the_field),
     (ALWAYS, RadioSetup, setup_notes.sensitivity_beside_a_datasheet),

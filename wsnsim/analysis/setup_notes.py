@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.analysis.phrases import counted
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, periods_of
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import present_at, sample_positions
@@ -24,6 +24,7 @@ from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.rng import Streams, derive, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
 from wsnsim.models.node_file import FromFile
+from wsnsim.models.quantised import Quantised
 from wsnsim.models.recorded_links import RecordedLinks
 from wsnsim.models.recorded_track import RecordedTrack
 from wsnsim.models.unit_checks import other_units, too_close
@@ -98,6 +99,21 @@ def gaussian_filter_of_cells(setup: TrackingSetup) -> Iterator[str]:
             f"tracker: it takes a reading of {counted(bits, 'bit')} as Gaussian, with its mean and variance at the "
             "prediction; it is in a cell, and far from a threshold it hardly counts: pf and central_pf use the "
             "likelihood of the cell"
+        )
+
+
+def cells_beside_the_readings(setup: TrackingSetup) -> Iterator[str]:
+    """Uniform cells that hold less than a tenth of the readings that the law expects between 0.1 m and its range."""
+    sensor, field = setup.sensor, setup.deploy.field
+    if not isinstance(sensor, Quantised) or sensor.adapts or any(periods_of(sensor)):
+        return
+    points = np.zeros((len(setup.motions[0].position), 2))
+    points[0] = 0.1, min(sensor.law.reach, math.hypot(field.width, field.height))
+    low, high = sorted(sensor.law.linearise(points, np.zeros((1, 2)), np.ones((1, len(sensor.trait_names))))[0][0])
+    if min(high, sensor.high) - max(low, sensor.low) < 0.1 * (high - low):
+        yield (
+            f"sensor: cells from {sensor.low:g} to {sensor.high:g} hardly meet the readings of the law, "
+            f"from {low:.3g} to {high:.3g} at 0.1 m to {points[0, 1]:.4g} m: give sensor.low and sensor.high"
         )
 
 
