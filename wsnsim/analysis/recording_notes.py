@@ -21,7 +21,7 @@ import numpy as np
 from wsnsim.analysis.phrases import counted
 from wsnsim.base.arrays import Floats, Ints, components_of, is_relative, near
 from wsnsim.base.errors import RunError, shortened
-from wsnsim.base.initial_conditions import measured_points, node_names, sample_initial_conditions
+from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names, sample_initial_conditions
 from wsnsim.base.part import Quantity
 from wsnsim.base.sensing import gain_variance, samples_gains
 from wsnsim.base.setups import Setup, TrackingSetup
@@ -186,29 +186,36 @@ def _readings_with_law(setup: TrackingSetup, paths: Sequence[_Path]) -> _Reading
         places, traits = conditions.positions[nodes], conditions.traits[nodes]
         return shift + sensor.measure(places_at(later), places, traits, np.zeros(len(nodes)))
 
-    points, shift = places_at(0.0), np.zeros(len(nodes))
+    means, variances, odds = _moments(sensor, places_at(0.0)[:, :2], nodes, readings, conditions)
+    shift = np.zeros(len(nodes))
+    if groups is None:  # where the median is not the mean, as of blocked lines of sight
+        shift = means - sensor.measure(
+            places_at(0.0)[:, :2], conditions.positions[nodes], conditions.traits[nodes], shift
+        )
+    variances += gain_variance(sensor) * samples_gains(sensor) + getattr(sensor, "shadowing", 0.0) ** 2
+    if groups is not None:
+        variances *= 1.0 - 1.0 / np.bincount(groups)[groups]
+    sds = np.sqrt(variances + 1e-200)  # of a law without noise
+    return _ReadingsWithLaw(sensor, names, law, nodes, readings, sds, groups, odds)
+
+
+def _moments(
+    sensor: Any, points: Floats, nodes: Ints, readings: Floats, conditions: InitialConditions
+) -> tuple[Floats, Floats, Floats | None]:
+    """(n,) mean and variance of each reading by the law at points (n, P) in the plane, and `odds` of readings."""
     means, variances, odds = np.empty((3, len(nodes)))
     in_cells = np.size(getattr(sensor, "reading_values", ())) > 0
     for node in np.unique(nodes).tolist():
         own, one = nodes == node, slice(node, node + 1)
-        there = np.ascontiguousarray(points[own, :2].T)  # the law has the height of targets
-        moments = sensor.linearise(there, conditions.positions[one], conditions.traits[one])
-        means[own], variances[own] = moments[0][0], moments[2][0]
+        there = np.ascontiguousarray(points[own].T), conditions.positions[one], conditions.traits[one]
+        expected, _, spread = sensor.linearise(*there)
+        means[own], variances[own] = expected[0], spread[0]
         if in_cells:
-            odds[own] = _odds(sensor, there, readings[own], conditions.positions[one], conditions.traits[one])
-        if groups is None:  # where the median is not the mean, as of blocked lines of sight
-            noise, same = np.zeros(own.sum()), np.full(own.sum(), node)
-            shift[own] = means[own] - sensor.measure(
-                there.T, conditions.positions[same], conditions.traits[same], noise
-            )
-    unknown = gain_variance(sensor) * samples_gains(sensor) + getattr(sensor, "shadowing", 0.0) ** 2
-    variances += unknown + 1e-200  # of a law without noise
-    if groups is not None:
-        variances *= 1.0 - 1.0 / np.bincount(groups)[groups]
-    return _ReadingsWithLaw(sensor, names, law, nodes, readings, np.sqrt(variances), groups, odds if in_cells else None)
+            odds[own] = _odds(sensor, readings[own], *there)
+    return means, variances, odds if in_cells else None
 
 
-def _odds(sensor: Any, points: Floats, readings: Floats, positions: Floats, traits: Floats) -> Floats:
+def _odds(sensor: Any, readings: Floats, points: Floats, positions: Floats, traits: Floats) -> Floats:
     """(n,) the probability of the cell of each reading of one node at points (P, n), over that of the greatest."""
     chances, apart = sensor.cells(points, positions, traits).chances[0], sensor.reading_values[:, None] - readings
     own = np.abs(apart).argmin(axis=0), np.arange(len(readings))
@@ -218,7 +225,7 @@ def _odds(sensor: Any, points: Floats, readings: Floats, positions: Floats, trai
 
 def _together(rows: Ints, steps: Floats, targets: Ints) -> tuple[Ints, Ints]:
     """The rows of sampled steps, up to `MOST_READINGS`, and the number of the step and target of each; none alone."""
-    _, groups, sizes = np.unique([steps, targets], axis=1, return_inverse=True, return_counts=True)
+    _, groups, sizes = np.unique(steps + 1j * targets, return_inverse=True, return_counts=True)
     order = np.argsort(np.random.default_rng(0).permutation(len(sizes))[groups], kind="stable")
     order = order[sizes[groups[order]] > 1][:MOST_READINGS]
     kept = np.bincount(groups[order], minlength=len(sizes))[groups[order]] > 1  # the last step may be cut
