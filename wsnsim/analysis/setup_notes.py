@@ -57,7 +57,7 @@ def motions_beyond_the_field(setup: TrackingSetup) -> Iterator[str]:
 
 def targets_that_never_exist(setup: TrackingSetup) -> Iterator[str]:
     """Targets whose intervals of presence hold no instant of the run."""
-    times: Floats = np.arange(setup.steps + 1) * setup.dt
+    times: Floats = np.arange(setup.steps + 1, dtype=np.float64) * setup.dt
     for i, intervals in enumerate(setup.presence):
         if intervals is not None and not present_at(times, intervals).any():
             yield (

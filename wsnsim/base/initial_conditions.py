@@ -110,7 +110,7 @@ def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialCo
 
 def _trajectories(setup: TrackingSetup, steps: int, dt: float, rng: np.random.Generator) -> list[Floats]:
     """The trajectory (steps + 1, D) of each target, NaN where the target is absent."""
-    times = np.arange(steps + 1) * dt
+    times: Floats = np.arange(steps + 1, dtype=np.float64) * dt
     found = []
     for motion, intervals in zip(setup.motions, setup.presence or [None] * len(setup.motions), strict=True):
         states = motion.truth(steps, dt, rng)
