@@ -18,6 +18,7 @@ import io
 import itertools
 import math
 import re
+import shlex
 import zlib
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -103,7 +104,7 @@ def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) 
 
     lines = _Lines(path, file, first)
     header = next(cells_in([lines.header]), [])
-    places = _present(f"{path}:{first}", header, wanted)
+    places = _present(path, first, header, wanted, what)
     known: dict[str, dict[str, int]] = {name: {} for name in wanted.texts if name in places}
     odd: dict[str, dict[int, str]] = {name: {} for name in places if name not in known}
     parts: dict[str, list[Any]] = {name: [] for name in places}
@@ -201,6 +202,10 @@ def demand_once(place: str, header: Sequence[str], names: Iterable[str]) -> None
             raise RunError(f"{place}: the header names the column '{name}' twice: rename one of them, or delete it")
 
 
+IMPORTED: Final = {"readings": "readings", "nodes": "nodes", "positions": "nodes", "points of a trajectory": "track"}
+"""{what a file contains: the kind of `wsnsim import` that makes such files of tables}."""
+
+
 @contextlib.contextmanager
 def open_text(path: str) -> Iterator[Any]:
     """Open a UTF-8 text that may be compressed with gzip; what cannot be read within the block is a RunError too.
@@ -296,13 +301,16 @@ class _Lines:
         return "".join(found)
 
 
-def _present(place: str, header: list[str], wanted: Wanted) -> dict[str, int]:
+def _present(path: str, first: int, header: list[str], wanted: Wanted, what: str) -> dict[str, int]:
     """The index of each wanted column that a file has, by our names."""
     named = {**wanted.texts, **wanted.numbers}
     needed = tuple(theirs for ours, theirs in named.items() if ours not in wanted.optional)
     if not set(needed) <= set(header):
-        raise _without_columns(place, header, needed)
-    demand_once(place, header, named.values())
+        error = _without_columns(f"{path}:{first}", header, needed)
+        if kind := IMPORTED.get(what):
+            raise RunError(f"{error}; a table of another form: wsnsim import {kind} {shlex.quote(path)}")
+        raise error
+    demand_once(f"{path}:{first}", header, named.values())
     return {ours: header.index(theirs) for ours, theirs in named.items() if theirs in header}
 
 
