@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 import wsnsim
-import wsnsim.interop as traces
 from tests.helpers.commands import run_command
 from wsnsim.base.errors import RunError, UsageError, WsnsimError, printable
-from wsnsim.interop import field_data, ns3, sumo, trajectories
+from wsnsim.interop import field_data, ns3, sumo, traces, trajectories
 from wsnsim.interop.trajectories import Placement
 from wsnsim.models.csvfile import Wanted, read_rows
 from wsnsim.models.k7file import read_links

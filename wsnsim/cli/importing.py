@@ -19,8 +19,8 @@ from wsnsim.cli.fitting import renamed_columns, target
 from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, writable
 
 if TYPE_CHECKING:
-    from wsnsim.interop import NodeSummary, Trace, TraceFormat
     from wsnsim.interop.conventions import Conventions
+    from wsnsim.interop.traces import NodeSummary, Trace, TraceFormat
     from wsnsim.interop.trajectories import PlacedTracks, Placement
 
 TRACES: Final = ("ns3", "sumo", "track")
@@ -127,7 +127,7 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
     elif not options["listed"]:
         _echo_written(_imported(kind, files, options), as_json)
     else:
-        from wsnsim.interop import summarised
+        from wsnsim.interop.traces import summarised
 
         if options["ids"]:
             raise UsageError("--list shows all nodes: leave out --id")
@@ -209,8 +209,7 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
     how = _placement(kind, options, as_scenario)
     if out is not None:
         not_the_result(writable(out, out), trace, "track") if trace.exists() else writable(out, out)
-    import wsnsim.interop as traces
-    from wsnsim.interop import trajectories
+    from wsnsim.interop import traces, trajectories
 
     if kind == "track":
         read = _tracks(files, options, ids)

@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.base.errors import RunError, UsageError
-from wsnsim.interop import NodeSummary, Trace, demand_choice
 from wsnsim.interop.conventions import USUALLY, Conventions, column_roles, plain, turned
 from wsnsim.interop.source_rows import SourceRows, columns_of, without
 from wsnsim.interop.tables import RawTable, listed, numeric
+from wsnsim.interop.traces import NodeSummary, Trace, demand_choice
 from wsnsim.models.bearing import TURN
 from wsnsim.models.k7file import HIGHEST_CHANNEL
 from wsnsim.models.unit_checks import slower_than_stated

@@ -21,8 +21,8 @@ import pandas as pd
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
-from wsnsim.interop import TraceEntry, ascending, finite_number
 from wsnsim.interop.tables import numeric, read_table
+from wsnsim.interop.traces import TraceEntry, ascending, finite_number
 from wsnsim.models.csvfile import open_text
 from wsnsim.models.unit_checks import remedy, slower_than_stated
 

@@ -20,8 +20,8 @@ import pandas as pd
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError, UsageError, printable
-from wsnsim.interop import Trace
 from wsnsim.interop.conventions import local_metres, origin_note
+from wsnsim.interop.traces import Trace
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.node_file import FromFile
 from wsnsim.models.recorded_track import LATEST
