@@ -5,7 +5,6 @@ SourceRows(files, conventions, wanted, needed)          .numbers, .in_unit, .tex
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -35,8 +34,6 @@ NO_VALUE: Final = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>", "n
 """Cells that hold nothing, without case."""
 LATEST: Final = 1e11
 """s: a greater number of seconds since 1970 is beyond the year 5000, and means milliseconds."""
-COMMA: Final = re.compile(r"[-+]?\d[\d.' ]*+,[\d,.]++")
-DECIMALS: Final = "; a file has one decimal mark, and thousands have none"
 NAMED_BY: Final = {"readings": "node", "nodes": "id", "track": "id"}
 """Our name of the column of names, of each kind."""
 DAY: Final = 86400.0
@@ -183,7 +180,7 @@ class SourceRows:
             self.leave_out(lacking, f"without {ours}")
         name = self.named(ours)
         self.refuse(~lacking & ~np.isfinite(values), lambda i: f"{name} must be a finite number, is "
-                    f"{_cell(column[i])}{DECIMALS * bool(COMMA.fullmatch(str(column[i]).strip()))}")  # fmt: skip
+                    f"{_cell(column[i])}{_of_marks(str(column[i]))}")  # fmt: skip
         return np.where(lacking, np.nan, values)
 
     @property
@@ -297,6 +294,12 @@ def names_something(name: str, cells: pd.Series) -> bool:
     if pd.api.types.is_numeric_dtype(cells):
         return bool(IDENTIFIER.search(plain(name))) and bool((cells.dropna() % 1 == 0).all())
     return bool(IDENTIFIER.search(plain(name))) or bool(numeric(cells).isna().all())
+
+
+def _of_marks(cell: str) -> str:
+    """What is said of a number with a comma that is not the file's decimal mark."""
+    digits = cell.strip(" +-").replace(",", "").replace(".", "")
+    return "; a file has one decimal mark, and thousands have none" * ("," in cell and digits.isdigit())
 
 
 def _shorter(time: Any) -> str:
