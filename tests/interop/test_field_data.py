@@ -242,7 +242,7 @@ def test_what_readings_are_taken_for_is_said(rows: str, unit: str, said: str, tm
     [
         ("readings", "time,node,rssi\n0,a,60\n1,a,61\n", {}, "levels in dBm, though they are positive"),
         ("readings", "time,node,reading\n0,a,60\n", {}, "taken for ranges in m"),
-        ("readings", "time,node,reading,mac\n0,a,60,a:1\n", {}, "'mac' may name the node: --column node=mac"),
+        ("readings", "time,node,reading,mac\n0,a,60,a:1\n", {}, "'mac' may name the node: --column 'node=mac'"),
         ("readings", "time,node,reading\n0,a,60\n", {"missing": ["foo"]}, "--missing foo: no row has it"),
         ("nodes", "id,x,y\na,5,5\nb,5,5\n", {}, "all 2 nodes stand at one place"),
         ("nodes", "id,x,y,z\na,5,5,1\nb,6,5,\n", {}, "z is left out of all: 1 row without it"),

@@ -85,8 +85,8 @@ class SourceRows:
             unused = [name for name in names if name not in {*roles.values(), *part.attrs.get("used", ())}]
             named = [name for name in unused if name not in how.where and names_something(name, raw.frame[name])]
             self.notes += [f"{path}: columns not used: {listed(unused)}"] * bool(unused)
-            if named and (ours := NAMED_BY.get(kind)):
-                self.notes.append(f"{listed(named)} may name the {ours}: --column {ours}={named[0]} uses it")
+            if (ours := NAMED_BY.get(kind)) and (like := [name for name in named if IDENTIFIER.search(plain(name))]):
+                self.notes.append(f"{listed(like)} may name the {ours}: --column '{ours}={like[0]}' uses it")
             self.unused.append(raw.frame[named])
             self._demand_same_units(path, roles)
             self.notes += [f"{path}: {part.attrs['note']}"] if "note" in part.attrs else []
@@ -157,7 +157,7 @@ class SourceRows:
         used = table[self.kept]
         again, copies = (pd.Series(found, used.index).reindex(table.index, fill_value=False).to_numpy()
                          for found in (used.duplicated(keys), used.duplicated()))  # fmt: skip
-        self.leave_out(copies, "that repeat another one")
+        self.leave_out(copies, "equal to another one")
         self.refuse(again & ~copies, reason)
         return table[self.kept & ~again].sort_values(keys, kind="stable", ignore_index=True)
 
