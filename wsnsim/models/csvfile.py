@@ -10,6 +10,7 @@ Rows become arrays while they are read, so that memory is that of the numbers.
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import csv
 import functools
@@ -208,7 +209,7 @@ IMPORTED: Final = {"readings": "readings", "nodes": "nodes", "positions": "nodes
 
 @contextlib.contextmanager
 def open_text(path: str) -> Iterator[Any]:
-    """Open a UTF-8 text that may be compressed with gzip; what cannot be read within the block is a RunError too.
+    """Open a UTF-8 text, or UTF-16 with its mark, perhaps in gzip; what cannot be read in the block is a RunError too.
 
     Raises:
         RunError: the file cannot be read, is no text, is empty, or is not the gzip data that its name promises.
@@ -217,7 +218,11 @@ def open_text(path: str) -> Iterator[Any]:
         raise RunError(f"{path}: cannot be read: {irregular}")
     try:
         with Path(path).open("rb") as file, _decompressed(path, file) as content:
-            yield _LimitedText(content, encoding="utf-8-sig", newline="")
+            wide = content.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+            yield _LimitedText(content, encoding="utf-16" if wide else "utf-8-sig", newline="")
+    except UnicodeDecodeError as error:
+        remedy = f"save it as CSV UTF-8, or write: iconv -f latin1 -t utf-8 {shlex.quote(path)}"
+        raise RunError(f"{path}: cannot be read: not a CSV text in UTF-8 ({error}): {remedy}") from error
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise RunError(f"{path}: cannot be read: its gzip data is damaged or cut off ({error})") from error
     except OSError as error:
