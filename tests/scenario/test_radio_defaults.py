@@ -57,7 +57,6 @@ def test_sending_over_the_ideal_channel_takes_no_time_with_a_datasheet_either():
 
 
 @pytest.mark.parametrize(("key", "radio", "link", "mac"), [
-    ("link.sensitivity", "nrf52840_radio", {"kind": "log_normal", "sensitivity": "-95 dBm"}, "csma"),
     ("link.modulation", "cc1000", {"kind": "log_normal", "modulation": "oqpsk"}, "csma"),
     ("mac.rate", "cc1000", "disk", {"kind": "csma", "rate": "250 kbit/s", "ack_wait": "1 s"}),
     ("mac.turnaround", "cc1000", "disk", {"kind": "csma", "turnaround": "0.192 ms"}),

@@ -13,10 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis.phrases import counted
 from wsnsim.base.arrays import Floats, periods_of
 from wsnsim.base.cell_grid import CellGrid
-from wsnsim.base.errors import RunError
+from wsnsim.base.errors import RunError, counted
 from wsnsim.base.initial_conditions import present_at, sample_positions
 from wsnsim.base.medium_access import CAP_SHARE, is_duty_cycled
 from wsnsim.base.network_ports import FaultEvent, Field

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from wsnsim.analysis.phrases import counted
-from wsnsim.base.errors import RunError, ScenarioError, UsageError
+from wsnsim.base.errors import RunError, ScenarioError, UsageError, counted
 from wsnsim.cli import shared
 from wsnsim.cli.fitting import renamed_columns, target
 from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, writable
