@@ -57,6 +57,7 @@ def test_sending_over_the_ideal_channel_takes_no_time_with_a_datasheet_either():
 
 
 @pytest.mark.parametrize(("key", "radio", "link", "mac"), [
+    ("link.sensitivity", "nrf52840_radio", {"kind": "log_normal", "sensitivity": "-95 dBm"}, "csma"),
     ("link.modulation", "cc1000", {"kind": "log_normal", "modulation": "oqpsk"}, "csma"),
     ("mac.rate", "cc1000", "disk", {"kind": "csma", "rate": "250 kbit/s", "ack_wait": "1 s"}),
     ("mac.turnaround", "cc1000", "disk", {"kind": "csma", "turnaround": "0.192 ms"}),
@@ -64,6 +65,11 @@ def test_sending_over_the_ideal_channel_takes_no_time_with_a_datasheet_either():
 ])  # fmt: skip
 def test_a_written_value_that_contradicts_the_radio_is_refused(key, radio, link, mac):
     assert [path for path, _ in issues(radio, link, mac)] == [key]
+
+
+def test_a_fitted_sensitivity_counts_beside_the_radio():
+    fitted = {"kind": "log_normal", "sensitivity": "-91.7 dBm", "fitted_on": ["0123"]}
+    assert build(scenario("cc2420", fitted)).link.sensitivity == -91.7
 
 
 def test_durations_in_symbols_are_as_many_symbols_at_the_rate_of_the_radio():
