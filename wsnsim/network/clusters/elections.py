@@ -95,7 +95,7 @@ class Elections:
             return False
         key = derive(network.tracker_key, ELECTION_KEY, track.target, election.step)
         chance = float(uniforms(derive_all(key, np.array([node])), 0)[0])
-        columns, traits = len(setup.filter_motions[track.target].position), network.nodes.traits[node]
+        columns, traits = len(setup.filter_motion(track.target).position), network.nodes.traits[node]
         share = waiting_share(setup.filter_sensor, columns, traits, election.readings[node], chance)
         yield network.clock.env.timeout(share * setup.waits.election)
         return election.is_outbid(node)
