@@ -64,9 +64,12 @@ class Groups:
         )  # fmt: skip
         self._surely_scan = setup.sleep.rest is not Mode.SCHEDULED
 
-    def _first_belief(self, step: int) -> Any:
-        """A belief without tracks; at the start, with those of targets that are known."""
-        priors = self._book.priors if step == 0 and self._tracker.management.known_start else ()
+    def _known(self, step: int) -> Sequence[Estimate]:
+        """The priors of targets that are known at a step."""
+        return self._book.priors if step == 0 and self._tracker.management.known_start else ()
+
+    def _first_belief(self, step: int, priors: Sequence[Estimate]) -> Any:
+        """A belief with a track for each prior."""
         belief = self._tracker.begin(priors, step * self._clock.dt, self._facts, self._book.next)
         self._book.next += len(priors)
         return belief
@@ -151,7 +154,7 @@ class CentralGroup(Groups):
         """Lead the group until the end. What a head knew that went down is lost."""
         cluster, step = OpenCluster(self._network, track.target, handover.successor, []), handover.belief_step
         track.open_cluster(cluster, handover, self._clock.now)
-        lead = self._lead_of(track, cluster, self._first_belief(step), step)
+        lead = self._lead_of(track, cluster, self._first_belief(step, self._known(step)), step)
         if lead.tracks:  # they are known at this instant
             yield track.tick
         while True:

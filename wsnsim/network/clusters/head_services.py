@@ -87,7 +87,7 @@ class HeadMessages:
         Raises:
             HeadDied: the head went down.
         """
-        return [*(yield from self._broadcast(target, head, Parcel(None, 1, bits, what)))]
+        return [*(yield from self.broadcast(target, head, Parcel(None, 1, bits, what)))]
 
     def announce(
         self, target: int, head: int, appointment: Appointment, payload: Parcel | None
@@ -105,14 +105,14 @@ class HeadMessages:
         packets, bits = (0, PACKET_BITS) if payload is None else (payload.packets, payload.packet_bits)
         self.network.log.add("announce", target, head)
         parcel = Parcel(None, own + packets, max(bits, PACKET_BITS), "announce")
-        heard = yield from self._broadcast(target, head, parcel)
+        heard = yield from self.broadcast(target, head, parcel)
         return {node: mask[own:] for node, mask in heard.items() if mask[:own].all()}
 
     def linked(self, head: int, nodes: Iterable[int]) -> list[int]:
         """Those of the nodes that reach the head over one hop."""
         return [node for node in nodes if self.transport.connected(node, head)]
 
-    def _broadcast(self, target: int, head: int, parcel: Parcel) -> Acting[dict[int, Bools]]:
+    def broadcast(self, target: int, head: int, parcel: Parcel) -> Acting[dict[int, Bools]]:
         """Broadcast a parcel; return which packets arrived at each living node, ascending."""
         event, (burst,) = self.transport.broadcast([head], [parcel], target)
         yield event

@@ -85,7 +85,7 @@ class NetworkView(NamedTuple):
     def first_outlook(self, target: int, head: int, estimate: Estimate) -> Outlook:
         """What a head foresees that knows the first estimate of a track, of this step."""
         clock, motion = self.clock, self.setup.filter_motion(target)
-        forecast = _one_step_on(estimate, motion, clock.dt, clock.step * clock.dt)
+        forecast = one_step_on(estimate, motion, clock.dt, clock.step * clock.dt)
         return self._outlook(target, head, [head], forecast, forecast)
 
     def _outlook(
@@ -143,7 +143,7 @@ class TargetSearch:
         return int(able[np.argmin(chances)]), awake
 
 
-def _one_step_on(estimate: Estimate, motion: MotionModel, dt: float, time: float) -> Estimate:
+def one_step_on(estimate: Estimate, motion: MotionModel, dt: float, time: float) -> Estimate:
     """An estimate of `time` s, predicted for the step after it."""
     point = np.ascontiguousarray(estimate.mean[:, None])
     transitions, noise = motion.matrices(point, dt, time)
