@@ -221,7 +221,7 @@ class MovingGroups(Groups):
         ids = ids[np.all([np.hypot(*(positions - point).T) <= reach for point in points], axis=0)]
         if not ids.size:
             return 0.0
-        (a, sa), (b, sb) = self._expected(one, ids), self._expected(other, ids)
+        (a, sa), (b, sb) = self._expected(one, ids.tolist()), self._expected(other, ids.tolist())
         apart = near(self._facts.sensor, b.reshape(-1), a.reshape(-1)).reshape(a.shape) - a
         return float((np.abs(apart) <= GATE * (sa + sb)).all(axis=1).mean())
 
@@ -347,7 +347,8 @@ class MovingGroups(Groups):
         """(2,) the mean of the positions that tracks will have at the next step."""
         motion, dt = self._facts.motion, self._clock.dt
         states = np.array([track.mean for track in tracks]).T
-        return planar(motion.advance(states, dt, self._clock.now)[list(motion.position)].T).mean(axis=0)
+        points: Floats = planar(motion.advance(states, dt, self._clock.now)[list(motion.position)].T)
+        return points.mean(axis=0)
 
     def _nearest(self, tracks: Iterable[TrackEstimate]) -> int | None:
         """The able node nearest to where tracks will be; None if none is able."""
