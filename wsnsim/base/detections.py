@@ -69,7 +69,7 @@ class Management(Protocol):
     known_start: ClassVar[bool]
 
 
-class MultiTargetTracker(Protocol):
+class MultiTracker(Protocol):
     """A multi-target tracker: association, a filter for each track, and the management of tracks.
 
     A class of this port says `multi_target: ClassVar[bool] = True`.
@@ -100,7 +100,7 @@ class MultiTargetTracker(Protocol):
             number: The first number of tracks that begin in this step.
         """
 
-    def estimates(self, belief: Any) -> Sequence[TrackEstimate]:
+    def estimates(self, belief: Any, facts: Facts) -> Sequence[TrackEstimate]:
         """The tracks, tentative ones too, by ascending number."""
 
     def numbers_of(self, belief: Any) -> int:
