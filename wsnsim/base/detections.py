@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from wsnsim.base.arrays import Estimate, Floats, periods_of, planar
+from wsnsim.base.arrays import Estimate, Floats, is_relative, periods_of, planar
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.scans import Facts, Outcome, Scan, TrackEstimate
 
@@ -55,6 +55,17 @@ def space_of(sensor: Any, window: tuple[Interval, ...] = ()) -> tuple[Interval, 
     if not told:
         told = tuple((-period / 2, period / 2) if period else (0.0, math.inf) for period in periods_of(sensor))
     return told if all(math.isfinite(low + high) for low, high in told) else None
+
+
+def why_no_detections(sensor: Any) -> str:
+    """Why the readings of a sensor model are no detections of single targets; '' if they are."""
+    if getattr(sensor, "additive", False) or getattr(getattr(sensor, "law", None), "additive", False):
+        return "a reading adds up what comes from all targets: it is no detection of one; take a range or a bearing"
+    if hasattr(sensor, "reading_values"):
+        return "a reading that names a cell is no detection that a track could be near"
+    if is_relative(sensor):
+        return "only differences of the readings of one target count: without names none is known"
+    return ""
 
 
 def volume_of(sensor: Any, window: tuple[Interval, ...] = ()) -> float:

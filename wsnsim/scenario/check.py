@@ -191,7 +191,7 @@ def _components(
 ) -> Iterator[tuple[str, list[tuple[Keys, LocatedValue]]]]:
     """Yield (key, its components with their paths): one under the name of a role, several under its list."""
     for role in ROLES.values():
-        alone = None if role.optional else tree.child(role.name)
+        alone = tree.child(role.name) if role.name in role.keys else None
         several = tree.child(role.listed) if role.listed else None
         if several is not None:
             if alone is not None:

@@ -13,7 +13,8 @@ from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Estimate, Floats, is_relative
+from wsnsim.base.arrays import Estimate, Floats
+from wsnsim.base.detections import why_no_detections
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import KnownNodes, Tracker
@@ -47,6 +48,8 @@ class MultiTargetTracker:
     """Base of trackers of several targets. A subclass processes a scan."""
 
     multi_target: ClassVar[bool] = True
+    angles: ClassVar[bool] = True
+    vector_readings: ClassVar[bool] = True
     estimates_existence: ClassVar[bool] = False
 
     filter: Annotated[Tracker[Any], OfRole("tracker"), "the Gaussian filter of each track: ekf, ukf, ckf or imm"]
@@ -59,9 +62,7 @@ class MultiTargetTracker:
         """Yield an issue for a filter that is not Gaussian, and for readings from which no track can start."""
         if not hasattr(self.filter, "gaussian"):
             yield Issue(("tracker", "filter"), "needs a filter with Gaussian moments: ekf, ukf, ckf or imm")
-        if is_relative(setup.filter_sensor):
-            yield Issue(("tracker",), "of readings of which only the differences count, single ones say nothing")
-        elif self.management.starts and not can_start(setup.filter_sensor):
+        if self.management.starts and not can_start(setup.filter_sensor) and not why_no_detections(setup.sensor):
             yield Issue(("tracker", "management"), "tracks start from ranges or bearings; use known with this sensor")
         if any(len(motion.position) != 2 for motion in setup.filter_motions):
             yield Issue(("tracker", "kind"), "needs a motion model whose position has two columns")
