@@ -1,4 +1,4 @@
-"""Metrics of several tracks: beside enumerations of all assignments, published values, and what a metric must fulfil."""
+"""Metrics of several tracks: beside enumerations of all assignments, published values, and what a metric fulfils."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from wsnsim.base import multi_target
 from wsnsim.base.multi_target import MultiTargetRule, Tracks, follow, gospa, ospa2, run_columns, switches
+from wsnsim.base.tables import UNLABELLED, columns_of
 
 NAN = float("nan")
 POINTS = st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), max_size=4)
@@ -174,6 +175,12 @@ def test_the_columns_of_a_run_count_what_happened():
     assert (found["confirmed_tracks"], found["false_tracks"]) == (3, 1 / (6 * 0.5 / 3600.0))
     assert found["gospa"] ** 2 == pytest.approx(sum(found[f"gospa_{part}"] ** 2 for part in multi_target.PARTS))
     assert found["gospa_missed"] ** 2 == pytest.approx(8.0 * 4 / 6), "c² / 2 for each of four misses in six steps"
+
+
+def test_every_column_of_the_table_has_a_value():
+    truth, nothing = np.empty((0, 5, 1)), _tracks([])
+    assert tuple(run_columns(truth, nothing, follow(truth, nothing, 4.0), RULE)) == UNLABELLED
+    assert {*UNLABELLED} == {c.name for c in columns_of("runs", unlabelled=True)} - {c.name for c in columns_of("runs")}
 
 
 def test_an_empty_field_and_no_track_are_ordinary():

@@ -146,7 +146,7 @@ def _ospa(distances: Floats, order: float) -> float:
     if not size:
         return 0.0
     pairs = _assignment(distances**order)
-    return float(((distances[pairs] ** order).sum() + size - least) / size) ** (1.0 / order)
+    return float((((distances[pairs] ** order).sum() + size - least) / size) ** (1.0 / order))
 
 
 def follow(truth: Floats, tracks: Tracks, cutoff: float, order: float = ORDER) -> Ints:
@@ -221,7 +221,7 @@ def run_columns(truth: Floats, tracks: Tracks, followed: Ints, rule: MultiTarget
         "switches": len(switches(present, tracks, followed)),
         "fragments": sum(_gaps(there, rows >= 0) for there, rows in zip(present, followed, strict=True)),
         "time_to_confirm": metrics.mean_error(_waits(present, followed >= 0) * rule.dt),
-        "track_life": metrics.mean_error(lengths[true] * rule.dt),
+        "track_life": metrics.mean_error(lengths[true].astype(np.float64) * rule.dt),
         "confirmed_tracks": numbers.size,
         "false_tracks": int((~true).sum()) / hours,
     }
@@ -235,13 +235,14 @@ def _gaps(present: Bools, followed: Bools) -> int:
 
 def _waits(present: Bools, followed: Bools) -> Floats:
     """(T,) steps from a target's first one to the first at which a track follows it; NaN without one."""
-    waits = np.argmax(followed, axis=1) - np.argmax(present, axis=1)
+    waits = (np.argmax(followed, axis=1) - np.argmax(present, axis=1)).astype(np.float64)
     return np.where(followed.any(axis=1), waits, np.nan)
 
 
 def _confirmed(tracks: Tracks) -> Tracks:
     """The rows of confirmed tracks."""
-    return Tracks(*(column[tracks.confirmed] for column in tracks))
+    kept = tracks.confirmed
+    return Tracks(tracks.step[kept], tracks.track[kept], tracks.position[kept], tracks.confirmed[kept])
 
 
 def _steps(truth: Floats, tracks: Tracks) -> Iterator[tuple[int, Ints, Ints, Floats]]:
