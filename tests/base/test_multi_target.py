@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wsnsim.base import multi_target
-from wsnsim.base.multi_target import MultiTargetRule, Tracks, follow, gospa, ospa2, run_columns, switches
+from wsnsim.base.multi_target import FollowedRun, Tracks, follow, gospa, ospa2, switches
 from wsnsim.base.tables import UNLABELLED, columns_of
 
 NAN = float("nan")
@@ -123,10 +123,11 @@ def test_tracks_that_are_not_confirmed_count_nowhere():
     assert gospa(truth, tracks, [4.0]).distance[0] == pytest.approx([4.0 / np.sqrt(2.0), 0.0])
     assert ospa2(truth, tracks, 4.0, 1).tolist() == [4.0, 0.0]
     assert follow(truth, tracks, 4.0).tolist() == [[-1, 1]]
-    assert run_columns(truth, tracks, follow(truth, tracks, 4.0), RULE)["time_to_confirm"] == 0.5
+    assert _columns(truth, tracks)["time_to_confirm"] == 0.5
 
 
-RULE = MultiTargetRule(cutoff=4.0, window=3, dt=0.5)
+def _columns(truth, tracks, cutoff=4.0):
+    return FollowedRun.of(0, truth, tracks, cutoff, window=3, dt=0.5).columns()
 
 
 def test_a_swap_costs_nothing_in_gospa_and_the_share_of_its_steps_in_ospa2():
@@ -166,8 +167,7 @@ def test_the_columns_of_a_run_count_what_happened():
     truth = _line([0.0] * 6, [NAN, NAN, 50.0, 50.0, NAN, NAN])
     rows = [(2, 4, 0.0), (3, 4, 0.0), (5, 7, 0.0), (6, 7, 0.0), (1, 9, -30.0), (2, 9, -30.0)]
     tracks = _tracks(rows)
-    followed = follow(truth, tracks, 4.0)
-    found = run_columns(truth, tracks, followed, RULE)
+    found = _columns(truth, tracks)
     assert found["completeness"] == 4 / 8
     assert (found["switches"], found["fragments"]) == (1, 1)
     assert found["time_to_confirm"] == 0.5, "target 1, which was never confirmed, has none"
@@ -177,16 +177,22 @@ def test_the_columns_of_a_run_count_what_happened():
     assert found["gospa_missed"] ** 2 == pytest.approx(8.0 * 4 / 6), "c² / 2 for each of four misses in six steps"
 
 
+def test_an_infinite_limit_of_the_error_leaves_a_cutoff_of_20_m():
+    run = FollowedRun.of(0, _line([0.0, 0.0]), _tracks([(1, 0, 19.0), (2, 0, 21.0)]), np.inf, 3, 0.5)
+    assert run.followed.tolist() == [[0, -1]]
+    assert run.errors[0].tolist() == pytest.approx([19.0, NAN], nan_ok=True)
+
+
 def test_every_column_of_the_table_has_a_value():
     truth, nothing = np.empty((0, 5, 1)), _tracks([])
-    assert tuple(run_columns(truth, nothing, follow(truth, nothing, 4.0), RULE)) == UNLABELLED
+    assert tuple(_columns(truth, nothing)) == UNLABELLED
     assert {*UNLABELLED} == {c.name for c in columns_of("runs", unlabelled=True)} - {c.name for c in columns_of("runs")}
 
 
 def test_an_empty_field_and_no_track_are_ordinary():
     for truth in (np.empty((0, 5, 1)), np.full((1, 5, 1), NAN)):
         nothing = _tracks([])
-        found = run_columns(truth, nothing, follow(truth, nothing, 4.0), RULE)
+        found = _columns(truth, nothing)
         assert found["gospa"] == found["ospa2"] == found["false_tracks"] == found["switches"] == 0.0
         assert np.isnan([found["completeness"], found["time_to_confirm"], found["track_life"]]).all()
         ghost = _tracks([(2, 0, 0.0)])
@@ -204,6 +210,6 @@ def test_nothing_depends_on_the_order_of_targets_or_on_the_numbers_of_tracks(ran
     tracks = _tracks(rows)
     order, names = rng.permutation(targets), rng.permutation(9)
     renamed = tracks._replace(track=names[tracks.track])
-    found = run_columns(truth, tracks, follow(truth, tracks, 8.0), RULE._replace(cutoff=8.0))
-    other = run_columns(truth[order], renamed, follow(truth[order], renamed, 8.0), RULE._replace(cutoff=8.0))
+    found = _columns(truth, tracks, 8.0)
+    other = _columns(truth[order], renamed, 8.0)
     assert found == pytest.approx(other, nan_ok=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wsnsim.base.multi_target import MultiTargetRule, Tracks, cutoff_of, follow, run_columns
+from wsnsim.base.multi_target import FollowedRun, Tracks
 from wsnsim.base.tables import TABLES, columns_of
 from wsnsim.recording import ResultFile
 
@@ -70,11 +70,11 @@ def estimate_columns(tracks: Tracks) -> dict[str, object]:
 
 def run_row(run: int, truth: np.ndarray, tracks: Tracks) -> dict[str, object]:
     """The row of the table `runs`."""
-    followed = follow(truth, tracks, cutoff_of(LIMIT))
+    found = FollowedRun.of(run, truth, tracks, LIMIT, round(WINDOW / DT), DT)
     row: dict[str, object] = dict.fromkeys((c.name for c in columns_of("runs", STATES, unlabelled=True)), 0)
     row |= {"replicate": run, "steps": STEPS, "lost_limit": LIMIT, "lost_window": WINDOW, "energy": np.nan}
     row |= {"first_death": np.nan, "half_dead": np.nan}
-    return row | run_columns(truth, tracks, followed, MultiTargetRule(LIMIT, round(WINDOW / DT), DT))
+    return row | found.columns()
 
 
 def _write_detections(file: ResultFile) -> None:

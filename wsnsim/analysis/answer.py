@@ -14,10 +14,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis.multi_target import least_localisation
+from wsnsim.analysis.multi_target import GOSPA, least_localisation
 from wsnsim.analysis.quantities import DECIDED, loss_rule, median_time, time_averaged_rmse
 from wsnsim.analysis.result_facts import ResultFacts, Table, facts_of_file, facts_of_report, facts_of_tables
-from wsnsim.base import metrics, multi_target
+from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import WsnsimError, shortened
 from wsnsim.base.results import Report
@@ -272,9 +272,7 @@ def tracks_clause(facts: ResultFacts, crlb: float) -> str:
     if np.isnan(share):
         return f"No target existed in {where}, and there were {false}"
     subject = "The target was" if _targets(facts) == 1 else f"The {_targets(facts):,} targets were"
-    whole, near, missed, extra = (
-        f"{figure(facts.mean(name))} {facts.unit}".rstrip() for name in multi_target.DISTANCES[:-1]
-    )
+    whole, near, missed, extra = (f"{figure(facts.mean(name))} {facts.unit}".rstrip() for name in GOSPA)
     if math.isfinite(crlb) and crlb > 0.0:
         limit = f"{figure(crlb)} {facts.unit}".rstrip()
         ratio = _ratio(facts.mean("gospa_localisation") / crlb)
@@ -282,7 +280,7 @@ def tracks_clause(facts: ResultFacts, crlb: float) -> str:
     switched = _number_of(facts.mean("switches"), "identity switch", "es") + " a run" * (facts.count > 1)
     return (
         f"{subject} followed at {percent(share)} of their steps in {where}, with a GOSPA of {whole} (c ="
-        f" {multi_target.cutoff_of(facts.limit):.4g} {facts.unit}; missed targets {missed}, false tracks {extra},"
+        f" {facts.cutoff:.4g} {facts.unit}; missed targets {missed}, false tracks {extra},"
         f" localisation {near}), {switched} and {false}"
     )
 

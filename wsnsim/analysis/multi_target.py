@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from wsnsim.base import multi_target
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, UsageError, shown_value
-from wsnsim.base.multi_target import MultiTargetRule, Tracks
+from wsnsim.base.multi_target import FollowedRun, Tracks
 from wsnsim.recording import attributes, read_table, tables
 
 if TYPE_CHECKING:
@@ -29,43 +29,6 @@ KNOWN_ASSOCIATION: Final = (
     "the bound knows of which target each detection is: it leaves out clutter, detections of several targets at once, "
     "and the targets that no track follows"
 )
-
-
-class FollowedRun(NamedTuple):
-    """The tracks of one run beside its targets.
-
-    Attributes:
-        replicate: number of the run.
-        truth: (T, K + 1, P) positions of the targets at the steps from 0 on, NaN where absent.
-        tracks: the tracks at these steps.
-        followed: (T, K) which row of the tracks follows each target at the steps from 1 on; -1: none.
-        rule: what the tracks are judged by.
-    """
-
-    replicate: int
-    truth: Floats
-    tracks: Tracks
-    followed: Ints
-    rule: MultiTargetRule
-
-    @property
-    def times(self) -> Floats:
-        """(K,) times of the steps from 1 on, in s."""
-        return np.arange(1, self.truth.shape[1]) * self.rule.dt
-
-    @property
-    def errors(self) -> Floats:
-        """(T, K) distance of each target from the track that follows it; NaN where none does."""
-        places = np.full((*self.followed.shape, self.truth.shape[2]), np.nan)
-        there = self.followed >= 0
-        places[there] = self.tracks.position[self.followed[there]]
-        errors: Floats = np.sqrt(((places - self.truth[:, 1:]) ** 2).sum(axis=-1))
-        return errors
-
-    @property
-    def switches(self) -> Ints:
-        """(n, 4) the identity switches: step, target, number of the track before, and of the one after."""
-        return multi_target.switches(np.isfinite(self.truth[:, 1:, 0]), self.tracks, self.followed)
 
 
 def is_unlabelled(path: str | Path) -> bool:
@@ -99,9 +62,7 @@ def followed_runs(path: str | Path, replicates: Sequence[int] | None = None) -> 
             np.column_stack([own[name][order] for name in place]), own["confirmed"][order] > 0,
         )  # fmt: skip
         positions = _positions({n: v[truth["replicate"] == number] for n, v in truth.items()}, place, int(steps))
-        cutoff = multi_target.cutoff_of(limit)
-        followed = multi_target.follow(positions, tracks, cutoff)
-        yield FollowedRun(number, positions, tracks, followed, MultiTargetRule(cutoff, round(window / dt), dt))
+        yield FollowedRun.of(number, positions, tracks, limit, round(window / dt), dt)
 
 
 def _duration(*found: dict[str, np.ndarray]) -> float:
@@ -144,7 +105,7 @@ def gospa_table(path: str | Path, cutoffs: Sequence[float] = (), order: float = 
         parts = multi_target.gospa(run.truth, run.tracks, wanted, order)
         count = run.truth.shape[1] - 1
         rows = {"replicate": run.replicate, "step": np.tile(np.arange(1, count + 1), len(wanted))}
-        rows |= {"time": np.tile(run.times, len(wanted)), "cutoff": np.repeat(wanted, count)}
+        rows |= {"time": rows["step"] * run.rule.dt, "cutoff": np.repeat(wanted, count)}
         found.append(pd.DataFrame(rows | dict(zip(GOSPA, (part.ravel() for part in parts), strict=True))))
     return pd.concat(found, ignore_index=True)
 

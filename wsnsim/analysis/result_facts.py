@@ -17,6 +17,7 @@ import wsnsim.scenario as scenarios
 from wsnsim.analysis import multi_target
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.multi_target import cutoff_of
 from wsnsim.base.results import Report
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import CAUSES
@@ -79,6 +80,11 @@ class ResultFacts:
     def unlabelled(self) -> bool:
         """Whether readings name no target, so that tracks are assigned to targets afterwards."""
         return "gospa" in self.runs
+
+    @property
+    def cutoff(self) -> float:
+        """The distance c of GOSPA, at and above which a track does not follow a target."""
+        return cutoff_of(self.limit)
 
     @property
     def consistent(self) -> float:

@@ -4,7 +4,7 @@
     ospa2(truth, tracks, cutoff, window)            the histories of tracks beside those of targets
     follow(truth, tracks, cutoff) -> rows           which track follows which target at each step, decided afterwards
     switches(present, tracks, followed)             where a target's track changes
-    run_columns(truth, tracks, followed, rule)      the columns of the table `runs` on several tracks
+    FollowedRun.of(...)                             all of it for one run, and the columns of the table `runs`
 
 truth: (T, K + 1, P) positions of targets at the steps 0 to K, NaN where a target is absent. Metrics are of the steps 1
 to K, and of confirmed tracks alone.
@@ -74,7 +74,7 @@ class MultiTargetRule(NamedTuple):
 
 
 def cutoff_of(limit: float) -> float:
-    """The cutoff c of a run in which a track is lost above an error `limit`: this, if it is finite, or 20 m."""
+    """The distance c of a run in which a track is lost above an error `limit`: this, or 20 m if it is infinite."""
     return limit if np.isfinite(limit) else metrics.LOST_ERROR
 
 
@@ -202,29 +202,80 @@ def switches(present: Bools, tracks: Tracks, followed: Ints) -> Ints:
     return np.array(sorted(found), dtype=np.int64).reshape(-1, 4)
 
 
-def run_columns(truth: Floats, tracks: Tracks, followed: Ints, rule: MultiTargetRule) -> dict[str, Any]:
-    """The columns `tables.UNLABELLED` of the table `runs`.
+class FollowedRun(NamedTuple):
+    """The tracks of one run beside its targets.
 
-    Distances are means over the steps of the order of the metric, so that the parts of GOSPA still add up.
+    Attributes:
+        replicate: number of the run.
+        truth: (T, K + 1, P) positions of the targets at the steps from 0 on, NaN where absent.
+        tracks: the tracks at these steps.
+        followed: (T, K) which row of the tracks follows each target at the steps from 1 on; -1: none.
+        rule: what the tracks are judged by.
     """
-    parts = gospa(truth, tracks, [rule.cutoff])
-    histories = ospa2(truth, tracks, rule.cutoff, rule.window)
-    distances = dict(zip(DISTANCES, (*(part[0] for part in parts), histories), strict=True))
-    present = np.isfinite(truth[:, 1:, 0])
-    own = _confirmed(tracks)
-    numbers, lengths = np.unique(own.track, return_counts=True)
-    true = np.isin(numbers, tracks.track[followed[followed >= 0]])
-    hours = followed.shape[1] * rule.dt / HOUR
-    return {
-        **{name: float(np.mean(values**ORDER) ** (1.0 / ORDER)) for name, values in distances.items()},
-        "completeness": float((followed >= 0).sum() / present.sum()) if present.any() else np.nan,
-        "switches": len(switches(present, tracks, followed)),
-        "fragments": sum(_gaps(there, rows >= 0) for there, rows in zip(present, followed, strict=True)),
-        "time_to_confirm": metrics.mean_error(_waits(present, followed >= 0) * rule.dt),
-        "track_life": metrics.mean_error(lengths[true].astype(np.float64) * rule.dt),
-        "confirmed_tracks": numbers.size,
-        "false_tracks": int((~true).sum()) / hours,
-    }
+
+    replicate: int
+    truth: Floats
+    tracks: Tracks
+    followed: Ints
+    rule: MultiTargetRule
+
+    @classmethod
+    def of(cls, replicate: int, truth: Floats, tracks: Tracks, limit: float, window: int, dt: float) -> FollowedRun:
+        """The run, with tracks assigned to targets afterwards.
+
+        Args:
+            replicate: number of the run.
+            truth: positions of the targets.
+            tracks: the tracks.
+            limit: the error above which a track is lost, see `cutoff_of`.
+            window: number of steps of a history in OSPA(2).
+            dt: duration of a step in s.
+        """
+        cutoff = cutoff_of(limit)
+        return cls(replicate, truth, tracks, follow(truth, tracks, cutoff), MultiTargetRule(cutoff, window, dt))
+
+    @property
+    def present(self) -> Bools:
+        """(T, K) whether each target is there at the steps from 1 on."""
+        return np.isfinite(self.truth[:, 1:, 0])
+
+    @property
+    def errors(self) -> Floats:
+        """(T, K) distance of each target from the track that follows it; NaN where none does."""
+        places = np.full((*self.followed.shape, self.truth.shape[2]), np.nan)
+        there = self.followed >= 0
+        places[there] = self.tracks.position[self.followed[there]]
+        errors: Floats = np.sqrt(((places - self.truth[:, 1:]) ** 2).sum(axis=-1))
+        return errors
+
+    @property
+    def switches(self) -> Ints:
+        """(n, 4) the identity switches by step: step, target, number of the track before, and of the one after."""
+        return switches(self.present, self.tracks, self.followed)
+
+    def columns(self) -> dict[str, Any]:
+        """The columns `tables.UNLABELLED` of the table `runs`.
+
+        Distances are means over the steps of the order of the metric, so that the parts of GOSPA still add up.
+        """
+        parts, rule, present, followed = (
+            gospa(self.truth, self.tracks, [self.rule.cutoff]), self.rule, self.present, self.followed >= 0
+        )  # fmt: skip
+        histories = ospa2(self.truth, self.tracks, rule.cutoff, rule.window)
+        distances = dict(zip(DISTANCES, (*(part[0] for part in parts), histories), strict=True))
+        numbers, lengths = np.unique(_confirmed(self.tracks).track, return_counts=True)
+        true = np.isin(numbers, self.tracks.track[self.followed[followed]])
+        hours = followed.shape[1] * rule.dt / HOUR
+        return {
+            **{name: float(np.mean(values**ORDER) ** (1.0 / ORDER)) for name, values in distances.items()},
+            "completeness": float(followed.sum() / present.sum()) if present.any() else np.nan,
+            "switches": len(self.switches),
+            "fragments": sum(_gaps(*each) for each in zip(present, followed, strict=True)),
+            "time_to_confirm": metrics.mean_error(_waits(present, followed) * rule.dt),
+            "track_life": metrics.mean_error(lengths[true].astype(np.float64) * rule.dt),
+            "confirmed_tracks": numbers.size,
+            "false_tracks": int((~true).sum()) / hours,
+        }
 
 
 def _gaps(present: Bools, followed: Bools) -> int:
