@@ -55,7 +55,10 @@ def write_result(path: Path, runs: int = 2, targets: int = 2, without: tuple[str
             file.write("nodes", dict.fromkeys((c.name for c in columns_of("nodes")), np.array([0.0, 9.0])) | {
                 **key, "node": [0, 1], "energy_initial": np.nan})  # fmt: skip
         _write_detections(file)
-        file.set_text("scenario/resolved_json", json.dumps({"name": "invented", "seed": 11, "step": DT}))
+        file.set_text(
+            "scenario/resolved_json",
+            json.dumps({"name": "invented", "seed": 11, "step": DT, "sensor": {"kind": "range"}}),
+        )
     return path
 
 

@@ -25,6 +25,7 @@ TAKES: Final = {
     "all": ("column", "step", "replicate", "target"),
     "track": ("replicate", "target"),
     "states": ("column", "replicate", "target"),
+    "gospa": (),
     "error": (),
     "consistency": (),
     "energy": (),
@@ -130,5 +131,5 @@ def panels_of(path: Path, what: str, choice: PlotSelection, among_all: bool) -> 
         last = plot_data.last_step_with_particles(path, **options) if choice.step is None else choice.step
         options |= {"step": last, "column": choice.column}
     elif what != "track":
-        options = {"plugins": choice.plugins} if what == "error" else {}
+        options = {"plugins": choice.plugins} if what in ("error", "gospa") else {}
     yield what, partial(getattr(plots, what), path=path, **options)

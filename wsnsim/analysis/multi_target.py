@@ -104,9 +104,10 @@ def gospa_table(path: str | Path, cutoffs: Sequence[float] = (), order: float = 
         wanted = list(cutoffs) or [run.rule.cutoff]
         parts = multi_target.gospa(run.truth, run.tracks, wanted, order)
         count = run.truth.shape[1] - 1
-        rows = {"replicate": run.replicate, "step": np.tile(np.arange(1, count + 1), len(wanted))}
-        rows |= {"time": rows["step"] * run.rule.dt, "cutoff": np.repeat(wanted, count)}
-        found.append(pd.DataFrame(rows | dict(zip(GOSPA, (part.ravel() for part in parts), strict=True))))
+        steps = np.tile(np.arange(1, count + 1), len(wanted))
+        rows = {"replicate": run.replicate, "step": steps, "time": steps * run.rule.dt}
+        rows |= {"cutoff": np.repeat(wanted, count), **dict(zip(GOSPA, (part.ravel() for part in parts), strict=True))}
+        found.append(pd.DataFrame(rows))
     return pd.concat(found, ignore_index=True)
 
 
