@@ -159,7 +159,7 @@ def _component_fields(kind: Any) -> list[tuple[str, type]]:
 
 def _if_foreign(component: Any, port: type, columns: int | None) -> Any:
     own = type(component).__module__.partition(".")[0] == "wsnsim"
-    port = detections.MultiTargetTracker if getattr(component, "multi_target", False) else port
+    port = detections.MultiTracker if getattr(component, "multi_target", False) else port
     return (_with_checked_fields if own else partial(checked, port=port))(component, columns=columns)
 
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from wsnsim.base.arrays import Estimate, Floats, periods_of, planar
+from wsnsim.base.arrays import Estimate, Floats, is_relative, periods_of, planar
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.scans import Facts, Outcome, Scan, TrackEstimate
 
@@ -57,6 +57,17 @@ def space_of(sensor: Any, window: tuple[Interval, ...] = ()) -> tuple[Interval, 
     return told if all(math.isfinite(low + high) for low, high in told) else None
 
 
+def why_no_detections(sensor: Any) -> str:
+    """Why the readings of a sensor model are no detections of single targets; '' if they are."""
+    if getattr(sensor, "additive", False) or getattr(getattr(sensor, "law", None), "additive", False):
+        return "a reading adds up what comes from all targets: it is no detection of one; take a range or a bearing"
+    if hasattr(sensor, "reading_values"):
+        return "a reading that names a cell is no detection that a track could be near"
+    if is_relative(sensor):
+        return "only differences of the readings of one target count: without names none is known"
+    return ""
+
+
 def volume_of(sensor: Any, window: tuple[Interval, ...] = ()) -> float:
     """The volume of the space of a reading; infinite where it is unbounded."""
     space = space_of(sensor, window)
@@ -69,7 +80,7 @@ class Management(Protocol):
     known_start: ClassVar[bool]
 
 
-class MultiTargetTracker(Protocol):
+class MultiTracker(Protocol):
     """A multi-target tracker: association, a filter for each track, and the management of tracks.
 
     A class of this port says `multi_target: ClassVar[bool] = True`.
@@ -100,7 +111,7 @@ class MultiTargetTracker(Protocol):
             number: The first number of tracks that begin in this step.
         """
 
-    def estimates(self, belief: Any) -> Sequence[TrackEstimate]:
+    def estimates(self, belief: Any, facts: Facts) -> Sequence[TrackEstimate]:
         """The tracks, tentative ones too, by ascending number."""
 
     def numbers_of(self, belief: Any) -> int:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, ClassVar
 
-from wsnsim.base.arrays import Floats, Keys, components_of, is_relative
-from wsnsim.base.detections import Interval, space_of
+from wsnsim.base.arrays import Floats, Keys, components_of
+from wsnsim.base.detections import Interval, space_of, why_no_detections
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
@@ -60,17 +60,12 @@ class UnlabelledDetection:
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue for a sensor that makes no detections, for a space of clutter, and for others' options."""
         sensor = setup.sensor
-        if getattr(getattr(sensor, "law", sensor), "additive", False):
-            message = (
-                "a reading adds up what comes from all targets: it is no detection of one; take a range or a bearing"
-            )
-            yield Issue(("sensor", "kind"), message)
-        elif hasattr(sensor, "reading_values"):
-            yield Issue(("sensor", "kind"), "a reading that names a cell is no detection that a track could be near")
-        elif is_relative(sensor):
-            yield Issue(
-                ("sensor", "kind"), "only differences of readings of one target count: without names none is known"
-            )
+        reason = why_no_detections(sensor)
+        if reason:
+            yield Issue(("sensor", "kind"), reason)
+        else:
+            yield from self._bad_lengths(sensor)
+            yield from self._bad_space(sensor)
         if not isinstance(setup, NetworkSetup):
             yield Issue(("detection", "kind"), "scans are gathered by heads: unlabelled readings need a network")
         elif setup.head_protocol not in PROTOCOLS:
@@ -81,8 +76,6 @@ class UnlabelledDetection:
             )
         elif setup.wakeup.mechanism != "none":
             yield Issue(("wakeup", "kind"), "nodes are not woken ahead of tracks of unlabelled readings: use none")
-        yield from self._bad_lengths(sensor)
-        yield from self._bad_space(sensor)
 
     def _bad_lengths(self, sensor: object) -> Iterator[Issue]:
         names = components_of(sensor)

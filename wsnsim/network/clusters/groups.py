@@ -13,7 +13,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from wsnsim.base.arrays import Estimate, components_of, planar
-from wsnsim.base.detections import MultiTargetTracker, ReportsScans, volume_of
+from wsnsim.base.detections import MultiTracker, ReportsScans, volume_of
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.radio import Mode
 from wsnsim.base.requests import PACKET_BITS, Compute, Flow, Gather, Member, Parcel, Send
@@ -55,7 +55,7 @@ class Groups:
         self._network, self._log = services.network, services.network.log
         self._setup = setup = services.network.setup
         self._clock = services.network.clock
-        self._tracker = cast(MultiTargetTracker, setup.tracker)
+        self._tracker = cast(MultiTracker, setup.tracker)
         detection = setup.detection
         assert isinstance(detection, ReportsScans), "groups are for scans"
         self._facts = Facts(
@@ -76,7 +76,7 @@ class Groups:
 
     def _lead_of(self, group: Track, cluster: Cluster, belief: Any, step: int) -> GroupLead:
         driver = Driver(self._services.driver, group.target, cluster.head, cluster.members, one_hop=self.one_hop)
-        return GroupLead(group, cluster, driver, belief, step, self._tracker.estimates(belief))
+        return GroupLead(group, cluster, driver, belief, step, self._tracker.estimates(belief, self._facts))
 
     def _step(self, lead: GroupLead) -> Acting[None]:
         """One step at the head: scans in, tracks out."""
@@ -89,7 +89,7 @@ class Groups:
         time, readings = step * self._clock.dt, lead.driver.readings
         outcome = self._tracker.step(lead.belief, time, scans, known, self._facts, self._book.next)
         self._book.note(lead.group.target, lead.cluster.head, outcome)
-        lead.belief, lead.step, lead.tracks = outcome.belief, step, self._tracker.estimates(outcome.belief)
+        lead.belief, lead.step, lead.tracks = outcome.belief, step, self._tracker.estimates(outcome.belief, self._facts)
         yield from lead.driver.perform(_compute(outcome.cycles))
         self._issue(lead, step, readings, len(scene.ids), len(scene.roster))
 

@@ -5,8 +5,8 @@ broadcasts its confirmed tracks at each step: who hears them takes what they exp
 gates meet: the head of the higher number sends its tracks to the other one. A group whose tracks have parted hands some
 of them to a head nearer to them. It ends with its last track.
 
-The gates of two tracks overlap by the share of those members, in range of both, whose expected readings lie in gates
-that overlap: from `MEET` on they meet, below `PART` they have parted (our choices).
+The gates of two tracks overlap by the share of those nodes, in range of both, at which the gates for their readings do:
+from `MEET` on they meet, below `PART` they have parted (our choices). Heads go by their map of the nodes.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ MEET: Final = 0.5
 PART: Final = 0.25
 GATE: Final = 4.0
 """Standard deviations of a reading about its expected value within which it is explained."""
+FAR: Final = 1e9
+"""A sensing range (m) that is as good as unlimited."""
 FRESH: Final = 2
 """Steps for which nodes go by what a head has told them."""
 LEAST_NODES: Final = 2
@@ -135,9 +137,9 @@ class MovingGroups(Groups):
             if not lead.tracks:
                 self._log.add("end", track.target, cluster.head)
                 raise GroupEnded
-            yield from self._tell(lead)
             yield from self._merge(lead)
             yield from self._split(lead)
+            yield from self._tell(lead)
             if self._must_hand_over(lead, size):
                 following = yield from self._hand_over(lead)
                 if following is not None:
@@ -212,14 +214,13 @@ class MovingGroups(Groups):
         size = len(components_of(self._facts.sensor))
         return expected.reshape(-1, size), np.sqrt(spread).reshape(-1, size)
 
-    def _overlap(self, lead: GroupLead, one: TrackEstimate, other: TrackEstimate) -> float:
-        """The share of the members in range of two tracks whose gates for them overlap; 0 without any."""
-        reach, place = self._facts.sensor.reach, list(self._facts.motion.position)
-        ids = np.array(lead.cluster.roster(), dtype=np.int64)
-        positions = self._network.nodes.assumed.positions[ids]
-        points = [planar(track.mean[place]) for track in (one, other)]
-        ids = ids[np.all([np.hypot(*(positions - point).T) <= reach for point in points], axis=0)]
-        if not ids.size:
+    def _overlap(self, one: TrackEstimate, other: TrackEstimate) -> float:
+        """The share of the nodes on the map, in range of two tracks, whose gates for them overlap; 0 without any."""
+        place, nodes = list(self._facts.motion.position), self._network.nodes.assumed
+        reach = min(self._facts.sensor.reach, FAR)
+        near_each = [nodes.grid.within(planar(track.mean[place]), reach) for track in (one, other)]
+        ids: list[int] = np.intersect1d(*near_each).tolist()
+        if not ids:
             return 0.0
         (a, sa), (b, sb) = self._expected(one, ids), self._expected(other, ids)
         apart = near(self._facts.sensor, b.reshape(-1), a.reshape(-1)).reshape(a.shape) - a
@@ -242,11 +243,12 @@ class MovingGroups(Groups):
     def _merge(self, lead: GroupLead) -> Acting[None]:
         """Send all tracks to the head of a group of a lower number whose tracks meet those of this one."""
         group, own = lead.group.target, [track for track in lead.tracks if track.confirmed]
+        mine = {track.number for track in lead.tracks}
         for number, told in sorted(self._told.get(lead.cluster.head, {}).items()):
             if number >= group or self._clock.step - told.step > FRESH or told.head == lead.cluster.head:
                 continue
-            theirs = [self._predicted(track, told.step) for track in told.tracks]
-            if any(self._overlap(lead, one, other) >= MEET for one in own for other in theirs):
+            theirs = [self._predicted(track, told.step) for track in told.tracks if track.number not in mine]
+            if any(self._overlap(one, other) >= MEET for one in own for other in theirs):
                 sent = yield from self._sent(lead, lead.belief, told.head)
                 leads = [each.target for each in self._book.groups if each.head == told.head]
                 if sent is not None and number in leads:
@@ -266,12 +268,12 @@ class MovingGroups(Groups):
             for belief in [lead.belief, *arrived]
         ]
         lead.belief, lead.step = self._tracker.joined(each), step
-        lead.tracks = self._tracker.estimates(lead.belief)
+        lead.tracks = self._tracker.estimates(lead.belief, self._facts)
         yield from self._recruit(lead.group, lead.cluster)
 
     def _split(self, lead: GroupLead) -> Acting[None]:
         """Hand the tracks that have parted from those near the head to a node that is nearer to them."""
-        sets = self._parted(lead, [track for track in lead.tracks if track.confirmed])
+        sets = self._parted([track for track in lead.tracks if track.confirmed])
         if len(sets) < 2:
             return
         here = self._network.nodes.assumed.positions[lead.cluster.head]
@@ -286,7 +288,7 @@ class MovingGroups(Groups):
             return
         belief, driver = sent
         lead.belief = self._tracker.only(lead.belief, {track.number for track in lead.tracks} - numbers)
-        lead.tracks = self._tracker.estimates(lead.belief)
+        lead.tracks = self._tracker.estimates(lead.belief, self._facts)
         new = self._book.open_group()
         self._log.add("split", lead.group.target, head, peer=successor, sequence=new.target)
         handover = Handover(
@@ -294,11 +296,11 @@ class MovingGroups(Groups):
         )
         self._services.elections.appoint(new, handover)
 
-    def _parted(self, lead: GroupLead, tracks: Sequence[TrackEstimate]) -> list[list[TrackEstimate]]:
+    def _parted(self, tracks: Sequence[TrackEstimate]) -> list[list[TrackEstimate]]:
         """The tracks in sets between which no gates overlap by `PART` or more."""
         sets: list[list[TrackEstimate]] = []
         for track in tracks:
-            near_by = [each for each in sets if any(self._overlap(lead, track, one) >= PART for one in each)]
+            near_by = [each for each in sets if any(self._overlap(track, one) >= PART for one in each)]
             sets = [each for each in sets if each not in near_by] + [
                 [track, *(one for each in near_by for one in each)]
             ]
@@ -347,7 +349,8 @@ class MovingGroups(Groups):
         """(2,) the mean of the positions that tracks will have at the next step."""
         motion, dt = self._facts.motion, self._clock.dt
         states = np.array([track.mean for track in tracks]).T
-        return planar(motion.advance(states, dt, self._clock.now)[list(motion.position)].T).mean(axis=0)
+        points: Floats = planar(motion.advance(states, dt, self._clock.now)[list(motion.position)].T)
+        return points.mean(axis=0)
 
     def _nearest(self, tracks: Iterable[TrackEstimate]) -> int | None:
         """The able node nearest to where tracks will be; None if none is able."""

@@ -1,0 +1,117 @@
+"""What a head believes of several targets: tracks, what happened to them in a step, and how groups split and merge."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.scans import Facts, TrackEstimate
+from wsnsim.trackers.shared.gaussian_port import Bank
+from wsnsim.trackers.shared.moments import mixed
+
+History = tuple[tuple[tuple[int, int], ...], ...]
+"""The detections (node, row) that a hypothesis took in each of the last steps, the latest last."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """What is believed of one target: a mixture of C components, each of the modes of its filter.
+
+    Attributes:
+        number: its number.
+        weights: (C,) of the components, with the sum 1; for the hypotheses of `mht`, the log-odds of their truth.
+        bank: the components; the first is the estimate.
+        since: when it started, in s.
+        confirmed: whether it counts as a target.
+        existence: the probability that its target exists; 1 where the tracker does not estimate it.
+        hits: of the last steps that could tell whether the target is there, whether it was detected; the latest last.
+        misses: steps in a row without a detection.
+        histories: of each component, for `mht`.
+        near: (number of another track, steps in a row) for how long it has been where another one is.
+    """
+
+    number: int
+    weights: Floats
+    bank: Bank
+    since: float
+    confirmed: bool = False
+    existence: float = 1.0
+    hits: tuple[bool, ...] = ()
+    misses: int = 0
+    histories: tuple[History, ...] = ()
+    near: tuple[tuple[int, int], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Belief:
+    """The tracks of a group at a time in s, in the order of their numbers. It is a value."""
+
+    time: float
+    tracks: tuple[Track, ...] = ()
+
+
+def moments_of(bank: Bank, row: int) -> tuple[Floats, Floats]:
+    """Mean (D,) and covariance (D, D) of one component over its modes."""
+    if bank.chances.shape[1] == 1:
+        return bank.means[row, 0], bank.covs[row, 0]
+    return mixed(bank.chances[row], bank.means[row], bank.covs[row])
+
+
+def picked(bank: Bank, rows: object) -> Bank:
+    """Some components of a bank."""
+    return Bank(*(part[rows] for part in bank))
+
+
+def stacked(banks: Iterable[Bank]) -> Bank:
+    """The components of several banks."""
+    return Bank(*(np.concatenate(parts) for parts in zip(*banks, strict=True)))
+
+
+def only(belief: Belief, numbers: Iterable[int]) -> Belief:
+    """The part of a belief that is of these tracks."""
+    kept = set(numbers)
+    return Belief(belief.time, tuple(track for track in belief.tracks if track.number in kept))
+
+
+def joined(beliefs: Sequence[Belief]) -> Belief:
+    """The belief of groups that merge, all at the same time."""
+    assert len({belief.time for belief in beliefs}) == 1, "groups merge at one time"
+    tracks = [track for belief in beliefs for track in belief.tracks]
+    return Belief(beliefs[0].time, tuple(sorted(tracks, key=lambda track: track.number)))
+
+
+def numbers_of(belief: Belief) -> int:
+    """How many numbers a handover carries: moments, weights and probabilities of modes; 4 of management a track."""
+    total = 0
+    for track in belief.tracks:
+        components, modes, size = track.bank.means.shape
+        total += 4 + components * (1 + modes * (size + size * (size + 1) // 2) + (modes if modes > 1 else 0))
+        total += sum(len(step) for history in track.histories for step in history)
+    return total
+
+
+def clusters(estimates: Sequence[TrackEstimate], facts: Facts, distance: float) -> list[list[int]]:
+    """The numbers of tracks that hang together: whose positions are within a Mahalanobis distance of one another.
+
+    Args:
+        estimates: Those of the tracks.
+        facts: What the head assumes.
+        distance: In standard deviations of the difference of two estimated positions.
+    """
+    place = list(facts.motion.position)
+    groups: list[list[TrackEstimate]] = []
+    for one in estimates:
+        meets = [group for group in groups if any(apart(one, other, place) <= distance for other in group)]
+        groups = [group for group in groups if group not in meets]
+        groups.append([one, *(each for group in meets for each in group)])
+    return sorted(sorted(each.number for each in group) for group in groups)
+
+
+def apart(one: TrackEstimate, other: TrackEstimate, columns: list[int]) -> float:
+    """The Mahalanobis distance of two estimates, as if their errors were independent."""
+    off = one.mean[columns] - other.mean[columns]
+    within = np.ix_(columns, columns)
+    return float(np.sqrt(max(off @ np.linalg.solve(one.cov[within] + other.cov[within], off), 0.0)))
