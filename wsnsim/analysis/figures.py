@@ -82,7 +82,7 @@ def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None 
     chosen = choice or PlotSelection()
     if chosen.column is not None:
         plot_data.layout(path).check(path, chosen.column)
-    wanted = tuple(plot_data.NEEDS) if what == "all" else (what,)
+    wanted = plot_data.plots_of(path) if what == "all" else (what,)
     reasons = {name: plot_data.lacking(path, name) for name in wanted}
     left_out = {name: reason for name, reason in reasons.items() if reason}
     if len(left_out) == len(wanted):

@@ -70,6 +70,12 @@ def bracketed(unit: str) -> str:
     return f" [{unit}]" if unit not in ("", "1") else ""
 
 
+def plots_of(path: str | Path) -> tuple[str, ...]:
+    """What can be plotted of a result with all its tables: keys of `NEEDS`."""
+    left_out = OF_LABELS if is_unlabelled(path) else ("gospa",)
+    return tuple(name for name in NEEDS if name not in left_out)
+
+
 def lacking(path: str | Path, what: str) -> str:
     """Why the file cannot be plotted as `what`, a key of `NEEDS`; empty if it can."""
     sizes, unlabelled = recording.tables(path), is_unlabelled(path)

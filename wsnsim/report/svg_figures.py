@@ -66,7 +66,7 @@ def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list
 
     `plugins` says whether plug-ins that the result's scenario names are imported for the bound.
     """
-    reasons = {name: plot_data.lacking(path, name) for name in plot_data.NEEDS}
+    reasons = {name: plot_data.lacking(path, name) for name in plot_data.plots_of(path)}
     by_reason = {reason: [n for n, each in reasons.items() if each == reason] for reason in reasons.values() if reason}
     left_out = [f"without {', '.join(names)}: {reason}" for reason, names in by_reason.items()]
     if why := error_bounds.lacking(path, plugins):
