@@ -150,7 +150,8 @@ class World(BaseNetwork):
         return self._coordination.head_of(target)
 
     def _tracks_now(self) -> list[TrackNow]:
-        return [TrackNow(track.target, track.estimates, track.heads) for track in self._tracks]
+        tracks = [] if self._book else self._tracks
+        return [TrackNow(track.target, track.estimates, track.heads) for track in tracks]
 
     def _log_crossing(self, target: int, step: int) -> None:
         """Log that a target left the field or came back."""
