@@ -73,7 +73,7 @@ def found(free: list[Bools], scans: Sorted, facts: Facts, rules: TrackRules) -> 
         point, cov = _refined(candidates.points[best], covs[best], used[best], scans, facts)
         starts.append(Start(point, cov, float(odds[best]), used[best].tolist()))
         for scan, row in enumerate(used[best].tolist()):
-            left[scan][row] &= row < 0
+            left[scan][row : row + 1] = False  # none where the row is -1
         still = [all(left[s][r] for s, r in zip(*two, strict=True)) for two in zip(*candidates[1:], strict=True)]
         candidates = _Candidates(*(part[kept & still] for part in candidates))
     return starts

@@ -103,7 +103,7 @@ class MultiTargetTracker:
                 judged.append(self._started(port, start, number + place, time, facts))
                 events.append(TrackEvent("start", number + place))
                 for sensor, row in enumerate(start.used):
-                    explained[sensor][row : row + 1] = 1.0
+                    explained[sensor][row : row + 1] = 1.0  # none where the row is -1
         given = [explained[ordered.given.index(place)] for place in range(len(scans))]
         shares = [np.empty(len(each)) for each in given]
         for place, share in enumerate(shares):
