@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -185,6 +186,7 @@ class RunResult(NamedTuple):
     """The result of one run: simulated steps, tracks, totals, energy (J) by cause, and number of clusters.
 
     `report_every`: number of steps from one report that each track owes the sink to the next; 0: it owes none.
+    `unassigned`: the columns of the table `estimates` where readings name no target; empty where `tracks` has them.
     """
 
     steps: int
@@ -193,6 +195,7 @@ class RunResult(NamedTuple):
     joules: Mapping[str, float]
     clusters: int = 0
     report_every: int = 0
+    unassigned: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -250,21 +253,23 @@ def summarise(
         started: Processor time (s) at the start of the run, as `time.process_time` gives it, later by what is not to
             be counted.
     """
+    if result.unassigned and recorder.wants("estimates"):
+        recorder.write("estimates", {"replicate": replicate, **result.unassigned})
     errors = np.empty((len(truths), result.steps))
     deviations, rows, estimates = [], [], []
     for target, truth in enumerate(truths):
         assert isinstance(setup, TrackingSetup), "only a tracking scenario has targets"
         present = np.isfinite(truth[1 : result.steps + 1, 0])
         rule = TrackRule(setup.lost_window, setup.lost_limit, setup.dt, result.report_every, present)
-        track, motion = result.tracks[target], setup.motions[target]
+        track, motion = result.tracks[target] if result.tracks else _nobody_follows(result.steps), setup.motions[target]
         key = {"replicate": replicate, "target": target}
         columns = estimate_rows(track.estimates, track.heads, motion, truth, result.steps, setup.dt)
         columns.update(track.columns, gaussian=int(setup.posterior_is_gaussian(target)))
         if recorder.wants("truth"):
             recorder.write("truth", {**key, **truth_rows(motion, truth, result.steps, setup.dt)})
-        if recorder.wants("estimates"):
+        if recorder.wants("estimates") and result.tracks:
             recorder.write("estimates", {**key, **columns})
-        if recorder.wants("covariances"):
+        if recorder.wants("covariances") and result.tracks:
             recorder.write("covariances", {**key, **covariance_rows(track.estimates, motion.columns)})
         estimates.append(columns)
         errors[target] = columns["error"]
@@ -284,6 +289,13 @@ def summarise(
     return Summary(run, tuple(rows), errors, column_rmse, result.joules, result.clusters)
 
 
+def _nobody_follows(steps: int) -> TrackResult:
+    """The result of a target that no track is assigned to."""
+    columns = {"woken": np.zeros(steps, dtype=np.int64), "ineffective": np.zeros(steps, dtype=np.int64)}
+    counts = {"reacquired": 0, "called": 0, "dismissed": 0, "handover_bits": NAN}
+    return TrackResult({}, [-1] * (steps + 1), columns, counts)
+
+
 def _run_row(result: RunResult, errors: Floats, tracks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The row of the table `runs`, without `replicate` and `cpu_seconds`."""
     estimates = [track.estimates for track in result.tracks]
@@ -299,7 +311,7 @@ def _run_row(result: RunResult, errors: Floats, tracks: Sequence[Mapping[str, An
         "tracked": _mean(tracks, "tracked"),
         "tracked_three": _mean(tracks, "tracked_three"),
         **columns_of_totals(result.totals),
-        "fingerprint": fingerprint(result.totals.event_fingerprint, estimates),
+        "fingerprint": fingerprint(result.totals.event_fingerprint, estimates, result.unassigned),
     }
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import MotionModel, SensorModel
+
+EventKind = Literal["start", "confirm", "delete", "merge"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,3 +46,45 @@ class Facts(NamedTuple):
     probability: float
     clutter: float
     volume: float
+
+
+class TrackEvent(NamedTuple):
+    """What happened to a track; of a merged one, `other` is the one that stays."""
+
+    kind: EventKind
+    track: int
+    other: int = -1
+
+
+class TrackEstimate(NamedTuple):
+    """The estimate of a track: mean (D,) and covariance (D, D) of the state of the scenario's motion.
+
+    Attributes:
+        number: of the track, unique in a run.
+        existence: the probability that its target exists; NaN if the tracker does not estimate it.
+        confirmed: whether it counts as a target; others are tentative.
+        since: when it started, in s.
+    """
+
+    number: int
+    mean: Floats
+    cov: Floats
+    existence: float
+    confirmed: bool
+    since: float
+
+
+class Outcome(NamedTuple):
+    """What a step gives.
+
+    Attributes:
+        belief: that after the step.
+        events: what happened to tracks.
+        explained: of each scan (M,) the probability that a detection came from a track, in the order given.
+        cycles: the operations of the step.
+    """
+
+    belief: Any
+    events: tuple[TrackEvent, ...]
+    explained: tuple[Floats, ...]
+    cycles: float

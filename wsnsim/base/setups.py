@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from wsnsim.base import medium_access
 from wsnsim.base.arrays import Estimate, components_of
+from wsnsim.base.detections import ReportsScans
 from wsnsim.base.mechanisms import TimeSync
 from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
 from wsnsim.base.network_ports import ClusterPolicy, Deployment, FaultEvent, HasSeveralSinks, Routing, Sink, Workload
@@ -102,6 +103,15 @@ class TrackingSetup(Setup):
         return any(each is not None for each in self.presence) or any(
             isinstance(motion, MayBeAbsent) and motion.may_be_absent for motion in self.motions
         )
+
+    @property
+    def unlabelled(self) -> bool:
+        """Whether nodes report scans, whose detections name no target."""
+        return isinstance(self.detection, ReportsScans)
+
+    def filter_motion(self, target: int) -> MotionModel:
+        """The motion model that the tracker assumes of a target; where readings name none, that of the first one."""
+        return self.filter_motions[0 if self.unlabelled else target]
 
     @property
     def member_cycles(self) -> float:
@@ -278,6 +288,7 @@ class TableLayout(NamedTuple):
         components: The number of components of a reading.
         duty_cycled: Whether a MAC switches radios off.
         absences: Whether a target may be absent.
+        unlabelled: Whether readings name no target.
     """
 
     states: tuple[tuple[str, str], ...] = ()
@@ -285,6 +296,7 @@ class TableLayout(NamedTuple):
     components: int = 1
     duty_cycled: bool = False
     absences: bool = False
+    unlabelled: bool = False
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -294,6 +306,7 @@ class TableLayout(NamedTuple):
             "components": self.components,
             "duty_cycled": self.duty_cycled,
             "absences": self.absences,
+            "unlabelled": self.unlabelled,
         }
 
 
@@ -304,4 +317,5 @@ def table_layout(setup: Setup) -> TableLayout:
         return TableLayout(duty_cycled=duty_cycled)
     motion = setup.motions[0]
     states = tuple(zip(motion.columns, motion.units, strict=True))
-    return TableLayout(states, motion.position, len(components_of(setup.sensor)), duty_cycled, setup.has_absences)
+    count = len(components_of(setup.sensor))
+    return TableLayout(states, motion.position, count, duty_cycled, setup.has_absences, setup.unlabelled)

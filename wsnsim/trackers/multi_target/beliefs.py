@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.scans import Facts
+from wsnsim.base.scans import Facts, TrackEstimate
 from wsnsim.trackers.shared.gaussian_port import Bank
 from wsnsim.trackers.shared.moments import mixed
 
 History = tuple[tuple[tuple[int, int], ...], ...]
 """The detections (node, row) that a hypothesis took in each of the last steps, the latest last."""
-EventKind = Literal["start", "confirm", "delete", "merge"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,41 +51,6 @@ class Belief:
 
     time: float
     tracks: tuple[Track, ...] = ()
-
-
-class TrackEvent(NamedTuple):
-    """What happened to a track; of a merged one, `other` is the one that stays."""
-
-    kind: EventKind
-    track: int
-    other: int = -1
-
-
-class TrackEstimate(NamedTuple):
-    """The estimate of a track: mean (D,) and covariance (D, D) of the state of the scenario's motion."""
-
-    number: int
-    mean: Floats
-    cov: Floats
-    existence: float
-    confirmed: bool
-    since: float
-
-
-class Outcome(NamedTuple):
-    """What a step gives.
-
-    Attributes:
-        belief: that after the step.
-        events: what happened to tracks.
-        explained: of each scan (M,) the probability that a detection came from a track, in the order given.
-        cycles: the operations of the step.
-    """
-
-    belief: Belief
-    events: tuple[TrackEvent, ...]
-    explained: tuple[Floats, ...]
-    cycles: float
 
 
 def moments_of(bank: Bank, row: int) -> tuple[Floats, Floats]:

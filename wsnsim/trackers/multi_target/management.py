@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import Annotated, ClassVar, Final, Literal
 
 from wsnsim.base.part import Quantity, part
-from wsnsim.trackers.multi_target.beliefs import Track, TrackEstimate, TrackEvent, apart
+from wsnsim.base.scans import TrackEstimate, TrackEvent
+from wsnsim.trackers.multi_target.beliefs import Track, apart
 
 Verdict = Literal["stay", "confirm", "delete"]
 RARELY: Final = 0.05
@@ -29,6 +30,8 @@ class TrackRules:
     """
 
     starts: ClassVar[bool] = True
+    known_start: ClassVar[bool] = False
+    """Whether the tracks of targets that are present at the start are given, with their priors."""
     tests_existence: ClassVar[bool] = False
     support: Annotated[int, Quantity("", ge=1, le=100), "nodes whose detections must meet in a new track"] = 3
     births: Annotated[
@@ -128,6 +131,7 @@ class KnownTargets(TrackRules):
     """The targets are known from the start, and none comes or goes: no track starts, ends or merges."""
 
     starts: ClassVar[bool] = False
+    known_start: ClassVar[bool] = True
 
     def judge(self, track: Track) -> Verdict:
         """Every track stays."""

@@ -6,26 +6,27 @@ predict -> for each scan, in the order of node numbers: gate, associate, update 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Estimate, Floats, is_relative
+from wsnsim.base.arrays import Estimate, Floats
+from wsnsim.base.detections import why_no_detections
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import KnownNodes, Tracker
-from wsnsim.base.scans import Facts, Scan
+from wsnsim.base.scans import Facts, Outcome, Scan, TrackEstimate, TrackEvent
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.multi_target.beliefs import (
     Belief,
-    Outcome,
     Track,
-    TrackEstimate,
-    TrackEvent,
+    joined,
     moments_of,
+    numbers_of,
+    only,
     picked,
     stacked,
 )
@@ -46,6 +47,9 @@ SCORE_CYCLES: Final = 60.0
 class MultiTargetTracker:
     """Base of trackers of several targets. A subclass processes a scan."""
 
+    multi_target: ClassVar[bool] = True
+    angles: ClassVar[bool] = True
+    vector_readings: ClassVar[bool] = True
     estimates_existence: ClassVar[bool] = False
 
     filter: Annotated[Tracker[Any], OfRole("tracker"), "the Gaussian filter of each track: ekf, ukf, ckf or imm"]
@@ -58,9 +62,7 @@ class MultiTargetTracker:
         """Yield an issue for a filter that is not Gaussian, and for readings from which no track can start."""
         if not hasattr(self.filter, "gaussian"):
             yield Issue(("tracker", "filter"), "needs a filter with Gaussian moments: ekf, ukf, ckf or imm")
-        if is_relative(setup.filter_sensor):
-            yield Issue(("tracker",), "of readings of which only the differences count, single ones say nothing")
-        elif self.management.starts and not can_start(setup.filter_sensor):
+        if self.management.starts and not can_start(setup.filter_sensor) and not why_no_detections(setup.sensor):
             yield Issue(("tracker", "management"), "tracks start from ranges or bearings; use known with this sensor")
         if any(len(motion.position) != 2 for motion in setup.filter_motions):
             yield Issue(("tracker", "kind"), "needs a motion model whose position has two columns")
@@ -120,6 +122,18 @@ class MultiTargetTracker:
             values = mean[own], cov[np.ix_(own, own)], existence, track.confirmed, track.since
             result.append(TrackEstimate(track.number, *values))
         return result
+
+    def numbers_of(self, belief: Belief) -> int:
+        """How many numbers a belief is when it is sent."""
+        return numbers_of(belief)
+
+    def only(self, belief: Belief, numbers: Collection[int]) -> Belief:
+        """The belief about some of its tracks alone."""
+        return only(belief, numbers)
+
+    def joined(self, beliefs: Sequence[Belief]) -> Belief:
+        """A belief with the tracks of several of the same time."""
+        return joined(beliefs)
 
     def _scan(self, frame: Frame, sensor: int, values: Floats, limit: float, facts: Facts) -> Floats:
         """Update all components with a scan; (M,) the probability that each detection came from a track."""
