@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.part import part
 from wsnsim.base.scans import Facts
 from wsnsim.kernels.association import LEAST, associate
@@ -82,18 +82,30 @@ class Gnn(SingleGaussian):
 
     def associated(self, likelihoods: Floats, miss: Floats, clutter: Floats) -> Floats:
         """1 at the detection of each track in the most probable joint event, or at none."""
-        from scipy.optimize import linear_sum_assignment
-
         tracks, count = likelihoods.shape
         false = np.maximum(clutter, LEAST * likelihoods.max(axis=0, initial=LEAST))
-        costs = np.full((tracks, count + tracks), IMPOSSIBLE)
-        inside = likelihoods > 0.0
-        costs[:, :count][inside] = -np.log((likelihoods / false)[inside])
-        costs[np.arange(tracks), count + np.arange(tracks)] = -np.log(np.maximum(miss, LEAST))
-        rows, columns = linear_sum_assignment(costs)
+        ratios = np.column_stack([np.maximum(miss, LEAST), likelihoods / false])
+        best = ratios.argmax(axis=1)
+        taken = best[best > 0]
+        if len(set(taken.tolist())) < taken.size:  # two tracks have the same detection as their best
+            best = _assigned(ratios)
         shares = np.zeros((tracks, count + 1))
-        shares[rows, np.where(columns < count, columns + 1, 0)] = 1.0
+        shares[np.arange(tracks), best] = 1.0
         return shares
+
+
+def _assigned(ratios: Floats) -> Ints:
+    """(T,) the column of each row of (T, M + 1) with the greatest product, none but the first column taken twice."""
+    from scipy.optimize import linear_sum_assignment
+
+    tracks, count = ratios.shape
+    costs = np.full((tracks, count - 1 + tracks), IMPOSSIBLE)
+    inside = ratios > 0.0
+    costs[:, : count - 1][inside[:, 1:]] = -np.log(ratios[:, 1:][inside[:, 1:]])
+    costs[np.arange(tracks), count - 1 + np.arange(tracks)] = -np.log(ratios[:, 0])
+    _, columns = linear_sum_assignment(costs)
+    result: Ints = np.where(columns < count - 1, columns + 1, 0)
+    return result
 
 
 @part
