@@ -79,11 +79,10 @@ class StoneSoup:
             prob_detect=facts.probability, prob_gate=GATE, normalise=joint,
         )  # fmt: skip
         pairs.predictor = self
-        kind = peer("stonesoup.dataassociator.probability").JPDA
-        self.associator = (
-            kind(pairs) if joint else peer("stonesoup.dataassociator.neighbour").GNNWith2DAssignment(pairs)
-        )
-        self.joint = joint
+        probabilistic = peer("stonesoup.dataassociator.probability").JPDA
+        nearest = peer("stonesoup.dataassociator.neighbour").GNNWith2DAssignment
+        self.pairs, self.joint = pairs, joint
+        self.associator = probabilistic(pairs) if joint else nearest(self)
 
     def predict(self, track: Any, timestamp: Any = None, **_: Any) -> Any:
         """The prediction of a track, which is predicted once a step."""

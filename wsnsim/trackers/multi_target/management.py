@@ -149,8 +149,6 @@ def without_duplicates(
     tracks: Sequence[Track], estimates: Sequence[TrackEstimate], rules: TrackRules
 ) -> tuple[list[Track], list[TrackEvent]]:
     """The tracks without those that were where a better one is for some steps, and how they were merged."""
-    if not rules.starts or rules.duplicate == 0.0 or len(tracks) < 2:
-        return list(tracks), []
     kept: list[Track] = []
     events: list[TrackEvent] = []
     close = distances(estimates, list(range(len(estimates[0].mean)))) <= rules.duplicate

@@ -16,8 +16,8 @@ from wsnsim.kernels.association import LEAST, associate
 from wsnsim.trackers.multi_target.frames import Frame
 from wsnsim.trackers.multi_target.tracker import MOST_EXACT, MultiTargetTracker, alive
 
-IMPOSSIBLE = 1e9
-"""The cost of a pair outside the gate."""
+LEAST_RATIO, IMPOSSIBLE = 1e-300, 1e3
+"""The least ratio whose logarithm is taken, and the cost of no detection of another track, which is greater."""
 
 
 @part
@@ -98,13 +98,12 @@ def _assigned(ratios: Floats) -> Ints:
     """(T,) the column of each row of (T, M + 1) with the greatest product, none but the first column taken twice."""
     from scipy.optimize import linear_sum_assignment
 
-    tracks, count = ratios.shape
-    costs = np.full((tracks, count - 1 + tracks), IMPOSSIBLE)
-    inside = ratios > 0.0
-    costs[:, : count - 1][inside[:, 1:]] = -np.log(ratios[:, 1:][inside[:, 1:]])
-    costs[np.arange(tracks), count - 1 + np.arange(tracks)] = -np.log(ratios[:, 0])
+    tracks, count = len(ratios), ratios.shape[1] - 1
+    each, rows = -np.log(np.maximum(ratios, LEAST_RATIO)), np.arange(tracks)
+    costs = np.full((tracks, count + tracks), IMPOSSIBLE)
+    costs[:, :count], costs[rows, count + rows] = each[:, 1:], each[:, 0]
     _, columns = linear_sum_assignment(costs)
-    result: Ints = np.where(columns < count - 1, columns + 1, 0)
+    result: Ints = np.where(columns < count, columns + 1, 0)
     return result
 
 

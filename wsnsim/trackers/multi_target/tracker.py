@@ -199,6 +199,8 @@ class MultiTargetTracker:
                 events.append(TrackEvent(verdict, track.number))
             if verdict != "delete":
                 kept.append(replace(track, confirmed=track.confirmed or verdict == "confirm"))
+        if len(kept) < 2 or not self.management.starts or not self.management.duplicate:
+            return kept, events
         kept, merged = without_duplicates(kept, self.estimates(Belief(time, tuple(kept)), facts), self.management)
         return kept, events + merged
 
