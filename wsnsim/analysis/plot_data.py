@@ -18,6 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.recording as recording
+from wsnsim.analysis.multi_target import followed_runs, is_unlabelled
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.tables import CAUSES
@@ -27,12 +28,15 @@ Columns = dict[str, np.ndarray]
 NEEDS: Final = {
     "track": ("truth", "estimates"),
     "states": ("truth", "estimates"),
+    "gospa": ("truth", "estimates", "runs"),
     "error": ("estimates",),
     "consistency": ("estimates",),
     "energy": ("energy_steps",),
     "particles": ("particles", "truth"),
 }
 """What can be plotted, and the tables that it needs."""
+OF_LABELS: Final = ("states", "consistency", "particles")
+"""What is drawn of the track of a target, which is none where readings name no target."""
 EMPTY: Final = {
     "energy_steps": "no energy was spent (there is no network)",
     "particles": "the tracker had no particles to record",
@@ -66,10 +70,20 @@ def bracketed(unit: str) -> str:
     return f" [{unit}]" if unit not in ("", "1") else ""
 
 
+def plots_of(path: str | Path) -> tuple[str, ...]:
+    """What can be plotted of a result with all its tables: keys of `NEEDS`."""
+    left_out = OF_LABELS if is_unlabelled(path) else ("gospa",)
+    return tuple(name for name in NEEDS if name not in left_out)
+
+
 def lacking(path: str | Path, what: str) -> str:
     """Why the file cannot be plotted as `what`, a key of `NEEDS`; empty if it can."""
-    sizes = recording.tables(path)
-    for table in NEEDS[what]:
+    sizes, unlabelled = recording.tables(path), is_unlabelled(path)
+    if unlabelled and what in OF_LABELS:
+        return "readings name no target, so that no track is of one"
+    if not unlabelled and what == "gospa" and "estimates" in sizes:
+        return "readings name their targets, so that no track must be assigned to one"
+    for table in NEEDS["gospa" if unlabelled and what in ("track", "error") else what]:
         if table not in sizes:
             return f"table {table} was not recorded; run the scenario with record.{table}=true"
         if not sizes[table].rows:
@@ -145,8 +159,13 @@ def woken_regions(path: str | Path, replicate: int, target: int) -> Columns:
 def errors(path: str | Path) -> tuple[Floats, Ints, Floats]:
     """The position errors of a file, (runs, targets, steps), NaN without an estimate; the steps; their times (s).
 
-    The steps are those that have rows in the table `estimates`.
+    The steps are those that have rows in the table `estimates`; where readings name no target, all steps, with the
+    errors of the tracks that follow the targets.
     """
+    if is_unlabelled(path):
+        runs = list(followed_runs(path))
+        steps = np.arange(1, runs[0].followed.shape[1] + 1)
+        return np.stack([run.errors for run in runs]), steps, steps * runs[0].rule.dt
     table = recording.read_table(path, "estimates", ["replicate", "target", "step", "time", "error"])
     axes = [np.unique(table[name], return_inverse=True) for name in ("replicate", "target", "step")]
     result = np.full([known.size for known, _ in axes], np.nan)

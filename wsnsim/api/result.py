@@ -318,7 +318,7 @@ def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = 
 
     Args:
         result: what `simulate` or `run` returned, or the path of a result file.
-        what: 'track', 'states', 'error', 'consistency', 'energy' or 'particles'.
+        what: 'track', 'states', 'gospa', 'error', 'consistency', 'energy' or 'particles'.
         ax: matplotlib axes to draw on; by default those of a new figure.
         options: what the plot of this name takes beside `ax`, such as `replicate` and `target` of 'track', `column` of
             'states', `step` of 'particles' (see `ResultPlots`).

@@ -67,15 +67,8 @@ TABLES: Final = {heading[0]: tuple(_column(*row) for row in rows) for heading, r
 TABLE_MEANINGS: Final = {heading[0]: heading[1] for heading, _ in _SECTIONS}
 """What a row of each table stands for: "one row per ..."."""
 OFF_BY_DEFAULT: Final = (
-    "clocks",
-    "covariances",
-    "detections",
-    "links",
-    "particles",
-    "readings",
-    "reports",
-    "tracker_state",
-)
+    "clocks", "covariances", "detections", "links", "particles", "readings", "reports", "tracker_state",
+)  # fmt: skip
 RECORDED_BY_DEFAULT: Final = {name: name not in OFF_BY_DEFAULT for name in TABLES}
 STATE_AFTER: Final = {"truth": "time", "estimates": "issued", "particles": "node"}
 """Tables with the motion model's state columns: the column after which they stand."""
@@ -90,7 +83,10 @@ METRICS: Final = tuple(
 """The columns of `runs` that are metrics: the same each time that a run is repeated."""
 ONE_IS_BEST: Final = ("nees", "nis")
 """The metrics of consistency: neither more nor less is better."""
-MORE_IS_BETTER: Final = ("delivered", "tracked", "tracked_three", "alive", "first_death", "half_dead", "coverage")
+MORE_IS_BETTER: Final = (
+    "delivered", "tracked", "tracked_three", "alive", "first_death", "half_dead", "coverage", "completeness",
+    "track_life",
+)  # fmt: skip
 """The metrics of which more is better."""
 
 DUTY_CYCLED: Final = ("radio_on", "hurried")
@@ -100,6 +96,11 @@ ABSENCES: Final = ("time_present", "false_time")
 OF_TARGETS: Final = ("target", "error", "woken", "ineffective", "nees", "nis", "nis_dof", "gaussian")
 OF_TRACKS: Final = ("track", "confirmed", "existence")
 """Columns of `estimates`: those of labelled readings alone, and those of readings that name no target."""
+UNLABELLED: Final = (
+    "gospa", "gospa_localisation", "gospa_missed", "gospa_false", "ospa2", "completeness", "switches", "fragments",
+    "time_to_confirm", "track_life", "confirmed_tracks", "false_tracks",
+)  # fmt: skip
+"""Columns of `runs` about tracks of which no reading says whose they are."""
 
 
 def columns_of(
@@ -121,7 +122,8 @@ def columns_of(
         components: Number of components of a reading. If it is one, `readings` has no column `component`.
         duty_cycled: Whether a MAC switches radios off. If not, `runs` has none of the columns of `DUTY_CYCLED`.
         absences: Whether a target may be absent. If not, `tracks` has none of the columns of `ABSENCES`.
-        unlabelled: Whether readings name no target: rows of `estimates` are then of tracks.
+        unlabelled: Whether readings name no target: rows of `estimates` are then of tracks. If not, `runs` has none of
+            the columns of `UNLABELLED`.
     """
     columns = TABLES[table]
     if table == "estimates":
@@ -131,6 +133,8 @@ def columns_of(
         return tuple(column for column in columns if column.name != "component")
     if table == "runs" and not duty_cycled:
         columns = tuple(column for column in columns if column.name not in DUTY_CYCLED)
+    if table == "runs" and not unlabelled:
+        columns = tuple(column for column in columns if column.name not in UNLABELLED)
     if table == "tracks" and not absences:
         columns = tuple(column for column in columns if column.name not in ABSENCES)
     if table == "covariances":

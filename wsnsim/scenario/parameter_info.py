@@ -79,6 +79,7 @@ def parameters_of(part: Any, prefix: str = "") -> Iterator[ParameterInfo]:
         default = _default(fields[name])
         if name in inner:
             kind = f"{'list of components' if inner[name].several else 'component'} of the role {inner[name].role}"
+            default = default and f"{{kind: {ROLES[inner[name].role].default}}}"
             yield ParameterInfo(prefix + name, kind, "", "", default, meaning)
         elif name in nested and vars(nested[name]).get("sheet", "any"):
             yield ParameterInfo(prefix + name, "datasheet", "", "", default, meaning)

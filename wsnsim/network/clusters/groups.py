@@ -6,8 +6,9 @@ tracks, begin new ones, confirm and delete them. `CentralGroup` leads one group 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, cast
 
 import numpy as np
@@ -81,7 +82,7 @@ class Groups:
     def _step(self, lead: GroupLead) -> Acting[None]:
         """One step at the head: scans in, tracks out."""
         scene, step = lead.cluster.scene(self._clock.step - lead.step), self._clock.step
-        arrived: Arrived = yield from lead.driver.perform(_scans())
+        arrived: Arrived = yield from lead.driver.perform(_scans(partial(self._scan_parcel, lead)))
         scans = self._heard(lead, arrived, step)
         nodes = self._network.nodes
         ids = np.array([scan.node for scan in scans], dtype=np.int64)
@@ -116,6 +117,15 @@ class Groups:
         for node in self._silent(lead, step):
             found.setdefault(node, Scan(node, time, np.empty((0, size))))
         return [found[node] for node in sorted(found)]
+
+    def _scan_parcel(self, lead: GroupLead, member: Member) -> Parcel | None:
+        """A packet for each detection of a member."""
+        scan = self._own_scan(lead, member)
+        return Parcel(scan, len(scan), PACKET_BITS, "scan", readings=len(scan)) if scan else None
+
+    def _own_scan(self, lead: GroupLead, member: Member) -> Any:
+        """The detections that a member sends."""
+        return member.reading
 
     def _silent(self, lead: GroupLead, step: int) -> Iterable[int]:
         """The nodes within range of where the head expects a track: if they send nothing, they found nothing.
@@ -173,16 +183,10 @@ class CentralGroup(Groups):
         return list(np.flatnonzero(self._network.nodes.living))
 
 
-def _scans() -> Flow[Arrived]:
+def _scans(parcel_of: Callable[[Member], Parcel | None]) -> Flow[Arrived]:
     """The scans of all members that detect something."""
-    answer: Arrived = yield Gather(_scan_parcel)
+    answer: Arrived = yield Gather(parcel_of)
     return answer
-
-
-def _scan_parcel(member: Member) -> Parcel | None:
-    """A packet for each detection of a member."""
-    scan: Any = member.reading
-    return Parcel(scan, len(scan), PACKET_BITS, "scan", readings=len(scan)) if scan else None
 
 
 def _compute(cycles: float) -> Flow[None]:

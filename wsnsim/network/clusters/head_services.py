@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -54,8 +54,8 @@ class HeadMessages:
     transport: Transport
     intervals: WakeIntervals
 
-    def recruit(self, target: int, head: int) -> Acting[Joins]:
-        """Broadcast an announcement; each sensing node that hears it sends a join, with its reading.
+    def recruit(self, target: int, head: int, among: Collection[int] | None = None) -> Acting[Joins]:
+        """Broadcast an announcement; each sensing node `among` those that hear it sends a join, with its reading.
 
         The head waits until all joins have ended; where radios are mostly off, at most for `waits.joins` s.
         """
@@ -63,7 +63,8 @@ class HeadMessages:
         network.log.add("announce", target, head)
         heard = yield from self.ask(target, head, "announce", PACKET_BITS)
         step = network.clock.step
-        sent = {node: readings[target][node] for node in heard if node in readings[target]}
+        called = heard if among is None else [node for node in heard if node in among]
+        sent = {node: readings[target][node] for node in called if node in readings[target]}
         self.intervals.shorten_for_next_step([head, *sent])
         joins = [Datagram(node, head, Parcel(value, 1, PACKET_BITS, "join")) for node, value in sent.items()]
         events: list[simpy.Event] = []

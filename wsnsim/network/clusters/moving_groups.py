@@ -1,9 +1,9 @@
 """Groups that move with their tracks, where readings name no target: they begin, merge, split and end.
 
 A group begins with an election among neighbouring nodes that have detections which no group explains. Each head
-broadcasts its confirmed tracks at each step: who hears them takes what they explain for explained. Groups merge where
-gates meet: the head of the higher number sends its tracks to the other one. A group whose tracks have parted hands some
-of them to a head nearer to them. It ends with its last track.
+broadcasts its tracks at each step: who hears them takes what they explain for explained. Groups merge where confirmed
+tracks meet: the head of the higher number sends its tracks to the other one. A group whose tracks have parted hands
+some of them to a head nearer to them. It ends with its last track.
 
 The gates of two tracks overlap by the share of those nodes, in range of both, at which the gates for their readings do:
 from `MEET` on they meet, below `PART` they have parted (our choices). Heads go by their map of the nodes.
@@ -12,19 +12,18 @@ from `MEET` on they meet, below `PART` they have parted (our choices). Heads go 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Estimate, Floats, components_of, near, planar
 from wsnsim.base.ports import KnownNodes
-from wsnsim.base.requests import PACKET_BITS, Parcel
-from wsnsim.base.scans import Scan, TrackEstimate
+from wsnsim.base.requests import PACKET_BITS, Member, Parcel
+from wsnsim.base.scans import TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.election import strength_of
-from wsnsim.network.clusters.groups import NUMBERS, Arrived, GroupLead, Groups, belief_sent
+from wsnsim.network.clusters.groups import NUMBERS, GroupLead, Groups, belief_sent
 from wsnsim.network.clusters.head_services import HeadServices
 from wsnsim.network.clusters.network_view import one_step_on
 from wsnsim.network.clusters.track import GroupEnded, Handover, Track
@@ -44,18 +43,11 @@ LEAST_NODES: Final = 2
 
 
 class Told(NamedTuple):
-    """What a head told others: its confirmed tracks at a step."""
+    """What a head told others: its tracks at a step."""
 
     step: int
     head: int
     tracks: Sequence[TrackEstimate]
-
-
-@dataclass(slots=True)
-class Size:
-    """`least`: members in range of a track that a cluster had which was too small when it formed; -1: it was not."""
-
-    least: int = -1
 
 
 class MovingGroups(Groups):
@@ -126,9 +118,7 @@ class MovingGroups(Groups):
         if belief is None:
             self._log.add("begin", track.target, cluster.head)
             step, belief = self._clock.step, self._first_belief(self._clock.step, ())
-        lead, size = self._lead_of(track, cluster, belief, step), Size()
-        if self._must_hand_over(lead, Size()):
-            size.least = self._in_range(lead)
+        lead, enough = self._lead_of(track, cluster, belief, step), -1
         if step == 0 and lead.tracks:  # they are known at this instant
             yield track.tick
         while True:
@@ -140,7 +130,11 @@ class MovingGroups(Groups):
             yield from self._merge(lead)
             yield from self._split(lead)
             yield from self._tell(lead)
-            if self._must_hand_over(lead, size):
+            active = self._in_range(lead)
+            small = self._setup.clusters.must_hand_over(active, lead.cluster.size)
+            if enough < 0:  # a cluster that is too small from its first step on is so until fewer are in range
+                enough = active if small else lead.cluster.size
+            elif small and active < enough:
                 following = yield from self._hand_over(lead)
                 if following is not None:
                     return following
@@ -155,7 +149,11 @@ class MovingGroups(Groups):
         return cluster
 
     def _recruit(self, group: Track, cluster: Cluster) -> Acting[None]:
-        joins = yield from self._services.messages.recruit(group.target, cluster.head)
+        """Let nodes join: those with detections that are within sensing range of the head, where its tracks are."""
+        nodes = self._network.nodes.assumed
+        reach = min(self._facts.sensor.reach, FAR)
+        near_by = set(nodes.grid.within(nodes.positions[cluster.head], reach).tolist())
+        joins = yield from self._services.messages.recruit(group.target, cluster.head, near_by)
         cluster.admit(joins.readings)
         for join, ended in joins.pending:
             then(ended, self._admit_late, group, cluster, join)
@@ -167,23 +165,23 @@ class MovingGroups(Groups):
             self._log.add("join", group.target, join.source, peer=cluster.head)
             self._services.processes.enlist(new, group.target)
 
-    def _heard(self, lead: GroupLead, arrived: Arrived, step: int) -> list[Scan]:
-        """The scans of a step without what other groups' tracks alone explain."""
-        scans, others = super()._heard(lead, arrived, step), self._tracks_told(lead.cluster.head, but=lead.group.target)
-        if not others:
-            return scans
-        own = [self._predicted(track, lead.step) for track in lead.tracks]
-        found = []
-        for scan in scans:
-            listed = scan.detections
-            theirs, ours = self._explained(scan.node, listed, others), self._explained(scan.node, listed, own)
-            found.append(Scan(scan.node, scan.time, listed[ours | ~theirs], scan.bits))
-        return found
+    def _own_scan(self, lead: GroupLead, member: Member) -> Any:
+        """The detections of a member, but those which, as far as it knows, other groups' tracks alone explain."""
+        scan: Any = member.reading
+        others = self._tracks_told(member.id, but=lead.group.target)
+        if not scan or not others:
+            return scan
+        own = self._tracks_told(member.id, only=lead.group.target)
+        if member.id == lead.cluster.head:
+            own = [self._predicted(track, lead.step) for track in lead.tracks]
+        left = self._explained(member.id, scan, own) | ~self._explained(member.id, scan, others)
+        return tuple([detection for detection, kept in zip(scan, left.tolist(), strict=True) if kept])
 
-    def _tracks_told(self, node: int, but: int = -1) -> list[TrackEstimate]:
-        """The tracks that a node has heard of, predicted for this step; not those of the group `but`."""
-        told = self._told.get(node, {})
-        fresh = [each for group, each in told.items() if group != but and self._clock.step - each.step <= FRESH]
+    def _tracks_told(self, node: int, but: int = -1, only: int = -1) -> list[TrackEstimate]:
+        """The tracks that a node has heard of, predicted for this step: of all groups `but` one, or of one `only`."""
+        told = {number: each for number, each in self._told.get(node, {}).items() if number != but}
+        fresh = [told[only]] if only in told else told.values() if only < 0 else []
+        fresh = [each for each in fresh if self._clock.step - each.step <= FRESH]
         return [self._predicted(track, each.step) for each in fresh for track in each.tracks]
 
     def _predicted(self, track: TrackEstimate, step: int) -> TrackEstimate:
@@ -227,8 +225,8 @@ class MovingGroups(Groups):
         return float((np.abs(apart) <= GATE * (sa + sb)).all(axis=1).mean())
 
     def _tell(self, lead: GroupLead) -> Acting[None]:
-        """Broadcast the confirmed tracks, mean and covariance of each."""
-        tracks = tuple(track for track in lead.tracks if track.confirmed)
+        """Broadcast the tracks, mean and covariance of each."""
+        tracks = tuple(lead.tracks)
         if not tracks:
             return
         size, head, group = len(tracks[0].mean), lead.cluster.head, lead.group.target
@@ -247,7 +245,11 @@ class MovingGroups(Groups):
         for number, told in sorted(self._told.get(lead.cluster.head, {}).items()):
             if number >= group or self._clock.step - told.step > FRESH or told.head == lead.cluster.head:
                 continue
-            theirs = [self._predicted(track, told.step) for track in told.tracks if track.number not in mine]
+            theirs = [
+                self._predicted(track, told.step)
+                for track in told.tracks
+                if track.confirmed and track.number not in mine
+            ]
             if any(self._overlap(one, other) >= MEET for one in own for other in theirs):
                 sent = yield from self._sent(lead, lead.belief, told.head)
                 leads = [each.target for each in self._book.groups if each.head == told.head]
@@ -305,12 +307,6 @@ class MovingGroups(Groups):
                 [track, *(one for each in near_by for one in each)]
             ]
         return sets
-
-    def _must_hand_over(self, lead: GroupLead, size: Size) -> bool:
-        """Whether too few members are in range of a track; of a cluster that was too small, fewer than at its start."""
-        active = self._in_range(lead)
-        small = self._setup.clusters.must_hand_over(active, lead.cluster.size)
-        return small and (size.least < 0 or active < size.least)
 
     def _in_range(self, lead: GroupLead) -> int:
         """The number of members in range of a track."""
