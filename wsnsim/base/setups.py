@@ -22,6 +22,7 @@ from wsnsim.base.optional_ports import ForecastsSuccession, LinearGaussian, MayB
 from wsnsim.base.ports import Acquire, Detection, MotionModel, PriorModel, Scene, SensorModel, Tracker
 from wsnsim.base.radio import Clock, Cpu, EnergyModel, LinkModel, PacketJoules
 from wsnsim.base.requests import PACKET_BITS
+from wsnsim.base.rng import Streams
 from wsnsim.base.sensing import is_perfect
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
 
@@ -42,6 +43,7 @@ class Setup:
         record: {table: whether it is recorded}.
         faults: what fails; without a network, of sensors.
         unused: keys of the scenario that have no effect on this run.
+        network: number of the run whose network all runs have; None: each has its own.
     """
 
     name: str
@@ -52,6 +54,11 @@ class Setup:
     record: Mapping[str, bool] = field(default_factory=dict)
     faults: tuple[FaultEvent, ...] = ()
     unused: tuple[str, ...] = ()
+    network: int | None = None
+
+    def streams(self, replicate: int) -> Streams:
+        """The random streams of a run."""
+        return Streams(self.seed, replicate, self.network)
 
     @property
     def duration(self) -> float:
