@@ -19,9 +19,10 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 
-ATOMS: Final = 240
+PENALTY: Final = 0.5
+ATOMS: Final = 100
 """Support points of the estimated distribution: spacings are far below the noise of 12 visits or more."""
-ITERATIONS: Final = 400
+ITERATIONS: Final = 200
 """Steps of the EM algorithm; further steps change no first death by 0.1 %."""
 PRIOR_DEGREES: Final = 8.0
 """Degrees of freedom with which the variance of a node's visits is drawn to what its load suggests (our choice)."""
@@ -48,12 +49,22 @@ class Loads:
     level: float
     level_error: float
     samples: int
+    shape: float
+    alike: float
 
     def draw(self, rng: np.random.Generator, draws: int) -> Floats:
         """(draws, N) loads from the posterior distribution."""
-        cumulative = np.cumsum(self.posterior, axis=1)
-        picks = rng.random((draws, len(self.raw), 1))
-        chosen: Floats = self.atoms[np.minimum((picks > cumulative).sum(axis=2), len(self.atoms) - 1)]
+        chosen = np.empty((draws, len(self.raw)))
+        relative = self.raw / self.level if self.level else self.raw
+        for i in range(draws):
+            if rng.random() < self.alike:
+                chosen[i] = 1.0
+                continue
+            theta = _picked(self.atoms, self.posterior, rng)
+            again = theta * rng.gamma(self.shape, 1.0 / self.shape, theta.size) if self.shape < 1e8 else theta
+            weights = _weights(_likelihood(again, self.atoms, self.shape))
+            posterior = _likelihood(relative, self.atoms, self.shape) * weights
+            chosen[i] = _picked(self.atoms, posterior / posterior.sum(axis=1, keepdims=True), rng)
         level = self.level * np.exp(self.level_error * rng.standard_t(max(self.samples - 1, 1), (draws, 1)))
         return level * chosen
 
@@ -68,33 +79,48 @@ def fit_loads(samples: Floats) -> Loads:
     raw, totals = samples.mean(axis=0), samples.mean(axis=1)
     level = float(totals.mean())
     if not level > 0.0:
-        return Loads(np.maximum(raw, 0.0) * 0.0, raw, np.zeros(1), np.ones((nodes, 1)), 0.0, 0.0, count)
+        return Loads(np.maximum(raw, 0.0) * 0.0, raw, np.zeros(1), np.ones((nodes, 1)), 0.0, 0.0, count, 1e8, 1.0)
     relative = raw / level
     # a visit that takes more from all nodes says nothing about the share of one
     variances = ((samples - totals[:, None] * relative) / level).var(axis=0, ddof=1)
     squares = max(float((relative**2).sum() - variances.sum() / count), float(nodes))
     shape = count * squares / max(float(variances.sum()), 1e-12)
-    atoms, posterior = _deconvolved(relative, min(shape, 1e8))
+    shape = min(shape, 1e8)
+    atoms, posterior, gain = _deconvolved(relative, shape)
+    alike = 1.0 / (1.0 + np.exp(min(gain - PENALTY * np.log(nodes), 50.0)))
     mean = level * posterior @ atoms
-    return Loads(mean, raw, atoms, posterior, level, float(totals.std(ddof=1) / level / np.sqrt(count)), count)
+    return Loads(mean, raw, atoms, posterior, level, float(totals.std(ddof=1) / level / np.sqrt(count)), count, shape, alike)
 
 
-def _deconvolved(values: Floats, shape: float) -> tuple[Floats, Floats]:
+def _picked(atoms, posterior, rng):
+    picks = rng.random((len(posterior), 1))
+    return atoms[np.minimum((picks > np.cumsum(posterior, axis=1)).sum(axis=1), len(atoms) - 1)]
+
+
+def _likelihood(values: Floats, atoms: Floats, shape: float) -> Floats:
+    ratio = np.maximum(values, 1e-9)[:, None] / atoms
+    logs = (shape - 1.0) * np.log(ratio) - shape * ratio - np.log(atoms)
+    return np.exp(logs - logs.max(axis=1, keepdims=True))
+
+
+def _weights(likelihood: Floats) -> Floats:
+    weights = np.full(likelihood.shape[1], 1.0 / likelihood.shape[1])
+    for _ in range(ITERATIONS):
+        weights *= (1.0 / (likelihood @ weights)) @ likelihood / len(likelihood)
+    return weights
+
+
+def _deconvolved(values: Floats, shape: float) -> tuple[Floats, Floats, float]:
     """The means (A,) of the distribution from which values (N,) come, and posteriors (N, A).
 
     A value is a gamma variate of the shape `shape` around its mean.
     """
-    deviation = 1.0 / np.sqrt(shape)
     low, high = max(float(values.min()), 0.02), max(float(values.max()), 0.02)
     if high - low < 1e-9 * high:
-        return np.array([low]), np.ones((len(values), 1))
-    atoms = np.geomspace(low, high, ATOMS)
-    ratio = np.maximum(values, 1e-9)[:, None] / atoms
-    logs = (shape - 1.0) * np.log(ratio) - shape * ratio - np.log(atoms)
-    likelihood = np.exp(logs - logs.max(axis=1, keepdims=True))
-    weights = np.full(ATOMS, 1.0 / ATOMS)
-    for _ in range(ITERATIONS):
-        posterior = likelihood * weights
-        posterior /= posterior.sum(axis=1, keepdims=True)
-        weights = posterior.mean(axis=0)
-    return atoms, posterior
+        return np.array([low]), np.ones((len(values), 1)), 0.0
+    atoms = np.append(np.geomspace(low, high, ATOMS), 1.0)
+    likelihood = _likelihood(values, atoms, shape)
+    weights = _weights(likelihood)
+    gain = float(np.log(likelihood @ weights).sum() - np.log(likelihood[:, -1]).sum())
+    posterior = likelihood * weights
+    return atoms, posterior / posterior.sum(axis=1, keepdims=True), gain
