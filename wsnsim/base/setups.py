@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from wsnsim.base import medium_access
 from wsnsim.base.arrays import Estimate, components_of
+from wsnsim.base.batteries import Battery
 from wsnsim.base.mechanisms import TimeSync
 from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
 from wsnsim.base.network_ports import ClusterPolicy, Deployment, FaultEvent, HasSeveralSinks, Routing, Sink, Workload
@@ -125,6 +126,7 @@ class RadioSetup(Setup):
 
     Attributes:
         energy: what acts and modes of a node cost.
+        battery: what nodes are supplied from.
         link: which nodes receive each other's frames.
         mac: when a frame gets the channel.
         packing: how many packets travel in a frame.
@@ -136,6 +138,7 @@ class RadioSetup(Setup):
     """
 
     energy: EnergyModel
+    battery: Battery
     link: LinkModel
     mac: medium_access.Mac
     packing: medium_access.Packing
