@@ -73,6 +73,10 @@ class Battery(Protocol):
     def restart(self) -> float | None:
         """Share of the capacity at which a node whose battery was empty starts again; None: empty nodes are dead."""
 
+    @property
+    def stored(self) -> float:
+        """Share of what is harvested that is stored."""
+
     def draw(self, setup: Any, size: int, sinks: tuple[int, ...], rng: np.random.Generator) -> BatteryState:
         """The batteries of all nodes at the start of a run.
 

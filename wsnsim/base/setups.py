@@ -281,6 +281,7 @@ class TableLayout(NamedTuple):
         components: The number of components of a reading.
         duty_cycled: Whether a MAC switches radios off.
         absences: Whether a target may be absent.
+        harvests: Whether nodes harvest energy.
     """
 
     states: tuple[tuple[str, str], ...] = ()
@@ -288,6 +289,7 @@ class TableLayout(NamedTuple):
     components: int = 1
     duty_cycled: bool = False
     absences: bool = False
+    harvests: bool = False
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -297,14 +299,17 @@ class TableLayout(NamedTuple):
             "components": self.components,
             "duty_cycled": self.duty_cycled,
             "absences": self.absences,
+            "harvests": self.harvests,
         }
 
 
 def table_layout(setup: Setup) -> TableLayout:
     """The layout of the tables of a scenario's runs."""
     duty_cycled = isinstance(setup, RadioSetup) and isinstance(setup.mac, medium_access.DutyCycledMac)
+    harvests = isinstance(setup, RadioSetup) and setup.battery.restart is not None
     if not isinstance(setup, TrackingSetup):
-        return TableLayout(duty_cycled=duty_cycled)
+        return TableLayout(duty_cycled=duty_cycled, harvests=harvests)
     motion = setup.motions[0]
     states = tuple(zip(motion.columns, motion.units, strict=True))
-    return TableLayout(states, motion.position, len(components_of(setup.sensor)), duty_cycled, setup.has_absences)
+    components, absences = len(components_of(setup.sensor)), setup.has_absences
+    return TableLayout(states, motion.position, components, duty_cycled, absences, harvests)

@@ -206,7 +206,9 @@ class Cells:
         died_after = self._lasting(state, net, seconds)
         span = np.minimum(died_after, seconds)
         after = self._after(state, net, span)
-        surplus = np.where(np.isfinite(state.capacity), np.maximum(after.left - state.capacity, 0.0), stored * span)
+        surplus = np.array(stored * span)
+        np.subtract(after.left, state.capacity, where=np.isfinite(state.capacity), out=surplus)
+        np.maximum(surplus, 0.0, out=surplus)
         offered = income * span
         ledger = watts * span, state.leak * span, offered, offered - stored * span, surplus
         return Advance(after._replace(left=after.left - surplus), died_after, *ledger)
