@@ -20,8 +20,8 @@ from wsnsim.network.energy.ledger import EnergyLedger
 
 STRANDED: Final = CAUSE["stranded"]
 LOST: Final = (("leaked", CAUSE["self_discharge"]), ("unstored", CAUSE["unstored"]), ("surplus", CAUSE["surplus"]))
-REACHED: Final = 1.0 - 1e-12
-"""Share of a level that is the level, but for rounding."""
+ROUNDING: Final = 1e-12
+"""Share of a charge that is rounding error."""
 
 
 class Supply(NamedTuple):
@@ -127,9 +127,11 @@ class Storage:
 
     def lose_rest(self, node: int) -> None:
         """A node is dead: what is left in its battery is stranded."""
-        rest = self.initial[node] + self.harvested[node] - float(self._ledger.joules[:, node].sum())
-        self._ledger.joules[STRANDED][node] += rest
-        self._ledger.totals[STRANDED] += rest
+        had = self.initial[node] + self.harvested[node]
+        rest = had - float(self._ledger.joules[:, node].sum())
+        if rest > ROUNDING * had:
+            self._ledger.joules[STRANDED][node] += rest
+            self._ledger.totals[STRANDED] += rest
         self._state.left[node], self._known[node] = 0.0, self._ledger.spent[node]
 
     def supply(self, node: int) -> Supply:
@@ -140,7 +142,7 @@ class Storage:
     def needs(self, node: int) -> float:
         """J that an empty node lacks to start again; none if it may start."""
         state = self._now(slice(node, node + 1))
-        level = float(state.capacity[0]) * (self._battery.restart or 0.0) * REACHED
+        level = float(state.capacity[0]) * (self._battery.restart or 0.0) * (1.0 - ROUNDING)
         return max(level - float(state.left[0]), 0.0)
 
     def charged_at(self, node: int) -> float:
