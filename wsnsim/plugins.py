@@ -18,6 +18,9 @@ if TYPE_CHECKING:
         Bools as Bools, Estimate as Estimate, Floats as Floats, Innovation as Innovation, Ints as Ints, Keys as Keys,
         near as near, rows as rows,
     )
+    from wsnsim.base.batteries import (
+        Advance as Advance, Battery as Battery, BatteryState as BatteryState, Income as Income,
+    )
     from wsnsim.base.errors import Issue as Issue
     from wsnsim.base.frames import Burst as Burst, MacFrame as MacFrame, OfferedFrame as OfferedFrame
     from wsnsim.base.initial_conditions import (

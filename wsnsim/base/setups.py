@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from wsnsim.base import medium_access
 from wsnsim.base.arrays import Estimate, components_of
+from wsnsim.base.batteries import Battery
 from wsnsim.base.mechanisms import TimeSync
 from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
 from wsnsim.base.network_ports import ClusterPolicy, Deployment, FaultEvent, HasSeveralSinks, Routing, Sink, Workload
@@ -132,6 +133,7 @@ class RadioSetup(Setup):
 
     Attributes:
         energy: what acts and modes of a node cost.
+        battery: what nodes are supplied from.
         link: which nodes receive each other's frames.
         mac: when a frame gets the channel.
         packing: how many packets travel in a frame.
@@ -143,6 +145,7 @@ class RadioSetup(Setup):
     """
 
     energy: EnergyModel
+    battery: Battery
     link: LinkModel
     mac: medium_access.Mac
     packing: medium_access.Packing
@@ -285,6 +288,7 @@ class TableLayout(NamedTuple):
         components: The number of components of a reading.
         duty_cycled: Whether a MAC switches radios off.
         absences: Whether a target may be absent.
+        harvests: Whether nodes harvest energy.
     """
 
     states: tuple[tuple[str, str], ...] = ()
@@ -292,6 +296,7 @@ class TableLayout(NamedTuple):
     components: int = 1
     duty_cycled: bool = False
     absences: bool = False
+    harvests: bool = False
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -301,14 +306,17 @@ class TableLayout(NamedTuple):
             "components": self.components,
             "duty_cycled": self.duty_cycled,
             "absences": self.absences,
+            "harvests": self.harvests,
         }
 
 
 def table_layout(setup: Setup) -> TableLayout:
     """The layout of the tables of a scenario's runs."""
     duty_cycled = isinstance(setup, RadioSetup) and isinstance(setup.mac, medium_access.DutyCycledMac)
+    harvests = isinstance(setup, RadioSetup) and setup.battery.restart is not None
     if not isinstance(setup, TrackingSetup):
-        return TableLayout(duty_cycled=duty_cycled)
+        return TableLayout(duty_cycled=duty_cycled, harvests=harvests)
     motion = setup.motions[0]
     states = tuple(zip(motion.columns, motion.units, strict=True))
-    return TableLayout(states, motion.position, len(components_of(setup.sensor)), duty_cycled, setup.has_absences)
+    components, absences = len(components_of(setup.sensor)), setup.has_absences
+    return TableLayout(states, motion.position, components, duty_cycled, absences, harvests)

@@ -7,6 +7,9 @@ from wsnsim.models.access import Tdma as Tdma
 from wsnsim.models.acquire import AroundTruth as AroundTruth
 from wsnsim.models.acquire import FromReadings as FromReadings
 from wsnsim.models.appointed import Appointed as Appointed
+from wsnsim.models.batteries import Diffusion as Diffusion
+from wsnsim.models.batteries import Kinetic as Kinetic
+from wsnsim.models.batteries import Linear as Linear
 from wsnsim.models.bearing import Bearing as Bearing
 from wsnsim.models.bearing import RangeBearing as RangeBearing
 from wsnsim.models.clusters import Central as Central
@@ -86,6 +89,9 @@ TdmaMac = Tdma
 Readings = FromReadings
 ReadingsAcquire = FromReadings
 AppointedClusters = Appointed
+DiffusionBattery = Diffusion
+KineticBattery = Kinetic
+LinearBattery = Linear
 BearingSensor = Bearing
 CentralClusters = Central
 AnchorsDeployment = Anchors

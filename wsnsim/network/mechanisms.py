@@ -36,7 +36,7 @@ class NetworkServices:
 
     def is_dead(self, node: int) -> bool:
         """Whether the battery of a node is empty."""
-        return node in self._nodes.died_at
+        return self._nodes.is_empty(node)
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""

@@ -169,7 +169,8 @@ class ReplayPortions:
         self._last = run.last if run.truth else setup.steps
         detail = DetailLevel(stride, particles=400, levels=LEVELS)
         self._whole = replace(ReplayEncoder.empty(run, detail), frames=-(-self._last // stride) + 1)
-        self._battery = float(setup.energy.battery) if isinstance(setup, RadioSetup) else np.inf
+        alike = isinstance(setup, RadioSetup) and getattr(setup.battery, "plain", False)
+        self._battery = float(setup.energy.battery) if alike else np.inf  # the levels of others are shown at the end
         self._span = SMALLEST_SPAN
         self._levels = np.full(self._whole.drawn.size, LEVELS, np.uint8)
         self._states = StateHistory(self._whole.drawn.size)
