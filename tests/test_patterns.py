@@ -31,7 +31,7 @@ FOREIGN = {
     ("interop.tables", "'\\\\.\\\\d+$'"): ("search", "x.1"),
     ("interop.tables", "'<!\\\\s*(DOCTYPE|ENTITY)'"): ("search", "<! DOCTYPE"),
     ("models.csvfile", "IDENTIFIER"): ("search", "moteid"),
-    ("models.csvfile", "DATED"): ("search", "must be a finite number, is '2026-01-01"),
+    ("models.row_checks", "DATED"): ("search", "must be a finite number, is '2026-01-01"),
     ("interop.trajectories", "'^\\\\W|[^\\\\w.-]'"): ("search", "bus 1"),
     ("scenario.tracker_choices", "PARAMETER"): ("match", " a.b_1.c = 1"),
     ("scenario.tracker_choices", "WITH_PARAMETERS"): ("fullmatch", "pf:particles.a=1"),

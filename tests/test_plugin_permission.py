@@ -58,7 +58,7 @@ def forget() -> None:
 def _inline() -> Iterator[None]:
     """Perform tasks in this process, which takes less time; tests/campaign/test_local_engine.py has workers."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("wsnsim.cli.campaign_session._engine", lambda *_: InlineEngine())
+        patch.setattr("wsnsim.cli.campaign_session.engine_of", lambda *_: InlineEngine())
         yield
 
 

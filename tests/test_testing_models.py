@@ -14,7 +14,7 @@ from wsnsim.models.mobility import GaussMarkov
 from wsnsim.models.ranging import Range
 from wsnsim.models.recorded_track import RecordedTrack
 from wsnsim.models.waypoints import Waypoints
-from wsnsim.scenario.examples import TRACK
+from wsnsim.scenario.kind_info import TRACK
 from wsnsim.scenario.registry import ROLES, load_class
 from wsnsim.testing import check_motion, check_sensor
 

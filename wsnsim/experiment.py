@@ -37,7 +37,7 @@ from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TableLayout, Tr
 from wsnsim.base.tables import Memory, Recorder
 from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation
 from wsnsim.models.coverage import coverage_of_living
-from wsnsim.network.imperfect_readings import standalone_reports
+from wsnsim.network.imperfect_readings import StandaloneReports
 from wsnsim.network.result_rows import network_result, write_tables
 from wsnsim.network.world import World
 from wsnsim.offline import offers_batch
@@ -132,7 +132,7 @@ def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime 
     else:
         from wsnsim.offline.offline_run import OfflineRun
 
-        result = OfflineRun(setup, replicate, conditions, recorder, standalone_reports).run(progress)
+        result = OfflineRun(setup, replicate, conditions, recorder, StandaloneReports).run(progress)
     return summarise(setup, replicate, result, conditions.truths, recorder, started + compilation_seconds())
 
 
@@ -281,7 +281,7 @@ def _performed(
         if task.batch:
             from wsnsim.offline.batch import Batches
 
-            batches = Batches(setup, file, standalone_reports, time_without_compilation)
+            batches = Batches(setup, file, StandaloneReports, time_without_compilation)
         recorder = task.watched(file) if task.watched else file
         prepared = time.monotonic() - task.began - compilation_wall()
 

@@ -56,8 +56,8 @@ if TYPE_CHECKING:
         HasHeights as HasHeights, Informs as Informs, IsShadowed as IsShadowed, LimitsReadings as LimitsReadings,
         LinearGaussian as LinearGaussian, MeasuresEnergy as MeasuresEnergy, MovesInSpace as MovesInSpace,
         NamesNodes as NamesNodes, Portable as Portable, Ranks as Ranks, RecordedFile as RecordedFile,
-        Recording as Recording, Replays as Replays, ReportsState as ReportsState, Snapshots as Snapshots,
-        VectorReadings as VectorReadings,
+        Recording as Recording, RelativeReadings as RelativeReadings, Replays as Replays, ReportsState as ReportsState,
+        Snapshots as Snapshots, VectorReadings as VectorReadings,
     )
     from wsnsim.base.part import OfRole as OfRole, part as part, Quantity as Quantity
     from wsnsim.base.ports import (

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import wsnsim
 from wsnsim.analysis import recording_notes
 from wsnsim.scenario import build, load
 
@@ -142,6 +143,25 @@ def test_residuals_are_stated_with_their_nodes(tmp_path: Path) -> None:
     (said,) = recording_notes.residuals(made.setup(tmp_path))
     assert said.startswith("595 readings minus law at the trajectory: median 0.1")
     assert "(law: 0.3)" in said and said.endswith("to 1.01 (c)")
+
+
+def test_without_a_recorded_trajectory_readings_are_held_against_the_estimates_after_the_run(tmp_path: Path) -> None:
+    made = Recording("range", 3)
+    setup, recorded = made.setup(tmp_path), made.scenario(tmp_path)
+    assert list(recording_notes.residuals(setup, str(wsnsim.run(recorded).save(tmp_path / "track.h5")))) == []
+    points = [[t, *place] for t, place in zip(range(0, STEPS + 1, 4), path_at(np.arange(0, STEPS + 1, 4)), strict=True)]
+    scenario = recorded | {"motion": {"kind": "waypoints", "points": points, "q": 0.1}}
+    result = wsnsim.run(scenario).save(tmp_path / "run.h5")
+    (said,) = recording_notes.residuals(build(load(scenario)), result)
+    estimates = wsnsim.read(result, "estimates")
+    inside = (made.times >= estimates["time"].min()) & (made.times <= estimates["time"].max())
+    there = np.column_stack(
+        [np.interp(made.times[inside], estimates["time"], estimates[axis]) for axis in ("px", "py")]
+    )
+    off = made.readings[inside] - expected("range", there, PLACES[made.nodes[inside]])
+    begin = f"{inside.sum()} readings minus law at the estimates of run 0, which follow the readings and are no truth"
+    assert said.startswith(f"{begin}: median {np.median(off):.3g}, ")
+    assert f"largest {off[np.abs(off).argmax()]:.3g};" in said
 
 
 def test_where_nothing_explains_readings_it_is_said_that_they_do_not_follow_the_law(tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from wsnsim.scenario.registry import ROLES, kinds, load_class
         ("gps", kinds("sensor"), ["coordinate"]),
         ("gps", kinds("deploy"), ["file"]),
         ("TOA sensor", kinds("sensor"), ["range"]),
+        ("time difference of arrival", kinds("sensor"), ["tdoa"]),
         ("noise", ["kind", "sd", "reach"], ["sd"]),
         ("noise", ["kind", "q", "start"], ["q"]),
         ("battery", ["energy", "energy_left", "node"], ["energy", "energy_left"]),

@@ -130,7 +130,7 @@ def test_hanging_up_ends_a_command_unless_it_was_started_with_nohup(before: Any,
             if handled:
                 with pytest.raises(KeyboardInterrupt):
                     os.kill(os.getpid(), signal.SIGHUP)
-                interrupts._stop_timer()
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
             else:
                 os.kill(os.getpid(), signal.SIGHUP)
         assert signal.getsignal(signal.SIGHUP) == before

@@ -193,6 +193,7 @@ def _execute_blocks(connection: Connection) -> NoReturn:
     sys.path.insert(0, "")
     names = {"__name__": "__main__"}
     while True:
+        signal.alarm(0)  # the limit is that of a block: commands between blocks have their own
         try:
             request = connection.recv()
         except EOFError:
@@ -200,6 +201,7 @@ def _execute_blocks(connection: Connection) -> NoReturn:
         if request is None:
             sys.exit()
         code, where = request
+        signal.alarm(SECONDS)
         try:
             exec(compile(code, where, "exec"), names)
             connection.send("")

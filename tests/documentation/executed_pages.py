@@ -4,7 +4,8 @@ On a page, in order and in one temporary folder:
 
 - a `yaml` or `python` block whose first line is `# file: NAME` is written to NAME, without that line;
 - a `console` block holds commands, each on a line that begins with `$ `, and below a command what it prints: each line
-  must occur in the real output, in order; `...` stands for anything. `wsnsim` and `python` run, others are skipped;
+  must occur in the real output, in order; `...` stands for anything. `wsnsim`, `python` and `head` run, others are
+  skipped; `console pyproj gpxpy` is run where these modules are installed;
 - any other `python` block is executed; the blocks of a page share their names.
 
 A block opened by ```` ```{code-block} ```` or in another language is not executed here; blocks in `r`, `octave` and
@@ -13,6 +14,7 @@ A block opened by ```` ```{code-block} ```` or in another language is not execut
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import shlex
@@ -28,7 +30,7 @@ from tests.documentation.example_server import ROOT, SECONDS, SETTINGS, server
 
 FENCE = re.compile(r"^( *)(`{3,}|~{3,})(.*)$")
 FILE = re.compile(r"# file: (\S+)$")
-RUNS = ("wsnsim", "python")
+RUNS = ("wsnsim", "python", "head")
 SHELL = re.compile(r"[|&;<>$`(){}*?~#]")
 """Characters that mean something to a shell."""
 
@@ -144,7 +146,7 @@ def run_page(page: Path, folder: Path) -> int:
                 place = folder / title
                 place.parent.mkdir(parents=True, exist_ok=True)
                 place.write_text("\n".join(block.lines[1:]) + "\n", encoding="utf-8")
-            elif block.language == "console":
+            elif is_run(block.language):
                 for command in filter(lambda command: command.runs, commands(block)):
                     run_command(command, name, folder, env)
                     count += 1
@@ -156,6 +158,12 @@ def run_page(page: Path, folder: Path) -> int:
     finally:
         server().end_page()
     return count
+
+
+def is_run(language: str) -> bool:
+    """Whether a block holds commands, and the modules that it names behind `console` are installed."""
+    kind, *needed = language.split() or [""]
+    return kind == "console" and all(map(importlib.util.find_spec, needed))
 
 
 def named_file(block: Block) -> str | None:

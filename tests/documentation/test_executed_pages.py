@@ -86,6 +86,12 @@ def test_a_command_may_fail_where_the_page_shows_the_error(outcome):
     assert outcome(page) == 1
 
 
+def test_commands_that_need_a_module_run_where_it_is_installed(outcome):
+    page = "```console numpy no_such_module\n$ wsnsim nothing\n```\n```console numpy\n$ head -1 page.md\n```\n"
+    with pytest.raises(ExampleError, match=r"page.md:5: \$ head -1 page.md\nfails"):
+        outcome(page)
+
+
 def test_an_example_finds_nothing_that_another_page_has_changed_and_may_end_its_process(outcome):
     change = "import os, sys\nsys.modules['mine'], os.environ['MINE'] = sys, '1'"
     assert outcome(f"```python\n{change}\nassert 'mine' in sys.modules\n```\n") == 1

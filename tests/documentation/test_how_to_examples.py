@@ -56,18 +56,6 @@ def test_the_lines_of_a_radio_that_can_fail_run_with_any_scenario(tmp_path):
     assert run.run["collided"] > 0 and run.joules["idle"] > 100
 
 
-def test_the_lines_of_a_recorded_world_run_on_a_shipped_track(tmp_path):
-    shipped = Path("scenarios/recorded/ble").resolve()
-    lines = (
-        one("docs/how-to/own_data.md", "recorded_track")
-        .replace("receivers.csv", f"{shipped}/receivers.csv")
-        .replace("walk", f"{shipped}/straight_04")
-    )
-    head = "name: mine\nnetwork: none\nduration: 24 s\nstep: 0.25 s\ntracker: {kind: ekf}\nprior: {sd: [1, 1, 1, 1]}\n"
-    (tmp_path / "mine.yaml").write_text(head + lines)
-    assert wsnsim.experiment.simulate_run(tmp_path / "mine.yaml").run["rmse"] < 5.0
-
-
 def test_the_lines_of_appointed_clusters_run_with_any_scenario_whose_tracker_is_in_the_head(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(

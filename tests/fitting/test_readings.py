@@ -61,7 +61,7 @@ def test_every_parameter_of_a_known_law_lies_in_its_interval_for_most_seeds(tmp_
 def test_independent_normal_noise_is_found_to_be_that(tmp_path: Path) -> None:
     files, nodes = Walks(shadowing=0.0).write(tmp_path, 3)
     found = wsnsim.fit(files, nodes)
-    assert found.sensor.keys() == {"kind", "z0", "eta", "d0", "sd", "gains", "target_height", "fitted_on"}
+    assert found.sensor.keys() == {"kind", "z0", "eta", "d0", "sd", "gains", "nodes", "target_height", "fitted_on"}
     assert found.sensor["target_height"] == HEIGHT
     assert abs(found.sensor["sd"] - 4.0) < 0.2
 
@@ -232,7 +232,7 @@ def test_the_law_of_distances_has_the_biases_of_nodes(tmp_path: Path) -> None:
     (tmp_path / "ranges.csv").write_text("\n".join(lines))
     found = wsnsim.fit(tmp_path / "ranges.csv", tmp_path / "nodes.csv", law="range")
     assert found.values["bias"].low < -0.5 < found.values["bias"].high
-    assert found.sensor.keys() == {"kind", "sd", "biases", "fitted_on"}
+    assert found.sensor.keys() == {"kind", "sd", "biases", "nodes", "fitted_on"}
     np.testing.assert_allclose(found.sensor["biases"], [0.5, -1.5], atol=0.2)
     assert abs(found.sensor["sd"] - 1.0) < 0.1
     common = wsnsim.fit(tmp_path / "ranges.csv", tmp_path / "nodes.csv", law="range", gains=False)

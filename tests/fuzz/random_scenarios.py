@@ -97,7 +97,7 @@ class Sampler:
     def recording(self) -> Values:
         """Readings of a recorded track, and the nodes that took them."""
         law = self.part("sensor", "rssi")
-        law = {name: value for name, value in law.items() if name not in ("gains", "fitted_on")}
+        law = {name: value for name, value in law.items() if name not in ("gains", "nodes", "fitted_on")}
         return {
             "deploy": {
                 "kind": "file", "path": RECEIVERS, "columns": {"id": "receiver"}, "width": 21.0, "height": 19.4,
@@ -180,7 +180,8 @@ class Sampler:
         if kind in ONLINE:
             values["reach"] = self.rng.choice([0.3, 0.6, 2.0]) * self.side
             values.pop("beyond", None)
-            values.pop("biases", None)  # one for each node
+            for name in ("biases", "gains", "nodes"):  # one for each node
+                values.pop(name, None)
             values.pop("target_height", None)  # the nodes of a recording alone have heights
             values.pop("least", None)  # it is below the range
         return values

@@ -13,8 +13,9 @@ HEIGHT = 1.8
 
 @dataclass(frozen=True)
 class Walks:
-    """Readings of walks: z = -60 - 17 log10 d + gain + process + noise."""
+    """Readings of walks: z = -60 - 17 log10 d + gain + process + noise, or z0 + d + ... with the law `range`."""
 
+    law: str = "rssi"
     z0: float = -60.0
     eta: float = 1.7
     sd: float = 4.0
@@ -74,7 +75,8 @@ class Walks:
         shape = distances.shape
         unit = rng.standard_normal(shape) if np.isinf(self.dof) else rng.standard_t(self.dof, shape)
         scale = 1.0 if np.isinf(self.dof) else np.sqrt((self.dof - 2) / self.dof)
-        return self.z0 - 10 * self.eta * np.log10(distances) + gains + process + self.sd * scale * unit
+        expected = distances if self.law == "range" else -10 * self.eta * np.log10(distances)
+        return self.z0 + expected + gains + process + self.sd * scale * unit
 
     def _rows(self, points: np.ndarray, readings: np.ndarray) -> list[str]:
         return [

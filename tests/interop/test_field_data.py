@@ -75,6 +75,10 @@ CONVENTIONS: dict[str, tuple[pd.DataFrame, dict[str, Any]]] = {
     "given names": (LONG.rename(columns={"reading": "wert"}), {"names": {"reading": "wert"}}),
     "millimetres": (MILLI, {"unit": "mm"}),
     "a unit in the header": (MILLI.rename(columns={"reading": "range [mm]"}), {}),
+    "a unit at the end of a name": (MILLI.rename(columns={"reading": "distance_mm"}), {}),
+    "a unit of times in the header": (LONG.assign(time=LONG.time * 1e3).rename(columns={"time": "time (ms)"}), {}),
+    "a number that is no node": (LONG.assign(id=range(len(LONG)), node=LONG.node).rename(columns={"node": "who"}),
+                                 {"names": {"node": "who"}}),
     "milliseconds": (LONG.assign(time=LONG.time * 1e3), {"time_format": "ms"}),
     "another origin": (LONG.assign(time=LONG.time + 1.7e9), {"time_origin": "1700000000"}),
     "dates": (LONG.assign(time=DATES.dt.strftime("%Y-%m-%dT%H:%M:%S.%f+00:00")), {"time_origin": START}),
@@ -117,7 +121,6 @@ def test_every_format_is_the_same_table(form: str, tmp_path: Path) -> None:
         }
         savemat(path, {"data": columns} if form == "struct.mat" else columns)
     elif form == "xlsx":
-        pytest.importorskip("openpyxl")
         LONG.to_excel(path, index=False)
     elif form == "parquet":
         LONG.to_parquet(path)
@@ -125,6 +128,112 @@ def test_every_format_is_the_same_table(form: str, tmp_path: Path) -> None:
         said = {"json": records, "items.json": {"count": 12, "items": records}, "lists.json": LONG.to_dict("list")}
         path.write_text("\n".join(map(json.dumps, records)) if form == "jsonl" else json.dumps(said[form]))
     assert_same(field_data.readings([str(path)]).table)
+
+
+OTHERS = {
+    "nodes": pd.DataFrame(
+        {"id": ["a", "b", "c"], "x": [0.5, 12.25, -7.0], "y": [1.0, 2.0, 3.5], "z": [1.5, 2.5, 0.25]}
+    ),
+    "track": pd.DataFrame({"time": [0.0, 0.5, 1.25], "id": "w", "x": [0.5, 12.25, -7.0], "y": [1.0, 2.0, 3.5]}),
+    "links": pd.DataFrame(
+        {"src": ["a", "b", "c"], "dst": ["b", "a", "a"], "prr": [0.5, 0.25, 1.0], "power": [-60.5, -71.0, -80.0]}
+    ),
+}
+FORMS = ["plain", "permuted", "crlf", "mark", "decimal commas", "csv.gz", "xlsx", "parquet", "mat", "headerless"]
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("kind", OTHERS)
+def test_every_form_of_nodes_tracks_and_links_is_the_same_table(kind: str, form: str, tmp_path: Path) -> None:
+    table, name, how = OTHERS[kind], f"t.{form if form in ('csv.gz', 'xlsx', 'parquet', 'mat') else 'csv'}", {}
+    if form == "permuted":
+        table = table[table.columns[::-1]].sample(frac=1.0, random_state=1)
+    if form == "xlsx":
+        table.to_excel(tmp_path / name, index=False)
+    elif form == "parquet":
+        table.to_parquet(tmp_path / name)
+    elif form == "mat":
+        from scipy.io import savemat
+
+        savemat(tmp_path / name, {column: table[column].to_numpy() for column in table})
+    content = text(table, ";" if form == "decimal commas" else ",", "," if form == "decimal commas" else ".",
+                   form != "headerless", "\r\n" if form == "crlf" else "\n").encode()  # fmt: skip
+    content = b"\xef\xbb\xbf" + content if form == "mark" else gzip.compress(content) if form == "csv.gz" else content
+    if form == "headerless":
+        how = {"columns": list(table.columns)}
+    if name in ("t.csv", "t.csv.gz"):
+        (tmp_path / name).write_bytes(content)
+    found = getattr(field_data, kind)([str(tmp_path / name)], Conventions(**how)).table
+    (tmp_path / "w.csv").write_text(text(OTHERS[kind]))
+    assert_same(found, getattr(field_data, kind)([str(tmp_path / "w.csv")]).table)
+    wanted = OTHERS[kind].iloc[:, -2:].to_numpy(np.float64)
+    assert np.allclose(
+        found[["x", "y"] if kind == "track" else ["y", "z"] if kind == "nodes" else ["pdr", "mean_rssi"]], wanted
+    )
+
+
+def test_nodes_that_are_renamed_and_other_units_of_places_give_the_same_places(tmp_path: Path) -> None:
+    wanted = imported(tmp_path, text(OTHERS["nodes"]), "nodes")
+    for unit, factor in (("mm", 1e3), ("cm", 1e2), ("km", 1e-3)):
+        scaled = OTHERS["nodes"].assign(**{axis: OTHERS["nodes"][axis] * factor for axis in "xyz"})
+        assert_same(imported(tmp_path, text(scaled), "nodes", unit=unit), wanted)
+        stated = scaled.set_axis(["id", *(f"{axis}_{unit}" for axis in "xyz")], axis=1)
+        assert_same(imported(tmp_path, text(stated), "nodes"), wanted)
+    renamed = OTHERS["nodes"].assign(id=["z3", "y2", "x1"])
+    assert_same(
+        imported(tmp_path, text(renamed), "nodes").drop(columns="id")[::-1].reset_index(drop=True),
+        wanted.drop(columns="id"),
+    )
+
+
+def test_a_file_with_several_tables_is_read_by_the_name_of_one(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    savemat(tmp_path / "a.mat", {"TD": LONG[["time", "reading"]].to_numpy(), "TL": np.ones((3, 3)), "offset": 1.0})
+    with pd.ExcelWriter(tmp_path / "a.xlsx") as book:
+        LONG[["time", "reading"]].to_excel(book, sheet_name="TD", index=False)
+        WIDE.to_excel(book, sheet_name="other", index=False)
+    (tmp_path / "a.json").write_text(
+        json.dumps({"TD": LONG[["time", "reading"]].to_dict("records"), "TL": [{"id": 1}]})
+    )
+    for name in ("a.mat", "a.xlsx", "a.json"):
+        how = {"columns": ["time", "reading"]} if name == "a.mat" else {}
+        found = field_data.readings([str(tmp_path / name)], Conventions(table="TD", repeated="first", **how)).table
+        assert_same(found.drop(columns="node"), LONG.groupby("time", as_index=False).reading.first())
+        with pytest.raises(WsnsimError, match="choose one with --table"):
+            field_data.readings([str(tmp_path / name)], Conventions(**how))
+    LONG.to_excel(tmp_path / "b.xlsx", index=False, header=False)
+    with pytest.raises(WsnsimError, match="no header: name its 3 columns"):
+        field_data.readings([str(tmp_path / "b.xlsx")])
+
+
+def test_rows_of_one_tag_are_chosen_and_rows_without_times_have_a_rate(tmp_path: Path) -> None:
+    tags = pd.concat([LONG.assign(tag="07"), LONG.assign(tag="7", reading=99.0)])
+    assert_same(imported(tmp_path, text(tags), where={"tag": "07"}).drop(columns="target"))
+    found = imported(tmp_path, text(WIDE.drop(columns="time")), rate=4.0)
+    assert_same(found, CANONICAL.assign(time=CANONICAL.time.map(dict(zip(TIMES, [0.0, 0.25, 0.5, 0.75], strict=True)))))
+
+
+def test_a_clock_that_passes_midnight_goes_on(tmp_path: Path) -> None:
+    rows = "time,node,reading\n23:59:59,a,1\n00:00:01,a,2\n23:59:00,a,3\n00:00:00,a,4\n"
+    assert imported(tmp_path, rows).time.tolist() == [86399.0, 86401.0, 172740.0, 172800.0]
+
+
+@pytest.mark.parametrize(
+    ("rows", "unit", "said"),
+    [
+        ("time,node,r_1\n0,a,-50\n", "dBm", "all readings are negative"),
+        ("time,node,range\n0,a,-1\n1,a,3\n", "", "1 readings are negative, which no range is"),
+        ("time,node,azimuth_deg\n0,a,90\n", "rad", "--angle clockwise-from-north says otherwise"),
+        ("time,id,reading\n" + "".join(f"{i},{i},1\n" for i in range(30)), "", "each row is of another node"),
+    ],
+)
+def test_what_readings_are_taken_for_is_said(rows: str, unit: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(rows)
+    found = field_data.readings(
+        [str(tmp_path / "t.csv")], Conventions(names={"reading": "r_1"} if "r_1" in rows else {})
+    )
+    assert found.facts["unit"] == unit and any(said in note for note in found.notes), found.notes
 
 
 def test_files_of_one_node_each_are_joined(tmp_path: Path) -> None:
@@ -158,15 +267,18 @@ def test_what_is_left_out_is_said_and_equal_errors_are_one_sentence(tmp_path: Pa
     found = field_data.readings([str(path)], Conventions(skip_bad_rows=True))
     assert len(found.table) == 5 and found.facts["nodes"] == 1 and found.facts["rate"] == 0.5
     assert list(found.notes) == [
-        f"{path}: columns not used: 'seq'", f"left out: 1 row without a reading ({path}:12)",
+        f"{path}: columns not used: 'seq'",
+        f"left out: 1 row without a reading ({path}:12)",
         f"left out: 5 rows that cannot be used: rssi must be a finite number, is 'far' (the first: {path}:3)",
+        "all readings are negative: they are taken for levels in dBm; --unit says otherwise",
     ]  # fmt: skip
 
 
 COOJA = """<simconf><simulation><motetype>x<mote><interface_config>org.contikios.cooja.interfaces.Position
 <pos x="1.5" y="-2.0" /></interface_config><interface_config>ID<id>1</id></interface_config></mote></motetype>
 <mote><interface_config>se.sics.cooja.interfaces.Position<x>3</x><y>4.5</y><z>0.0</z></interface_config>
-<interface_config>ID<id>2</id></interface_config></mote></simulation></simconf>"""
+<interface_config>ID<id>2</id></interface_config></mote></simulation><plugin>TimeLine<plugin_config><mote>0</mote>
+<mote>1</mote></plugin_config></plugin></simconf>"""
 
 
 def test_nodes_of_cooja_and_of_tables_are_read(tmp_path: Path) -> None:
@@ -180,7 +292,6 @@ LON, LAT, SOUTH = 8.601, 50.1003, 0.0005
 
 
 def test_degrees_become_metres_that_the_ellipsoid_confirms(tmp_path: Path) -> None:
-    pytest.importorskip("pyproj")
     rows = f"id,lon,lat,height\no,{LON},{LAT},120\ne,{LON + 0.001},{LAT},121\ns,{LON},{LAT - SOUTH},119\n"
     found = imported(tmp_path, rows, "nodes", crs="wgs84", origin=(LON, LAT, 100.0)).set_index("id")
     a, e2, sine = 6378137.0, 0.00669437999014, np.sin(np.radians(LAT))
@@ -192,8 +303,6 @@ def test_degrees_become_metres_that_the_ellipsoid_confirms(tmp_path: Path) -> No
 
 
 def test_geojson_and_gpx_say_themselves_that_they_are_degrees(tmp_path: Path) -> None:
-    pytest.importorskip("pyproj")
-    pytest.importorskip("gpxpy")
     shapes = [{"type": "Point", "coordinates": [LON + i / 1e3, LAT]} for i in range(2)]
     points = [{"type": "Feature", "properties": {"name": f"n{i}"}, "geometry": shape} for i, shape in enumerate(shapes)]
     nodes = imported(tmp_path, json.dumps({"type": "FeatureCollection", "features": points}), "nodes", "n.geojson")
@@ -259,7 +368,10 @@ WRONG: dict[str, tuple[str, str, str, str]] = {
     "two movers": ("track", "time,id,x,y\n0,a,1,1\n1,a,2,2\n0,b,1,1\n", "", "holds 2 nodes"),
     "merged movers": ("track", "time,x,y\n0,1,1\n0,20,2\n1,2,2\n", "", "several movers in one track"),
     "slow degrees": ("track", "time,id,x,y,speed\n0,a,13.4,52.5,10\n1,a,13.400147,52.5,10\n", "", "--crs wgs84"),
-    "no span": ("track", "time,id,x,y\n0,a,1,1\n1,a,2,2\n5,b,1,1\n6,b,2,2\n", "--id a --id b", "no time is left"),
+    "no span": ("track", "time,id,x,y\n0,a,1,1\n1,a,2,2\n5,b,1,1\n6,b,2,2\n", "--id a --id b --from 3", "no time is"),
+    "a strange level": ("readings", "time,node,reading\n0,a,-60\n1,a,100\n", "--unit dBm", "t.csv --missing 100"),
+    "no such cell": ("readings", "time,node,tag,reading\n0,a,7,1\n", "--where tag=07", "no row has the tag '07'"),
+    "no such column of a cell": ("readings", "time,node,tag,reading\n0,a,7,1\n", "--where tg=7", "did you mean 'tag'"),
     "other options": ("nodes", "id,x,y\na,8,5\n", "--from 3", "--from has no meaning for nodes"),
     "other options of tracks": ("sumo", "t id x y\n0 a 1 2\n", "--angle clockwise-from-north", "no meaning for sumo"),
     "another ending": ("nodes", "id,x,y\na,8,5\n", "--out x.txt", "ends in .csv"),
@@ -293,8 +405,6 @@ BROKEN = {
 
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_file_that_is_damaged_or_defines_entities_is_refused_with_one_sentence(name: str, tmp_path: Path) -> None:
-    if name.endswith("gpx"):
-        pytest.importorskip("gpxpy")
     (tmp_path / name).write_bytes(BROKEN[name])
     for kind in ("readings", "nodes"):
         with pytest.raises(WsnsimError) as caught:

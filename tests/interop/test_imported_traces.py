@@ -18,9 +18,10 @@ from tests.helpers.commands import run_command
 from wsnsim.base.errors import RunError, UsageError, WsnsimError, printable
 from wsnsim.interop import field_data, ns3, sumo, trajectories
 from wsnsim.interop.trajectories import Placement
-from wsnsim.models.csvfile import Wanted, bad_rows_text, read_rows
+from wsnsim.models.csvfile import Wanted, read_rows
 from wsnsim.models.k7file import read_links
 from wsnsim.models.recorded_track import RecordedTrack
+from wsnsim.models.row_checks import bad_rows_text
 from wsnsim.scenario import build, load
 
 SETDEST = """\
@@ -317,7 +318,6 @@ def test_degrees_are_recognised_by_speeds_and_projected_if_asked_for(
         written(tmp_path, name, text)
         answer = run_command(capsys, "import", "sumo", name)
         assert answer.code == 1 and f"wsnsim import sumo {name} --crs wgs84" in answer.err
-    pytest.importorskip("pyproj")
     assert (
         run_command(
             capsys, "import", "sumo", "b.xml", "--crs", "wgs84", "--origin", "13.4,52.5", "--out", "s.yaml"
@@ -329,7 +329,7 @@ def test_degrees_are_recognised_by_speeds_and_projected_if_asked_for(
     assert "--origin 13.4,52.5" in Path("s.yaml").read_text()
 
 
-def test_several_targets_have_the_span_in_which_all_are_there_and_absences_are_said(
+def test_each_of_several_targets_is_present_when_the_trace_has_it_and_absences_are_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -337,10 +337,16 @@ def test_several_targets_have_the_span_in_which_all_are_there_and_absences_are_s
     written(tmp_path, "a.xml", fcd(*long, *((t, "vehicle", "short", 10.0 * t, 30) for t in range(2, 6))))
     answer = run_command(capsys, "import", "sumo", "a.xml", "--id", "long", "--id", "short", "--out", "s.yaml")
     assert answer.code == 0
-    assert "only 2 to 5 s is written, when all targets are there: node long is known from 0 to 19 s" in answer.out
-    assert "'long' is absent from 3 to 9 s" in answer.out
+    assert "'long' is there from 0 to 3 s, 9 to 19 s: its `presence`" in answer.out
+    assert "'short' is there from 2 to 5 s: its `presence`" in answer.out
     setup = build(load(Path("s.yaml")))
-    assert setup.duration == 4.0 and [motion.track.times[-1] for motion in setup.motions] == [3.0, 3.0]
+    assert setup.duration == 20.0 and setup.presence == (((0.0, 3.0), (9.0, 19.0)), ((2.0, 5.0),))
+    assert run_command(capsys, "run", "s.yaml", "--quiet", "--out", "s.h5").code == 0
+    truth = wsnsim.read("s.h5", "truth").query("target == 1").set_index("time")
+    assert truth.px.dropna().index.tolist() == [2.0, 3.0, 4.0, 5.0]
+    part = ["import", "sumo", "a.xml", "--id", "long", "--from", "5", "--until", "12", "--time-origin", "5"]
+    answer = run_command(capsys, *part, "--out", "p.csv")
+    assert "time_origin: 0, q: 1, presence: [[4, 7]]" in answer.out
 
 
 @pytest.mark.thorough
@@ -454,3 +460,24 @@ def refusal_of(parser: str, path: str) -> str:
     except WsnsimError as error:
         return str(error)
     return found if isinstance(found, str) else ""
+
+
+def test_nodes_of_ns_3_are_always_there(tmp_path: Path) -> None:
+    text = SETDEST + '$ns_ at 40.0 "$node_(1) setdest 500.0 5.0 1.0"\n'
+    found = trajectories.placed(traces.read(written(tmp_path, "a.tcl", text), ns3, ["0", "1"]), Placement())
+    assert {node: track[-1, 0] for node, track in found.tracks.items()} == {"0": 40.0, "1": 535.0}
+    assert not found.presence and not found.notes
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_presence_holds_every_sample_that_has_a_neighbour_and_no_long_pause(seed: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.choice([0.5, 1.0, 2.0, 2.0, 30.0], p=[0.3, 0.3, 0.2, 0.17, 0.03], size=60)).round(3)
+    rows = "".join(f"{time} a {k} {seed}\n" for k, time in enumerate(times.tolist()))
+    trace = traces.read(written(tmp_path, "a.txt", f"t id x y\n{rows}-50 b 0 0\n900 b 1 1\n"), sumo, ["a", "b"])
+    spans = trajectories.placed(trace, Placement(sampled=True)).presence["a"]
+    near = np.diff(times) < 30.0
+    joined = np.append(near, False) | np.insert(near, 0, False)
+    inside = np.array([any(begin <= time <= end for begin, end in spans) for time in times])
+    assert (inside == joined).all() and all(begin in times and end in times for begin, end in spans)
+    assert sum(end - begin for begin, end in spans) == pytest.approx(np.diff(times)[near].sum())

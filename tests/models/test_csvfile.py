@@ -11,17 +11,15 @@ from hypothesis import strategies as st
 
 from wsnsim.base import files
 from wsnsim.base.errors import RunError
-from wsnsim.models import csvfile
+from wsnsim.models import csvfile, row_checks
 from wsnsim.models.csvfile import (
-    BadRow,
     Wanted,
-    bad_rows_text,
     demand_digest,
-    first_of_equal,
     identifiers,
     only_rows,
     read_rows,
 )
+from wsnsim.models.row_checks import BadRow, bad_rows_text, first_of_equal
 
 WANTED = Wanted({"node": "receiver"}, {"time": "time", "reading": "rssi", "z": "z"}, optional=("z",))
 PLACES = Wanted(numbers={"x": "x", "y": "y"})
@@ -141,7 +139,7 @@ def test_rows_are_counted_while_they_are_read(tmp_path: Path, monkeypatch: pytes
 
 
 def test_bad_rows_are_kept_up_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(csvfile, "MOST_BAD", 2)
+    monkeypatch.setattr(row_checks, "MOST_BAD", 2)
     with pytest.raises(
         RunError, match=r"more than 2 rows cannot be used:\n  data\.csv:2: .*\n.*\n.*:4: .*\n  and more$"
     ):
@@ -167,6 +165,7 @@ def test_the_first_of_equal_rows_is_that_of_a_dictionary(rows: list[tuple[bool, 
 
 def test_a_row_of_readings_takes_bytes_not_objects(tmp_path: Path) -> None:
     """277 kB of gzip with readings took 12.5 GB: some 380 bytes a row, of which those that repeat others have most."""
+    read_rows(written(tmp_path, "x,y\n1,2\n"), PLACES, "positions")  # imports pandas
     path = tmp_path / "many.csv.gz"
     path.write_bytes(gzip.compress(b"time,node,reading\n" + b"1,1,1\n" * 10_000 + b"2,2,2\n"))
     tracemalloc.start()

@@ -234,7 +234,7 @@ BAD_ROWS = {
     ),
     "no time": ("yesterday,0,1,11,-80,0.5,100", "datetime must be a time such as 2018-01-11T16:32:22, is 'yesterday'"),
     "no packets": ("2020-01-01T00:00:00,0,1,11,-80,0.5,0", "tx_count must be a number from 1 to 1e+09, is '0'"),
-    "too few columns": ("2020-01-01T00:00:00,0,1", "must have 7 columns, has 3"),
+    "too few columns": ("2020-01-01T00:00:00,0,1", "channel must be one of those of the first line, 11, 26, is ''"),
     "a second row of one burst": (
         row(5, 0, 2, 0.9),
         "a burst has one row for each receiver, but line 3 has what 2 heard of 0 on channel 11 less than 12 s before",
@@ -265,8 +265,12 @@ def test_a_row_that_cannot_be_used_is_named_with_its_line_or_skipped(name: str, 
         ('{"tx_length": 1, "interframe_duration": NaN}', COLUMNS, "must be positive, are 1 and nan"),
         (f'{{"tx_length": 1{"0" * 400}, "interframe_duration": 1}}', COLUMNS, "a burst lasts 1e+09 s at most"),
         ('{"tx_length": 1, "interframe_duration": 1, "channels": 3}', COLUMNS, ":1: the first line must be JSON"),
-        (HEADER, COLUMNS.replace(",", ";"), ":2: the columns must be 'datetime,src,dst"),
-        (HEADER, "datetime,src,dst,channel,pdr", "mean_rssi not found in 'datetime,src,dst,channel,pdr'"),
+        (HEADER, COLUMNS.replace(",", ";"), ":2: the header must name the columns src, dst, datetime"),
+        (
+            HEADER,
+            "datetime,src,dst,channel,pdr",
+            "for example 'src,dst,datetime,channel,mean_rssi,pdr', is 'datetime,src,dst,channel,pdr'",
+        ),
     ],
 )
 def test_a_file_whose_first_lines_are_wrong_is_refused(header: str, columns: str, said: str, tmp_path: Path) -> None:

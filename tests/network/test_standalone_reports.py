@@ -11,7 +11,7 @@ from wsnsim.base.errors import ScenarioError
 from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import Memory
-from wsnsim.network.imperfect_readings import standalone_reports
+from wsnsim.network.imperfect_readings import StandaloneReports
 from wsnsim.offline.batch import Batches
 
 STANDALONE: dict[str, Any] = {
@@ -84,7 +84,7 @@ def test_readings_are_those_of_the_network_run(case: str) -> None:
 def test_reports_do_not_depend_on_how_many_steps_are_asked_for_at_once() -> None:
     setup = scenario.build(scenario.load(source(CASES["two targets"])))
     conditions = sample_initial_conditions(setup, 0)
-    whole, each = (standalone_reports(setup, conditions, Streams(1, 0), 1) for _ in range(2))
+    whole, each = (StandaloneReports(setup, conditions, Streams(1, 0), 1) for _ in range(2))
     one_by_one = np.concatenate([each(step, 1) for step in range(20)])
     np.testing.assert_array_equal(whole(0, 100), one_by_one)
     assert len(one_by_one) == 20 and len(each(20, 5)) == 0
@@ -94,7 +94,7 @@ def test_reports_do_not_depend_on_how_many_steps_are_asked_for_at_once() -> None
 def test_the_batch_of_such_runs_has_the_bits_of_single_runs(case: str) -> None:
     setup = scenario.build(scenario.load(source(CASES[case])))
     batch, single = (Memory(dict.fromkeys(("tracks", "estimates"), True)) for _ in range(2))
-    batches = Batches(setup, batch, standalone_reports)
+    batches = Batches(setup, batch, StandaloneReports)
     assert len(batches.next([3])) + len(batches.next([0, 1])) == 3
     for replicate in (3, 0, 1):
         experiment.replicate_of(setup, replicate, single)

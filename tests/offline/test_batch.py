@@ -198,7 +198,9 @@ def test_files_of_a_plug_ins_whole_runs_are_verified_with_a_tolerance():
     assert _excuses({**made, "engine": "composed"}, {}) == _excuses({**made, "plugins": []}, {}) == []
 
 
-@pytest.mark.parametrize("place", ["wsnsim.trackers.bootstrap_pf.cloud_runs", "wsnsim.offline.batch.sample_readings"])
+@pytest.mark.parametrize(
+    "place", ["wsnsim.trackers.bootstrap_pf.cloud_runs", "wsnsim.offline.loopback.sample_readings"]
+)
 def test_a_failure_of_a_block_says_how_to_find_its_run(tmp_path, monkeypatch, place):
     def fail(*arguments):
         raise ZeroDivisionError("no reading")

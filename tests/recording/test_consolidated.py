@@ -37,12 +37,14 @@ def files(write) -> list[Path]:
 
 def assert_rows(found, files) -> None:
     """That these are the rows of the files as they are now."""
-    assert found is not None and found.counts.tolist() == [5] * len(files)
+    assert found is not None
+    (records, words), counts = found
+    assert counts.tolist() == [5] * len(files)
     held = [read_table(file, "runs") for file in files]
-    assert list(found.columns) == list(held[0])
-    for name, values in found.columns.items():
-        assert values.tobytes() == np.concatenate([columns[name] for columns in held]).tobytes()
-    assert found.words == {"status": ("complete", "partial", "failed")}
+    assert list(records.dtype.names) == list(held[0])
+    for name in held[0]:
+        assert records[name].tobytes() == np.concatenate([columns[name] for columns in held]).tobytes()
+    assert words == {"status": ("complete", "partial", "failed")}
 
 
 def kept_in(folder: Path) -> Path:

@@ -7,7 +7,7 @@ import pytest
 
 from tests.helpers.recordings import recording
 from wsnsim import read
-from wsnsim.report import replay, replay_encoding, replay_tracks
+from wsnsim.report import replay, replay_encoding
 
 from .page_reader import decoded, rows_at
 from .synthetic_results import CLUSTER_EVENTS, ON_A_LINE, write_result
@@ -96,12 +96,12 @@ def clusters_of(at, frames, targets):
         rows = rows_at(at, "membership", frame)
         names = ("membership_node", "membership_target", "membership_change")
         for node, target, what in zip(*(at[name][rows].tolist() for name in names), strict=True):
-            if what == replay_tracks.LEAVES:
+            if what == replay_encoding.LEAVES:
                 clusters = [cluster - {node} for cluster in clusters]
-            elif what == replay_tracks.JOINS:
+            elif what == replay_encoding.JOINS:
                 clusters[target] = clusters[target] | {node}
             else:
-                clusters[target] = {node} if what == replay_tracks.STARTS else set()
+                clusters[target] = {node} if what == replay_encoding.STARTS else set()
         yield list(clusters)
 
 

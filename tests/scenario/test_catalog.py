@@ -14,10 +14,10 @@ import pytest
 from tests.helpers.scenario_components import base_scenario, faults_of, kind
 from wsnsim import scenario
 from wsnsim.base.errors import UsageError
-from wsnsim.scenario.examples import template
 from wsnsim.scenario.fields import part_model
 from wsnsim.scenario.parameter_info import json_schema
 from wsnsim.scenario.registry import ROLES, Kind, find, kinds, load_class, role_named
+from wsnsim.scenario.texts import template
 
 ROWS = [(role.name, row) for role in ROLES.values() for row in role.kinds]
 

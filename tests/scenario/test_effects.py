@@ -21,8 +21,8 @@ from wsnsim import experiment, scenario
 from wsnsim.analysis import notes
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.tables import TABLES, Memory
-from wsnsim.scenario.examples import example_of
 from wsnsim.scenario.fields import fields_of, nested_of, roles_of
+from wsnsim.scenario.kind_info import example_of
 from wsnsim.scenario.registry import ROLES, Scope, find, load_class
 
 MODES: Final = {"network": Scope(), "standalone": Scope(network=False), "workload": Scope(targets=False)}

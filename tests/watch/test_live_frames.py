@@ -10,7 +10,7 @@ import pytest
 from tests.report.page_reader import decoded
 from wsnsim import experiment, read
 from wsnsim.report import replay
-from wsnsim.report.replay_tracks import ENDS, LEAVES, STARTS
+from wsnsim.report.replay_encoding import ENDS, LEAVES, STARTS
 from wsnsim.scenario import load
 from wsnsim.watch.live_frames import LiveFrames, LiveRecorder
 

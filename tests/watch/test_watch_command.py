@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from wsnsim.analysis.difference import differ
-from wsnsim.cli import live, main
+from wsnsim.cli import main, running
 
 QUICK = ["--set", "duration=0.4 s", "--set", "tracker.particles=40", "--no-browser"]
 FOLDERS = ("alone", "watched")
@@ -32,7 +32,7 @@ def _alone(tmp_path, monkeypatch):
 @pytest.fixture
 def interrupted(monkeypatch):
     """Sends this process a signal when something holds after the address was printed; gives the address."""
-    said, addresses = live.say_where, []
+    said, addresses = running.say_where, []
 
     def when(number, holds):
         def send():
@@ -45,7 +45,7 @@ def interrupted(monkeypatch):
             addresses.append(url)
             threading.Thread(target=send, daemon=True).start()
 
-        monkeypatch.setattr(live, "say_where", say)
+        monkeypatch.setattr(running, "say_where", say)
         return addresses
 
     return when
@@ -84,7 +84,7 @@ def test_ctrl_c_during_the_run_ends_it_as_usual_and_closes_the_server(interrupte
 def test_after_the_run_the_result_is_shown_until_a_signal_comes(
     interrupted, monkeypatch, capsys, tmp_path, ask, number, code
 ):
-    monkeypatch.setattr(live, "page_of", lambda result, page, plugins: "the result")
+    monkeypatch.setattr(running, "page_of", lambda result, page, plugins: "the result")
     addresses = interrupted(number, lambda: ask(addresses[0])[2] == b"the result")
     assert main(["run", "pso_mhpf", *QUICK[:-1], "--watch", "-o", "x.h5"]) == code
     assert "the address now shows the result; Ctrl-C ends the server" in capsys.readouterr().err
@@ -103,8 +103,8 @@ def test_a_campaign_is_shown_while_it_computes_and_has_the_rows_of_any_other(
     interrupted, monkeypatch, capsys, tmp_path, ask, words
 ):
     """The signal comes when the command has printed its tables and waits: before, it would end the command with 130."""
-    waits, stay = threading.Event(), live.stay
-    monkeypatch.setattr(live, "stay", lambda interrupts, wait: stay(interrupts, lambda: (waits.set(), wait())))
+    waits, stay = threading.Event(), running.stay
+    monkeypatch.setattr(running, "stay", lambda interrupts, wait: stay(interrupts, lambda: (waits.set(), wait())))
     assert main([*words, "-o", "alone"]) == 0
     told = capsys.readouterr().out
     addresses = interrupted(
@@ -168,7 +168,7 @@ def test_a_file_that_is_no_result_is_named(capsys, tmp_path):
 def test_no_browser_is_opened_without_a_terminal(monkeypatch, capsys):
     monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.setattr("webbrowser.open", lambda url: pytest.fail("a browser was opened"))
-    live.say_where("http://127.0.0.1:1/x/", live.LiveOptions())
+    running.say_where("http://127.0.0.1:1/x/", running.LiveOptions())
     assert "http://127.0.0.1:1/x/" in capsys.readouterr().err
 
 

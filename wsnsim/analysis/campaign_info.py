@@ -1,7 +1,7 @@
 """Information from a campaign's folder: progress, settings, baseline, the runs that points need, and code changes.
 
 info(path) -> dict        info_text(path) -> str        as `wsnsim info DIR` shows them
-demand_baseline(plan, by, wanted)      baseline_point(manifest, by, wanted) -> its label      label(values) -> text
+baseline_point(manifest, by, wanted) -> its label      label(values) -> text
 code_json(folder) -> dict        code_lines(folder) -> [str, ...], both empty unless a change of the code was accepted
 ReplicateCounts(folder, manifest): a fixed number of runs, or until the median of a metric is precise enough
 
@@ -27,11 +27,6 @@ from wsnsim.scenario.sweep_schema import Plan, StoppingRule
 
 SCENARIO: Final = "scenario"
 """The swept key of a sweep over several scenarios."""
-
-
-def demand_baseline(plan: Plan | Manifest, by: Sequence[str], wanted: str | None) -> None:
-    """Raise UsageError unless the campaign can be compared with this baseline."""
-    baseline_point(plan, tuple(by) or keys_by_default(plan.keys), wanted)
 
 
 def baseline_point(manifest: Plan | Manifest, by: Sequence[str], wanted: str | None) -> str | None:
@@ -85,9 +80,14 @@ def code_lines(folder: Folder) -> list[str]:
     found = [f"code         accepted changes; runs: {runs}"]
     for change in about["code_changes"]:
         files = change.get("changed") or ["unknown files"]
-        named = ", ".join(files[:MAX_NAMED]) + (f" and {len(files) - MAX_NAMED} more" if len(files) > MAX_NAMED else "")
-        found.append(f"  {change.get('time')}: {change.get('before')} to {change.get('after')}: {named}")
+        found.append(f"  {change.get('time')}: {change.get('before')} to {change.get('after')}: {shortened(files)}")
     return found
+
+
+def shortened(names: Sequence[str]) -> str:
+    """The names in one line; of many, the first ones."""
+    more = len(names) - MAX_NAMED
+    return ", ".join(names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _code_of(path: Path) -> str:

@@ -22,7 +22,7 @@ from wsnsim.base.errors import ResultError
 from wsnsim.base.runs import tracked
 from wsnsim.base.tables import DUTY_CYCLED, RECORDED_BY_DEFAULT, TABLES
 from wsnsim.recording import read_with_meanings, tables
-from wsnsim.recording.folder import Batch, Folder, PointOnDisk
+from wsnsim.recording.folder import Folder, PointOnDisk
 from wsnsim.recording.kept import read_consolidated
 from wsnsim.recording.rows import SHORT_TABLES
 
@@ -102,7 +102,12 @@ def read(
     """
     folder = Folder(path)
     manifest = folder.manifest()
-    owned = [(number, batch.path) for number, point in enumerate(manifest.points) for batch in _batches(folder, point)]
+    owned = [
+        (number, batch.path)
+        for number, point in enumerate(manifest.points)
+        for batch in folder.batches(point.id)
+        if batch.first < point.replicates
+    ]
     if not owned:
         raise ResultError(f"{folder.path}: holds no results yet")
     wanted = None if columns is None else list(dict.fromkeys(["replicate", *columns]))
@@ -123,11 +128,6 @@ def read(
     return pd.concat([pd.DataFrame(front), together], axis=1)
 
 
-def _batches(folder: Folder, point: PointOnDisk) -> list[Batch]:
-    """The files of a point with replicates that belong to the campaign."""
-    return [batch for batch in folder.batches(point.id) if batch.first < point.replicates]
-
-
 def _rows(
     folder: Folder, files: Sequence[Path], table: str, columns: Sequence[str] | None, may_lack: Sequence[str]
 ) -> tuple[pd.DataFrame, Ints]:
@@ -135,9 +135,9 @@ def _rows(
     if table in SHORT_TABLES:
         with _hinted(table):
             found = read_consolidated(folder.path, table, files)
-        if found is not None and (columns is None or set(columns) <= found.columns.keys()):
-            frame = data_frame({n: found.columns[n] for n in columns or found.columns}, found.words)
-            return frame, found.counts
+        if found is not None and set(columns or ()) <= {*(held := found[0].records.dtype.names or ())}:
+            (records, words), counts = found
+            return data_frame({name: records[name].copy() for name in columns or held}, words), counts
     frames = [_of_file(file, table, columns, may_lack) for file in tracked(files, f"files read, table {table}")]
     return stacked(files, frames, table), np.array([len(frame) for frame in frames])
 
@@ -145,13 +145,10 @@ def _rows(
 def _chosen(points: Sequence[PointOnDisk], owners: Ints, replicates: Ints, files: Ints) -> Ints:
     """The rows that belong to the campaign, each run from one file only, in the order of points, runs and rows."""
     most = np.array([point.replicates for point in points])
-    order = np.lexsort((replicates, owners))
-    owner, replicate, file = owners[order], replicates[order], files[order]
-    starts = np.ones(len(order), dtype=np.bool_)
-    starts[1:] = (owner[1:] != owner[:-1]) | (replicate[1:] != replicate[:-1])
-    first = file[starts][np.cumsum(starts) - 1]
-    chosen: Ints = order[(file == first) & (replicate < most[owner])]
-    return chosen
+    rows = pd.DataFrame({"owner": owners, "replicate": replicates, "file": files})[replicates < most[owners]]
+    rows = rows.sort_values(["owner", "replicate"], kind="stable")
+    first = rows.groupby(["owner", "replicate"], sort=False)["file"].transform("first")
+    return np.asarray(rows.index[rows["file"] == first], dtype=np.int64)
 
 
 def metric(folder: Folder, point: str, name: str, replicates: int) -> tuple[Floats, Bools]:

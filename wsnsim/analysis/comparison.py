@@ -26,7 +26,7 @@ from wsnsim.analysis.quantities import loss_rule
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import DUTY_CYCLED, METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
 from wsnsim.recording import attributes
-from wsnsim.recording.folder import Folder, Manifest
+from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
 
 
 def same_runs(folder: Folder, manifest: Manifest) -> str:
@@ -120,25 +120,19 @@ def compare(
         raise UsageError(f"table runs has no metric '{metric}' ({did_you_mean(metric, METRICS)})")
     chosen = _chosen(manifest, by)
     runs = campaigns.read(folder.path, "runs", sorted({*MEASURED, metric, *OF_STEPS}), DUTY_CYCLED)
-    rows, values = [], {}
-    for number, frame in runs.groupby(campaigns.POINT, sort=True):
-        point = manifest.points[int(number)]
-        values[int(number)] = frame.set_index("replicate")
-        settings = {key: point.settings.get(key) for key in manifest.keys}
-        rows.append({campaigns.POINT: int(number), **settings, **_statistics(frame, metric)})
-    table = pd.DataFrame(rows)
+    frames = {int(number): frame.set_index("replicate") for number, frame in runs.groupby(campaigns.POINT, sort=True)}
+    points, one = [manifest.points[number] for number in frames], list(frames.values())
+    settings = {n: {key: manifest.points[n].settings.get(key) for key in manifest.keys} for n in frames}
+    table = pd.DataFrame([{campaigns.POINT: n, **settings[n], **_statistics(frames[n], metric)} for n in frames])
     groups = _groups(manifest, table, chosen)
     sign = -1.0 if metric in MORE_IS_BETTER else 1.0
     table["front"] = False if metric in ONE_IS_BEST else _fronts(table, groups, sign)
     baseline = baseline_point(manifest, chosen, baseline or (manifest.baseline if by is None else None))
-    names = [
-        label(manifest.points[_number(table, row)].settings.get(key) for key in chosen) for row in range(len(table))
-    ]
+    names = [label(point.settings.get(key) for key in chosen) for point in points]
     first = [(row, rows) for rows in groups.values() for row in rows if names[row] == baseline]
     unit, unpaired = _unit(folder, manifest, metric), ""
     if chosen:
-        baselines, unpaired = _paired(table, manifest, first)
-        one = {row: values[_number(table, row)] for row in range(len(table))}
+        baselines, unpaired = _paired(points, first)
         pairs = {row: pair_columns(one[row], one[start], metric) for row, start in baselines.items()}
         table = _concluded(with_pairs(table, pairs), baselines, folder, (chosen, metric, unit))
         unpaired = unpaired or ("" if first else f"the baseline '{baseline}' has no results")
@@ -149,11 +143,9 @@ def compare(
 def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
     """The metric's unit; that of errors is the unit of the position, which the result files hold."""
     column = next(column for column in TABLES["runs"] if column.name == metric)
-    for batch in (batch for point in manifest.points for batch in folder.batches(point.id)):
-        about = attributes(batch.path)
-        if column.of_position and about["position"]:
-            return str(about["states"][about["position"][0]][1])
-        break
+    batch = next((batch for point in manifest.points for batch in folder.batches(point.id)), None)
+    if column.of_position and batch and (about := attributes(batch.path))["position"]:
+        return str(about["states"][about["position"][0]][1])
     return column.units
 
 
@@ -232,15 +224,13 @@ def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]], sign: float) -
     return flags.tolist()
 
 
-def _paired(
-    table: pd.DataFrame, manifest: Manifest, first: Sequence[tuple[int, list[int]]]
-) -> tuple[dict[int, int], str]:
+def _paired(points: Sequence[PointOnDisk], first: Sequence[tuple[int, list[int]]]) -> tuple[dict[int, int], str]:
     """The row of the baseline of each paired row, and why some rows have none, or ''."""
     found: dict[int, int] = {}
     unpaired = ""
     for start, rows in first:
         for row in rows:
-            here, there = (manifest.points[_number(table, i)] for i in (row, start))
+            here, there = points[row], points[start]
             if here.world == there.world:
                 found |= {row: start} if row != start else {}
                 continue
@@ -251,22 +241,18 @@ def _paired(
     return found, unpaired
 
 
-def _number(table: pd.DataFrame, row: int) -> int:
-    """The number of a row's point in the manifest."""
-    return int(table[campaigns.POINT].iloc[row])
-
-
 def _concluded(
     table: pd.DataFrame, baselines: Mapping[int, int], folder: Folder, compared: tuple[tuple[str, ...], str, str]
 ) -> pd.DataFrame:
     """The table with a sentence and a hint for each pair. `compared`: keys, metric and unit."""
     by, metric, unit = compared
     manifest = folder.manifest()
+    points = [manifest.points[number] for number in table[campaigns.POINT]]
     others = [key for key in manifest.keys if key not in by]
     network = traffic(folder, table[campaigns.POINT].tolist())
     sentences, hints = [""] * len(table), [""] * len(table)
     for row, start in baselines.items():
-        settings, base = (manifest.points[_number(table, i)].settings for i in (row, start))
+        settings, base = points[row].settings, points[start].settings
         names = label(settings.get(key) for key in by), label(base.get(key) for key in by)
         group = ", ".join(f"{key} = {label([settings.get(key)])}" for key in others)
         sentences[row] = sentence(table.iloc[row].to_dict(), PairWords(*names, group, metric, unit))

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 import wsnsim.recording as recording
-from wsnsim.analysis.logged_events import BLOCK, layout_or_empty, ranges, row_in_words, rows_in
+from wsnsim.analysis.logged_events import BLOCK, layout_or_empty, ranges, read_rows, row_in_words
 from wsnsim.analysis.phrases import aligned
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.scenario.build import ABSENT, differing_leaves
@@ -170,7 +170,7 @@ def _event(path: str, rows: slice, at: int) -> tuple[float, int, str] | None:
     """(time, step, words) of a row within a range; None after its end."""
     if rows.start + at >= rows.stop:
         return None
-    (row,) = rows_in(path, slice(rows.start + at, rows.start + at + 1))
+    ((_, row),) = read_rows(path, slice(rows.start + at, rows.start + at + 1))
     return row.time, row.step, row_in_words(row)
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import hashlib
 import json
 import math
 from collections.abc import Sequence
@@ -26,13 +25,14 @@ from wsnsim.analysis.comparison import Comparison
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import WsnsimError
-from wsnsim.base.files import read_regular
 from wsnsim.base.runs import tracked
 from wsnsim.bounds import READINGS, Bound, bound, bound_of_run
 from wsnsim.recording import read_table, tables
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept import KEPT, KeptAnswers
 from wsnsim.scenario import Plugins, load, plugins
+from wsnsim.scenario.build import leaves
+from wsnsim.scenario.check import digest_or_nothing
 from wsnsim.scenario.registry import refused
 
 
@@ -50,7 +50,7 @@ def time_averages(path: str | Path, plugins: bool = False) -> dict[str, float]:
     log = tables(path).get("events")
     known = READINGS if log is not None and log.rows else ("in_range",)
     found = {readings: bound for readings in known if (bound := found_bound(path, readings, plugins)) is not None}
-    means = {readings: bound.time_mean_at(_errors(path, bound)) for readings, bound in found.items()}
+    means = {readings: bound.time_mean_at(errors_at(path, bound)) for readings, bound in found.items()}
     return {readings: mean for readings, mean in means.items() if np.isfinite(mean)}
 
 
@@ -63,7 +63,7 @@ def found_bound(path: str | Path, readings: str, plugins: bool) -> Bound | None:
     return None if found.reason else found
 
 
-def _errors(path: str | Path, found: Bound) -> Floats:
+def errors_at(path: str | Path, found: Bound) -> Floats:
     """(replicates, targets, steps) errors at the bound's steps, NaN where there is no estimate."""
     table = read_table(path, "estimates", ["replicate", "target", "step", "error"])
     errors = np.full(found.each.shape, np.nan)
@@ -138,18 +138,8 @@ def _kept_bounds(
 
 def _digests(scenario: Any) -> dict[str, str]:
     """{path: digest of the content} of the files that a scenario names, by keys `path`; "" if one cannot be read."""
-    inner = (
-        scenario.items() if isinstance(scenario, dict) else enumerate(scenario) if isinstance(scenario, list) else ()
-    )
-    found: dict[str, str] = {}
-    for key, value in inner:
-        found |= _digests(value)
-        if key == "path" and isinstance(value, str):
-            try:
-                found[value] = hashlib.sha256(read_regular(value)).hexdigest()
-            except OSError:
-                found[value] = ""
-    return found
+    named = (value for key, value in leaves(scenario) if key.rpartition(".")[2] == "path" and isinstance(value, str))
+    return {path: digest_or_nothing(path) for path in named}
 
 
 def _point_bounds(scenario: dict[str, object], replicates: Sequence[int], allowed: Plugins) -> PointBounds:

@@ -11,8 +11,7 @@ runs_text(runs, whose) -> str             the number of runs, for a title
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from math import ceil
 from pathlib import Path
 from typing import Any, Final
@@ -25,8 +24,8 @@ from matplotlib.figure import Figure
 
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import ResultError, UsageError, did_you_mean
-from wsnsim.recording.atomic_files import temporary_beside
+from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.recording.atomic_files import replacing
 
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
@@ -94,24 +93,6 @@ def save(figure: Figure, out: Path) -> None:
     suffix = suffix_of(out)
     with replacing(out) as unfinished:
         figure.savefig(unfinished, format=suffix[1:], metadata=UNDATED[suffix])
-
-
-@contextmanager
-def replacing(out: Path) -> Iterator[Path]:
-    """The path of a temporary file, which gets the name `out` when it is complete.
-
-    Raises:
-        ResultError: the file cannot be written.
-    """
-    try:
-        unfinished = temporary_beside(out)
-        try:
-            yield unfinished
-            unfinished.replace(out)
-        finally:
-            unfinished.unlink(missing_ok=True)
-    except OSError as error:
-        raise ResultError(f"{out}: cannot be written: {error.strerror or error}") from error
 
 
 def suffix_of(out: Path) -> str:

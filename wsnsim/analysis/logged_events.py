@@ -1,6 +1,6 @@
 """The event log of a result: the events of one step, or of a range of rows.
 
-rows_at(path, replicate, step) -> [LoggedEvent]        rows_in(path, slice) -> [LoggedEvent]
+rows_at(path, replicate, step) -> [LoggedEvent]        read_rows(path, slice) -> (replicate, LoggedEvent), ...
 ranges(path, table) -> {replicate: slice}
 in_other_steps(path, replicate, step, rows) -> {sequence: OtherSteps}  for messages with events in other steps
 """
@@ -74,12 +74,7 @@ def rows_at(path: str | Path, replicate: int, step: int) -> list[LoggedEvent]:
             first, last = (start + int(at[0]) if first is None else first), start + int(at[-1]) + 1
     if first is None:
         return []
-    return [row for number, row in _read(path, slice(first, last)) if number == replicate and row.step == step]
-
-
-def rows_in(path: str | Path, rows: slice) -> list[LoggedEvent]:
-    """The events of a range of rows."""
-    return [row for _, row in _read(path, rows)]
+    return [row for number, row in read_rows(path, slice(first, last)) if number == replicate and row.step == step]
 
 
 def ranges(path: str | Path, table: str = "events") -> dict[int, slice]:
@@ -123,7 +118,7 @@ def _blocks(
         yield start, read_table(path, table, columns, slice(start, start + BLOCK))
 
 
-def _read(path: str | Path, rows: slice) -> Iterator[tuple[int, LoggedEvent]]:
+def read_rows(path: str | Path, rows: slice) -> Iterator[tuple[int, LoggedEvent]]:
     """(replicate, event) of each row of a range."""
     columns = read_table(path, "events", ["replicate", *LoggedEvent._fields], rows)
     lists = [columns["replicate"].tolist()]

@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Final, NamedTuple
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
 from wsnsim.analysis.phrases import counted
-from wsnsim.base.arrays import Floats, Ints, components_of, near
+from wsnsim.base.arrays import Floats, Ints, components_of, is_relative, near
 from wsnsim.base.errors import RunError, shortened
 from wsnsim.base.initial_conditions import measured_points, node_names, sample_initial_conditions
 from wsnsim.base.sensing import gain_variance, samples_gains
@@ -26,6 +27,7 @@ from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.models.csvfile import identifiers
 from wsnsim.models.recorded_readings import RecordedSensor
 from wsnsim.models.recorded_track import RecordedTrack
+from wsnsim.recording.reader import read_table
 
 LONG_GAP: Final = 5.0
 """A recorded target is absent for more than this many steps, and usual times between rows [our choice]."""
@@ -53,7 +55,7 @@ def absent_movers(setup: TrackingSetup) -> Iterator[str]:
     """Recorded trajectories that begin late, end early or have gaps: there the target is not known to be."""
     end = setup.steps * setup.dt
     for i, motion in enumerate(setup.motions):
-        if isinstance(motion, RecordedTrack):
+        if isinstance(motion, RecordedTrack) and not setup.has_absences:
             times = np.array([0.0, *motion.track.times.clip(0.0, end), end])
             apart = np.diff(times)
             gaps = np.flatnonzero(apart > LONG_GAP * max(np.quantile(np.diff(motion.track.times), 0.25), setup.dt))
@@ -74,6 +76,10 @@ def unread_identifiers(setup: TrackingSetup) -> Iterator[str]:
             values = shortened(", ".join(dict.fromkeys(cells)))
             said = f"sensor.columns: '{column}' of {path} ({values}) is not read"
             yield f"{said}: if it names targets, number them from 0 in a column target, or give each a file"
+
+
+_Path: TypeAlias = tuple[Floats, Floats]
+"""Times (n,) and positions (n, P) of a target."""
 
 
 class _Held(NamedTuple):
@@ -109,27 +115,52 @@ class _Held(NamedTuple):
         return {node: float(np.median(off[self.nodes == node])) for node in np.unique(self.nodes).tolist()}
 
 
-def _held(setup: Setup) -> _Held | None:
-    """The recorded readings of the first run; None if there are hardly any, or not of one component."""
-    if not (isinstance(setup, TrackingSetup) and isinstance(setup.recorded, RecordedSensor)):
+def _trajectories(setup: TrackingSetup) -> list[_Path]:
+    """The path of each target where it is present."""
+    steps, dt, rng = setup.steps * FINER, setup.dt / FINER, np.random.default_rng(0)
+    times: Floats = np.arange(steps + 1, dtype=np.float64) * dt
+    found = [measured_points(motion, setup.sensor, motion.truth(steps, dt, rng), dt) for motion in setup.motions]
+    return [_known(times, points) for points in found]
+
+
+def _estimates(setup: TrackingSetup, result: str | Path) -> list[_Path]:
+    """The estimated path of each target in the first run of a result."""
+    motion = setup.motions[0]
+    axes = [motion.columns[i] for i in motion.position]
+    table = read_table(result, "estimates", ["replicate", "target", "time", *axes])
+    points = np.column_stack([table[axis] for axis in axes])
+    each = [(table["replicate"] == 0) & (table["target"] == target) for target in range(len(setup.motions))]
+    return [_known(table["time"][rows], points[rows]) for rows in each]
+
+
+def _known(times: Floats, points: Floats) -> _Path:
+    there = np.isfinite(points).all(axis=1)
+    return times[there], points[there]
+
+
+def _held(setup: TrackingSetup, paths: Sequence[_Path]) -> _Held | None:
+    """The recorded readings of the first run; None if there are hardly any, or not of one component each."""
+    if not isinstance(setup.recorded, RecordedSensor):
         return None
-    sensor, steps, dt, rng = setup.sensor, setup.steps * FINER, setup.dt / FINER, np.random.default_rng(0)
+    sensor = setup.sensor
     try:
         conditions, names = sample_initial_conditions(setup, 0), node_names(setup)
         rows = setup.recorded.rows(names, len(setup.motions))
     except RunError:  # `notes.first_run` says so
         return None
-    used = rng.permutation(np.flatnonzero((rows[0] >= 0.0) & (rows[0] <= steps * dt)))[:MOST_READINGS]
-    if len(used) < FEWEST or len(components_of(sensor)) > 1:
+    spans = np.array([(known[0], known[-1]) if len(known) else (np.inf, np.inf) for known, _ in paths])[rows[3]]
+    within = np.flatnonzero((rows[0] >= spans[:, 0]) & (rows[0] <= spans[:, 1]))
+    used = np.random.default_rng(0).permutation(within)[:MOST_READINGS]
+    if len(used) < FEWEST or len(components_of(sensor)) > 1 or is_relative(sensor):
         return None
     times, nodes, readings, targets = (row[used] for row in rows)
-    paths = [measured_points(motion, sensor, motion.truth(steps, dt, rng), dt) for motion in setup.motions]
 
     def law(nodes: Ints, later: float, noise: float) -> Floats:
-        points = np.empty((len(nodes), paths[0].shape[1]))
-        for target, path in enumerate(paths):
+        points = np.empty((len(nodes), paths[0][1].shape[1]))
+        for target in np.unique(targets).tolist():
+            known, path = paths[target]
             now = times[targets == target] + later
-            points[targets == target] = np.transpose([np.interp(now, np.arange(steps + 1) * dt, x) for x in path.T])
+            points[targets == target] = np.transpose([np.interp(now, known, x) for x in path.T])
         places, traits = conditions.positions[nodes], conditions.traits[nodes]
         return sensor.measure(points, places, traits, np.full(len(nodes), noise))
 
@@ -138,9 +169,16 @@ def _held(setup: Setup) -> _Held | None:
     return _Held(sensor, names, law, nodes, readings, np.sqrt(noise**2 + unknown + 1e-200))  # of a law without noise
 
 
-def residuals(setup: Setup) -> Iterator[str]:
-    """Yield a sentence on recorded readings minus their law at the trajectory, if there are some."""
-    if (held := _held(setup)) is None:
+def residuals(setup: Setup, result: str | Path = "") -> Iterator[str]:
+    """Yield a sentence on recorded readings minus their law at the trajectory, if there are some.
+
+    With the result of a run, the law is that at its estimates, if no trajectory was recorded.
+    """
+    if not isinstance(setup, TrackingSetup) or (
+        result and any(isinstance(each, RecordedTrack) for each in setup.motions)
+    ):
+        return
+    if (held := _held(setup, _estimates(setup, result) if result else _trajectories(setup))) is None:
         return
     off = held.off()
     middle, medians = np.median(off), held.medians(off)
@@ -149,7 +187,8 @@ def residuals(setup: Setup) -> Iterator[str]:
     spread = f"{1.4826 * np.median(np.abs(off - middle)):.3g} (law: {np.median(held.sds):.3g})"
     nodes = f"medians of nodes from {medians[low]:.3g} ({held.names[low]}) to {medians[high]:.3g} ({held.names[high]})"
     most = f"largest {off[np.abs(off).argmax()]:.3g}"
-    yield f"{count} minus law at the trajectory: median {middle:.3g}, spread {spread}, {most}; {nodes}"
+    where = "estimates of run 0, which follow the readings and are no truth" if result else "trajectory"
+    yield f"{count} minus law at the {where}: median {middle:.3g}, spread {spread}, {most}; {nodes}"
 
 
 def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
@@ -157,7 +196,7 @@ def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
 
     An extreme value stands for something else if 2 % of the readings have it, three times as many as have the next.
     """
-    if (held := _held(setup)) is None:
+    if (held := _held(setup, _trajectories(setup))) is None:
         return
     values, counts = np.unique(held.readings, return_counts=True)
     for end, following, which in ((0, 1, "least"), (-1, -2, "greatest")):

@@ -20,7 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, TypeAlias, TypedDict
 
-from wsnsim.base.errors import Issue, ScenarioError, StorageError, UsageError, did_you_mean, shown_value
+from wsnsim.base.errors import ScenarioError, StorageError, UsageError, did_you_mean, shown_value
 from wsnsim.base.tables import TABLES
 from wsnsim.scenario.load import Override, Overrides, demand_scenario, listed
 from wsnsim.scenario.registry import AT_TOP
@@ -102,11 +102,9 @@ def named_as_in_python() -> Iterator[None]:
     except UsageError as error:
         raise UsageError(_renamed(str(error))) from error.__cause__
     except ScenarioError as error:
-        raise ScenarioError([_renamed_issue(issue) for issue in error.issues]) from error.__cause__
-
-
-def _renamed_issue(issue: Issue) -> Issue:
-    return replace(issue, place=_renamed(issue.place), message=_renamed(issue.message))
+        raise ScenarioError(
+            [replace(one, place=_renamed(one.place), message=_renamed(one.message)) for one in error.issues]
+        ) from error.__cause__
 
 
 def _renamed(text: str) -> str:

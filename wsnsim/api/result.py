@@ -154,7 +154,7 @@ class Result:
         """
         import shutil
 
-        from wsnsim.analysis.figure_style import replacing
+        from wsnsim.recording.atomic_files import replacing
 
         target = result_file("path", path)
         if self._memory is not None:

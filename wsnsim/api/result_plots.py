@@ -140,7 +140,7 @@ class ResultPlots:
     def _drawn(self, what: str, ax: Axes | None, **options: Any) -> Axes:
         """A plot; without a number, of the first run, and of the last step that has particles."""
         from wsnsim.analysis import plot_data, plots
-        from wsnsim.analysis.replicate_tables import first_replicate
+        from wsnsim.analysis.plot_data import first_replicate
 
         with self._file() as path, _axes(ax) as axes:
             if options.get("replicate", 0) is None:

@@ -14,7 +14,7 @@ import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Unpack, final
+from typing import Any, Final, TypeAlias, Unpack, final
 
 import pandas as pd
 
@@ -23,12 +23,16 @@ from wsnsim.api import arguments
 from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, named_as_in_python, overrides_of, shown
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
 from wsnsim.base.runs import run_count
+from wsnsim.campaign import prepare, run_campaign
 from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress
-from wsnsim.campaign.sweeping import TrackersText, needs_main_guard
-from wsnsim.campaign.sweeping import sweep as run_sweep
+from wsnsim.campaign.sweeping import engine_of, needs_main_guard
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario import Overrides
 from wsnsim.scenario.load import Override
+from wsnsim.scenario.registry import Plugins, access
+
+TrackersText: TypeAlias = str | Sequence[Any] | Mapping[str, Any] | None
+"""Trackers to compare: 'pf:particles=1000,ekf', a list of names, components and mappings, or a mapping by names."""
 
 
 @final
@@ -226,12 +230,35 @@ def _swept(
     try:
         with shown(progress, "sweep", "runs") as step, named_as_in_python():
             report = on_progress if step is None else lambda now: step(now.done, now.total)
-            outcome = run_sweep(source, out=folder, overrides=chosen, progress=report, **options)
+            outcome = _run(source, folder, chosen, report, options)
     except BaseException:
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
         raise
     return SweepResult(folder, outcome, temporary)
+
+
+def _run(
+    source: Any,
+    out: Path,
+    chosen: tuple[Override, ...],
+    progress: Callable[[CampaignProgress], None] | None,
+    options: Mapping[str, Any],
+) -> CampaignOutcome:
+    from wsnsim.scenario.sweep import load_sweep
+
+    workers, scheduler, trackers = options["workers"], options.get("scheduler"), options["trackers"]
+    if scheduler is None and workers != 0 and needs_main_guard():
+        raise UsageError(
+            'a script must call wsnsim.sweep under if __name__ == "__main__": workers import the script; workers=0'
+            " makes the runs without workers"
+        )
+    plan = load_sweep(source, options.get("vary", ()), chosen, trackers, replicates=options["replicates"])
+    by = [key for key in ("tracker", "tracker.kind") if trackers and key in plan.keys]
+    accepted = options.get("accept_code_change", False)
+    folder = prepare(plan, out, by=by, command_line="wsnsim.sweep", accept_code_change=accepted)
+    allowed, engine = access(Plugins.ANY), engine_of(folder.path, workers, scheduler)
+    return run_campaign(folder, engine, on_progress=progress, batch=options.get("batch", True), access=allowed)
 
 
 def compare(  # noqa: PLR0913

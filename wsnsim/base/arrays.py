@@ -121,11 +121,22 @@ def rows(sensor: Any, readings: Floats) -> Floats:
     return readings.reshape(-1)
 
 
+def is_relative(sensor: Any) -> bool:
+    """Whether only the differences between the readings of a step count: see `RelativeReadings`."""
+    return getattr(sensor, "relative", False)
+
+
+def innovation_of(sensor: Any, square: float, used: int) -> Innovation:
+    """The innovation of a step of which so many rows were used: one has no degree of freedom if they are relative."""
+    dof = used - is_relative(sensor)
+    return Innovation(square, dof) if dof > 0 else NO_INNOVATION
+
+
 def near(sensor: Any, measured: Floats, expected: Floats) -> Floats:
     """Rows moved by whole periods to the nearest of what is expected, so that their difference is the shortest.
 
-    Without a period the rows are returned as they are. Half a period away from what is expected, either side may be
-    meant.
+    Relative readings are moved by a number that all have in common, so that the mean of their differences is 0. Other
+    rows without a period are returned as they are. Half a period away from what is expected, either side may be meant.
 
     Args:
         sensor: The sensor model.
@@ -133,6 +144,10 @@ def near(sensor: Any, measured: Floats, expected: Floats) -> Floats:
         expected: (n M, ...) what was expected, of a shape to which this one broadcasts: for `rows` (n M,) and the
             expected rows (n M, N) at N points, pass `rows[:, None]`.
     """
+    if is_relative(sensor) and len(measured):
+        apart: Floats = measured - expected
+        moved: Floats = measured - apart.mean(axis=0)
+        return moved
     periods = periods_of(sensor)
     if not any(periods):
         return measured

@@ -7,7 +7,7 @@ with S sensors and D state columns.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
@@ -44,7 +44,13 @@ def node_names(setup: Any, nodes: int | None = None) -> tuple[str, ...]:
     return tuple(map(str, range(nodes)))
 
 
-def joined_by_name(names: Sequence[str], known: Sequence[str], who: str, whose: str) -> Ints:
+def joined_by_name(
+    names: Sequence[str],
+    known: Sequence[str],
+    who: str,
+    whose: str,
+    columns: Callable[[], Mapping[str, Sequence[str]]] = dict,
+) -> Ints:
     """(n,) the number among `known` of each of the names of nodes, -1 for one that is not there.
 
     Every join of two data sets about the same nodes is made by this function.
@@ -54,15 +60,17 @@ def joined_by_name(names: Sequence[str], known: Sequence[str], who: str, whose: 
         known: the names in the other, each once.
         who: what the first is called in the message.
         whose: what the second is called.
+        columns: gives the cells of other columns, by their names, that may be meant.
 
     Raises:
-        RunError: they have not one name in common; the message shows both.
+        RunError: they have not one name in common; the message shows both, and the columns that have some.
     """
     number = {name: node for node, name in enumerate(known)}
     found = np.array([number.get(name, -1) for name in names], dtype=np.int64)
     if len(found) and (found < 0).all():
         shown = "; ".join(shortened(", ".join(each)) for each in (names, known))
-        raise RunError(f"{who} and {whose} have no name of a node in common: {shown}")
+        near = [f"the column '{name}' has some" for name, cells in columns().items() if {*cells} & {*names, *known}]
+        raise RunError("; ".join([f"{who} and {whose} have no name of a node in common: {shown}", *near]))
     return found
 
 

@@ -68,9 +68,7 @@ def per_step_rmse(errors: Floats) -> Floats:
 
 def time_mean_rmse(errors: Floats) -> float:
     """The time-averaged RMSE (over runs), which Jiang (2013) publishes."""
-    steps = per_step_rmse(np.atleast_2d(errors))
-    known = steps[np.isfinite(steps)]
-    return float(known.mean()) if known.size else float("nan")
+    return mean_error(per_step_rmse(np.atleast_2d(errors)))
 
 
 def lost_fraction(lost: Bools) -> float:

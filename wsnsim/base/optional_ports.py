@@ -183,6 +183,21 @@ class FewReadings(Protocol):
 
 
 @runtime_checkable
+class RelativeReadings(Protocol):
+    """Optional port of a sensor model whose readings of a step have an unknown number in common.
+
+    Only their differences say anything of the target, and a reading alone says nothing. `linearise` and `information`
+    are those of the given set of sensors, centred: the mean over the sensors is taken off expected readings and
+    gradients, so that filters may take the rows as independent. `log_likelihood` is that of the differences. Filters
+    take readings by `near`, which takes off their common part.
+    """
+
+    @property
+    def relative(self) -> bool:
+        """Whether it is so."""
+
+
+@runtime_checkable
 class ConstantGaussian(Protocol):
     """Optional port of a sensor model: whether the noise of its readings is Gaussian with one constant variance R.
 

@@ -128,11 +128,9 @@ def _chain(error: BaseException) -> Iterator[BaseException]:
 def _place(error: BaseException) -> str:
     if isinstance(error, SyntaxError) and error.filename and _is_foreign(error.filename):
         return f"{_short(error.filename)}:{error.lineno}"
-    frames = []
-    trace = error.__traceback__
-    while trace is not None:
-        frames.append((trace.tb_frame, trace.tb_lineno))
-        trace = trace.tb_next
+    import traceback  # slow to import, and needed only where something failed
+
+    frames = list(traceback.walk_tb(error.__traceback__))
     if not any(_is_plugin(frame) for frame, _ in frames):
         return ""
     frame, line = next(

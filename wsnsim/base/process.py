@@ -42,8 +42,12 @@ class _Collections:
         self._thresholds = gc.get_threshold()
         self._ended = 0
 
-    def begin(self) -> None:
-        """Freeze what is there, unless the caller collects by rules of his own."""
+    @contextmanager
+    def frozen(self) -> Iterator[None]:
+        """Let the garbage collector look only at what is made inside, and free that at the end.
+
+        Nothing changes where the collector is off, or where the caller has frozen objects himself (`gc.freeze`).
+        """
         with self._lock:
             if not self._running:
                 self._freezes = gc.isenabled() and gc.get_threshold()[0] > 0 and not gc.get_freeze_count()
@@ -52,35 +56,25 @@ class _Collections:
                     gc.set_threshold(max(first, NEW_OBJECTS), *others)
                     gc.freeze()
             self._running += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._running -= 1
+                if self._freezes and not self._running:
+                    self._thaw()
 
-    def end(self) -> None:
+    def _thaw(self) -> None:
         """Free what the last of the runs left, and give back what was frozen."""
-        with self._lock:
-            self._running -= 1
-            if self._running or not self._freezes:
-                return
+        gc.collect()
+        gc.unfreeze()
+        gc.set_threshold(*self._thresholds)
+        self._ended += 1
+        if self._ended % EVERYTHING_AFTER == 0:
             gc.collect()
-            gc.unfreeze()
-            gc.set_threshold(*self._thresholds)
-            self._ended += 1
-            if self._ended % EVERYTHING_AFTER == 0:
-                gc.collect()
 
 
-_COLLECTIONS: Final = _Collections()
-
-
-@contextmanager
-def gc_frozen() -> Iterator[None]:
-    """Let the garbage collector look only at what is made inside, and free that at the end.
-
-    Nothing changes where the collector is off, or where the caller has frozen objects himself (`gc.freeze`).
-    """
-    _COLLECTIONS.begin()
-    try:
-        yield
-    finally:
-        _COLLECTIONS.end()
+gc_frozen: Final = _Collections().frozen
 
 
 @contextmanager

@@ -318,17 +318,10 @@ COUNTS: Final = "skipped_rows"
 ROWS: Final = "skipped"
 
 
-@dataclass(frozen=True, slots=True)
-class ReadFile:
-    """A recorded file: its name without folder, the digest of its content, and the rows that are left out."""
+def provenance_of(setup: Setup) -> dict[str, Any]:
+    """The entries of a provenance: digests by file, counts of rows left out by file, and the first 50 of these rows.
 
-    name: str
-    digest: str
-    skipped: tuple[str, ...]
-
-
-def recorded_files(setup: Setup) -> list[ReadFile]:
-    """The recorded files of a setup, each once: readings and trajectory may stand in the same one.
+    Each recorded file counts once: readings and trajectory may stand in the same one.
 
     Raises:
         RunError: a file cannot be read.
@@ -337,16 +330,10 @@ def recorded_files(setup: Setup) -> list[ReadFile]:
     for component in _components(setup):
         key = Path(component.path).name, component.digest or file_digest(component.path)
         found.setdefault(key, {}).update(dict.fromkeys(component.skipped_rows(setup)))
-    return [ReadFile(name, digest, tuple(skipped)) for (name, digest), skipped in found.items()]
-
-
-def provenance_of(setup: Setup) -> dict[str, Any]:
-    """The entries of a provenance: digests by file, counts of rows left out by file, and the first 50 of these rows."""
-    files = recorded_files(setup)
-    entries: dict[str, Any] = {FILES: {file.name: file.digest for file in files}} if files else {}
-    if any(file.skipped for file in files):
-        entries[COUNTS] = {file.name: len(file.skipped) for file in files if file.skipped}
-        entries[ROWS] = [row for file in files for row in file.skipped][:MOST_PRINTED]
+    entries: dict[str, Any] = {FILES: dict(found.keys())} if found else {}
+    if skipped := {name: list(rows) for (name, _), rows in found.items() if rows}:
+        entries[COUNTS] = {name: len(rows) for name, rows in skipped.items()}
+        entries[ROWS] = [row for rows in skipped.values() for row in rows][:MOST_PRINTED]
     return entries
 
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, components_of, near
+from wsnsim.base.arrays import Floats, Ints, components_of, is_relative, near
 from wsnsim.base.initial_conditions import InitialConditions, held
 from wsnsim.base.optional_ports import Informs
 from wsnsim.base.ports import MotionModel, SensorModel
@@ -256,6 +256,8 @@ def _of_target(
     priors = np.array([run.priors[target].cov for run in conditions])
     places, absent = [held(truth)[:, columns] for truth in truths], np.isnan(truths[:, 1:, 0])
     if along and variances.size:
+        if is_relative(sensor):
+            raise ValueError("readings of which only the differences count, from nodes whose places are unknown")
         result = []
         for row, run in enumerate(conditions):
             used = readings_of(row, target)

@@ -34,7 +34,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, planar
+from wsnsim.base.arrays import Bools, Floats, Ints, is_relative, planar
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.optional_ports import Detects, Informs
 from wsnsim.base.ports import SensorModel
@@ -80,14 +80,15 @@ def information(sensor: SensorModel, points: Floats, positions: Floats, traits: 
     assert isinstance(sensor, Informs), "a bound is computed only for a sensor model that has an information matrix"
     steps, size = points.shape
     total = np.zeros((steps, size, size))
-    for first in range(0, steps, STEPS_PER_BLOCK):
-        begin, end = np.searchsorted(used.steps, [first, first + STEPS_PER_BLOCK])
+    length = 1 if is_relative(sensor) else STEPS_PER_BLOCK  # relative readings are centred over those of a step
+    for first in range(0, steps, length):
+        begin, end = np.searchsorted(used.steps, [first, first + length])
         nodes, rows = np.unique(used.nodes[begin:end], return_inverse=True)
-        block = np.ascontiguousarray(points[first : first + STEPS_PER_BLOCK].T)
+        block = np.ascontiguousarray(points[first : first + length].T)
         each = sensor.information(block, positions[nodes], traits[nodes])
         counted = np.zeros((len(nodes), 1, 1, block.shape[1]), dtype=np.bool_)
         counted[rows, 0, 0, used.steps[begin:end] - first] = True
-        total[first : first + STEPS_PER_BLOCK] = np.where(counted, each, 0.0).sum(axis=0).transpose(2, 0, 1)
+        total[first : first + length] = np.where(counted, each, 0.0).sum(axis=0).transpose(2, 0, 1)
     return total
 
 

@@ -10,11 +10,12 @@ Results of different code are only put together if the user accepts the change, 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any, Final
 
+from wsnsim.analysis.campaign_info import shortened
 from wsnsim.base.errors import UsageError
 from wsnsim.recording.folder import Folder, Manifest
 from wsnsim.recording.provenance import PACKAGE, digest_of, module_digests, package_digests
@@ -23,8 +24,6 @@ from wsnsim.scenario.registry import AT_TOP, ROLES, find, load_class
 from wsnsim.scenario.sweep_schema import Plan
 
 Code = Mapping[str, Mapping[str, str]]
-MAX_NAMED: Final = 8
-"""Differing files that a message names."""
 HOW_TO_ACCEPT: Final = (
     "give another folder with --out, or accept the change with --accept-code-change (in Python:"
     " accept_code_change=True), for example if only comments or texts changed"
@@ -112,12 +111,6 @@ def changed_files(before: Code, after: Code) -> list[str]:
     ending = {name: " (new)" if name not in was else " (gone)" if name not in now else "" for name in was | now}
     differing = [name for name in ending if was.get(name) != now.get(name)]
     return [f"{name}{ending[name]}" for name in sorted(differing, key=lambda name: (name.startswith(PACKAGE), name))]
-
-
-def shortened(names: Sequence[str]) -> str:
-    """The names in one line; of many, the first ones."""
-    more = len(names) - MAX_NAMED
-    return ", ".join(names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _why(before: Code, now: Code) -> str:

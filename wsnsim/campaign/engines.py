@@ -181,7 +181,8 @@ class LocalEngine:
     """
 
     def __init__(self, workers: int, perform: Callable[[Task], TaskOutcome] = perform) -> None:
-        self.workers = workers
+        self.workers, self.left_out = workers, dict[str, str]()
+        self.window = 2 * workers  # so that the next task of each is already in its queue
         self._perform = perform
         self._pool: ProcessPoolExecutor | None = None
         self._running: dict[Future[TaskOutcome], Task] = {}
@@ -189,16 +190,6 @@ class LocalEngine:
         self._context: _RecordingContext | None = None
         self._started: Any = None
         self._cancelled: Any = None
-
-    @property
-    def window(self) -> int:
-        """Twice the number of workers, so that the next task of each is already in its queue."""
-        return 2 * self.workers
-
-    @property
-    def left_out(self) -> Mapping[str, str]:
-        """None: workers are processes of this program."""
-        return {}
 
     def submit(self, task: Task) -> None:
         """Submit a task to the pool.

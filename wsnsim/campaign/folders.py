@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from wsnsim.analysis.campaign_info import ReplicateCounts
+from wsnsim.analysis.campaign_info import ReplicateCounts, shortened
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.version import __version__
 from wsnsim.campaign.code_changes import (
@@ -19,7 +19,6 @@ from wsnsim.campaign.code_changes import (
     demand_same_code,
     noted,
     settled,
-    shortened,
 )
 from wsnsim.recording.atomic_files import reason
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, consecutive

@@ -1,4 +1,4 @@
-"""Sweeps run from Python, and the estimated cost of a sweep: tasks, time and size, by its results or trial runs."""
+"""What runs a sweep, and its estimated cost: tasks, time and size, by its results or trial runs."""
 
 from __future__ import annotations
 
@@ -7,88 +7,21 @@ import json
 import math
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
 import numpy as np
 
 import wsnsim.experiment as experiment
 import wsnsim.scenario as scenario
-from wsnsim.base.errors import UsageError
 from wsnsim.base.plugin_code import NOT_PYTHON, statements
 from wsnsim.campaign import engines
-from wsnsim.campaign.engines import WHOLE, CampaignOutcome, CampaignProgress, Engine, Shard
-from wsnsim.campaign.folders import prepare
-from wsnsim.campaign.runner import run_campaign
+from wsnsim.campaign.engines import WHOLE, Shard
 from wsnsim.recording import read_table
 from wsnsim.recording.folder import Folder, consecutive
-from wsnsim.scenario.load import Overrides
-from wsnsim.scenario.registry import Plugins, access
 from wsnsim.scenario.sweep_schema import Plan, Point
-
-TrackersText: TypeAlias = str | Sequence[Any] | Mapping[str, Any] | None
-"""Trackers to compare: 'pf:particles=1000,ekf', a list of names, components and mappings, or a mapping by names."""
-
-
-def sweep(  # noqa: PLR0913
-    source: Any,
-    *,
-    out: str | Path,
-    vary: Sequence[str] | Mapping[str, Any] = (),
-    overrides: Overrides = (),
-    trackers: TrackersText = None,
-    replicates: int | None = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    batch: bool = True,
-    progress: Callable[[CampaignProgress], None] | None = None,
-    accept_code_change: bool = False,
-) -> CampaignOutcome:
-    """Run a sweep, or resume it.
-
-    Read the results with `wsnsim.read(out, "runs")` and compare them with `wsnsim.compare(out)`. A script must call
-    this function under `if __name__ == "__main__":`, because worker processes may import the script.
-
-    Args:
-        source: file or shipped name of a sweep, a dict with the same content ({"scenario": "pso_mhpf", "grid":
-            {"tracker.particles": [100, 200]}}), or scenarios (names, a dict, what `load` returned) and axes in
-            `vary`.
-        out: folder of the campaign.
-        vary: axes, such as ["tracker.particles=100,200"] or {"tracker.particles": [100, 200]}.
-        overrides: changed values, such as ["duration=10 s"] or {"duration": "10 s"}.
-        trackers: trackers to compare, each with its own parameters: "pf:particles=1000,ekf", a list of names,
-            components and mappings, or such a mapping by the names that tables show.
-        replicates: Monte Carlo runs per point, if not those of the sweep.
-        workers: number of processes, all cores by default; 0: the runs are made in this process.
-        scheduler: address of a Dask scheduler, on whose workers to run instead.
-        batch: whether many standalone runs are computed at once, if the tracker offers it.
-        progress: called with the progress several times a second.
-        accept_code_change: whether runs may be added to those that other code made; the folder's manifest notes it.
-
-    Returns:
-        What was done, and what failed or is missing.
-
-    Raises:
-        ScenarioError: the scenario or the sweep is invalid.
-        UsageError: the campaign cannot be started, or a script calls the function without a main guard. Later
-            failures are part of the outcome.
-    """
-    from wsnsim.scenario.sweep import load_sweep
-
-    if scheduler is None and workers != 0 and needs_main_guard():
-        raise UsageError(
-            'a script must call wsnsim.sweep under if __name__ == "__main__": workers import the script; workers=0'
-            " makes the runs without workers"
-        )
-    plan = load_sweep(source, vary, overrides, trackers, replicates=replicates)
-    by = [key for key in ("tracker", "tracker.kind") if trackers and key in plan.keys]
-    folder = prepare(plan, out, by=by, command_line="wsnsim.sweep", accept_code_change=accept_code_change)
-    allowed = access(Plugins.ANY)
-    engine = _engine(folder.path, workers, scheduler)
-    return run_campaign(folder, engine, on_progress=progress, batch=batch, access=allowed)
 
 
 def needs_main_guard() -> bool:
@@ -121,11 +54,14 @@ def _text(file: str) -> str:
         return "("  # not Python, which `is_guarded` takes for guarded
 
 
-def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
-    if scheduler:
+def engine_of(
+    folder: Path, workers: int | None, scheduler: str | None, scheduler_file: Path | None = None
+) -> engines.Engine:
+    """The engine of a campaign: workers here, all cores by default, this process (0 workers), or a Dask scheduler."""
+    if scheduler is not None or scheduler_file is not None:
         from wsnsim.campaign.dask_engine import DaskEngine
 
-        return DaskEngine(folder, scheduler)
+        return DaskEngine(folder, scheduler, scheduler_file)
     return engines.SerialEngine() if workers == 0 else engines.LocalEngine(workers or engines.available_cores())
 
 

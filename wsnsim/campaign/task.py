@@ -298,7 +298,8 @@ def _demand_code(folder: str, code: str) -> None:
     """Raise OtherCodeError if this process has other code than the campaign. One that has the same is checked once."""
     if not code:
         return
-    from wsnsim.campaign.code_changes import changed_files, code_id, code_of, shortened
+    from wsnsim.analysis.campaign_info import shortened
+    from wsnsim.campaign.code_changes import changed_files, code_id, code_of
     from wsnsim.recording.provenance import PACKAGE
 
     expected = Folder(folder).manifest().code

@@ -20,11 +20,10 @@ from wsnsim.base.errors import ResultError, UsageError, did_you_mean, printable
 from wsnsim.base.files import why_not_regular
 from wsnsim.base.tables import METRICS
 from wsnsim.campaign import WHOLE, CampaignOutcome, Shard, engines, needs_permission
-from wsnsim.campaign.engines import Engine
-from wsnsim.campaign.sweeping import CostEstimate, estimate_cost
+from wsnsim.campaign.sweeping import CostEstimate, engine_of, estimate_cost
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.live import LiveOptions, linger, shown_live
 from wsnsim.cli.progress import CAMPAIGN, display, duration
+from wsnsim.cli.running import LiveOptions, linger, shown_live
 from wsnsim.cli.shared import INCOMPLETE, METRIC, command_line, echo, echo_json, echo_lines
 from wsnsim.recording.folder import Folder, Manifest
 from wsnsim.scenario.registry import PluginAccess, Plugins, access
@@ -55,7 +54,7 @@ def check_comparison(options: Options, plan: Plan | Manifest, by: Sequence[str])
     for key in options.by:
         if key not in plan.keys:
             raise UsageError(f"--by: the campaign does not vary '{key}' ({did_you_mean(key, plan.keys)})")
-    campaign_info.demand_baseline(plan, by, options.baseline)
+    campaign_info.baseline_point(plan, tuple(by) or campaign_info.keys_by_default(plan.keys), options.baseline)
     if options.csv and options.csv.is_dir():
         raise UsageError(f"--csv {options.csv} is a folder, not a file")
     if options.csv and (reason := why_not_regular(options.csv)):
@@ -154,7 +153,7 @@ def resume(source: str, options: Options, interrupts: Interrupts) -> int:
 
 def _run(folder: Folder, shard: Shard, options: Options, interrupts: Interrupts, allowed: PluginAccess) -> int:
     """Run what is missing, print the comparison, say what is still missing, and show it as long as it is watched."""
-    engine = _engine(folder, options)
+    engine = engine_of(folder.path, options.jobs, options.scheduler, options.scheduler_file)
 
     def view_at(port: int) -> Any:
         from wsnsim.watch.campaign_view import CampaignView
@@ -180,14 +179,6 @@ def _run(folder: Folder, shard: Shard, options: Options, interrupts: Interrupts,
         if view and not interrupts.number:
             linger("the address still shows the campaign; ", options.quiet, interrupts, view.look)
     return code
-
-
-def _engine(folder: Folder, options: Options) -> Engine:
-    if options.scheduler is not None or options.scheduler_file is not None:
-        from wsnsim.campaign.dask_engine import DaskEngine
-
-        return DaskEngine(folder.path, options.scheduler, options.scheduler_file)
-    return engines.LocalEngine(options.jobs or engines.available_cores())
 
 
 def _check_engine_options(options: Options) -> None:

@@ -181,8 +181,8 @@ def new(name: str, bench: bool, role: str | None) -> None:
     All are starting points. The scenario is NAME.yaml; the plug-in is NAME.py, and the scenario uses it. A study is a
     folder with study.yaml (experiments, hypotheses, thresholds) and study.py (measures, figures).
     """
-    from wsnsim.scenario.examples import template
     from wsnsim.scenario.schema import unsafe_name
+    from wsnsim.scenario.texts import template
 
     stem = name.removesuffix(".yaml").removesuffix(".py" if role else ".yaml")
     if reason := unsafe_name(stem, "a file"):

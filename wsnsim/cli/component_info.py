@@ -6,7 +6,6 @@ and link, and the values derived from them.
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -16,8 +15,9 @@ from wsnsim.base.errors import UsageError
 from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import RadioSetup
-from wsnsim.cli.listing import paragraph, table, wrapped_table
+from wsnsim.cli.listing import paragraph, wrapped_table
 from wsnsim.scenario import datasheets
+from wsnsim.scenario.kind_info import paragraphs_of
 from wsnsim.scenario.texts import find_or_none, find_sheet, sheet_of
 
 PACKET: Final = f"{PACKET_BITS // 8} bytes"
@@ -56,7 +56,7 @@ def _text(title: str, note: str, rows: Sequence[InfoRow], grid: Sequence[InfoRow
     if grid:
         heads = [f"{row.name} [{row.unit}]" for row in grid]
         lines = zip(*(row.shown.split(", ") for row in grid), strict=True)
-        parts += ["", table(heads, [list(line) for line in lines])]
+        parts += ["", wrapped_table(heads, [list(line) for line in lines])]
         parts += [paragraph(f"{row.name}: {row.note}", "  ", "    ") for row in grid]
     return "\n".join(parts)
 
@@ -145,7 +145,7 @@ def _describe_scenario(source: str, as_json: bool, plugins: bool) -> str | dict[
         kind = getattr(loaded, role).kind
         fields, derived = list(_fields(component)), list(DERIVED[role](setup))
         title = f"{role}: {kind}. {(type(component).__doc__ or '').partition(chr(10))[0]}"
-        sources = _sources(type(component))
+        sources = list(paragraphs_of(type(component))[2])
         texts.append(_text("\n".join([title, *sources]), "description", fields))
         if derived:
             texts.append(_text(f"{role}: derived values", "description", derived))
@@ -156,16 +156,6 @@ def _describe_scenario(source: str, as_json: bool, plugins: bool) -> str | dict[
             "derived": {row.name: row.as_json() for row in derived},
         }
     return {"scenario": loaded.name, **plain} if as_json else "\n\n".join(texts)
-
-
-def _sources(component: type[Any]) -> list[str]:
-    """The paragraphs beginning with `Source:` in the docstrings of a component's class and of its bases."""
-    paragraphs = (
-        " ".join(text.split())
-        for owner in component.__mro__
-        for text in inspect.cleandoc(vars(owner).get("__doc__") or "").split("\n\n")
-    )
-    return list(dict.fromkeys(text for text in paragraphs if text.startswith("Source:")))
 
 
 def _row(name: str, value: object, unit: str, description: str) -> InfoRow:

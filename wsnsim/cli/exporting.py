@@ -39,10 +39,7 @@ def export(
     if matlab_file is not None:
         if matlab_file.suffix != ".mat":
             raise UsageError(f"--mat {matlab_file}: the name of a MATLAB file ends in .mat")
-        try:
-            writable(matlab_file, matlab_file)
-        except UsageError as error:
-            raise UsageError(str(error).replace("--out ", "--mat ")) from None
+        writable(matlab_file, matlab_file, "--mat")
         if result.exists():
             not_the_result(matlab_file, result, "MATLAB file")
     with reading(result):

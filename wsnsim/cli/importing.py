@@ -29,13 +29,25 @@ ANGLES: Final = (
 )  # fmt: skip
 MOST_SHOWN: Final = 40
 """Nodes that --list shows."""
-READ: Final = ("columns", "column", "missing", "skip_bad_rows", "time_format", "angle", "node_prefix", "repeated")
+READ: Final = (
+    "columns",
+    "column",
+    "missing",
+    "skip_bad_rows",
+    "table",
+    "where",
+    "time_format",
+    "rate",
+    "angle",
+    "node_prefix",
+    "repeated",
+)
 """Options that say how tables are read."""
 MEANT_FOR: Final = {
-    **dict.fromkeys(READ[:4], (*TABLES, "track")), **dict.fromkeys(READ[5:], ("readings",)),
+    **dict.fromkeys(READ[:6], (*TABLES, "track")), **dict.fromkeys(READ[8:], ("readings",)),
     **dict.fromkeys(("ids", "listed", "nodes", "start", "end"), TRACES), "time_unit": ("ns3", "sumo"),
     "time_format": ("readings", "links", "track"), "time_origin": ("readings", "links", *TRACES),
-    "crs": ("nodes", "track", "sumo"), "origin": ("nodes", *TRACES),
+    "rate": ("readings", "track"), "crs": ("nodes", "track", "sumo"), "origin": ("nodes", *TRACES),
 }  # fmt: skip
 """{option: kinds for which it has a meaning}; others have one for all."""
 
@@ -74,6 +86,9 @@ def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tup
 )
 @click.option("--columns", callback=_listed, metavar="A,B,...", help="Names of the columns of a file without a header.")
 @click.option("--column", multiple=True, metavar="OURS=THEIRS", help="What the files call a column: reading=level.")
+@click.option("--where", multiple=True, metavar="COLUMN=CELL", help="Only rows that have this cell: --where tag=7.")
+@click.option("--table", default="", metavar="NAME", help="The variable, sheet or list of a file that has several.")
+@click.option("--rate", type=click.FloatRange(0, min_open=True), metavar="HZ", help="Rows per second, without times.")
 @click.option("--unit", default="", metavar="UNIT", help="Unit of coordinates or readings: mm, km, mW, deg, % ...")
 @click.option("--angle", type=click.Choice(ANGLES), metavar="FROM", help="Such as clockwise-from-north, for bearings.")
 @click.option("--missing", callback=_listed, metavar="A,B,...", help="Values that stand for no reading: 100,-100,nan.")
@@ -135,8 +150,11 @@ def _conventions(options: dict[str, Any]) -> Conventions:
 
     place = options["origin"] if options["crs"] and options["origin"] != "centre" else None
     names = (*READ, "unit", "time_origin", "crs")
-    given = {name: options[name] for name in names if options[name] and name != "column"}
-    return Conventions(**given, names=renamed_columns(options["column"]), origin=_origin(place, 3))
+    given = {name: options[name] for name in names if options[name] and name not in ("column", "where")}
+    none = {text[:-1]: "" for text in options["column"] if text.endswith("=")}
+    named = renamed_columns([text for text in options["column"] if not text.endswith("=")])
+    where = renamed_columns(options["where"], "--where")
+    return Conventions(**given, names=named | none, where=where, origin=_origin(place, 3))
 
 
 def _table(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[str, Any]:
@@ -204,7 +222,10 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
         for node, track in tracks.tracks.items()
     }
     answer = {"files": [str(file) for file in written], "origin": list(tracks.origin), "tracks": known}
-    return answer | {"notes": list(tracks.notes)}
+    block = (
+        {} if as_scenario else {"block": trajectories.motion_block(tracks, trajectories.files_of(tracks.tracks, out))}
+    )
+    return answer | {"notes": list(tracks.notes), **block}
 
 
 def _written(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> list[Path]:
@@ -301,11 +322,7 @@ def _origin(text: str | None, most: int) -> Any:
     except ValueError:
         place = ()
     if not 2 <= len(place) <= most or not all(map(math.isfinite, place)):
-        such = (
-            "m, such as 500000,4180000, or centre"
-            if most == 2
-            else "degrees, such as 8.6,50.1, and perhaps a height in m"
-        )
+        such = "m: 500000,4180000, or centre" if most == 2 else "degrees: 8.6,50.1, perhaps with a height in m"
         raise UsageError(f"--origin {text}: give two numbers in {such}")
     return place
 
@@ -331,21 +348,17 @@ def _echo_written(answer: dict[str, Any], as_json: bool) -> None:
         echo_json(answer)
         return
     for node, track in answer.get("tracks", {}).items():
-        echo(f"{node}: {track['points']} points, {track['first']:g} to {track['last']:g} s")
+        echo(f"{node}: {track['points']} points, {track['first']:.10g} to {track['last']:.10g} s")
     if "rows" in answer:
-        named = (
-            ("nodes", "{} nodes"),
-            ("first", "from {:.12g}"),
-            ("last", "to {:.12g} s"),
-            ("rate", "{:.4g}/s of a node"),
-        )
-        known = [text.format(answer[name]) for name, text in named if name in answer]
-        echo(f"{answer['rows']:,} rows: {', '.join(known)}".replace(", to", " to"))
+        known = [f"{answer['nodes']} nodes"] if "nodes" in answer else []
+        known += [f"from {answer['first']:.12g} to {answer['last']:.12g} s"] if "first" in answer else []
+        known += [f"{answer['rate']:.4g}/s of a node"] if "rate" in answer else []
+        echo(f"{answer['rows']:,} rows: {', '.join(known)}")
     for note in answer["notes"]:
         echo(f"  {note}")
     for file in answer["files"]:
         echo(f"{file}: written")
     if "block" in answer:
         echo(answer["block"])
-    elif answer["files"][-1].endswith(".yaml"):
+    else:
         echo(f"run it with: wsnsim run {answer['files'][-1]}")

@@ -58,7 +58,8 @@ class Interrupts:
             try:
                 yield
             finally:
-                self._stop_timer()
+                if hasattr(signal, "setitimer"):
+                    signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     @contextlib.contextmanager
     def noted(self) -> Iterator[Callable[[], bool]]:
@@ -83,11 +84,6 @@ class Interrupts:
     def _raise_again(self, number: int, frame: FrameType | None) -> None:
         if self.number:
             raise KeyboardInterrupt
-
-    @staticmethod
-    def _stop_timer() -> None:
-        if hasattr(signal, "setitimer"):
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
 def _signals() -> list[signal.Signals]:

@@ -111,23 +111,3 @@ def wrapped_table(headings: list[str], rows: Sequence[list[str]], indent: str = 
 
 def _wrapped(cell: str, size: int) -> list[str]:
     return textwrap.wrap(cell, size, break_on_hyphens=False) or [""]
-
-
-def table(headings: list[str], rows: Sequence[list[str]]) -> str:
-    """A table with aligned columns; on a terminal that is too narrow, a block of lines per row."""
-    widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
-    available = shutil.get_terminal_size().columns
-    if sys.stdout.isatty() and sum(widths) + 2 * len(widths) > available:
-        return "\n".join(_block(headings, row, available) for row in rows)
-    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in [headings, *rows])
-    return "\n".join(f"  {line}".rstrip() for line in lines)
-
-
-def _block(headings: list[str], row: list[str], width: int) -> str:
-    """A row as lines: its first cell, then every other cell after its heading, wrapped."""
-    indent = 6 + max(map(len, headings))
-    lines = [f"  {row[0]}"]
-    for heading, cell in zip(headings[1:], row[1:], strict=True):
-        start = f"    {heading}".ljust(indent)
-        lines += textwrap.wrap(cell, max(width - 1, 2 * indent), initial_indent=start, subsequent_indent=" " * indent)
-    return "\n".join(lines)

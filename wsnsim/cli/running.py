@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -15,12 +19,96 @@ from wsnsim.base.errors import UsageError
 from wsnsim.base.process import gc_disabled
 from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.live import LiveOptions, linger, live_options, page_of, show_result, shown_live, stay
 from wsnsim.cli.progress import RUN, display
 from wsnsim.cli.shared import echo, echo_answer, group, is_campaign, loaded, reading, seconds_of, writable
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
+    from wsnsim.watch.run_view import RunView
+
+
+class LiveOptions(NamedTuple):
+    """How a live view is served: its port, whether a browser is opened, and whether it ends with what it shows."""
+
+    port: int = 0
+    browser: bool = True
+    ends: bool = False
+
+
+live_options = shared.with_options(
+    click.option(
+        "--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="Port of the server; default a free one."
+    ),
+    click.option(
+        "--no-browser", "browser", is_flag=True, flag_value=False, default=True, help="Only print the address."
+    ),
+    click.option("--exit", "ends", is_flag=True, help="End with the run or the campaign; without it, end at Ctrl-C."),
+)
+"""The options of a live view."""
+
+
+@contextlib.contextmanager
+def shown_live(options: LiveOptions | None, view: Callable[[int], Any]) -> Iterator[Any]:
+    """The view at a port, whose server is closed at the end; None, so that nothing is shown, without options."""
+    if options is None:
+        yield None
+        return
+    with view(options.port) as shown:
+        say_where(shown.url, options)
+        yield shown
+
+
+def show_result(
+    view: RunView, options: LiveOptions, result: Path, page: Path | None, quiet: bool, interrupts: Interrupts
+) -> None:
+    """Show the page of the result of a run until the user has seen enough."""
+    if options.ends and not view.has_tab:
+        return
+    view.finish(page_of(result, page, plugins=True))
+    if options.ends:
+        view.wait_for_tabs()
+    else:
+        linger("the address now shows the result; ", quiet, interrupts)
+
+
+def linger(note: str, quiet: bool, interrupts: Interrupts, refresh: Callable[[], object] = lambda: None) -> None:
+    """Serve the last state until Ctrl-C, after it was refreshed."""
+    if not quiet:
+        echo(f"wsnsim: {note}Ctrl-C ends the server", err=True)
+    stay(interrupts, lambda: (refresh(), threading.Event().wait()))
+
+
+def say_where(url: str, options: LiveOptions) -> None:
+    """Print the address of a view, and open it in a browser if there is a terminal and a screen."""
+    echo(f"wsnsim: watch at {url}", err=True)
+    has_screen = sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+    if options.browser and has_screen and sys.stderr is not None and sys.stderr.isatty():
+        import webbrowser
+
+        threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+
+def stay(interrupts: Interrupts, wait: Callable[[], object]) -> None:
+    """Wait. Ctrl-C is then the usual end; another signal is reported as always."""
+    try:
+        wait()
+    except KeyboardInterrupt:
+        if interrupts.number != signal.SIGINT:
+            raise
+
+
+def page_of(result: Path, page: Path | None, plugins: bool, bounds: bool = False) -> str:
+    """The page of a result, from the file if it was written. `plugins`: whether what the result names is imported."""
+    if page is not None:
+        return page.read_text(encoding="utf-8")
+    import tempfile
+
+    import wsnsim.report as pages
+    from wsnsim.papers import published
+
+    with tempfile.TemporaryDirectory(prefix="wsnsim-") as folder:
+        written = pages.write([result], Path(folder) / "page.html", published=published, plugins=plugins, bounds=bounds)
+        return written.path.read_text(encoding="utf-8")
 
 
 run_options = shared.with_options(
@@ -89,6 +177,8 @@ def run_scenario(source: str, options: Any, interrupts: Interrupts, live: LiveOp
         if talks and report.compiled:
             echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)
         echo_answer(summary_of(report, published, options.bounds, options.as_json))
+        if talks:
+            _say_residuals(scenario, path)
         if page:
             _write_page(path, page, options)
         if view and live:
@@ -117,6 +207,15 @@ def _say_notes(scenario: Scenario, replicates: int, batch: bool) -> None:
     for note in (*notes.before_a_run(setup), run_size.warning(size, run_size.free_memory())):
         if note:
             echo(f"wsnsim: note: {note}", err=True)
+
+
+def _say_residuals(scenario: Scenario, result: Path) -> None:
+    """Print, after the runs of a scenario without a recorded trajectory, how recorded readings fit its estimates."""
+    from wsnsim.analysis import recording_notes
+    from wsnsim.scenario import build
+
+    for said in recording_notes.residuals(build(scenario), result):
+        echo(f"wsnsim: {said}", err=True)
 
 
 def _page_path(result: Path) -> Path:

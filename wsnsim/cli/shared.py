@@ -149,7 +149,7 @@ def is_campaign(source: str) -> bool:
         return False
 
 
-def writable(out: Path | None, default: Path) -> Path:
+def writable(out: Path | None, default: Path, option: str = "--out") -> Path:
     """The path to write to: `out`, or the default, whose folder is created.
 
     Raises:
@@ -162,14 +162,14 @@ def writable(out: Path | None, default: Path) -> Path:
         if out is None:
             path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
-            raise UsageError(f"--out {path} is a folder; give a file such as {path / default.name}")
+            raise UsageError(f"{option} {path} is a folder; give a file such as {path / default.name}")
         if reason := why_not_regular(path):
-            raise UsageError(f"--out {path} {reason}")
+            raise UsageError(f"{option} {path} {reason}")
         if is_too_long(path.name):
             most = LARGEST_NAME - LONGEST_ADDITION
-            raise UsageError(f"--out {shortened(path.name)}: the name of a file has at most {most} bytes")
+            raise UsageError(f"{option} {shortened(path.name)}: the name of a file has at most {most} bytes")
         if not path.parent.exists():
-            raise UsageError(f"--out {path}: folder does not exist: {path.parent}")
+            raise UsageError(f"{option} {path}: folder does not exist: {path.parent}")
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except (OSError, ValueError) as error:

@@ -6,20 +6,22 @@ read_sample(files, nodes, form, options) -> LocatedReadings
 from __future__ import annotations
 
 import csv
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
-from typing import Final, NamedTuple
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.errors import MOST_PRINTED, RunError, UsageError, did_you_mean
+from wsnsim.base.errors import RunError, UsageError, did_you_mean
 from wsnsim.base.files import content_digest
+from wsnsim.base.initial_conditions import joined_by_name
 from wsnsim.fitting.fitted_law import LawForm
 from wsnsim.fitting.located_readings import DataFile, LocatedReadings, NodeTable
-from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, first_of_equal, limited, open_text, read_rows
+from wsnsim.models.csvfile import Wanted, identifiers, open_text, read_rows
 from wsnsim.models.recorded_track import recorded_points
+from wsnsim.models.row_checks import BadRow, Check, CsvRows, first_of_equal
 
 NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     "time": ("time", "t"),
@@ -63,14 +65,8 @@ class ReadingOptions:
                 raise UsageError(f"{option}: unknown column '{name}' ({did_you_mean(name, allowed)})")
 
 
-class _Rows(NamedTuple):
-    """The usable rows of one file of readings."""
-
-    times: Floats
-    nodes: Ints
-    readings: Floats
-    points: Floats
-    file: DataFile
+_Rows: TypeAlias = tuple[Floats, Ints, Floats, Floats, DataFile]
+"""Times, nodes, readings and points of the usable rows of one file, and the file."""
 
 
 def read_nodes(path: str, columns: Mapping[str, str]) -> NodeTable:
@@ -82,15 +78,8 @@ def read_nodes(path: str, columns: Mapping[str, str]) -> NodeTable:
     names = names_in(path, columns, ("reading",))
     wanted = Wanted({"id": names["id"]}, {axis: names[axis] for axis in "xyz"}, ("z",))
     rows = read_rows(path, wanted, "nodes")
-    ids, codes = rows.texts["id"]
-    first = first_of_equal(np.ones(len(codes), dtype=np.bool_), codes)
-    repeated = (
-        BadRow(int(rows.lines[row]), f"node '{ids[codes[row]]}' is in line {rows.lines[first[row]]} already")
-        for row in np.flatnonzero(first != np.arange(len(codes))).tolist()
-    )
-    if bad := limited(path, chain(rows.bad, repeated)):
-        raise RunError(bad_rows_text(path, bad, len(rows.lines) + len(rows.bad)))
-    return NodeTable(ids, _points(rows))
+    rows = rows.without(rows.nodes_once("id"), skip=False)
+    return NodeTable(rows.texts["id"].names, rows.points, path)
 
 
 def read_sample(files: Sequence[str], nodes: NodeTable, form: LawForm, options: ReadingOptions) -> LocatedReadings:
@@ -107,7 +96,7 @@ def read_sample(files: Sequence[str], nodes: NodeTable, form: LawForm, options: 
     # one trajectory stands for all files; '' for none
     tracks = list(options.tracks) * (len(files) if len(options.tracks) == 1 else 1) or [""] * len(files)
     read = [_read_file(file, track, nodes, form, options) for file, track in zip(files, tracks, strict=True)]
-    numbers = np.concatenate([np.full(len(rows.times), index) for index, rows in enumerate(read)])
+    numbers = np.concatenate([np.full(len(rows[0]), index) for index, rows in enumerate(read)])
     *columns, found = zip(*read, strict=True)
     times, heard, readings, points = map(np.concatenate, columns)
     order = np.lexsort((times, numbers))
@@ -124,60 +113,66 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
         ("target", "z"),
     )
     rows = read_rows(path, wanted, "readings")
-    points, located, skipped = _places_of(rows, track, options)
-    index = {name: number for number, name in enumerate(nodes.ids)}
     ids, codes = rows.texts["node"]
-    row_nodes = np.array([index.get(name, -1) for name in ids], dtype=np.int64)[codes]
-    bad = limited(path, chain(rows.bad, _unusable(rows, row_nodes, nodes, form, located)))
-    good = ~np.isin(rows.lines, [row.line for row in bad])
-    total = len(rows.lines) + len(rows.bad)
-    if bad and not options.skip_bad_rows:
-        raise RunError(bad_rows_text(path, bad, total, REMEDY))
-    if not good.any():
-        raise RunError(f"{path}: none of its {total} rows can be used")
-    named = rows.texts.get("target")
-    if named and len(targets := np.unique(named.codes[good])) > 1:
-        first, second, *_ = sorted(named.names[target] for target in targets)
+    row_nodes = joined_by_name(ids, nodes.ids, path, nodes.path, lambda: _others(path, names, nodes.path, options))[
+        codes
+    ]
+    points, located, skipped = _places_of(rows, track, options)
+    checks = _checks(rows, row_nodes >= 0, nodes, form, located)
+    used = rows.without(*checks, skip=options.skip_bad_rows, remedy=REMEDY)
+    if not used.lines.size:
+        raise RunError(f"{path}: none of its {used.total} rows can be used")
+    if len(targets := used.texts["target"].names if "target" in used.texts else ()) > 1:
+        first, second, *_ = sorted(targets)
         raise RunError(
             f"{path}: has readings of {len(targets)} targets, such as '{first}' and '{second}': give a file for each"
         )
-    notes = tuple(f"{name}:{row.line}: {row.reason}" for name, own in ((path, bad), (track, skipped)) for row in own)
-    file = DataFile(path, digest_of(path), int(good.sum()), notes)
-    numbers = rows.numbers
-    return _Rows(numbers["time"][good], row_nodes[good], numbers["reading"][good], points[good], file)
+    bad = ((path, used.bad), (track, skipped))
+    notes = tuple(f"{name}:{row.line}: {row.reason}" for name, own in bad for row in own)
+    file = DataFile(path, digest_of(path), len(used.lines), notes)
+    good = np.isin(rows.lines, used.lines)
+    return used.numbers["time"], row_nodes[good], used.numbers["reading"], points[good], file
 
 
-def _unusable(rows: CsvRows, row_nodes: Ints, nodes: NodeTable, form: LawForm, located: Bools) -> Iterator[BadRow]:
-    """Yield the rows that cannot be used.
+def _others(path: str, names: Mapping[str, str], nodes: str, options: ReadingOptions) -> dict[str, list[str]]:
+    """The cells of columns that look like names and are not read as such: of a file of readings, and of the nodes."""
+    return identifiers(path, (names["node"],)) | unread_names(nodes, options.node_columns)
+
+
+def unread_names(nodes: str, columns: Mapping[str, str]) -> dict[str, list[str]]:
+    """The cells of the columns of a file of nodes that look like names and are not read as such."""
+    return identifiers(nodes, (names_in(nodes, columns, ())["id"],))
+
+
+def _checks(rows: CsvRows, known: Bools, nodes: NodeTable, form: LawForm, located: Bools) -> Iterator[Check]:
+    """Yield which rows cannot be used, and why.
 
     Args:
         rows: The rows of the file.
-        row_nodes: (n,) the number of each row's node; -1 for an unknown one.
+        known: (n,) whether there is a node of this name.
         nodes: The nodes.
         form: The form of the law.
         located: (n,) whether the place of the target is known.
     """
-    times, readings, lines = rows.numbers["time"], rows.numbers["reading"], rows.lines
-    names, codes = rows.texts["node"]
+    times, readings, (names, codes) = rows.numbers["time"], rows.numbers["reading"], rows.texts["node"]
+
+    @functools.cache
+    def unknown(name: str) -> str:
+        return f"unknown node '{name}' ({did_you_mean(name, nodes.ids)})"
+
+    yield ~known, lambda row: unknown(names[codes[row]])
     within = (form.least <= readings) & (readings <= form.greatest)
-    good = (row_nodes >= 0) & within & located
+    allowed = f"{form.reading_unit} must be between {form.least:g} and {form.greatest:g}"
+    yield ~within, lambda row: f"reading {readings[row]:g} {allowed}"
+    yield ~located, lambda row: f"the trajectory does not reach {times[row]:g} s"
     targets = rows.texts["target"].codes if "target" in rows.texts else np.zeros_like(codes)
-    first = first_of_equal(good, times, codes, targets)
-    hints: dict[str, str] = {}
-    for row in np.flatnonzero(~good | (first != np.arange(len(lines)))).tolist():
-        name, time = names[codes[row]], f"{times[row]:g} s"
-        if row_nodes[row] < 0:
-            if name not in hints and len(hints) < MOST_PRINTED:  # only for those that are printed: it is slow
-                hints[name] = f" ({did_you_mean(name, nodes.ids)})"
-            reason = f"unknown node '{name}'{hints.get(name, '')}"
-        elif not within[row]:
-            allowed = f"between {form.least:g} and {form.greatest:g}"
-            reason = f"reading {readings[row]:g} {form.reading_unit} must be {allowed}"
-        elif not located[row]:
-            reason = f"the trajectory does not reach {time}"
-        else:
-            reason = f"node '{name}' has a reading at {time} in line {lines[first[row]]} already"
-        yield BadRow(int(lines[row]), reason)
+    first = first_of_equal(known & within & located, times, codes, targets)
+    yield (
+        first != np.arange(len(first)),
+        lambda row: (
+            f"node '{names[codes[row]]}' has a reading at {times[row]:g} s in line {rows.lines[first[row]]} already"
+        ),
+    )
 
 
 def _places_of(rows: CsvRows, track: str, options: ReadingOptions) -> tuple[Floats, Bools, tuple[BadRow, ...]]:
@@ -187,7 +182,7 @@ def _places_of(rows: CsvRows, track: str, options: ReadingOptions) -> tuple[Floa
     """
     count = len(rows.lines)
     if not track:
-        return _points(rows), np.ones(count, dtype=np.bool_), ()
+        return rows.points, np.ones(count, dtype=np.bool_), ()
     names = names_in(track, options.columns, (), shared="time")
     wanted = {name: names[name] for name in ("time", "x", "y", "z")}
     times, track_points, bad = recorded_points(track, wanted, options.skip_bad_rows, REMEDY)
@@ -196,12 +191,6 @@ def _places_of(rows: CsvRows, track: str, options: ReadingOptions) -> tuple[Floa
     for axis, values in enumerate(track_points.T):
         points[:, axis] = np.interp(wanted_times, times, values)
     return points, (wanted_times >= times[0]) & (wanted_times <= times[-1]), bad
-
-
-def _points(rows: CsvRows) -> Floats:
-    """(n, 3) the columns x, y and z; NaN for a z that the file lacks."""
-    unknown = np.full(len(rows.lines), np.nan)
-    return np.column_stack([rows.numbers.get(axis, unknown) for axis in "xyz"])
 
 
 def names_in(path: str, columns: Mapping[str, str], reading: tuple[str, ...], shared: str = "") -> dict[str, str]:

@@ -85,6 +85,7 @@ DIRECTIONS: Final = "a bearing is an angle, and no linear function of coefficien
 UNFITTED: Final = {
     "bearing": DIRECTIONS,
     "range_bearing": f"{DIRECTIONS}; a file has one number in a row",
+    "tdoa": "the times of emission are unknown, one for each step; give sd, such as that of the synchronisation",
     "acoustic_energy": "its readings are a power of the distance, and not linear in its exponent",
 }
 """Sensors that cannot be fitted, and why."""
@@ -286,6 +287,8 @@ class FittedLaw:
                 block["reach"] = ".inf"
         else:
             block |= {"d0": 1.0} | ({"gains": [round(gain.value, 3) for gain in self.gains]} if self.gains else {})
+        if form.constants in block:
+            block["nodes"] = list(self.sample.deployment.ids)
         if self.target_height is not None:
             block["target_height"] = self.target_height
         if math.isfinite(self.model.noise.dof):

@@ -14,7 +14,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import RunError
-from wsnsim.fitting.data_files import digest_of, read_nodes
+from wsnsim.base.initial_conditions import joined_by_name
+from wsnsim.fitting.data_files import digest_of, read_nodes, unread_names
 from wsnsim.fitting.fitted_law import FittedValue
 from wsnsim.fitting.located_readings import DataFile
 from wsnsim.models.datasheets import bit_error, snr_at_sensitivity, success
@@ -124,12 +125,11 @@ def read_link_rows(
     """
     recordings = [read_links(file, skip_bad_rows) for file in files]
     names = tuple(dict.fromkeys(name for recording in recordings for name in recording.nodes))
-    index = {name: number for number, name in enumerate(names)}
     parts: list[tuple[Ints, Ints, Floats, Floats]] = []
     described = []
     for file, recording in zip(files, recordings, strict=True):
         heard = np.isfinite(recording.powers)
-        own = np.array([index[name] for name in recording.nodes])
+        own = joined_by_name(recording.nodes, names, file, "all recorded links")
         parts.append((
             own[recording.sources[heard]], own[recording.receivers[heard]],
             recording.powers[heard], recording.ratios[heard],
@@ -155,8 +155,7 @@ def _keys(recording: LinkRecording) -> LinkKeys:
 def _places(path: str, names: Sequence[str], columns: Mapping[str, str]) -> Floats:
     """(N, 3) the places of the nodes of these names."""
     table = read_nodes(path, columns)
-    index = {name: number for number, name in enumerate(table.ids)}
-    missing = [name for name in names if name not in index]
-    if missing:
+    found = joined_by_name(names, table.ids, "the recorded links", path, lambda: unread_names(path, columns))
+    if missing := [name for name, node in zip(names, found, strict=True) if node < 0]:
         raise RunError(f"{path}: lacks the place of {len(missing)} nodes of the links, such as '{missing[0]}'")
-    return table.places[[index[name] for name in names]]
+    return table.places[found]

@@ -51,10 +51,11 @@ class DataFile:
 
 
 class NodeTable(NamedTuple):
-    """The nodes in the order of the deployment: names, and places (S, 3) in m with NaN for an unknown z."""
+    """The nodes of a file: names, and places (S, 3) in m with NaN for an unknown z."""
 
     ids: tuple[str, ...]
     places: Floats
+    path: str = ""
 
 
 @dataclass(frozen=True)

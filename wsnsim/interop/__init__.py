@@ -16,6 +16,7 @@ the file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -24,7 +25,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import MOST_PRINTED, RunError, UsageError, did_you_mean
-from wsnsim.models.csvfile import LONGEST_NAME
+from wsnsim.models.csvfile import LONGEST_NAME, LONGEST_SHOWN, number_in
 
 MOST_LISTED = 10
 """Nodes that a message about a missing choice names."""
@@ -157,3 +158,11 @@ def ascending(rows: Sequence[tuple[float, float, float, float]] | Floats) -> Flo
     table = table[order]
     distinct: Floats = table[np.append(table[1:, 0] != table[:-1, 0], True)]
     return distinct
+
+
+def finite_number(text: str, place: str) -> float:
+    """A finite number. Raises RunError if the text is none; `place` begins the message."""
+    value = number_in(text)
+    if not math.isfinite(value):
+        raise RunError(f"{place} must be a finite number, is {text[:LONGEST_SHOWN]!r}")
+    return value

@@ -33,6 +33,8 @@ ANGLES: Final = {
     "counterclockwise-from-north": (1.0, TURN / 4.0), "clockwise-from-east": (-1.0, 0.0),
 }  # fmt: skip
 """(sign, angle of zero from the x-axis) of each convention; the x-axis points east."""
+STATED: Final = re.compile(r"\s*[\[(]([^\])]*)[\])]$|(?<=.)_(mm|cm|m|km|s|ms|us|ns|deg|rad|dBm|mW)$")
+"""The unit at the end of a header."""
 EPOCH: Final = pd.Timestamp(0, tz="UTC")
 
 
@@ -42,7 +44,7 @@ class Conventions:
 
     Attributes:
         columns: Names of the columns in their order, for files without a header.
-        names: {our name of a column: its name in the files}, where it is not one of `USUAL`.
+        names: {our name of a column: its name in the files}, where it is not one of `USUAL`; '' if they have none.
         unit: Unit of readings, of coordinates or of delivery ratios; '': SI, dBm, or what the header says in brackets.
         time_format: '' for s or ISO 8601; a unit such as 'ms'; a format of `strptime` such as '%d.%m.%Y %H:%M:%S'.
         time_origin: Time, written as the file writes it, that becomes 0; '': times stay, dates count from 1970 (UTC).
@@ -52,6 +54,9 @@ class Conventions:
         origin: Longitude, latitude and perhaps height that become (0, 0, 0); None: the middle of the places.
         node_prefix: Wide tables: what the names of nodes' columns begin with, which is no part of the names.
         repeated: Which of several readings of a node at one time counts: 'first', 'last', 'mean'; '': none may repeat.
+        table: The variable of a .mat file, the sheet of a spreadsheet or the list of a JSON file that is read.
+        where: {a column of the files: the cell that rows which are used have there}.
+        rate: Rows per second, of files without times; 0: times are demanded.
         skip_bad_rows: Whether rows that cannot be used are left out and counted, instead of refused.
     """
 
@@ -66,6 +71,9 @@ class Conventions:
     origin: tuple[float, ...] | None = None
     node_prefix: str = ""
     repeated: str = ""
+    table: str = ""
+    where: Mapping[str, str] = field(default_factory=dict)
+    rate: float = 0.0
     skip_bad_rows: bool = False
 
     def __post_init__(self) -> None:
@@ -74,20 +82,24 @@ class Conventions:
             if name not in USUAL:
                 raise UsageError(f"--column {name}: unknown ({did_you_mean(name, USUAL)})")
 
+    def is_text(self, column: str) -> bool:
+        """Whether the cells of a column of a file are read as they are written."""
+        return plain(column) in NAMING or column in self.names.values() or column in self.where
+
 
 USUALLY: Final = Conventions()
 """SI units, and the usual names of columns."""
 
 
 def plain(name: str) -> str:
-    """A column's name without case and without a unit in brackets; blanks and points become underscores."""
-    bare = re.split(r"[\[(]", name, maxsplit=1)[0] if name.endswith((")", "]")) else name
-    return re.sub(r"[\s.\-]+", "_", bare.strip().casefold())
+    """A column's name without case and without its unit; blanks and points become underscores."""
+    return re.sub(r"[\s.\-]+", "_", STATED.split(name, maxsplit=1)[0].strip().casefold())
 
 
 def unit_in(name: str) -> str:
-    """The unit that a header states in brackets, such as 'range [mm]'; '' if it states none that we know."""
-    unit = re.split(r"[\[(]", name[:-1])[-1].strip() if name.endswith((")", "]")) else ""
+    """The unit that a header states, such as 'range [mm]' or 'range_mm'; '' if it states none that we know."""
+    found = STATED.search(name)
+    unit = (found[1] or found[2]).strip() if found else ""
     return unit if unit and parse(unit) is not None else ""
 
 
@@ -99,7 +111,9 @@ def column_roles(path: str, names: Sequence[str], wanted: Sequence[str], given: 
     """
     roles: dict[str, str] = {}
     for ours in wanted:
-        if theirs := given.get(ours):
+        if (theirs := given.get(ours)) is not None:
+            if not theirs:
+                continue
             if theirs not in names:
                 raise UsageError(f"{path}: no column '{theirs}' ({did_you_mean(theirs, names)})")
             roles[ours] = theirs
@@ -113,11 +127,6 @@ def column_roles(path: str, names: Sequence[str], wanted: Sequence[str], given: 
         if found:
             roles[ours] = found[0]
     return roles
-
-
-def holds_names(column: str) -> bool:
-    """Whether a column of a file holds names, by what it is called."""
-    return plain(column) in NAMING
 
 
 def seconds(times: pd.Series, form: str) -> tuple[Floats, bool]:

@@ -26,6 +26,13 @@ from wsnsim.models.unit_checks import slower_than_stated
 DIGITS: Final = "%.15g"
 ANGULAR: Final = ("bearing", "azimuth", "angle")
 LAWS: Final = {"m": "range", "rad": "bearing", "dBm": "rssi"}
+FROM_EAST: Final = (
+    "angles are taken counterclockwise from the x-axis, which points east; --angle clockwise-from-north says otherwise"
+)
+MOST_POWER: Final = 50.0
+"""dBm: 100 W; greater numbers stand for something else."""
+MANY_NODES: Final = 20
+"""From so many readings on, a node for each of them is a doubtful number (our choice)."""
 UNKNOWN_POWER: Final = -100.0
 """dBm: stands for the received power of links of which only the delivery ratio is known."""
 PACKETS, INTERVAL, CHANNEL = 100, 10, 26
@@ -75,7 +82,14 @@ def readings(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
     """
     rows = SourceRows(files, how, "readings", ("time", "node", "reading", "target"), _long)
     values, unit = rows.in_unit("reading", ("m", "dBm", "rad"))
+    negative = values[rows.kept] < 0.0
+    if not unit and negative.any() and negative.all():
+        unit = "dBm"
+        rows.notes.append("all readings are negative: they are taken for levels in dBm; --unit says otherwise")
+    elif not unit and negative.any():
+        rows.notes.append(f"{negative.sum():,} readings are negative, which no range is: --unit or --missing says why")
     if unit == "rad" or how.angle or plain(rows.named("reading")) in ANGULAR:
+        rows.notes += [FROM_EAST] * (not how.angle)
         wrong, degrees = np.abs(values) > TURN * (1.0 + 1e-9), rows.remedy("--unit deg")
         rows.refuse(wrong, lambda i: f"a bearing must be within ±2π rad, is {values[i]:g}, degrees? Write: {degrees}")
         values, unit = turned(values, how.angle), "rad"
@@ -84,6 +98,12 @@ def readings(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
         codes, known = pd.factorize(rows.texts("target"), sort=True)
         rows.notes.append("targets: " + ", ".join(f"{number} is '{name}'" for number, name in enumerate(known[:10])))
         table["target"] = codes
+    if unit == "dBm":
+        rows.refuse(values > MOST_POWER, lambda i: f"a level must be below {MOST_POWER:g} dBm, is {values[i]:g}, no "
+                    f"reading? Write: {rows.remedy(f'--missing {values[i]:g}')}")  # fmt: skip
+    if MANY_NODES < len(table) == table.node.nunique():
+        rows.notes.append(f"each row is of another node: does '{rows.named('node')}' name nodes? --column node= takes "
+                          "a file as that of one node")  # fmt: skip
     keys = [name for name in table if name != "reading"]
     if how.repeated:
         if how.repeated == "mean" and unit == "rad":
@@ -188,7 +208,8 @@ def _long(raw: RawTable, roles: dict[str, str], how: Conventions) -> pd.DataFram
     wide = raw.frame.rename(columns={theirs: ours for ours, theirs in roles.items()})
     part = wide.melt(list(roles), names, "node", "reading", ignore_index=False)
     part["node"] = part["node"].str.removeprefix(how.node_prefix)
-    part.attrs |= {"used": names, "note": f"a column for each of {len(names)} nodes: {listed(names)}"}
+    known = listed([name.removeprefix(how.node_prefix) for name in names])
+    part.attrs |= {"used": names, "note": f"a column for each of {len(names)} nodes: {known}"}
     return part
 
 

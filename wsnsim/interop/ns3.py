@@ -21,7 +21,7 @@ from typing import Final
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
-from wsnsim.interop import TraceEntry, ascending
+from wsnsim.interop import TraceEntry, ascending, finite_number
 from wsnsim.models.csvfile import LONGEST_SHOWN, open_text
 
 JUMP: Final = 1e-6
@@ -82,7 +82,7 @@ def _entry(words: str, path: str, line: int) -> TraceEntry | None:
     if scheduled := _AT.match(words):
         if "$node_" not in scheduled["command"]:
             return None  # such as $god_ and `stop`
-        time, command = _number(scheduled["time"], place, "the time"), scheduled["command"].strip()
+        time, command = finite_number(scheduled["time"], f"{place}: the time"), scheduled["command"].strip()
         if time < 0:
             raise RunError(f"{place}: the time must not be negative, is {time:g}")
     elif words.startswith(SKIPPED):
@@ -90,12 +90,12 @@ def _entry(words: str, path: str, line: int) -> TraceEntry | None:
     if found := _GO.match(command):
         if math.isnan(time):
             raise RunError(f"{place}: setdest needs a time: '$ns_ at T \"$node_(I) setdest X Y SPEED\"'")
-        values = tuple(_number(found[name], place, name) for name in ("x", "y", "speed"))
+        values = tuple(finite_number(found[name], f"{place}: {name}") for name in ("x", "y", "speed"))
         if values[2] < 0:
             raise RunError(f"{place}: the speed must not be negative, is {values[2]:g}")
         return TraceEntry(line, found["node"], time, DESTINATION, values)
     if found := _SET.match(command):
-        value = _number(found["value"], place, found["axis"])
+        value = finite_number(found["value"], f"{place}: {found['axis']}")
         return TraceEntry(line, found["node"], time, PLACE, (float(AXES.index(found["axis"])), value))
     raise RunError(f"{place}: cannot read {words[:80]!r}; {ALLOWED}")
 
@@ -115,15 +115,8 @@ def _course(words: str, place: str, line: int) -> TraceEntry:
         numbers = triple.split(":")
         if len(numbers) != 3:
             raise RunError(f"{place}: {name} must be three numbers X:Y:Z, is {triple[:LONGEST_SHOWN]!r}")
-        values += [_number(number, place, name) for number in numbers]
+        values += [finite_number(number, f"{place}: {name}") for number in numbers]
     return TraceEntry(line, found["node"], float(time["number"]) * SECONDS[time["unit"]], COURSE, tuple(values))
-
-
-def _number(text: str, place: str, what: str) -> float:
-    """A finite number. Raises RunError if the text is none."""
-    if not re.fullmatch(NUMBER, text) or not math.isfinite(float(text)):
-        raise RunError(f"{place}: {what} must be a finite number, is {text[:LONGEST_SHOWN]!r}")
-    return float(text)
 
 
 Rows = list[tuple[float, float, float, float]]

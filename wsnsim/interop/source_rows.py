@@ -13,12 +13,11 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.errors import RunError, UsageError
+from wsnsim.base.errors import RunError, UsageError, did_you_mean
 from wsnsim.interop.conventions import (
     Conventions,
     column_roles,
     converted,
-    holds_names,
     local_metres,
     origin_note,
     plain,
@@ -33,6 +32,8 @@ NO_VALUE: Final = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>", "n
 """Cells that hold nothing, without case."""
 LATEST: Final = 1e11
 """s: a greater number of seconds since 1970 is beyond the year 5000, and means milliseconds."""
+DAY: Final = 86400.0
+"""s: after a step back by more than half of it, a clock without a date has passed midnight."""
 Layout = Callable[[RawTable, dict[str, str], Conventions], pd.DataFrame]
 """The wanted columns of a table, by our names. What it takes from other columns is in `attrs["used"]`."""
 
@@ -65,10 +66,12 @@ class SourceRows:
         self.files, self.how, self.kind, self.notes = files, how, kind, list[str]()
         self._tables, self._headers, parts = list[RawTable](), dict[str, str](), list[pd.DataFrame]()
         for number, path in enumerate(files):
-            raw = read_table(path, how.columns, lambda name: holds_names(name) or name in how.names.values())
-            raw = raw._replace(frame=_with_dates(raw.frame))
+            raw = read_table(path, how.columns, how.is_text, how.table)
+            raw = raw._replace(frame=self._chosen(path, _with_dates(raw.frame)))
             names = list(raw.frame.columns)
             roles = column_roles(path, names, wanted, how.names)
+            if how.rate and "time" not in roles:
+                raw.frame["time"], roles["time"] = np.arange(len(raw.frame)) / how.rate, "time"
             part = layout(raw, roles, how)
             if unused := [name for name in names if name not in {*roles.values(), *part.attrs.get("used", ())}]:
                 self.notes.append(f"{path}: columns not used: {listed(unused)}")
@@ -78,6 +81,19 @@ class SourceRows:
             parts.append(part.assign(file=number, line=part.index))
         self.frame = pd.concat(parts, ignore_index=True)
         self.kept: Bools = np.ones(len(self.frame), dtype=np.bool_)
+
+    def _chosen(self, path: str, frame: pd.DataFrame) -> pd.DataFrame:
+        """The rows that are asked for. Raises UsageError if there is none."""
+        for column, cell in self.how.where.items():
+            if column not in frame:
+                raise UsageError(f"{path}: no column '{column}' ({did_you_mean(column, frame.columns)})")
+            texts = frame[column].astype(str).str.strip()
+            used = texts == cell
+            if not used.any():
+                raise UsageError(f"{path}: no row has the {column} '{cell}' ({did_you_mean(cell, texts.unique())})")
+            self.notes += [f"{path}: {(~used).sum():,} rows have another {column}"] * (not used.all())
+            frame = frame[used]
+        return frame.copy()
 
     def place(self, i: int) -> str:
         """Where a row stands: file and line."""
@@ -162,11 +178,15 @@ class SourceRows:
 
     def times(self) -> Floats:
         """(n,) times in s, after the time origin. Raises UsageError if the origin is no time."""
-        form, origin, column = self.how.time_format, self.how.time_origin, self.demand("time")
+        column, origin, name = self.demand("time"), self.how.time_origin, self.named("time")
+        form = self.how.time_format or unit_in(name)
         times, dated = seconds(column, form)
         allowed = "a time of the format that is given" if form else "a number of seconds or an ISO 8601 date"
-        name = self.named("time")
         self.refuse(~np.isfinite(times), lambda i: f"{name} must be {allowed}, is {_cell(column[i])}")
+        if not (dated or form) and ":" in str(column.iloc[0]):
+            back = pd.Series(times).groupby(self.frame.file).diff() < -DAY / 2.0
+            times = times + DAY * back.groupby(self.frame.file).cumsum().to_numpy()
+            self.notes += [f"{back.sum():,} times the clock passes midnight: a day is added there"] * bool(back.any())
         late, shorter = np.abs(times) > LATEST, self.remedy("--time-format ms")
         self.refuse(late, lambda i: f"{times[i]:.15g} s is beyond the year 5000, milliseconds? Write: {shorter}")
         if not origin:

@@ -21,7 +21,7 @@ import pandas as pd
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
-from wsnsim.interop import TraceEntry, ascending
+from wsnsim.interop import TraceEntry, ascending, finite_number
 from wsnsim.interop.tables import numeric, read_table
 from wsnsim.models.csvfile import open_text
 from wsnsim.models.unit_checks import remedy, slower_than_stated
@@ -131,7 +131,7 @@ class _Samples:
     def _number(self, given: Mapping[str, str], name: str, tag: str) -> float:
         if name not in given:
             raise RunError(f"{self._place}: {tag} needs {name}")
-        return _finite(given[name], f"{self._place}: {name}")
+        return finite_number(given[name], f"{self._place}: {name}")
 
     @property
     def _place(self) -> str:
@@ -175,16 +175,5 @@ def _numbers(path: str, column: pd.Series, optional: bool) -> pd.Series:
     """A column of finite numbers; an optional one may have empty cells. Raises RunError with file and line."""
     values = numeric(column)
     for line, cell in column[~np.isfinite(values) & ~(column.isna() & optional)].iloc[:1].items():
-        _finite("" if pd.isna(cell) else str(cell), f"{path}:{line}: {column.name}")
+        finite_number("" if pd.isna(cell) else str(cell), f"{path}:{line}: {column.name}")
     return values
-
-
-def _finite(text: str, place: str) -> float:
-    """A finite number. Raises RunError if the text is none; `place` begins the message."""
-    try:
-        value = float(text.replace("_", "no digit"))
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise RunError(f"{place} must be a finite number, is {text[:60]!r}")
-    return value

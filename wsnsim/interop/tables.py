@@ -56,13 +56,16 @@ class RawTable(NamedTuple):
     degrees: bool = False
 
 
-def read_table(path: str, columns: Sequence[str] = (), texts: Callable[[str], bool] = lambda name: False) -> RawTable:
+def read_table(
+    path: str, columns: Sequence[str] = (), texts: Callable[[str], bool] = lambda name: False, part: str = ""
+) -> RawTable:
     """The table of a file; the ending of its name says the format, any other than those of `READERS` is a text.
 
     Args:
         path: The file.
         columns: The names of the columns of a file without a header.
         texts: Whether a column holds names, which are read as they are written (`007`).
+        part: The variable, sheet or list that is read, of files that have several; '': the only one.
 
     Raises:
         UsageError: The file has no header and no columns are given, or what reads this format is not installed.
@@ -72,7 +75,7 @@ def read_table(path: str, columns: Sequence[str] = (), texts: Callable[[str], bo
         raise RunError(f"{path}: cannot be read: {irregular}")
     reader = READERS.get(Path(path.lower().removesuffix(".gz")).suffix)
     try:
-        table = reader(path, columns) if reader else _of_text(path, columns, texts)
+        table = reader(path, columns, part) if reader else _of_text(path, columns, texts)
     except WsnsimError:
         raise
     except ImportError as error:
@@ -115,8 +118,7 @@ def _of_text(path: str, columns: Sequence[str], texts: Callable[[str], bool]) ->
         any(form.fullmatch(cell) for row in rows for cell in row) for form in (DECIMAL_COMMA, DECIMAL_POINT)
     )
     if not columns and _is_headless(rows):
-        raise UsageError(f"{path}:{first + 1}: the file has no header: name its {len(rows[0])} columns in their order, "
-                         "such as --columns time,node,reading")  # fmt: skip
+        raise UsageError(_headless(f"{path}:{first + 1}", rows))
     names = list(columns) or [name.strip() for name in (rows[0] if rows else [])]
     with open_text(path) as file, warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)
@@ -139,6 +141,11 @@ def _is_headless(rows: Sequence[Sequence[str]]) -> bool:
     """Whether the first row has numbers, and the second one in the same columns."""
     flags = [[NUMBER.fullmatch(cell) is not None for cell in row] for row in rows[:2]]
     return bool(flags) and any(flags[0]) and flags[0] == flags[-1]
+
+
+def _headless(place: str, rows: Sequence[Sequence[str]]) -> str:
+    such = "such as --columns time,node,reading"
+    return f"{place}: the file has no header: name its {len(rows[0])} columns in their order, {such}"
 
 
 def _not_a_table(path: str, error: Exception) -> RunError:
@@ -169,21 +176,35 @@ def _split(lines: Sequence[str], width: int) -> tuple[str, list[list[str]]]:
     return best[1], best[2]
 
 
-def _of_spreadsheet(path: str, columns: Sequence[str]) -> RawTable:
+def _only(path: str, found: Mapping[str, Any], part: str) -> Any:
+    """The part of a file that is asked for, or its only one. Raises UsageError unless there is one."""
+    if part in found or (len(found) == 1 and not part):
+        return found[part or next(iter(found))]
+    raise UsageError(f"{path}: holds {listed(list(found))}: choose one with --table")
+
+
+def _of_spreadsheet(path: str, columns: Sequence[str], part: str) -> RawTable:
     import zipfile
 
     with zipfile.ZipFile(path) as packed:
         if sum(entry.file_size for entry in packed.infolist()) > MOST_BYTES:
             raise RunError(f"{path}: has more than {MOST_BYTES // 10**6} MB when decompressed: save it as CSV")
-    frame = pd.read_excel(path, header=None if columns else 0, names=list(columns) or None)
-    return _numbered(path, frame.dropna(how="all"))
+    sheets = pd.read_excel(path, header=None, sheet_name=None)
+    frame = _only(path, {name: rows.dropna(how="all") for name, rows in sheets.items() if rows.size}, part)
+    rows = [[str(cell) for cell in row] for row in frame.head(2).to_numpy().tolist()]
+    if not columns and _is_headless(rows):
+        raise UsageError(_headless(path, rows))
+    names, data = (columns, frame) if columns else (frame.iloc[0], frame[1:])
+    if len(names) != frame.shape[1]:
+        raise RunError(f"{path}: has {frame.shape[1]} columns, {len(names)} names are given")
+    return _numbered(path, data.set_axis(list(names), axis=1).infer_objects())
 
 
-def _of_parquet(path: str, columns: Sequence[str]) -> RawTable:
+def _of_parquet(path: str, columns: Sequence[str], part: str) -> RawTable:
     return _numbered(path, pd.read_parquet(path))
 
 
-def _of_matlab(path: str, columns: Sequence[str]) -> RawTable:
+def _of_matlab(path: str, columns: Sequence[str], part: str) -> RawTable:
     """The vectors of equal length of a file, the fields of its only struct, or the columns of its only matrix."""
     from scipy.io import loadmat
 
@@ -192,21 +213,24 @@ def _of_matlab(path: str, columns: Sequence[str]) -> RawTable:
     except NotImplementedError:
         raise RunError(f"{path}: is a file of version 7.3: save it with '-v7'") from None
     found = {name: np.asarray(value) for name, value in found.items() if not name.startswith("__")}
-    if len(found) == 1:
-        (only,) = found.values()
+    if part or len(found) == 1:
+        only = _only(path, found, part)
         if only.dtype.names:
             found = {name: np.asarray(only[name].item() if not only.ndim else only[name]) for name in only.dtype.names}
         elif only.ndim == 2:
             names = list(columns) or [str(number) for number in range(only.shape[1])]
+            if len(names) != only.shape[1]:
+                raise RunError(f"{path}: has {only.shape[1]} columns, {len(names)} names are given")
             return _numbered(path, pd.DataFrame(only, columns=names))
     lengths = {name: value.shape for name, value in found.items()}
     if len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
         said = ", ".join(f"{name} {'×'.join(map(str, shape)) or 'scalar'}" for name, shape in lengths.items())
-        raise RunError(f"{path}: must hold vectors of equal length, one struct of them or one matrix, holds {said}")
+        raise RunError(f"{path}: must hold vectors of equal length, one struct of them or one matrix, "
+                       f"holds {said}: choose one with --table")  # fmt: skip
     return _numbered(path, pd.DataFrame({name: value.tolist() for name, value in found.items()}))
 
 
-def _of_json(path: str, columns: Sequence[str]) -> RawTable:
+def _of_json(path: str, columns: Sequence[str], part: str) -> RawTable:
     """The records of a file: a list, one a line, or the only list in a mapping; or a mapping of lists; or GeoJSON."""
     text = _whole(path)
     try:
@@ -216,8 +240,10 @@ def _of_json(path: str, columns: Sequence[str]) -> RawTable:
     if isinstance(said, dict) and str(said.get("type")).startswith("Feature"):
         return _numbered(path, pd.DataFrame(_features(path, said.get("features", [said]))))._replace(degrees=True)
     if isinstance(said, dict):
-        records = [value for value in said.values() if isinstance(value, list) and value and isinstance(value[0], dict)]
-        said = records[0] if len(records) == 1 else said
+        lists = {
+            name: each for name, each in said.items() if isinstance(each, list) and each and isinstance(each[0], dict)
+        }
+        said = _only(path, lists, part) if lists or part else said
     if isinstance(said, list) and all(isinstance(record, dict) for record in said):
         return _numbered(path, pd.json_normalize(said))
     if isinstance(said, dict) and all(isinstance(value, list) for value in said.values()):
@@ -239,7 +265,7 @@ def _features(path: str, features: Sequence[Mapping[str, Any]]) -> Iterator[dict
             yield {**own, **named, **time, **dict(zip(("lon", "lat", "z"), place, strict=False))}
 
 
-def _of_gpx(path: str, columns: Sequence[str]) -> RawTable:
+def _of_gpx(path: str, columns: Sequence[str], part: str) -> RawTable:
     import gpxpy
 
     found = gpxpy.parse(_xml(path))
@@ -253,10 +279,10 @@ def _of_gpx(path: str, columns: Sequence[str]) -> RawTable:
     return _numbered(path, pd.DataFrame(rows).dropna(axis=1, how="all"))._replace(degrees=True)
 
 
-def _of_cooja(path: str, columns: Sequence[str]) -> RawTable:
+def _of_cooja(path: str, columns: Sequence[str], part: str) -> RawTable:
     """The motes of a simulation: attributes of `pos` (Cooja of Contiki-NG), or elements x, y and z (Contiki)."""
     rows = []
-    for mote in ElementTree.fromstring(_xml(path)).iter("mote"):
+    for mote in filter(len, ElementTree.fromstring(_xml(path)).iter("mote")):  # plug-ins name motes by numbers
         place = next((dict(found.attrib) for found in mote.iter("pos")), {})
         place |= {found.tag: (found.text or "").strip() for found in mote.iter() if found.tag in ("id", "x", "y", "z")}
         rows.append(place)
@@ -283,7 +309,7 @@ def _numbered(path: str, frame: pd.DataFrame) -> RawTable:
     return RawTable(path, frame.set_axis(np.arange(len(frame)) + 1))
 
 
-READERS: Final[Mapping[str, Callable[[str, Sequence[str]], RawTable]]] = {
+READERS: Final[Mapping[str, Callable[[str, Sequence[str], str], RawTable]]] = {
     ".xlsx": _of_spreadsheet, ".parquet": _of_parquet, ".mat": _of_matlab, ".json": _of_json, ".jsonl": _of_json,
     ".geojson": _of_json, ".gpx": _of_gpx, ".csc": _of_cooja,
 }  # fmt: skip

@@ -32,8 +32,8 @@ LONGEST_STEM: Final = 60
 """Characters of a node's name in the name of its file."""
 FARTHEST: Final = 1e9
 """m: greatest coordinate of a recorded track."""
-LONGEST_GAP, MOST_GAPS = 3.0, 3
-"""Pauses between samples beyond this many usual intervals are absences, of which so many are named (our choice)."""
+LONGEST_GAP, MOST_SPANS = 3.0, 3
+"""Pauses longer than `STEP` and so many times the interval that 90 % of samples keep are absences; spans in a note."""
 SPACING: Final = 40.0
 """m: distance of neighbouring nodes of the grid in a scenario without positions; sensing range 60 m, links 90 m."""
 LEAST_NODES, MOST_NODES = 9, 2500
@@ -53,7 +53,7 @@ class Placement:
         origin: Place that becomes (0, 0), in m, or in degrees where places are; `centre` for the middle of the tracks'
             extent, None for none.
         degrees: Whether places are longitudes and latitudes, which are projected about the origin.
-        sampled: Whether tracks are samples with a usual interval, so that longer pauses are absences.
+        sampled: Whether tracks are samples with a usual interval, so that a node is absent where it has none.
     """
 
     metres: float = 1.0
@@ -66,34 +66,46 @@ class Placement:
     sampled: bool = False
 
 
+Intervals = tuple[tuple[float, float], ...]
+
+
 @dataclass(frozen=True, slots=True)
 class PlacedTracks:
-    """Tracks in SI units: {node: (n, 4) time, x, y, z}, and the place (m) of the file that is their (0, 0).
+    """Tracks in SI units.
 
-    `notes` say what was left out, and between which samples a track is drawn straight.
+    Attributes:
+        tracks: {node: (n, 4) time, x, y, z}.
+        origin: The place (m) of the file that is their (0, 0).
+        presence: {node: the intervals (s) in which it is there}, for nodes that are not there all the time.
+        notes: What a reader of the tracks should know, such as absences.
     """
 
     tracks: Mapping[str, Floats]
     origin: tuple[float, float]
+    presence: Mapping[str, Intervals]
     notes: tuple[str, ...] = ()
+
+    @property
+    def first(self) -> float:
+        """The first time (s) of all tracks."""
+        return min(float(track[0, 0]) for track in self.tracks.values())
 
 
 def placed(trace: Trace, how: Placement) -> PlacedTracks:
-    """The tracks of a trace in SI units, within the window of time in which all of them are known, about the origin.
+    """The tracks of a trace in SI units, within the window of time that is asked for, about the origin.
 
     Raises:
         UsageError: The window has no part of a track.
         RunError: A coordinate is too large.
     """
     scale = np.array([how.seconds, how.metres, how.metres, how.metres])
-    whole = {node: track * scale for node, track in trace.tracks.items()}
-    notes = _gaps(whole) if how.sampled else []
+    whole, notes = {node: track * scale for node, track in trace.tracks.items()}, list[str]()
     if how.degrees:
         whole, about = _projected(whole, how.origin)
         notes.append(about)
-    start, end = _common_span(trace.path, whole, how)
-    notes += _cut(whole, start, end) if how.start is None and how.end is None else []
-    tracks = {node: _window(track, start, end) for node, track in whole.items()}
+    first, last = (min(track[0, 0] for track in whole.values()), max(track[-1, 0] for track in whole.values()))
+    start, end = first if how.start is None else how.start, last if how.end is None else how.end
+    tracks = {node: _window(trace.path, node, track, start, end) for node, track in whole.items()}
     origin = (0.0, 0.0) if how.degrees else _origin(tracks, how.origin)
     shift = np.array([how.time_origin or 0.0, *origin, 0.0])
     tracks = {node: track - shift for node, track in tracks.items()}
@@ -104,31 +116,35 @@ def placed(trace: Trace, how: Placement) -> PlacedTracks:
             )
         if (np.abs(track[:, 0]) > LATEST).any():
             raise RunError(f"{trace.path}: node {node}: times must be within ±{LATEST:g} s: give --time-unit")
-    return PlacedTracks(tracks, origin, tuple(notes))
+    presence = _presence(whole, tracks, float(shift[0])) if how.sampled else {}
+    return PlacedTracks(tracks, origin, presence, (*notes, *map(_absences, presence.items())))
 
 
-def _gaps(tracks: Mapping[str, Floats]) -> list[str]:
-    """A sentence for each of the longest absences: pauses between samples of formats that have a usual interval."""
-    notes = []
+def _presence(whole: Mapping[str, Floats], tracks: Mapping[str, Floats], shift: float) -> dict[str, Intervals]:
+    """{node: the intervals in which it is there} of nodes with long pauses between samples, or for a part of the time.
+
+    Args:
+        whole: {node: its track as it is in the file}.
+        tracks: {node: the part of it within the window}, after the time origin.
+        shift: The time origin in s.
+    """
+    first, last = (min(track[0, 0] for track in tracks.values()), max(track[-1, 0] for track in tracks.values()))
+    found = {}
     for node, track in tracks.items():
-        apart = np.diff(track[:, 0])
-        long = np.flatnonzero(apart > LONGEST_GAP * np.median(apart))
-        pauses = track[long[np.argsort(-apart[long])][:MOST_GAPS, None] + [0, 1], 0].tolist()
-        notes += [
-            f"'{node}' is absent from {start:.10g} to {end:.10g} s: a straight line there" for start, end in pauses
-        ]
-    return notes
+        times = whole[node][:, 0] - shift
+        apart = np.diff(times)
+        long = np.flatnonzero(apart > max(LONGEST_GAP * np.quantile(apart, 0.9, method="lower"), STEP))
+        spans = np.column_stack([[times[0], *times[1:][long]], [*times[:-1][long], times[-1]]])
+        spans = spans.clip(track[0, 0], track[-1, 0])
+        found[node] = tuple((begin, end) for begin, end in spans.tolist() if begin < end)
+    return {node: spans for node, spans in found.items() if spans != ((first, last),)}
 
 
-def _cut(tracks: Mapping[str, Floats], start: float, end: float) -> list[str]:
-    """The sentence about targets that are there for longer than all of them are, if there are any."""
-    longer = [_known(node, track) for node, track in tracks.items() if np.ptp(track[:, 0]) > end - start]
-    said = f"only {start:g} to {end:g} s is written, when all targets are there: {', '.join(longer[:MOST_GAPS])}"
-    return [said] if longer else []
-
-
-def _known(node: str, track: Floats) -> str:
-    return f"node {node} is known from {track[0, 0]:g} to {track[-1, 0]:g} s"
+def _absences(named: tuple[str, Intervals]) -> str:
+    """The sentence about a node that is not there all the time."""
+    spans = [f"{begin:.10g} to {end:.10g} s" for begin, end in named[1]]
+    more = f" and {len(spans) - MOST_SPANS:,} more intervals" if len(spans) > MOST_SPANS else ""
+    return f"'{named[0]}' is there from {', '.join(spans[:MOST_SPANS])}{more}: its `presence` says so; remove it if not"
 
 
 def _projected(tracks: dict[str, Floats], origin: tuple[float, ...] | str | None) -> tuple[dict[str, Floats], str]:
@@ -141,22 +157,13 @@ def _projected(tracks: dict[str, Floats], origin: tuple[float, ...] | str | None
     return dict(zip(tracks, pieces, strict=True)), origin_note(about)
 
 
-def _common_span(path: str, tracks: Mapping[str, Floats], how: Placement) -> tuple[float, float]:
-    """First and last time (s) at which all tracks are known, within the window that was asked for.
-
-    A target is there from the first to the last step of a run: what is known of it before and after is not used.
-    """
-    first, last = (max(track[0, 0] for track in tracks.values()), min(track[-1, 0] for track in tracks.values()))
-    start = first if how.start is None else max(first, how.start)
-    end = last if how.end is None else min(last, how.end)
+def _window(path: str, node: str, track: Floats, start: float, end: float) -> Floats:
+    """The part of a track between two times, interpolated at both. Raises UsageError if there is none."""
+    known = float(track[0, 0]), float(track[-1, 0])
+    start, end = max(start, known[0]), min(end, known[1])
     if not start < end:
-        known = ", ".join(_known(node, track) for node, track in tracks.items())
-        raise UsageError(f"{path}: {known}: no time is left between {start:g} and {end:g} s")
-    return float(start), float(end)
-
-
-def _window(track: Floats, start: float, end: float) -> Floats:
-    """The part of a track between two times, interpolated at both."""
+        raise UsageError(f"{path}: node {node} is known from {known[0]:g} to {known[1]:g} s: no time is left between "
+                         f"{start:g} and {end:g} s")  # fmt: skip
     inside = track[(track[:, 0] > start) & (track[:, 0] < end)]
     ends = [[time, *(np.interp(time, track[:, 0], track[:, column]) for column in (1, 2, 3))] for time in (start, end)]
     return np.vstack([ends[0], inside, ends[1]])
@@ -240,17 +247,28 @@ def write_scenario(placed_tracks: PlacedTracks, out: Path, source: str, nodes: P
     return [*written, out]
 
 
+def motion_block(found: PlacedTracks, files: Mapping[str, Path]) -> str:
+    """The lines of a scenario in which the nodes are targets, each at its times, from the first time of all."""
+    lines = []
+    for node, path in files.items():
+        spans = [
+            f"[{max(begin - found.first, 0.0):.10g}, {end - found.first:.10g}]"
+            for begin, end in found.presence.get(node, ())
+        ]
+        there = f", presence: [{', '.join(spans)}]" if node in found.presence else ""
+        lines.append(
+            f"{{kind: recorded_track, path: {_quoted(path.name)}, time_origin: {found.first:.15g}, q: 1{there}}}"
+        )
+    return f"motion: {lines[0]}" if len(lines) == 1 else "\n".join(["targets:", *(f"  - {line}" for line in lines)])
+
+
 def _scenario_text(
     placed_tracks: PlacedTracks, files: Mapping[str, Path], name: str, source: str, nodes: Path | None, count: int
 ) -> str:
     """The text of the scenario."""
     tracks = placed_tracks.tracks
-    first = min(float(track[0, 0]) for track in tracks.values())
     last = max(float(track[-1, 0]) for track in tracks.values())
-    steps = max(2, math.floor((last - first) / STEP + 1e-9))
-    motions = [f"{{kind: recorded_track, path: {_quoted(path.name)}, time_origin: {first:.15g}, q: 1}}"
-               for path in files.values()]  # fmt: skip
-    motion = f"motion: {motions[0]}" if len(motions) == 1 else "targets:\n" + "\n".join(f"  - {m}" for m in motions)
+    steps = max(2, math.floor((last - placed_tracks.first) / STEP + 1e-9))
     x, y = placed_tracks.origin
     about = printable(" ".join(source.split()))
     origin = f" The origin of this scenario is the place ({x:.10g}, {y:.10g}) m of that file." if x or y else ""
@@ -264,7 +282,7 @@ duration: {(steps + 1) * STEP:.17g} s
 step: {STEP:g} s
 prior: {{sd: [5, 5, 5, 5]}}
 {_deployment(tracks, nodes)}
-{motion}
+{motion_block(placed_tracks, files)}
 sensor: {{kind: range, sd: 2 m, reach: 60 m}}
 energy: {{kind: first_order}}
 link: {{kind: disk, reach: 90 m}}

@@ -56,6 +56,7 @@ from wsnsim.models.quantised import Binary as Binary
 from wsnsim.models.quantised import Quantised as Quantised
 from wsnsim.models.ranging import Range as Range
 from wsnsim.models.ranging import RangeFromOrigin as RangeFromOrigin
+from wsnsim.models.ranging import TimeDifference as TimeDifference
 from wsnsim.models.recorded_links import RecordedLinks as RecordedLinks
 from wsnsim.models.recorded_readings import RecordedSensor as RecordedSensor
 from wsnsim.models.recorded_track import RecordedTrack as RecordedTrack
@@ -117,6 +118,8 @@ FileDeployment = FromFile
 BinarySensor = Binary
 QuantisedSensor = Quantised
 RangeSensor = Range
+Tdoa = TimeDifference
+TdoaSensor = TimeDifference
 RecordedLink = RecordedLinks
 RssiSensor = Rssi
 CoordinateSensor = Coordinate

@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, planar
+from wsnsim.base.arrays import Bools, Floats, Ints, is_relative, planar
 from wsnsim.base.errors import Issue
 from wsnsim.base.network_ports import Appointment, NearNodes, Outlook, steps_in
 from wsnsim.base.part import Quantity, part
@@ -162,6 +162,9 @@ class Appointed(LeadsByPlace):
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue if no battery is large enough for a head, or if the horizon has too many steps."""
         yield from LeadsByPlace.check(self, setup)
+        if is_relative(setup.sensor):
+            message = "the information of readings of which only the differences count is no sum over nodes"
+            yield Issue(("clusters", "kind"), f"{message}: use strongest_signal or moving_head")
         if (steps := steps_in(self.horizon, setup.dt)) > MOST_STEPS:
             allowed = f"at most {MOST_STEPS}, {MOST_STEPS * setup.dt:g} s, can be predicted"
             yield Issue(("clusters", "horizon"), f"{self.horizon:g} s are {steps} steps of {setup.dt:g} s: {allowed}")

@@ -1,7 +1,8 @@
-"""Readers of CSV files, plain or compressed with gzip, whose header names their columns.
+"""The reader of CSV files, plain or compressed with gzip, whose header names their columns; pandas parses them.
 
 read_rows(path, wanted, "readings") -> CsvRows      columns of texts and numbers, bad rows apart
 only_rows(path, wanted, "positions") -> CsvRows     the same, where no row may be bad
+read_cells(path, file, wanted, "links") -> Cells    for formats with checks of their own
 open_text(path) -> a text file                      for other formats, with the same limits and messages
 
 Rows become arrays while they are read, so that memory is that of the numbers.
@@ -11,57 +12,47 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import functools
 import gzip
 import io
 import itertools
 import math
 import re
-import shlex
 import zlib
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from array import array
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, NamedTuple, TypeAlias, final
+from typing import Any, Final, NamedTuple, final
 
 import numpy as np
 
 from wsnsim.base import files
-from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.errors import MOST_PRINTED, RunError
+from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.errors import RunError
 from wsnsim.base.files import file_digest, why_not_regular
+from wsnsim.models import row_checks
+from wsnsim.models.row_checks import CsvRows, TextColumn
 
 MOST_ROWS: Final = 8_000_000
 """Rows of one file (our choice): readings of 100 nodes, once a second for 22 hours."""
-MOST_BAD: Final = 100_000
-"""Rows of one file that may be left out because they cannot be used (our choice)."""
 LONGEST_LINE: Final = 1_000_000
 """Characters of a line."""
 LONGEST_NAME: Final = 200
 """Characters of a text, such as the name of a node (our choice)."""
 LONGEST_SHOWN: Final = 60
 """Characters of a cell in a message."""
-SKIPPING: Final = "skip_bad_rows: true leaves them out, and the result names them"
-"""What helps a scenario whose file has bad rows."""
-SkipBadRows: TypeAlias = Annotated[
-    bool, "whether rows that cannot be used are left out and counted, instead of refused"
-]
 IDENTIFIER: Final = re.compile(
     r"(id|name|node|mote|mac|addr|address|receiver|anchor|beacon|station|tag|vehicle|person|label)$", re.IGNORECASE
 )
 """Names of columns that look like identifiers (our choice)."""
 LOOKED_AT: Final = 20_000
 """Rows in which columns that are not read are looked at (our choice)."""
-DATED: Final = re.compile(r"must be a finite number, is '\d{4}-\d\d-\d\d")
-"""What is said of a cell that holds a date."""
+CHUNK: Final = 100_000
+"""Rows that are read at once."""
+BLANK: Final = ' \t\r\n,"'
+"""The characters of a line without a cell."""
 DELIMITERS: Final = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
-
-
-@dataclass(frozen=True, slots=True)
-class BadRow:
-    """A row of a file that cannot be used: its line, and what is wrong and allowed."""
-
-    line: int
-    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,58 +63,95 @@ class Wanted:
         texts: columns of texts, which are stripped and must not be empty.
         numbers: columns of finite numbers.
         optional: our names of the columns that a file may lack.
+        read: what reads the cells of columns of numbers other than `number_in`; NaN where it cannot.
     """
 
     texts: Mapping[str, str] = field(default_factory=dict)
     numbers: Mapping[str, str] = field(default_factory=dict)
     optional: Sequence[str] = ()
+    read: Mapping[str, Callable[[str], float]] = field(default_factory=dict)
 
 
-class TextColumn(NamedTuple):
-    """(n,) texts, each of which is kept once: `names[codes[i]]` is that of row i. Names are in the file's order."""
-
-    names: tuple[str, ...]
-    codes: Ints
-
-
-@dataclass(frozen=True, slots=True)
-class CsvRows:
-    """The rows of a file, by our names of the columns, in the file's order.
+class Cells(NamedTuple):
+    """The wanted columns of a file before they are checked, by our names.
 
     Attributes:
-        path: the file.
-        lines: (n,) line of each good row.
+        lines: (n,) line of each row.
         texts: (n,) texts of each column that the file has.
-        numbers: (n,) numbers of each column that the file has.
-        bad: the other rows, ascending.
+        numbers: (n,) numbers of each column that the file has; NaN for a cell that holds none.
+        odd: {column: {row: its cell}} where that is no finite number, of the first such rows.
     """
 
-    path: str
     lines: Ints
     texts: Mapping[str, TextColumn]
     numbers: Mapping[str, Floats]
-    bad: tuple[BadRow, ...]
+    odd: Mapping[str, Mapping[int, str]]
+
+    def shown(self, name: str, row: int) -> str:
+        """The number in a row as messages show it."""
+        return repr(self.odd[name].get(row, f"{self.numbers[name][row]:g}")[:LONGEST_SHOWN])
+
+
+def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) -> Cells:
+    """The wanted columns of every line of an open text that is not blank, from its header in the line `first` on.
+
+    Raises:
+        RunError: the file lacks a column, has no row, or more than `MOST_ROWS` rows.
+        ValueError: it is no CSV text; `open_text` says so.
+    """
+    import pandas as pd  # a run that reads no file does without
+
+    lines = _Lines(path, file, first)
+    header = [name.strip() for name in next(csv.reader([lines.header]), [])]
+    places = _present(f"{path}:{first}", header, wanted)
+    known: dict[str, dict[str, int]] = {name: {} for name in wanted.texts if name in places}
+    odd: dict[str, dict[int, str]] = {name: {} for name in places if name not in known}
+    parts: dict[str, list[Any]] = {name: [] for name in places}
+    with pd.read_csv(
+        lines, header=0, names=range(len(header)), usecols=sorted({*places.values()}), index_col=False, dtype=object,
+        na_filter=False, skip_blank_lines=False, chunksize=CHUNK,
+    ) as chunks:  # fmt: skip
+        for chunk in chunks:
+            for name, place in places.items():
+                codes, cells = pd.factorize(chunk[place])
+                if name in known:
+                    values = np.array([known[name].setdefault(cell.strip(), len(known[name])) for cell in cells], int)
+                else:
+                    values = np.array([*map(wanted.read.get(name, number_in), cells)])
+                    wrong = np.flatnonzero(~np.isfinite(values)[codes])[
+                        : max(row_checks.MOST_BAD + 1 - len(odd[name]), 0)
+                    ]
+                    odd[name] |= {int(chunk.index[row]): cells[codes[row]].strip() for row in wrong.tolist()}
+                parts[name].append(values[codes])
+    if not lines.numbers:
+        raise RunError(f"{path}: contains no {what}")
+    columns = {name: np.concatenate(each) for name, each in parts.items()}
+    if any(len(column) != len(lines.numbers) for column in columns.values()):
+        raise ValueError("a cell in quotation marks goes over several lines")
+    texts = {name: TextColumn(tuple(words), columns.pop(name)) for name, words in known.items()}
+    return Cells(np.array(lines.numbers), texts, columns, odd)
 
 
 def read_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
-    """The wanted columns of every non-empty line; rows in which a cell is missing or not a finite number are apart.
+    """The wanted columns of every line that is not blank; rows whose cells are missing or no finite number are apart.
 
     Raises:
         RunError: the file cannot be read, lacks a column, has no row, or more than `MOST_ROWS` rows or `MOST_BAD` bad
             ones.
     """
-    bad: list[BadRow] = []
     with open_text(path) as file:
-        rows = csv.reader(file)
-        texts, numbers = _present(path, rows, wanted)
-        codes: list[dict[str, int]] = [{} for _ in texts]
-        columns = [("line", np.int64), *((name, np.int64) for name in texts), *((name, np.float64) for name in numbers)]
-        table = np.fromiter(_good_rows(path, rows, texts, numbers, codes, bad), dtype=columns)
-    if not table.size and not bad:
-        raise RunError(f"{path}: contains no {what}")
-    column = {name: np.ascontiguousarray(table[name]) for name, _ in columns}
-    named = {name: TextColumn(tuple(known), column[name]) for name, known in zip(texts, codes, strict=True)}
-    return CsvRows(path, column["line"], named, {name: column[name] for name in numbers}, tuple(bad))
+        cells = read_cells(path, file, wanted, what)
+    checks: list[row_checks.Check] = []
+    for name, column in cells.texts.items():
+        checks.append((column.where(lambda word: not word), f"{name} must not be empty"))
+        long = column.where(lambda word: len(word) > LONGEST_NAME)
+        checks.append((long, f"{name} must have at most {LONGEST_NAME} characters"))
+
+    def said(name: str, row: int) -> str:
+        return f"{wanted.numbers[name]} must be a finite number, is {cells.shown(name, row)}"
+
+    checks += [(~np.isfinite(values), functools.partial(said, name)) for name, values in cells.numbers.items()]
+    return CsvRows(path, cells.lines, cells.texts, cells.numbers).without(*checks)
 
 
 def only_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
@@ -132,9 +160,13 @@ def only_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
     Raises:
         RunError: as there, or a row cannot be used. The message names file and line.
     """
-    rows = read_rows(path, wanted, what)
+    return demand_good(read_rows(path, wanted, what))
+
+
+def demand_good(rows: CsvRows) -> CsvRows:
+    """The rows. Raises RunError if one was bad; the message names file and line."""
     if rows.bad:
-        raise RunError(f"{path}:{rows.bad[0].line}: {rows.bad[0].reason}")
+        raise RunError(f"{rows.path}:{rows.bad[0].line}: {rows.bad[0].reason}")
     return rows
 
 
@@ -163,17 +195,6 @@ def demand_once(place: str, header: Sequence[str], names: Iterable[str]) -> None
     for name in names:
         if header.count(name) > 1:
             raise RunError(f"{place}: the header names the column '{name}' twice: rename one of them, or delete it")
-
-
-def first_of_equal(among: Bools, *keys: Floats | Ints) -> Ints:
-    """(n,) the index of the first row with the same keys (n,), of those `among` which it is sought; else its own."""
-    first = np.arange(len(among))
-    rows = np.flatnonzero(among)
-    order = rows[np.lexsort([key[rows] for key in keys])]  # stable: the first of equal rows comes first
-    starts = np.ones(len(order), dtype=np.bool_)
-    starts[1:] = np.any([key[order[1:]] != key[order[:-1]] for key in keys], axis=0)
-    first[order] = order[np.maximum.accumulate(np.where(starts, np.arange(len(order)), 0))]
-    return first
 
 
 @contextlib.contextmanager
@@ -216,32 +237,6 @@ def demand_digest(path: str, digest: str) -> None:
         raise RunError(f"{path}: the file has changed: its digest is {found}, the scenario was made with {digest}")
 
 
-def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int, remedy: str = "") -> str:
-    """A message that names the first bad rows of a file with their lines, of `rows` in all, and what helps."""
-    if all(DATED.search(row.reason) for row in bad):
-        like = f" ({len(bad) - 1:,} more rows like it)" if len(bad) > 1 else ""
-        dates = f"times are seconds; write: wsnsim import readings (or track) {shlex.quote(path)}, which reads dates"
-        return f"{path}:{bad[0].line}: {bad[0].reason}{like}: {dates}"
-    listed = row_texts(path, bad[:MOST_PRINTED])
-    more = len(bad) - len(listed)
-    rest = [words for words in (f"and {more} more" if more else "", remedy) if words]
-    return "\n  ".join([f"{path}: {len(bad)} of {rows} rows cannot be used:", *listed, *rest])
-
-
-def limited(path: str, bad: Iterable[BadRow]) -> list[BadRow]:
-    """The bad rows of a file, ascending. Raises RunError where there are more than `MOST_BAD`."""
-    rows = sorted(itertools.islice(bad, MOST_BAD + 1), key=lambda row: row.line)
-    if len(rows) > MOST_BAD:
-        listed = row_texts(path, rows[:MOST_PRINTED])
-        raise RunError("\n  ".join([f"{path}: more than {MOST_BAD:,} rows cannot be used:", *listed, "and more"]))
-    return rows
-
-
-def row_texts(path: str, bad: Sequence[BadRow]) -> list[str]:
-    """Bad rows, a text each with file, line and reason, without the file's folder."""
-    return [f"{Path(path).name}:{row.line}: {row.reason}" for row in bad]
-
-
 def _decompressed(path: str, file: Any) -> Any:
     """The file, or its content if it is compressed; its first two bytes say which."""
     compressed = file.read(len(files.MAGIC)) == files.MAGIC
@@ -265,71 +260,56 @@ class _LimitedText(io.TextIOWrapper):
         return line
 
 
-def _good_rows(
-    path: str,
-    rows: Any,
-    texts: Mapping[str, int],
-    numbers: Mapping[str, tuple[int, str]],
-    codes: Sequence[dict[str, int]],
-    bad: list[BadRow],
-) -> Iterator[tuple[float, ...]]:
-    """Yield line, codes of the texts and numbers of each row that can be used; add to `codes` and `bad`."""
-    count = 0
-    for row in rows:
-        if not any(map(str.strip, row)):
-            continue
-        count += 1
-        if count > MOST_ROWS:
-            raise RunError(f"{path}:{rows.line_num}: has more than {MOST_ROWS:,} rows: split it, or thin it out")
-        read = _cells(row, texts, numbers)
-        if isinstance(read, str):
-            bad.append(BadRow(rows.line_num, read))
-            if len(bad) > MOST_BAD:
-                limited(path, bad)
-        else:
-            words = [known.setdefault(word, len(known)) for known, word in zip(codes, read[0], strict=True)]
-            yield rows.line_num, *words, *read[1]
+class _Lines:
+    """The lines of a text that are not blank, as pandas reads them; the header is read first.
+
+    Attributes:
+        numbers: those of the lines that were read, without the header's.
+    """
+
+    def __init__(self, path: str, file: Any, first: int) -> None:
+        self.header = file.readline()
+        self.numbers = array("q")
+        self._path, self._unread, self._lines = path, self.header, enumerate(file, first + 1)
+
+    def __iter__(self) -> Iterator[str]:
+        """pandas asks for it, and uses `read`."""
+        return iter(())
+
+    def read(self, size: int) -> str:
+        """Lines with so many characters or a few more. Raises RunError if they are more than `MOST_ROWS` in all."""
+        found, self._unread = [self._unread], ""
+        for number, line in self._lines:
+            if line.strip(BLANK):
+                self.numbers.append(number)
+                if len(self.numbers) > MOST_ROWS:
+                    said = f"has more than {MOST_ROWS:,} rows: split it, or thin it out"
+                    raise RunError(f"{self._path}:{number}: {said}")
+                found.append(line)
+                size -= len(line)
+                if size <= 0:
+                    break
+        return "".join(found)
 
 
-def _present(path: str, rows: Any, wanted: Wanted) -> tuple[dict[str, int], dict[str, tuple[int, str]]]:
-    """The index of each column of texts, and the index and name of each column of numbers, that the file has."""
-    header = [name.strip() for name in next(rows, [])]
+def _present(place: str, header: list[str], wanted: Wanted) -> dict[str, int]:
+    """The index of each wanted column that a file has, by our names."""
     named = {**wanted.texts, **wanted.numbers}
     needed = tuple(theirs for ours, theirs in named.items() if ours not in wanted.optional)
     if not set(needed) <= set(header):
-        raise _without_columns(path, header, needed)
-    demand_once(f"{path}:1", header, named.values())
-    texts = {ours: header.index(theirs) for ours, theirs in wanted.texts.items() if theirs in header}
-    numbers = {ours: (header.index(theirs), theirs) for ours, theirs in wanted.numbers.items() if theirs in header}
-    return texts, numbers
+        raise _without_columns(place, header, needed)
+    demand_once(place, header, named.values())
+    return {ours: header.index(theirs) for ours, theirs in named.items() if theirs in header}
 
 
-def _without_columns(path: str, header: list[str], names: Sequence[str]) -> RunError:
+def _without_columns(place: str, header: list[str], names: Sequence[str]) -> RunError:
     """The error of a header that lacks columns: what it has, and which delimiter it seems to use."""
-    words = f"{path}:1: the header must name the columns {_listed(names)}, for example '{','.join(names)}'"
+    listed = f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
+    words = f"{place}: the header must name the columns {listed}, for example '{','.join(names)}'"
     joined = ",".join(header)
     used = next((word for sign, word in DELIMITERS.items() if sign in joined), "")
     hint = f"; it seems to use {used}, only commas are allowed" if used else ""
     return RunError(words + (f", is '{joined[:200]}'{hint}" if joined else ", the file is empty"))
-
-
-def _cells(
-    row: list[str], texts: Mapping[str, int], numbers: Mapping[str, tuple[int, str]]
-) -> tuple[list[str], list[float]] | str:
-    """The texts and numbers of a row, or why it cannot be used."""
-    words = [row[i].strip() if i < len(row) else "" for i in texts.values()]
-    if not all(words):
-        return f"{_listed([name for name, word in zip(texts, words, strict=True) if not word])} must not be empty"
-    if long := [name for name, word in zip(texts, words, strict=True) if len(word) > LONGEST_NAME]:
-        return f"{_listed(long)} must have at most {LONGEST_NAME} characters"
-    values = []
-    for i, name in numbers.values():
-        cell = row[i] if i < len(row) else ""
-        value = number_in(cell)
-        if not math.isfinite(value):
-            return f"{name} must be a finite number, is {cell.strip()[:LONGEST_SHOWN]!r}"
-        values.append(value)
-    return words, values
 
 
 def number_in(cell: str) -> float:
@@ -338,8 +318,3 @@ def number_in(cell: str) -> float:
         return float(cell.replace("_", "no digit"))
     except ValueError:
         return math.nan
-
-
-def _listed(words: Any) -> str:
-    *others, last = words
-    return f"{', '.join(others)} and {last}" if others else str(last)

@@ -12,10 +12,10 @@ Source: Brun-Laguna and others, https://github.com/keomabrun/k7 (the format). Wh
 
 from __future__ import annotations
 
-import csv
 import functools
 import json
 import math
+import operator
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from itertools import chain
@@ -26,11 +26,9 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.errors import RunError
-from wsnsim.models import csvfile
+from wsnsim.models import csvfile, row_checks
 from wsnsim.models.link_recording import Bursts, LinkRecording, LinkRow, RecordedRows, link_recording
 
-COLUMNS: Final = ("datetime", "src", "dst", "channel", "mean_rssi", "pdr")
-"""The columns that a file must have; `tx_count` may be missing, others are ignored."""
 HIGHEST_CHANNEL: Final = 26
 LEVELS: Final = (-150.0, 30.0)
 """The powers in dBm that a radio can report."""
@@ -40,6 +38,7 @@ LONGEST_BURST: Final = 1e9
 """s: the longest burst (our choice)."""
 TYPES: Final = dict(zip(LinkRow._fields, ("i8", "f8", "i8", "i8", "i8", "f8", "f8", "i8"), strict=True))
 """The fields of rows, and their types in an array."""
+A_TIME: Final = "must be a time such as 2018-01-11T16:32:22"
 KEPT: Final = 4
 """Recordings that a process keeps."""
 
@@ -80,14 +79,16 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
     """The content of one version of a file."""
     with csvfile.open_text(path) as file:
         header = _header(path, file.readline())
-        (rows, names), bad = _rows(path, csv.reader(file), header)
-    total = len(rows) + len(bad)
+        cells = csvfile.read_cells(path, file, _wanted(header), "links, only the two lines at its top", first=2)
+    rows, names = _rows(cells, header)
+    bad = row_checks.limited(path, row_checks.refused(cells.lines, *_checks(cells, header)))
+    rows = rows[~np.isin(cells.lines, [row.line for row in bad])]
     rows = rows[np.argsort(rows["time"], kind="stable")]
     bursts = Bursts(header.burst + SLACK)
     repeated = np.zeros(len(rows), dtype=np.bool_)
-    bad = csvfile.limited(path, chain(bad, _repeated(rows, names, bursts, repeated)))
+    bad = row_checks.limited(path, chain(bad, _repeated(rows, names, bursts, repeated)))
     if bad and not skip_bad_rows:
-        raise RunError(csvfile.bad_rows_text(path, bad, total))
+        raise RunError(row_checks.bad_rows_text(path, bad, len(cells.lines)))
     kept = rows[~repeated]
     if not kept.size:
         raise RunError(f"{path}: contains no row that can be used")
@@ -97,13 +98,13 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
     return link_recording(path, table, bursts, _names(table, header.nodes), tuple(bad), cut)
 
 
-def _repeated(rows: Any, names: Sequence[str], bursts: Bursts, repeated: Bools) -> Iterator[csvfile.BadRow]:
+def _repeated(rows: Any, names: Sequence[str], bursts: Bursts, repeated: Bools) -> Iterator[row_checks.BadRow]:
     """Add rows, which are in the order of their times, to bursts; mark and yield those that a burst has already."""
     for i, row in enumerate(rows):
         line, time, source, receiver, *values = row.tolist()
         if said := bursts.add(LinkRow(line, time, names[source], names[receiver], *values)):
             repeated[i] = True
-            yield csvfile.BadRow(line, said)
+            yield row_checks.BadRow(line, said)
 
 
 def _header(path: str, line: str) -> _Header:
@@ -134,86 +135,74 @@ def _date(path: str, said: Mapping[str, Any], name: str, missing: float) -> floa
     """A date of the first line in s since 1970. Raises RunError if it is no time."""
     if said.get(name) is None:
         return missing
+    if math.isnan(seconds := _seconds(str(said[name]))):
+        raise RunError(f"{path}:1: {name} {A_TIME}, is {str(said[name])[: csvfile.LONGEST_SHOWN]!r}")
+    return seconds
+
+
+def _wanted(header: _Header) -> csvfile.Wanted:
+    """The columns that are read: `tx_count` may be missing, and has the number of the first line where it is empty."""
+    numbers = ("datetime", "channel", "mean_rssi", "pdr", "tx_count")
+
+    def packets(cell: str) -> float:
+        return csvfile.number_in(cell) if cell.strip() else header.packets
+
+    return csvfile.Wanted(
+        {name: name for name in ("src", "dst")}, {name: name for name in numbers}, ("tx_count",),
+        {"datetime": _seconds, "tx_count": packets},
+    )  # fmt: skip
+
+
+def _rows(cells: csvfile.Cells, header: _Header) -> RecordedRows:
+    """All rows, in the order of the file."""
+    source, receiver = cells.texts["src"], cells.texts["dst"]
+    codes = {name: code for code, name in enumerate(dict.fromkeys(source.names + receiver.names))}
+    nodes = [np.array([codes[name] for name in column.names])[column.codes] for column in (source, receiver)]
+    number = cells.numbers
+    ratios, counts = number["pdr"], number.get("tx_count", np.full(len(cells.lines), header.packets))
+    powers = np.where(ratios > 0.0, number["mean_rssi"], np.nan)
+    whole = (np.nan_to_num(each).clip(0.0, 1e9) for each in (number["channel"], counts))
+    columns = [cells.lines, number["datetime"], *nodes, next(whole), powers, ratios, next(whole)]
+    return RecordedRows(np.rec.fromarrays(columns, dtype=list(TYPES.items())), tuple(codes))
+
+
+def _checks(cells: csvfile.Cells, header: _Header) -> Iterator[row_checks.Check]:
+    """Yield which rows cannot be used, and why."""
+    (sources, source), (receivers, receiver), values = cells.texts["src"], cells.texts["dst"], cells.numbers
+
+    def pair(row: int) -> str:
+        names = (name[: csvfile.LONGEST_SHOWN] for name in (sources[source[row]], receivers[receiver[row]]))
+        return "src and dst must name two nodes, are {!r} and {!r}".format(*names)
+
+    nodes = {name: code for code, name in enumerate(sources)}
+    same = np.array([nodes.get(name, -1) for name in receivers])[receiver] == source
+    unnamed, long = (
+        cells.texts["src"].where(holds) | cells.texts["dst"].where(holds)
+        for holds in (operator.not_, lambda name: len(name) > csvfile.LONGEST_NAME)
+    )
+    yield same | unnamed, pair
+    yield long, f"src and dst must have at most {csvfile.LONGEST_NAME} characters"
+    allowed = sorted(header.channels) or range(HIGHEST_CHANNEL + 1)
+    listed = ", ".join(map(str, allowed)) if header.channels else f"0 to {HIGHEST_CHANNEL}"
+    said = f"channel must be one of those of the first line, {listed}"
+    yield ~np.isin(values["channel"], allowed), lambda row: f"{said}, is {cells.shown('channel', row)}"
+    for name, least, most in (("pdr", 0.0, 1.0), ("mean_rssi", *LEVELS), ("tx_count", 1.0, 1e9)):
+        number = values.get(name, np.ones(len(source)))
+        within = (least <= number) & (number <= most) | (name == "mean_rssi") & (values["pdr"] == 0.0)
+        yield ~within, functools.partial(_beyond, cells, name, least, most)
+    yield np.isnan(values["datetime"]), lambda row: f"datetime {A_TIME}, is {cells.shown('datetime', row)}"
+
+
+def _beyond(cells: csvfile.Cells, name: str, least: float, most: float, row: int) -> str:
+    return f"{name} must be a number from {least:g} to {most:g}, is {cells.shown(name, row)}"
+
+
+def _seconds(cell: str) -> float:
+    """A time in s since 1970, NaN for a cell that holds none; times without a zone are taken for UTC."""
     try:
-        return _seconds(str(said[name]), name)
-    except ValueError as error:
-        raise RunError(f"{path}:1: {error}") from error
-
-
-def _rows(path: str, lines: Any, header: _Header) -> tuple[RecordedRows, list[csvfile.BadRow]]:
-    """The rows in the order of the file, and those that cannot be used."""
-    columns = [name.strip() for name in next(lines, [])]
-    if missing := [name for name in COLUMNS if name not in columns]:
-        wanted = ",".join((*COLUMNS, "tx_count"))
-        raise RunError(
-            f"{path}:2: the columns must be '{wanted}'; {', '.join(missing)} not found in '{','.join(columns)[:200]}'"
-        )
-    csvfile.demand_once(f"{path}:2", columns, (*COLUMNS, "tx_count"))
-    codes: dict[str, int] = {}
-    bad: list[csvfile.BadRow] = []
-    rows = np.fromiter(_good_rows(path, lines, columns, header, codes, bad), dtype=list(TYPES.items()))
-    if not rows.size and not bad:
-        raise RunError(f"{path}: contains no links, only the two lines at its top")
-    return RecordedRows(rows, tuple(codes)), bad
-
-
-def _good_rows(
-    path: str, lines: Any, columns: Sequence[str], header: _Header, codes: dict[str, int], bad: list[csvfile.BadRow]
-) -> Iterator[tuple[Any, ...]]:
-    """Yield the values of each row that can be used, nodes as codes; add to `codes` and `bad`."""
-    at = [columns.index(name) for name in COLUMNS]
-    counted = columns.index("tx_count") if "tx_count" in columns else len(columns)
-    for number, cells in enumerate(filter(any, lines)):
-        line = lines.line_num + 1
-        if number >= csvfile.MOST_ROWS:
-            raise RunError(f"{path}:{line}: has more than {csvfile.MOST_ROWS:,} rows: split it")
-        try:
-            packets = cells[counted].strip() if len(cells) > counted else ""
-            row = _row(line, [cells[i].strip() for i in at], packets, header)
-        except (IndexError, ValueError) as error:
-            columns_missing = f"must have {len(columns)} columns, has {len(cells)}"
-            bad.append(csvfile.BadRow(line, columns_missing if isinstance(error, IndexError) else str(error)))
-            if len(bad) > csvfile.MOST_BAD:
-                csvfile.limited(path, bad)
-        else:
-            nodes = [codes.setdefault(name, len(codes)) for name in (row.source, row.receiver)]
-            yield row.line, row.time, *nodes, *row[4:]
-
-
-def _row(line: int, cells: Sequence[str], packets: str, header: _Header) -> LinkRow:
-    """One row. Raises ValueError with what is wrong and what is allowed."""
-    when, source, receiver, channel, power, ratio = cells
-    if not source or not receiver or source == receiver:
-        pair = f"{source[: csvfile.LONGEST_SHOWN]!r} and {receiver[: csvfile.LONGEST_SHOWN]!r}"
-        raise ValueError(f"src and dst must name two nodes, are {pair}")
-    if max(len(source), len(receiver)) > csvfile.LONGEST_NAME:
-        raise ValueError(f"src and dst must have at most {csvfile.LONGEST_NAME} characters")
-    number = _number("channel", channel, 0, HIGHEST_CHANNEL)
-    if number != int(number) or (header.channels and int(number) not in header.channels):
-        listed = ", ".join(map(str, sorted(header.channels))) or f"0 to {HIGHEST_CHANNEL}"
-        allowed = f"channel must be one of those of the first line, {listed}"
-        raise ValueError(f"{allowed}, is {channel[: csvfile.LONGEST_SHOWN]!r}")
-    share = _number("pdr", ratio, 0.0, 1.0)
-    level = _number("mean_rssi", power, *LEVELS) if share else math.nan
-    count = _number("tx_count", packets, 1, 1e9) if packets else header.packets
-    return LinkRow(line, _seconds(when), source, receiver, int(number), level, share, int(count))
-
-
-def _number(name: str, cell: str, least: float, most: float) -> float:
-    value = csvfile.number_in(cell)
-    if not least <= value <= most:
-        raise ValueError(f"{name} must be a number from {least:g} to {most:g}, is {cell[: csvfile.LONGEST_SHOWN]!r}")
-    return value
-
-
-def _seconds(cell: str, name: str = "datetime") -> float:
-    """A time in s since 1970; times without a zone are taken for UTC."""
-    try:
-        moment = datetime.fromisoformat(cell)
+        moment = datetime.fromisoformat(cell.strip())
     except ValueError:
-        raise ValueError(
-            f"{name} must be a time such as 2018-01-11T16:32:22, is {cell[: csvfile.LONGEST_SHOWN]!r}"
-        ) from None
+        return math.nan
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.models.csvfile import BadRow
+from wsnsim.models.row_checks import BadRow
 
 
 class LinkRow(NamedTuple):

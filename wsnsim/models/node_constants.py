@@ -7,15 +7,17 @@ T is 0, 1 or 2: what is added to the readings of a node where nodes differ, and 
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple, Self
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import Issue, RunError
+from wsnsim.base.errors import Issue, RunError, shortened
+from wsnsim.base.initial_conditions import joined_by_name, node_names
 from wsnsim.base.part import part
 from wsnsim.base.sensing import HEIGHT
 from wsnsim.base.setups import TrackingSetup
@@ -23,6 +25,8 @@ from wsnsim.kernels import ranging as kernels
 from wsnsim.models.bounds import number_of_nodes
 from wsnsim.models.distances import Excess, OfDistance, reach_issues, squared_distances
 
+NAMES: Final = "names of the nodes in whose order constants are listed; default: all nodes, in the deployment's order"
+"""The description of `nodes`."""
 HowGains = Literal["known", "unknown", "estimated"]
 
 
@@ -52,6 +56,7 @@ class OfNodes(OfDistance):
     constant: ClassVar[str]
     reach: float
     target_height: float | None
+    nodes: tuple[int | str, ...]
 
     @property
     def constants(self) -> Constants:
@@ -77,6 +82,23 @@ class OfNodes(OfDistance):
             return (self.constant, HEIGHT)
         return (self.constant,) if self.gain_variance else ()
 
+    def with_nodes(self, names: Sequence[str]) -> Self:
+        """The sensor whose constants are listed in the order of nodes of these names.
+
+        Raises:
+            RunError: one of them has no constant, or names and constants are not as many.
+        """
+        if not self.nodes:
+            return self
+        key, listed, *_ = self.constants
+        own = tuple(map(str, self.nodes))
+        if not len({*own}) == len(own) == len(listed):
+            raise RunError(f"{len(listed)} {key} for the {len(own)} names in nodes: name each node once")
+        found = joined_by_name(names, own, "the deployment", "sensor.nodes")
+        if lacking := [name for name, node in zip(names, found, strict=True) if node < 0]:
+            raise RunError(f"{key}: none for {shortened(', '.join(lacking))}, they are those of {', '.join(own)}")
+        return dataclasses.replace(self, nodes=(), **{key: tuple(listed[node] for node in found.tolist())})  # type: ignore[type-var]
+
     @property
     def gain_variance(self) -> float:
         """The variance of what is added, as filters know it: that of the listed numbers without a spread."""
@@ -94,11 +116,11 @@ class OfNodes(OfDistance):
         """(nodes, T) what is added to the readings of each node, and its height: 0 until the deployment gives it.
 
         Raises:
-            RunError: the numbers listed are not as many as the nodes.
+            RunError: the numbers listed are not those of the nodes.
         """
         if not self.trait_names:
             return np.empty((nodes, 0))
-        key, listed, spread, common = self.constants
+        key, listed, spread, common = self.with_nodes([*map(str, range(nodes))]).constants
         if listed and len(listed) != nodes:
             raise RunError(_wrong_count(key, len(listed), nodes))
         drawn = spread * rng.standard_normal(nodes)
@@ -145,6 +167,12 @@ class OfNodes(OfDistance):
         """Yield an issue if the range is finite and too long, and if other than one number a node is listed."""
         yield from reach_issues(self.reach)
         key, listed, *_ = self.constants
+        if self.nodes:
+            try:
+                self.with_nodes(node_names(setup))
+            except RunError as error:
+                yield Issue(("sensor", "nodes"), str(error))
+            return
         nodes = number_of_nodes(setup.deploy) if listed else None
         if nodes is not None and nodes != len(listed):
             yield Issue(("sensor", key), _wrong_count(key, len(listed), nodes))

@@ -17,7 +17,7 @@ from wsnsim.base.sensing import HEIGHT
 from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import ASSUMED, outside, too_few_for_a_cluster, uncovered
-from wsnsim.models.csvfile import Wanted, first_of_equal, identifiers, only_rows
+from wsnsim.models.csvfile import Wanted, demand_good, identifiers, only_rows, read_rows
 from wsnsim.models.deploy import field_around
 from wsnsim.models.unit_checks import degrees_said
 
@@ -94,17 +94,12 @@ class FromFile:
                 line, or what names them.
         """
         wanted = Wanted({"id": self.columns.id}, {"x": self.columns.x}, optional=("id",))
-        rows = only_rows(self.path, wanted, "positions")
+        rows = read_rows(self.path, wanted, "positions")
         if "id" not in rows.texts:
             if self.count_from is None:
                 raise RunError(self._nameless(len(rows.lines)))
-            return tuple(str(self.count_from + node) for node in range(len(rows.lines)))
-        names, codes = rows.texts["id"]
-        first = first_of_equal(np.ones(len(codes), dtype=np.bool_), codes)
-        for row in np.flatnonzero(first != np.arange(len(codes)))[:1].tolist():
-            taken = f"the node '{names[codes[row]]}' stands in line {rows.lines[first[row]]} already"
-            raise RunError(f"{self.path}:{rows.lines[row]}: {taken}")
-        return names
+            return tuple(str(self.count_from + node) for node in range(len(demand_good(rows).lines)))
+        return demand_good(rows.without(rows.nodes_once("id"))).texts["id"].names
 
     def _nameless(self, nodes: int) -> str:
         """A sentence on positions without names, and on what may name them."""

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, components_of, near, periods_of
+from wsnsim.base.arrays import Bools, Floats, Ints, components_of, is_relative, near, periods_of
 from wsnsim.base.errors import Issue
 from wsnsim.base.optional_ports import Replays
 from wsnsim.base.part import OfRole, Quantity, part
@@ -184,7 +184,8 @@ class Quantised(OfCells, OfLaw):
     true reading.
 
     Source: Msechu, Roumeliotis, Ribeiro, Giannakis (2008) for thresholds about the prediction; Ribeiro, Giannakis,
-    Roumeliotis (2006) for one bit.
+    Roumeliotis (2006) for one bit; Niu, Varshney (2006) for the likelihood and the information of cells with fixed
+    thresholds.
     """
 
     law: Annotated[SensorModel, OfRole("sensor"), "the sensor model whose readings are quantised"]
@@ -195,13 +196,14 @@ class Quantised(OfCells, OfLaw):
 
     def __post_init__(self) -> None:
         """Raises ValueError for a law that cannot be quantised, or limits in the wrong order."""
-        constant = getattr(self.law, "constant_gaussian", None)
+        constant = False if is_relative(self.law) else getattr(self.law, "constant_gaussian", None)
         about = self.thresholds == "lloyd_max"
         if isinstance(self.law, (Replays, OfCells)) or len(components_of(self.law)) > 1:
             raise ValueError("law: must be a sensor model of scalar readings that are computed and not yet quantised")
         if constant is False or getattr(self.law, "shadowing", None) or getattr(self.law, "beyond", None) == "noise":
             raise ValueError(
-                "law: the noise must be Gaussian about the mean, without shadowing, blocking or beyond: noise"
+                "law: the noise must be Gaussian about the mean, without shadowing, blocking, beyond: noise or an "
+                "unknown part that readings have in common"
             )
         if about and (not constant or any(periods_of(self.law))):
             raise ValueError("thresholds: lloyd_max needs noise of constant variance, and no angle; use uniform")
@@ -370,8 +372,8 @@ def log_between(low: Floats, high: Floats) -> Floats:
 def lloyd_max(bits: int) -> tuple[Floats, Floats]:
     """The ends (C + 1,) and means (C,) of the 2^bits cells of a standard normal with the least mean squared error.
 
-    Each end is midway between two means (Lloyd's iteration from the thresholds of equal probability of N(0, 3), which
-    are the limit for many cells). Max (1960), table 1.
+    Each end is midway between two means: the iteration of Lloyd (1982), from the thresholds of equal probability of
+    N(0, 3), which are the limit for many cells. Max (1960), table 1.
     """
     from scipy.special import ndtri
 

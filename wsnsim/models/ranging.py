@@ -1,4 +1,4 @@
-"""Sensor models of a distance: range, and range from the origin.
+"""Sensor models of a distance: range, time difference of arrival, and range from the origin.
 
 log_likelihood(points (P, N), readings (S,), positions (S, 2), traits (S, T), owners (N,) | None) -> (N,)
 
@@ -14,15 +14,15 @@ from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, planar
+from wsnsim.base.arrays import Bools, Floats, Ints, near, planar
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.sensing import BIAS
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.kernels import ranging as kernels
-from wsnsim.models.bounds import ACCURACY, ELEVATION, FAILURE, LENGTH, PLACE
+from wsnsim.models.bounds import ACCURACY, ELEVATION, FAILURE, LENGTH, LOG_TWO_PI, PLACE
 from wsnsim.models.distances import Excess, OfDistance
-from wsnsim.models.node_constants import Constants, OfNodes
+from wsnsim.models.node_constants import NAMES, Constants, OfNodes
 from wsnsim.models.sensing import fisher
 
 REACH: Final = Quantity("m", ge=1e-3)
@@ -65,7 +65,8 @@ class Range(OfNodes):
     beyond: Annotated[Literal["silent", "noise"], "reading of a target out of range"] = "silent"
     own_cell: Annotated[bool, "whether only the sensor nearest to the target has a reading"] = False
     bias_spread: Annotated[float, SPREAD, "standard deviation of the biases of nodes, normal"] = 0.0
-    biases: Annotated[tuple[float, ...], PLACE, "bias of each node, in their order; none: drawn"] = ()
+    biases: Annotated[tuple[float, ...], PLACE, "bias of each node, in the order of `nodes`; none: drawn"] = ()
+    nodes: Annotated[tuple[int | str, ...], NAMES] = ()
     clock_spread: Annotated[float, SPREAD, "standard deviation of a bias that all nodes have in common"] = 0.0
     target_height: Annotated[float | None, ELEVATION, "height of the target; none: heights are ignored"] = None
     blocked: Annotated[float, FAILURE, "probability that the line of sight is blocked"] = 0.0
@@ -137,6 +138,67 @@ class Range(OfNodes):
     @property
     def _excess(self) -> Excess | None:
         return Excess(self.blocked, self.detour, self.detour_sd) if self.blocked else None
+
+
+@part
+class TimeDifference(OfNodes):
+    """Time differences of arrival (TDOA) of a signal of the target: z = d + b + v, v ~ N(0, R), with b unknown.
+
+    A reading is a time of arrival times the speed of propagation, by a clock that all nodes have in common. The time
+    of emission, hence b, is another one at each step and unknown, so that only the differences of readings count. The
+    n - 1 differences from the reading of any node have the covariance R (I + 1 1ᵀ). Whichever node is the reference,
+    their likelihood is that of the n readings with a flat prior of b, and their information GᵀG - n ḡ ḡᵀ over R, with
+    the slopes G of the distances and their mean ḡ. So each node sends its own reading, the head uses those that arrive,
+    and no reference has to be chosen or can fail. A single reading says nothing.
+
+    Sampled readings have b = 0, which no result depends on. With `target_height` d is the distance in space.
+
+    Source: Chan, Ho (1994) for the differences and their covariance.
+    """
+
+    constant: ClassVar[str] = BIAS
+    relative: ClassVar[bool] = True
+    constants: ClassVar[Constants] = Constants("", (), 0.0)
+    ranges: ClassVar[None] = None  # type: ignore[assignment]
+    """No distance follows from a reading."""
+    reading_limits: ClassVar[tuple[float, float]] = (-GREATEST_RANGE, GREATEST_RANGE)
+    """Of recorded readings (m): larger numbers would not keep the digits of their differences."""
+
+    sd: Annotated[float, ACCURACY, "standard deviation of a time of arrival, times the speed of propagation"] = 1.0
+    reach: Annotated[float, REACH, "sensing range in the plane; .inf: unlimited"] = 400.0
+    target_height: Annotated[float | None, ELEVATION, "height of the target; none: heights are ignored"] = None
+
+    def strength(self, reading: float) -> float:
+        """The strength of a reading for an election: the signal arrives first at the nearest node."""
+        return -reading
+
+    def log_likelihood(
+        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
+    ) -> Floats:
+        """(N,) log p(differences of the readings | target at points (P, N)): 0 for one reading, or with `owners`.
+
+        -inf for points that are not finite and for readings that are NaN.
+        """
+        known = np.isfinite(points).all(axis=0) & bool(np.isfinite(readings).all())
+        if len(readings) < 2 or owners is not None:
+            return np.where(known, 0.0, -np.inf) if len(readings) else np.zeros(points.shape[1])
+        expected, _, variances = self.linearise(points, positions, traits)
+        off, rows = near(self, readings[:, None], expected) - expected, len(readings) - 1
+        constant = rows * (LOG_TWO_PI + 2.0 * math.log(self.sd)) + math.log(len(readings))
+        return np.where(known, -0.5 * ((off * off / variances).sum(axis=0) + constant), -np.inf)
+
+    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
+        """Expected readings (S, N) at points (P, N), gradients (S, P, N), less their means, and variances (S, N)."""
+        expected, gradients, variances = super().linearise(points, positions, traits)
+        with np.errstate(invalid="ignore"):  # of points that are not finite
+            return *(array - array.sum(axis=0) / max(len(array), 1) for array in (expected, gradients)), variances
+
+    def law(self, inflation: float = 0.0) -> kernels.Law:
+        """The distance itself; `inflation` is added to R."""
+        return 0.0, 1.0, 0.0, float(self.sd) ** 2 + inflation, math.inf, False
+
+    def _means(self, squared: Floats) -> Floats:
+        return np.sqrt(squared)
 
 
 @part

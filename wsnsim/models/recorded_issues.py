@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from wsnsim.base.arrays import is_relative
 from wsnsim.base.errors import Issue
 from wsnsim.base.files import content_digest
 from wsnsim.base.optional_ports import ConstantGaussian
@@ -59,8 +60,9 @@ def _cannot_count(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
     key = ("sensor", "several")
     if isinstance(setup, NetworkSetup):
         yield Issue(key, "in a network, nodes send one reading a step and not how many it stands for: use mean or last")
-    if not (isinstance(sensor.law, ConstantGaussian) and sensor.law.constant_gaussian):
-        yield Issue(key, "all needs a law whose noise is Gaussian with a constant variance: use mean or last")
+    if is_relative(sensor.law) or not (isinstance(sensor.law, ConstantGaussian) and sensor.law.constant_gaussian):
+        message = "all needs a law of independent readings whose noise is Gaussian with a constant variance"
+        yield Issue(key, f"{message}: use mean or last")
     if getattr(getattr(setup.filter_sensor, "law", None), "inflate", False):
         message = "the variance that inflate adds is common to all readings of a node: use several: mean or last"
         yield Issue(("tracker", "assumes", "inflate"), message)

@@ -22,9 +22,10 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import BurstyLosses, HeardLinks
 from wsnsim.base.setups import Setup
 from wsnsim.models.bounds import DURATION, LENGTH, PERIOD, PROBABILITY, number_of_nodes
-from wsnsim.models.csvfile import demand_digest, row_texts
+from wsnsim.models.csvfile import demand_digest
 from wsnsim.models.k7file import HIGHEST_CHANNEL, read_links
 from wsnsim.models.link_recording import LinkRecording
+from wsnsim.models.row_checks import row_texts
 
 
 class _Played(NamedTuple):

@@ -5,15 +5,16 @@ recordings(names, targets, steps, dt) -> one Recording per target, (steps + 1, N
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, means, near
+from wsnsim.base.arrays import Floats, Ints, is_relative, means, near
 from wsnsim.base.errors import Issue, RunError, shortened
 from wsnsim.base.initial_conditions import joined_by_name, node_names
 from wsnsim.base.optional_ports import LimitsReadings, Recording, Replays
@@ -21,7 +22,7 @@ from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import SensorModel
 from wsnsim.base.sensing import recorded_traits
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models import csvfile
+from wsnsim.models import csvfile, row_checks
 from wsnsim.models.recorded_issues import recorded_issues
 from wsnsim.models.sensing import OfLaw
 
@@ -101,18 +102,6 @@ class ReadingColumns:
     target: Annotated[str, "the number of the target, from 0; a file of one target may lack it"] = "target"
 
 
-class _ReadingRows(NamedTuple):
-    """The good rows of a file in the order of time: names[codes[i]] is the node of row i. `bad`: the other rows."""
-
-    lines: Ints
-    times: Floats
-    names: tuple[str, ...]
-    codes: Ints
-    readings: Floats
-    targets: Ints
-    bad: tuple[csvfile.BadRow, ...]
-
-
 @part
 class RecordedSensor(OfLaw):
     """Readings that were recorded, from a CSV file with a row per reading: time, node, reading, and perhaps target.
@@ -133,7 +122,7 @@ class RecordedSensor(OfLaw):
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: the first reading's"
     ] = None
-    skip_bad_rows: csvfile.SkipBadRows = False
+    skip_bad_rows: row_checks.SkipBadRows = False
     in_sample: Annotated[bool, "whether the law may be one that was fitted to these readings (its `fitted_on`)"] = False
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
 
@@ -167,7 +156,7 @@ class RecordedSensor(OfLaw):
         """
         table, bad = self._table, self._bad(names, targets)
         if bad and not self.skip_bad_rows:
-            raise RunError(csvfile.bad_rows_text(self.path, bad, len(table.lines) + len(table.bad), csvfile.SKIPPING))
+            raise RunError(row_checks.bad_rows_text(self.path, bad, table.total, row_checks.SKIPPING))
         times, nodes, values, of = self.rows(names, targets)
         numbers = np.ceil((times - ROUNDING) / dt)
         used = numbers <= steps
@@ -183,29 +172,32 @@ class RecordedSensor(OfLaw):
         Raises:
             RunError: as `recordings`, but for single rows.
         """
-        table, nodes = self._table, self._nodes(names)
-        used = (nodes >= 0) & (table.targets >= 0) & (table.targets < targets)
-        return table.times[used] - self.origin, nodes[used], table.readings[used], table.targets[used]
+        number, nodes, of = self._table.numbers, self._nodes(names), self._targets
+        used = (nodes >= 0) & (of >= 0) & (of < targets)
+        return number["time"][used] - self.origin, nodes[used], number["reading"][used], of[used]
 
     @property
     def origin(self) -> float:
         """The time (s) in the file that is 0 in the run."""
-        return float(self._table.times[0]) if self.time_origin is None else self.time_origin
+        return float(self._table.numbers["time"][0]) if self.time_origin is None else self.time_origin
 
     def skipped_rows(self, setup: TrackingSetup) -> list[str]:
         """The rows that are left out, a text each with file, line and reason; none unless `skip_bad_rows` allows it."""
         if not self.skip_bad_rows:
             return []
-        return csvfile.row_texts(self.path, self._bad(node_names(setup), len(setup.motions)))
+        return row_checks.row_texts(self.path, self._bad(node_names(setup), len(setup.motions)))
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be used, or if the scenario changes what was recorded."""
         yield from super().check(setup)
         try:
-            self.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
+            found = self.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
         except RunError as error:
             yield Issue(("sensor", "path"), str(error))
             return
+        if is_relative(self.law) and any((each.counts > 1).any() for each in found):
+            message = "a node has several times of arrival in a step, of emissions at unknown times that differ"
+            yield Issue(("sensor", "several"), f"{message}: give a step (and time_origin) that holds one of each node")
         yield from recorded_issues(self, setup)
 
     def _of_target(self, where: Sequence[Ints], values: Floats, shape: tuple[int, int]) -> Recording:
@@ -225,60 +217,53 @@ class RecordedSensor(OfLaw):
         Raises:
             RunError: it has none of them.
         """
-        try:
-            found = joined_by_name(self._table.names, names, self.path, "the deployment")
-        except RunError as error:
-            columns = csvfile.identifiers(self.path, (self.columns.node,))
-            near = [f"the column '{name}' has some" for name, cells in columns.items() if {*cells} & {*names}]
-            raise RunError("; ".join([str(error), *near])) from error
-        return found[self._table.codes]
+        near = functools.partial(csvfile.identifiers, self.path, (self.columns.node,))
+        known, codes = self._table.texts["node"]
+        return joined_by_name(known, names, self.path, "the deployment", near)[codes]
 
-    def _bad(self, names: Sequence[str], targets: int) -> list[csvfile.BadRow]:
+    def _bad(self, names: Sequence[str], targets: int) -> list[row_checks.BadRow]:
         """All rows that cannot be used, ascending: those of unknown nodes and targets too."""
-        return csvfile.limited(self.path, itertools.chain(self._table.bad, self._strangers(names, targets)))
-
-    def _strangers(self, names: Sequence[str], targets: int) -> Iterator[csvfile.BadRow]:
-        """Yield the rows of nodes and targets that the scenario does not have."""
-        table, known = self._table, shortened(", ".join(names))
-        for row in np.flatnonzero(self._nodes(names) < 0).tolist():
-            reason = f"the deployment has no node '{table.names[table.codes[row]]}' (its nodes: {known})"
-            yield csvfile.BadRow(int(table.lines[row]), reason)
-        for row in np.flatnonzero((table.targets < 0) | (table.targets >= targets)).tolist():
-            reason = f"there is no target {table.targets[row]}: allowed are 0 to {targets - 1}"
-            yield csvfile.BadRow(int(table.lines[row]), reason)
+        table, of, known = self._table, self._targets, shortened(", ".join(names))
+        own, codes = table.texts["node"]
+        strangers = row_checks.refused(
+            table.lines,
+            (self._nodes(names) < 0, lambda row: (
+                f"the deployment has no node '{own[codes[row]]}' (its nodes: {known})"
+            )),
+            ((of < 0) | (of >= targets), lambda row: (
+                f"there is no target {of[row]}: allowed are 0 to {targets - 1}"
+            )),
+        )  # fmt: skip
+        return row_checks.limited(self.path, itertools.chain(table.bad, strangers))
 
     @cached_property
-    def _table(self) -> _ReadingRows:
-        """The rows of the file. Raises RunError if it cannot be read, or is not that of the digest."""
+    def _table(self) -> row_checks.CsvRows:
+        """The rows in the order of time. Raises RunError if the file cannot be read, or is not that of the digest."""
         csvfile.demand_digest(self.path, self.digest)
         names = self.columns
         numbers = {"time": names.time, "reading": names.reading, "target": names.target}
         rows = csvfile.read_rows(
             self.path, csvfile.Wanted({"node": names.node}, numbers, optional=("target",)), "readings"
         )
-        kinds, codes = rows.texts["node"]
-        targets = rows.numbers.get("target", np.zeros(len(rows.lines)))
-        every = tuple(csvfile.limited(self.path, itertools.chain(rows.bad, self._refused(rows, codes, targets))))
-        good = ~np.isin(rows.lines, [row.line for row in every])
-        order = np.flatnonzero(good)[np.argsort(rows.numbers["time"][good], kind="stable")]
-        if not order.size:
-            raise RunError(csvfile.bad_rows_text(self.path, every, len(rows.lines) + len(rows.bad)))
-        columns = (rows.numbers["time"], rows.numbers["reading"])
-        times, readings = (column[order] for column in columns)
-        whole = targets[order].astype(np.int64)
-        return _ReadingRows(rows.lines[order], times, kinds, codes[order], readings, whole, every)
+        rows = rows.without(*self._checks(rows))
+        if not rows.lines.size:
+            raise RunError(row_checks.bad_rows_text(self.path, rows.bad, rows.total))
+        return rows.at(np.argsort(rows.numbers["time"], kind="stable"))
 
-    def _refused(self, rows: csvfile.CsvRows, codes: Ints, targets: Floats) -> Iterator[csvfile.BadRow]:
-        """Yield the rows whose reading the law cannot give, whose target is no number of one, or that repeat a row."""
+    @property
+    def _targets(self) -> Ints:
+        """(n,) the target of each row."""
+        return self._table.numbers.get("target", np.zeros(len(self._table.lines))).astype(np.int64)
+
+    def _checks(self, rows: row_checks.CsvRows) -> Iterator[row_checks.Check]:
+        """Yield which rows have a reading that the law cannot give, no number of a target, or repeat another row."""
         least, most = self.law.reading_limits if isinstance(self.law, LimitsReadings) else NO_LIMITS
-        readings, lines = rows.numbers["reading"], rows.lines
+        readings, targets = rows.numbers["reading"], rows.numbers.get("target", np.zeros(len(rows.lines)))
         beyond = (readings < least) | (readings > most)
+        between = f"{self.columns.reading} must be between {least:g} and {most:g}"
+        yield beyond, lambda row: f"{between}, is {readings[row]:g}"
         broken = (targets != np.floor(targets)) | (np.abs(targets) > 1e9)
-        first = csvfile.first_of_equal(~(beyond | broken), rows.numbers["time"], codes, targets)
-        for row in np.flatnonzero(beyond | broken | (first != np.arange(len(lines)))).tolist():
-            reason = f"repeats time, node and target of line {lines[first[row]]}"
-            if beyond[row]:
-                reason = f"{self.columns.reading} must be between {least:g} and {most:g}, is {readings[row]:g}"
-            elif broken[row]:
-                reason = f"{self.columns.target} must be a whole number, is {targets[row]:g}"
-            yield csvfile.BadRow(int(lines[row]), reason)
+        yield broken, lambda row: f"{self.columns.target} must be a whole number, is {targets[row]:g}"
+        first = row_checks.first_of_equal(~(beyond | broken), rows.numbers["time"], rows.texts["node"].codes, targets)
+        repeated = "repeats time, node and target of line {}"
+        yield first != np.arange(len(first)), lambda row: repeated.format(rows.lines[first[row]])

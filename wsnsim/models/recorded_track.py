@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Final, NamedTuple
@@ -13,7 +12,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError, shortened
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models import csvfile
+from wsnsim.models import csvfile, row_checks
 from wsnsim.models.unit_checks import degrees_said
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
@@ -43,7 +42,7 @@ class RecordedPoints(NamedTuple):
 
     times: Floats
     points: Floats
-    bad: tuple[csvfile.BadRow, ...]
+    bad: tuple[row_checks.BadRow, ...]
 
 
 def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, remedy: str) -> RecordedPoints:
@@ -60,15 +59,11 @@ def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, re
     """
     rows = csvfile.read_rows(path, csvfile.Wanted(numbers=names, optional=("z",)), "points of a trajectory")
     _demand_one_mover(path, names)
-    bad = tuple(csvfile.limited(path, itertools.chain(rows.bad, _conflicts(rows))))
-    if bad and not skip_bad_rows:
-        raise RunError(csvfile.bad_rows_text(path, bad, len(rows.lines) + len(rows.bad), remedy))
-    used = ~np.isin(rows.lines, [row.line for row in bad])
-    times, first = np.unique(rows.numbers["time"][used], return_index=True)
+    rows = rows.without(*_conflicts(rows), skip=skip_bad_rows, remedy=remedy)
+    times, first = np.unique(rows.numbers["time"], return_index=True)
     if len(times) < 2:
         raise RunError(f"{path}: at least two points of different times are needed")
-    points = np.column_stack([rows.numbers[name][used][first] for name in "xyz" if name in rows.numbers])
-    return RecordedPoints(times, points, bad)
+    return RecordedPoints(times, rows.points[first, : 3 if "z" in rows.numbers else 2], rows.bad)
 
 
 @part
@@ -96,7 +91,7 @@ class RecordedTrack(Straight):
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: that of the first row"
     ] = None
-    skip_bad_rows: csvfile.SkipBadRows = False
+    skip_bad_rows: row_checks.SkipBadRows = False
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
     q: Annotated[float, INTENSITY, "intensity of the noise in the velocity that filters assume"] = 0.05
 
@@ -141,7 +136,7 @@ class RecordedTrack(Straight):
 
     def skipped_rows(self, setup: Any) -> list[str]:
         """The rows that are left out, a text each with file, line and reason; none unless `skip_bad_rows` allows it."""
-        return csvfile.row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
+        return row_checks.row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be read or is not that of the digest, has bad rows, or holds degrees."""
@@ -157,7 +152,7 @@ class RecordedTrack(Straight):
         """The points of the file."""
         names = self.header
         numbers = {"time": names.time, "x": names.x, "y": names.y, "z": names.z}
-        return recorded_points(self.path, numbers, self.skip_bad_rows, csvfile.SKIPPING)
+        return recorded_points(self.path, numbers, self.skip_bad_rows, row_checks.SKIPPING)
 
 
 def _demand_one_mover(path: str, names: Mapping[str, str]) -> None:
@@ -187,21 +182,24 @@ def _demand_one_mover(path: str, names: Mapping[str, str]) -> None:
             )
 
 
-def _conflicts(rows: csvfile.CsvRows) -> Iterator[csvfile.BadRow]:
-    """Yield the rows that are too far away, at another place than the first of their time, or at nearly its time."""
-    times, lines = rows.numbers["time"], rows.lines
-    points = np.column_stack([rows.numbers[name] for name in "xyz" if name in rows.numbers])
+def _conflicts(rows: row_checks.CsvRows) -> Iterator[row_checks.Check]:
+    """Yield which rows are too far away, at another place than the first of their time, or at nearly its time."""
+    times, lines, points = rows.numbers["time"], rows.lines, np.nan_to_num(rows.points)
     far = (np.abs(points) > FARTHEST_POINT).any(axis=1) | (np.abs(times) > LATEST)
-    first = csvfile.first_of_equal(~far, times)
+    yield far, f"x, y and z must be within ±{FARTHEST_POINT:g} m, time within ±{LATEST:g} s"
+    first = row_checks.first_of_equal(~far, times)
     apart = np.linalg.norm(points - points[first], axis=1)
-    for i in np.flatnonzero(far | (apart > SAME_PLACE)).tolist():
-        reason = f"x, y and z must be within ±{FARTHEST_POINT:g} m, time within ±{LATEST:g} s"
-        if not far[i]:
-            place = f"it is {apart[i]:.3g} m from the place in line {lines[first[i]]}"
-            reason = f"at the time {times[i]:g} s {place}; at most {SAME_PLACE:g} m is allowed"
-        yield csvfile.BadRow(int(lines[i]), reason)
+    yield (
+        apart > SAME_PLACE,
+        lambda i: (
+            f"at the time {times[i]:g} s it is {apart[i]:.3g} m from the place in line {lines[first[i]]}; at most "
+            f"{SAME_PLACE:g} m is allowed"
+        ),
+    )
     order = np.flatnonzero(~far)[np.argsort(times[~far], kind="stable")]
-    between = np.diff(times[order])
-    for i in np.flatnonzero((between > 0.0) & (between < LEAST_APART * (1.0 - 1e-6))).tolist():
-        reason = f"is {between[i]:.3g} s after line {lines[order[i]]}; {LEAST_APART:g} s are the least that is allowed"
-        yield csvfile.BadRow(int(lines[order[i + 1]]), reason)
+    before, later = np.arange(len(times)), np.zeros(len(times))
+    before[order[1:]], later[order[1:]] = order[:-1], np.diff(times[order])
+    yield (
+        (later > 0.0) & (later < LEAST_APART * (1.0 - 1e-6)),
+        lambda i: f"is {later[i]:.3g} s after line {lines[before[i]]}; {LEAST_APART:g} s are the least that is allowed",
+    )

@@ -17,7 +17,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.sensing import GAIN_DB
 from wsnsim.kernels import ranging as kernels
 from wsnsim.models.bounds import ACCURACY, ELEVATION, LENGTH
-from wsnsim.models.node_constants import Constants, OfNodes
+from wsnsim.models.node_constants import NAMES, Constants, OfNodes
 from wsnsim.models.ranging import FITTED_ON, REACH
 
 LARGEST_EXPONENT: Final = 600.0
@@ -54,7 +54,8 @@ class Rssi(OfNodes):
     noise: Annotated[Literal["normal", "student_t"], "distribution of the noise of a reading"] = "normal"
     dof: Annotated[float, Quantity("", gt=2, le=1e6), "ν: degrees of freedom of noise: student_t"] = 5.0
     gain_spread: Annotated[float, DECIBEL, "standard deviation of the gains of nodes, normal"] = 0.0
-    gains: Annotated[tuple[float, ...], GAIN_OF_NODE, "gain of each node, in their order; none: drawn"] = ()
+    gains: Annotated[tuple[float, ...], GAIN_OF_NODE, "gain of each node, in the order of `nodes`; none: drawn"] = ()
+    nodes: Annotated[tuple[int | str, ...], NAMES] = ()
     target_height: Annotated[float | None, ELEVATION, "height of the target; none: heights are ignored"] = None
     shadowing: Annotated[float, DECIBEL, "standard deviation of shadowing, correlated along the target's path"] = 0.0
     decorrelation: Annotated[float, LENGTH, "δ: length of path after which its correlation is 1/e"] = 2.0

@@ -33,6 +33,7 @@ CHUNK: Final = 8192
 """Rows after which the log is written to the recorder."""
 EACH: Final = -2
 """Stands for the node's number in an event that is shared by several nodes."""
+DROP: Final = KIND["drop"]
 NONE: Final = EVENT_CAUSE["none"]
 Event = tuple[float, int, int, int, int, int, int, int, int, int, int, float, int]
 
@@ -74,6 +75,13 @@ class EventLog:
     def word(self, code: int) -> str:
         """Return the word of a code in the column `what`."""
         return self._recorder.words.all()[code]
+
+    def drop(
+        self, time: float, target: int, node: int, reason: str, peer: int, packets: int, sequence: int = 0
+    ) -> None:
+        """Append that a node dropped what it was to send to a peer, and why."""
+        code = self.code(reason)
+        self.add(event(time, self.step, target, node, DROP, code, sequence=sequence, peer=peer, packets=packets))
 
     def add_all(self, row: Event, nodes: Ints) -> None:
         """Append one event for each of the nodes; `row` has EACH instead of the node."""

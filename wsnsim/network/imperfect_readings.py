@@ -8,7 +8,7 @@ last bit, those of `Readings`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
@@ -246,17 +246,10 @@ def _sampled(key: int, probability: float, size: int) -> Ints:
     return np.concatenate(found)
 
 
-def standalone_reports(
-    setup: TrackingSetup, conditions: InitialConditions, streams: Streams, target: int
-) -> Callable[[int, int], Floats]:
-    """Return the function that gives the reports on a target: see `StandaloneReports.rows`."""
-    return StandaloneReports(setup, conditions, streams, target).rows
-
-
 class StandaloneReports:
     """The reports on one target of a run, in the order of steps.
 
-        rows = standalone_reports(setup, conditions, streams, target)      rows(first, count) -> (count, S) readings
+        rows = StandaloneReports(setup, conditions, streams, target)      rows(first, count) -> (count, S) readings
 
     Sensors are all that there is: a fault may change their readings, or stop them while their node is down. Nothing
     else of a node fails: messages reach it, and it keeps what it knows (our choice).
@@ -275,7 +268,7 @@ class StandaloneReports:
         count = len(components_of(setup.sensor))
         self._shape = (nodes.size,) if count == 1 else (nodes.size, count)
 
-    def rows(self, first: int, count: int) -> Floats:
+    def __call__(self, first: int, count: int) -> Floats:
         """(count, S) or (count, S, M) the reports of the steps from `first` on; NaN where a sensor has none.
 
         They end with the run. Steps may be left out, but not asked for again.

@@ -38,6 +38,10 @@ class NetworkServices:
         """Whether the battery of a node is empty."""
         return self._nodes.is_empty(node)
 
+    def clock(self, node: int) -> float:
+        """What the clock of a node shows now, in s."""
+        return self._clocks.local_time(node)
+
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""
         self._env.timeout(seconds).callbacks.append(lambda _: action())
@@ -56,10 +60,6 @@ class NetworkSyncServices(NetworkServices):
         self.size = nodes.size
         self.next_change: Callable[[int], float] = nodes.sleep_states.next_change
         self.own_clock: Callable[[int], float] = clocks.raw_time
-
-    def clock(self, node: int) -> float:
-        """What the clock of a node shows now, in s."""
-        return self._clocks.local_time(node)
 
     def set_clock(self, node: int, shows: float, rate: float) -> None:
         """Correct the clock of a node: it shows `shows` now, and its own clock counts `rate` s per second of it."""

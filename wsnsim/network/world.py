@@ -23,7 +23,7 @@ from wsnsim.base.tables import Recorder
 from wsnsim.network.base_network import BaseNetwork
 from wsnsim.network.clusters.coordination import ClusterCoordination
 from wsnsim.network.clusters.driver import DriverServices, Processors
-from wsnsim.network.clusters.estimates import Estimates
+from wsnsim.network.clusters.head_services import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_ahead import WakeAhead, WakeUpCounters

@@ -23,19 +23,17 @@ from wsnsim.base.initial_conditions import (
     StandaloneBlock,
     StandaloneRun,
     WholeRuns,
-    measured_points,
     sample_initial_conditions,
 )
 from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.results import Summary
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each
 from wsnsim.base.rows import triangle_columns, truth_rows, wants_steps
-from wsnsim.base.sensing import path_shadowing
 from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.base.tables import Recorder
 from wsnsim.offline import block_rows
 from wsnsim.offline.block_rows import FollowedTarget
-from wsnsim.offline.loopback import HEAD, ReportsOf, recording, reported, sample_readings, with_shadowing
+from wsnsim.offline.loopback import HEAD, ReportsOf, readings_of
 from wsnsim.offline.offline_run import node_rows
 
 BLOCK_SECONDS: Final = 1.0
@@ -159,16 +157,8 @@ def _standalone(
     setup: TrackingSetup, target: int, conditions: InitialConditions, streams: Streams, reports: ReportsOf | None
 ) -> StandaloneRun:
     """One target of one run: its readings are those of `OfflineCluster`."""
-    points = measured_points(setup.motions[target], setup.sensor, conditions.truths[target], setup.dt)
-    sense, track = (derive(streams.key(name), target) for name in ("sense", "tracker"))
-    recorded = recording(setup, target, len(conditions.positions))
-    if rows := reported(setup, conditions, streams, target, reports):
-        readings = rows(0, setup.steps + 1)
-    elif recorded:
-        readings = recorded.readings
-    else:
-        readings = sample_readings(setup.sensor, points, conditions.positions, conditions.traits, sense)
-        readings = with_shadowing(readings, path_shadowing(setup.sensor, points, sense))
+    readings = readings_of(setup, target, conditions, streams, reports)(0, setup.steps + 1)
+    track = derive(streams.key("tracker"), target)
     keys = derive_each(derive_all(track, np.arange(setup.steps + 1)), np.array([HEAD_KEY], np.uint64))
     return StandaloneRun(conditions.priors[target], readings, conditions.assumed, conditions.traits, keys)
 

@@ -18,7 +18,7 @@ from wsnsim.base.initial_conditions import InitialConditions, measured_points, n
 from wsnsim.base.optional_ports import Detects, Recording
 from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
-from wsnsim.base.sensing import PathShadowing, path_shadowing
+from wsnsim.base.sensing import path_shadowing
 from wsnsim.base.setups import TrackingSetup
 
 Lose: TypeAlias = Callable[[int, int, requests.Parcel], Bools]
@@ -155,19 +155,14 @@ class OfflineCluster:
         streams: Streams,
         reports: ReportsOf | None = None,
     ) -> None:
-        self._reports = reported(setup, conditions, streams, target, reports)
         self._setup, self._target = setup, target
-        self._positions, self._assumed, self._traits = conditions.positions, conditions.assumed, conditions.traits
+        self._assumed, self._traits = conditions.assumed, conditions.traits
         self._middle = np.array(setup.deploy.field.centre)
-        self._sense_key = derive(streams.key("sense"), target)
         self._track_key = derive(streams.key("tracker"), target)
-        truth = conditions.truths[target]
-        self._points = measured_points(setup.motions[target], setup.sensor, truth, setup.dt)
-        recorded = recording(setup, target, len(self._positions))
-        self._recorded = recorded.readings if recorded else None
-        self._counts = recorded.counts if recorded and setup.recorded and setup.recorded.counted else None
-        self._shadowing = path_shadowing(setup.sensor, self._points, self._sense_key)
-        self._length = max(1, min(len(truth), MOST_AHEAD // len(self._positions)))
+        self._readings = readings_of(setup, target, conditions, streams, reports)
+        counted = setup.recorded is not None and setup.recorded.counted
+        self._counts = _recording(setup, target, len(self._assumed)).counts if counted else None
+        self._length = max(1, min(len(conditions.truths[target]), MOST_AHEAD // len(self._assumed)))
         self._block = _Block(0, [], [], [])
         self._ids: tuple[int, ...] = ()
         self._rows = np.zeros(0, dtype=np.int64)
@@ -220,24 +215,13 @@ class OfflineCluster:
     def _block_of(self, step: int) -> _Block:
         """The block of steps that holds this one, computed if it is not the present one."""
         if not self._block.first <= step < self._block.first + len(self._block.ids):
-            readings = self._readings(step)
+            readings = self._readings(step, self._length)
             numbers = np.arange(step, step + len(readings))
             nodes = np.arange(len(self.members), dtype=np.uint64)
             keys = derive_each(derive_all(self._track_key, numbers)[:, None], nodes[None, :])
             ids = [tuple(np.flatnonzero(known).tolist()) for known in finite(self._setup.sensor, readings)]
             self._block = _Block(step, ids, [as_readings(values) for values in readings], keys.tolist())
         return self._block
-
-    def _readings(self, first: int) -> Floats:
-        """(T, S) or (T, S, M) the measurements of the steps from `first` on; NaN where a sensor has none."""
-        if self._reports:
-            return self._reports(first, self._length)
-        steps = slice(first, first + self._length)
-        if self._recorded is not None:
-            return self._recorded[steps]
-        sensor, points = self._setup.sensor, self._points[steps]
-        readings = sample_readings(sensor, points, self._positions, self._traits, self._sense_key, first)
-        return with_shadowing(readings, self._shadowing, first)
 
 
 class _Block(NamedTuple):
@@ -252,32 +236,35 @@ class _Block(NamedTuple):
     keys: list[list[int]]
 
 
-def reported(
-    setup: TrackingSetup, conditions: InitialConditions, streams: Streams, target: int, reports: ReportsOf | None
-) -> Rows | None:
-    """What sensors report on a target; None if it is what they measure."""
-    if setup.reports_all:
-        return None
-    assert reports is not None, "sensors that fail need somebody who says what they report"
-    return reports(setup, conditions, streams, target)
+def readings_of(
+    setup: TrackingSetup, target: int, conditions: InitialConditions, streams: Streams, reports: ReportsOf | None
+) -> Rows:
+    """The measurements of a target: what sensors report that may fail, what was recorded, or what is sampled."""
+    if not setup.reports_all:
+        assert reports is not None, "sensors that fail need somebody who says what they report"
+        return reports(setup, conditions, streams, target)
+    if setup.recorded is not None:
+        recorded = _recording(setup, target, len(conditions.positions)).readings
+        return lambda first, count: recorded[first : first + count]
+    sensor, key = setup.sensor, derive(streams.key("sense"), target)
+    points = measured_points(setup.motions[target], sensor, conditions.truths[target], setup.dt)
+    shadowing = path_shadowing(sensor, points, key)
+
+    def sampled(first: int, count: int) -> Floats:
+        at = points[first : first + count]
+        readings = sample_readings(sensor, at, conditions.positions, conditions.traits, key, first)
+        if shadowing is not None:
+            steps, nodes = np.nonzero(np.isfinite(readings))
+            readings[steps, nodes] += shadowing.at(first + steps, nodes)
+        return readings
+
+    return sampled
 
 
-def recording(setup: TrackingSetup, target: int, sensors: int) -> Recording | None:
-    """The recorded measurements of a target; None if they are sampled."""
-    if setup.recorded is None:
-        return None
+def _recording(setup: TrackingSetup, target: int, sensors: int) -> Recording:
+    assert setup.recorded is not None, "measurements are recorded"
     names = node_names(setup, sensors)
     return setup.recorded.recordings(names, len(setup.motions), setup.steps, setup.dt)[target]
-
-
-def with_shadowing(readings: Floats, shadowing: PathShadowing | None, first: int = 0) -> Floats:
-    """(T, S) measurements of the steps from `first` on, NaN where there is none, with what shadowing adds to them."""
-    if shadowing is None:
-        return readings
-    steps, nodes = np.nonzero(np.isfinite(readings))
-    result = readings.copy()
-    result[steps, nodes] += shadowing.at(first + steps, nodes)
-    return result
 
 
 def sample_readings(

@@ -25,7 +25,7 @@ import pandas as pd
 
 import wsnsim.bounds as bounds
 from wsnsim.analysis import statistics
-from wsnsim.analysis.frames import read
+from wsnsim.analysis.error_bounds import errors_at
 from wsnsim.base.arrays import Floats
 from wsnsim.papers import measures, verdicts
 from wsnsim.papers.measures import Data, measured
@@ -85,18 +85,9 @@ def bound_from_events(data: Data, variant: str, readings: str) -> pd.Series:
     for batch in data.folder.batches(point.id):
         bound = bounds.bound_of_run(batch.path, readings, "per_trajectory")
         if not bound.reason:
-            estimates = read(batch.path, "estimates", ["replicate", "target", "step", "error"])
-            each = bound.of_replicates_at(_errors(estimates, bound))
+            each = bound.of_replicates_at(errors_at(batch.path, bound))
             found |= dict(zip(bound.query.replicates, each.tolist(), strict=True))
     return pd.Series(found)
-
-
-def _errors(estimates: pd.DataFrame, bound: bounds.Bound) -> Floats:
-    """(replicates, targets, steps) errors of a bound's runs, NaN where there is no estimate."""
-    errors = np.full(bound.each.shape, np.nan)
-    rows = pd.Index(list(bound.query.replicates)).get_indexer(estimates["replicate"])
-    errors[rows, estimates["target"].to_numpy(), estimates["step"].to_numpy() - 1] = estimates["error"].to_numpy()
-    return errors
 
 
 def _in_terms(found: bounds.Bound, measure: str, states: Sequence[tuple[str, str]]) -> float:

@@ -135,7 +135,6 @@ class StudyDocument(DocumentModel):
 
 
 ENTRY: Final = "study"
-MAPPINGS: Final = ("MEASURES", "FIGURES", "SUMMARIES", "EXPERIMENTS")
 
 
 @final

@@ -55,18 +55,30 @@ def write_atomically(place: Path, write: Callable[[Path], object]) -> None:
     Raises:
         StorageError: the file cannot be written. The temporary file is removed.
     """
-    tmp = None
-    try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        tmp = temporary_beside(place)
+    with replacing(place, with_folder=True) as tmp:
         write(tmp)
-        with tmp.open("rb+") as file:
-            os.fsync(file.fileno())
-        tmp.replace(place)
-    except OSError as error:
-        if tmp is not None:
+
+
+@contextlib.contextmanager
+def replacing(place: Path, with_folder: bool = False) -> Iterator[Path]:
+    """The path of a temporary file, which gets the name `place` when it is complete, and is removed if it is not.
+
+    Raises:
+        StorageError: the file cannot be written, or has no folder, unless that is created (`with_folder`).
+    """
+    try:
+        if with_folder:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        tmp = temporary_beside(place)
+        try:
+            yield tmp
+            with tmp.open("rb+") as file:
+                os.fsync(file.fileno())
+            tmp.replace(place)
+        finally:
             with contextlib.suppress(OSError):
                 tmp.unlink(missing_ok=True)
+    except OSError as error:
         raise cannot_write(place, error) from error
 
 

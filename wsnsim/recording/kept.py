@@ -1,6 +1,6 @@
 """What is kept in a campaign's folder since it takes seconds to make: short tables of all files, and answers.
 
-    read_consolidated(folder, "runs", files) -> ConsolidatedTable
+    read_consolidated(folder, "runs", files) -> its rows, and their number by file
     kept = KeptAnswers(folder.path / KEPT / "bounds.json")
     kept.answer({"scenario": ..., "runs": 100}, compute)
 
@@ -17,9 +17,9 @@ import contextlib
 import hashlib
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple, final
+from typing import Any, Final, final
 
 import numpy as np
 
@@ -38,22 +38,8 @@ SETTLED: Final = 50_000_000
 """Age (ns) from which on a change of a file changes its time; the clock of file systems is coarse."""
 
 
-class ConsolidatedTable(NamedTuple):
-    """The rows of several files.
-
-    Attributes:
-        columns: each column over the rows of all files, in order.
-        words: the words of the category columns.
-        counts: (files,) the number of rows of each file.
-    """
-
-    columns: Mapping[str, np.ndarray]
-    words: Mapping[str, tuple[str, ...]]
-    counts: Ints
-
-
-def read_consolidated(folder: Path, table: str, files: Sequence[Path]) -> ConsolidatedTable | None:
-    """The rows of a short table of these files of a campaign; None if the files differ in their columns.
+def read_consolidated(folder: Path, table: str, files: Sequence[Path]) -> tuple[PackedRows, Ints] | None:
+    """The rows of a short table of these files of a campaign, and their number by file; None if columns differ.
 
     Raises:
         ResultError: a file cannot be read.
@@ -61,12 +47,12 @@ def read_consolidated(folder: Path, table: str, files: Sequence[Path]) -> Consol
     kept = folder / FOLDER / f"{table}.rows"
     stamp, settled = _stamp(files)
     if (found := _load(kept, stamp)) is not None:
-        return _columns_of(*found)
+        return found
     found = _read(files, table)
     if found is not None and settled and _stamp(files)[0] == stamp:
         with contextlib.suppress(StorageError):
             write_atomically(kept, lambda tmp: _save(tmp, found, stamp))
-    return None if found is None else _columns_of(*found)
+    return found
 
 
 def _stamp(files: Sequence[Path]) -> tuple[str, bool]:
@@ -116,11 +102,6 @@ def _read(files: Sequence[Path], table: str) -> tuple[PackedRows, Ints] | None:
         return None
     counts = np.array([len(piece.records) for piece in pieces], dtype=np.int64)
     return PackedRows(np.concatenate([piece.records for piece in pieces]), first.words), counts
-
-
-def _columns_of(rows: PackedRows, counts: Ints) -> ConsolidatedTable:
-    columns = {name: rows.records[name].copy() for name in rows.records.dtype.names or ()}
-    return ConsolidatedTable(columns, rows.words, counts)
 
 
 def _of_file(file: Path, table: str) -> PackedRows:

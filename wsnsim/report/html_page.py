@@ -6,21 +6,47 @@ result is escaped. What exceeds the size limit is thinned or left out, and the p
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import html
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
 from wsnsim.analysis import result_info
-from wsnsim.analysis.figure_style import replacing
-from wsnsim.analysis.replicate_tables import check_replicate, first_replicate
+from wsnsim.analysis.plot_data import check_replicate, first_replicate
 from wsnsim.analysis.summary_text import PublishedLookup
+from wsnsim.recording.atomic_files import replacing
 from wsnsim.report import page_sections
 from wsnsim.report.page_sections import PageSection, summary_table
-from wsnsim.report.page_template import filled, script_of, source_of, static_text
 from wsnsim.report.replay import Replay, encode
 from wsnsim.report.svg_figures import svg_figures
+
+SLOT: Final = re.compile(r"\{\{(\w+)\}\}")
+
+
+def static_text(name: str, package: str = "wsnsim.report") -> str:
+    """A file of a package's folder `static`."""
+    return (files(package) / "static" / name).read_text(encoding="utf-8")
+
+
+def script_of(sources: Sequence[str]) -> str:
+    """One script of several, whose names are not visible outside."""
+    return '"use strict";\n{\n' + "".join(sources) + "}\n"
+
+
+def source_of(script: str) -> str:
+    """The source expression of a Content-Security-Policy that allows this script."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
+
+
+def filled(template: str, slots: Mapping[str, str]) -> str:
+    """The template with all slots filled in one pass, because an inserted text may contain a slot."""
+    return SLOT.sub(lambda slot: slots[slot[1]], template)
+
 
 LIMIT: Final = 2_000_000
 """Default size limit of a page (bytes)."""

@@ -5,9 +5,9 @@
     portions.head()                   as text: the nodes, the ground truth and the number of all frames
     portions.add(tables, last, ...)   as text: the frames up to step `last` that were not sent before
 
-`replay_encoding` defines the format, which static/replay_data.js reads, and `replay_tracks` and `replay_nodes` its
-content; static/live_data.js puts portions together. A portion also takes the events of the steps beside it: a node that
-goes to sleep after a handover is shown asleep one step later, and a frame sent in one step may arrive in the next.
+`replay_encoding` defines the format, which static/replay_data.js reads, and, with `replay_nodes`, its content;
+static/live_data.js puts portions together. A portion also takes the events of the steps beside it: a node that goes to
+sleep after a handover is shown asleep one step later, and a frame sent in one step may arrive in the next.
 """
 
 from __future__ import annotations
@@ -18,14 +18,21 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis.plot_data import Columns, StateLayout
-from wsnsim.analysis.replicate_tables import ReplicateTables, read_replicate
+from wsnsim.analysis.plot_data import Columns, ReplicateTables, StateLayout, read_replicate
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.rows import RunStart
 from wsnsim.base.setups import RadioSetup, TrackingSetup
-from wsnsim.report.replay_encoding import MISSING, DetailLevel, ReplayEncoder, quantised
+from wsnsim.report.replay_encoding import (
+    MISSING,
+    DetailLevel,
+    ReplayEncoder,
+    add_clusters,
+    add_particles,
+    add_track,
+    add_tracks,
+    quantised,
+)
 from wsnsim.report.replay_nodes import StateHistory, add_nodes, add_places, add_traffic
-from wsnsim.report.replay_tracks import add_clusters, add_particles, add_track, add_tracks
 
 MAX_FRAMES: Final = 20_000
 """Frames above which steps are thinned, whatever the room (our choice)."""

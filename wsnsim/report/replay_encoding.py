@@ -3,6 +3,11 @@
 The text is base64 of a zlib stream. The stream holds the length of a JSON header (4 bytes, little-endian), the header,
 and the columns, each aligned to 8 bytes. Rows that belong to some frames only are ordered by frame, and a column holds
 their number per frame. A frame shows one step, or, if steps are thinned, the steps since the previous frame.
+
+Targets and clusters: ground truth, estimates, particles, and changes of membership by frame. Changes stand in the order
+of the event log, in the columns membership_node, membership_target and membership_change: a node JOINS a target's
+cluster; a cluster STARTS with the node as its only member; a node LEAVES every cluster, because it goes to sleep or
+fails; or a cluster ENDS, because its track is lost.
 """
 
 from __future__ import annotations
@@ -16,9 +21,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.analysis.plot_data import Columns
-from wsnsim.analysis.replicate_tables import ReplicateTables
+from wsnsim.analysis.plot_data import Columns, ReplicateTables
+from wsnsim.analysis.plots import LEAST_WEIGHT
 from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.tables import KIND
 
 MISSING: Final = 65535
 """The quantised coordinate of what has no position."""
@@ -161,3 +167,172 @@ def quantised(values: Floats, low: float, high: float) -> np.ndarray:
     """Coordinates in 16 bits; those outside the drawing are moved to its edge."""
     share = np.clip((values - low) / (high - low), 0.0, 1.0)
     return np.where(np.isfinite(share), np.rint(np.nan_to_num(share) * (MISSING - 1)), MISSING).astype("<u2")
+
+
+NO_DELAY: Final = 1e-6
+"""Delays (s) of estimates up to this are rounding error."""
+
+
+def add_tracks(encoder: ReplayEncoder) -> None:
+    """Add the ground truth, and the estimates with their errors and cluster heads."""
+    run = encoder.run
+    for name, table in (("truth", run.truth), ("estimate", run.guess)):
+        if table:
+            add_track(encoder, name, table)
+    delay = run.guess["issued"] - run.guess["time"] if run.guess else np.empty(0)
+    delay = delay[np.isfinite(delay)]
+    if delay.size and delay.max() > NO_DELAY:
+        encoder.notes.append(
+            f"each estimate is drawn at its step; cluster heads computed it up to {delay.max():.3g} s later"
+        )
+
+
+def add_track(encoder: ReplayEncoder, name: str, table: Columns) -> None:
+    """The position of each target at each frame, target by target; for estimates also error and cluster head."""
+    run, box = encoder.run, encoder.box
+    steps = np.minimum(np.arange(encoder.frames) * encoder.detail.stride, run.last)
+    frame = encoder.frame_of(table["step"])
+    kept = steps[frame] == table["step"]
+    cell = np.searchsorted(run.targets, table["target"][kept]) * encoder.frames + frame[kept]
+
+    def by_frame(values: Floats) -> Floats:
+        result = np.full(len(run.targets) * encoder.frames, np.nan)
+        result[cell] = values[kept]
+        return result
+
+    x, y = (by_frame(values) for values in run.places(table))
+    x[np.isnan(y)] = np.nan
+    encoder.columns[f"{name}_x"] = quantised(x, box[0], box[2])
+    encoder.columns[f"{name}_y"] = quantised(y, box[1], box[3])
+    if name == "estimate":
+        encoder.columns["error"] = by_frame(table["error"]).astype("<f4")
+        encoder.columns["head"] = np.full(x.size, -1, "<i4")
+        encoder.columns["head"][cell] = encoder.index_of(table["head"][kept]) if run.network else -1
+
+
+def add_particles(encoder: ReplayEncoder) -> None:
+    """Add the particles, in 8 bits within the bounding box of each frame's particles."""
+    run, cloud = encoder.run, encoder.run.cloud
+    rows, frames = _weighty(encoder)
+    kept = thinned(frames, encoder.detail.particles)
+    if not kept.all():
+        encoder.notes.append(f"at most {encoder.detail.particles} particles are drawn at a time")
+    encoder.add_total("particle", encoder.frame_of(cloud["step"])[_is_shown(encoder)])
+    rows, frames = rows[kept], frames[kept]
+    positions = run.places(cloud | {"time": cloud["step"] * run.dt})
+    x, y = (_boxed(encoder, axis, values[rows], frames) for axis, values in enumerate(positions))
+    encoder.add("particle", frames, x=x, y=y)
+
+
+def _is_shown(encoder: ReplayEncoder) -> Bools:
+    """(particles,) whether the particle's step is drawn."""
+    steps = encoder.run.cloud["step"]
+    shown = np.minimum(encoder.frame_of(steps) * encoder.detail.stride, encoder.run.last) == steps
+    return np.asarray(shown)
+
+
+def _weighty(encoder: ReplayEncoder) -> tuple[Ints, Ints]:
+    """The rows of particles with a noticeable weight, ordered by frame, and their frames; a note on the others."""
+    run, cloud = encoder.run, encoder.run.cloud
+    frame, shown = encoder.frame_of(cloud["step"]), _is_shown(encoder)
+    heaviest = np.zeros(encoder.frames)
+    np.maximum.at(heaviest, frame[shown], cloud["weight"][shown])
+    heavy = cloud["weight"] > LEAST_WEIGHT * heaviest[frame]
+    if (shown & ~heavy).any():
+        encoder.notes.append(f"particles lighter than {LEAST_WEIGHT:g} of the heaviest one are not drawn")
+    shown &= heavy & np.isfinite(np.sum(run.places(cloud | {"time": cloud["step"]}), axis=0))
+    rows = np.flatnonzero(shown)[np.argsort(frame[shown], kind="stable")]
+    return rows, frame[rows]
+
+
+def _boxed(encoder: ReplayEncoder, axis: int, values: Floats, frames: Ints) -> np.ndarray:
+    """Values in 8 bits between the least and the greatest of their frame; the limits are added as columns."""
+    low, high = np.full(encoder.frames, np.inf), np.full(encoder.frames, -np.inf)
+    np.minimum.at(low, frames, values)
+    np.maximum.at(high, frames, values)
+    width = np.where(high > low, high - low, 1.0)
+    low = np.where(np.isfinite(low), low, 0.0)
+    origin, side = encoder.box[axis], encoder.box[axis + 2] - encoder.box[axis]
+    encoder.columns[f"particle_{'xy'[axis]}_low"] = ((low - origin) / side).astype("<f4")
+    encoder.columns[f"particle_{'xy'[axis]}_width"] = (width / side).astype("<f4")
+    return np.asarray(np.rint((values - low[frames]) / width[frames] * 255).astype(np.uint8))
+
+
+JOINS, STARTS, LEAVES, ENDS = range(4)
+CHANGES: Final = {
+    "join": JOINS, "announce": STARTS, "elect": STARTS, "lost": ENDS,
+    "sleep": LEAVES, "resume": LEAVES, "restart": LEAVES, "crash": LEAVES, "death": LEAVES,
+}  # fmt: skip
+STATE_CHANGES: Final = ("wake", "stay", "sleep", "resume", "restart", "death", "crash")
+"""Events that change a node's state."""
+GOING_TO_SLEEP: Final = ("sleep", "resume")
+NONE: Final = 255
+
+
+def coded(kinds: np.ndarray, codes: dict[str, int]) -> np.ndarray:
+    """(events,) the code of each kind of event, NONE for kinds without a code."""
+    table = np.full(256, NONE, np.uint8)
+    for kind, code in codes.items():
+        table[KIND[kind]] = code
+    return np.asarray(table[kinds])
+
+
+def shown_from(events: Columns) -> Ints:
+    """(events,) the steps from which events show.
+
+    The estimate of a handover's step still belongs to the old cluster, whose nodes go to sleep after the handover, at
+    the same time. These nodes are shown asleep from the next step on, unless they are woken again within the step.
+    """
+    step, kind = events["step"].astype(np.int64), events["kind"]
+    handovers = np.flatnonzero(kind == KIND["handover"])
+    if not handovers.size:
+        return step
+    cluster = step << 32 | events["target"].astype(np.int64) + 1
+    known, first = np.unique(cluster[handovers], return_index=True)
+    at = np.searchsorted(known, cluster).clip(0, known.size - 1)
+    after = (known[at] == cluster) & (np.arange(step.size) > handovers[first][at])
+    late = after & np.isin(kind, [KIND[name] for name in GOING_TO_SLEEP]) & _is_last_change(events)
+    return np.asarray(step + late)
+
+
+def _is_last_change(events: Columns) -> Bools:
+    """(events,) whether an event is the last of its step that changes its node's state."""
+    changes = np.flatnonzero(np.isin(events["kind"], [KIND[name] for name in STATE_CHANGES]))[::-1]
+    node = events["step"][changes].astype(np.int64) << 32 | events["node"][changes].astype(np.int64) + 1
+    result = np.zeros(events["kind"].size, dtype=bool)
+    result[changes[np.unique(node, return_index=True)[1]]] = True
+    return result
+
+
+def add_clusters(encoder: ReplayEncoder, joined_before: Ints | None = None) -> Ints:
+    """Add the changes of membership, or a note if the event log has none.
+
+    Args:
+        encoder: the replay.
+        joined_before: indices of the nodes that joined a cluster in earlier portions of the replay.
+
+    Returns:
+        The indices of all nodes that joined a cluster so far.
+    """
+    events = encoder.run.events
+    index, change = encoder.index_of(events["node"]), coded(events["kind"], CHANGES)
+    targets = np.array(encoder.run.targets, dtype=np.int64)
+    of_target = np.isin(events["target"], targets) & (change != LEAVES) & (change != NONE)
+    joined = np.unique(index[of_target & (change != ENDS) & (index >= 0)])
+    if joined_before is not None:
+        joined = np.union1d(joined, joined_before)
+    if not joined.size:
+        if encoder.run.guess:
+            encoder.notes.append("no cluster members are drawn: the event log has none")
+        return joined
+    of_target &= (index >= 0) | (change == ENDS)
+    rows = np.flatnonzero(of_target | ((change == LEAVES) & np.isin(index, joined)))
+    number = np.where(of_target, np.searchsorted(targets, events["target"]), 0)[rows]
+    encoder.add(
+        "membership",
+        encoder.frame_of(shown_from(events)[rows]),
+        node=index[rows].clip(0).astype("<u4"),
+        target=number.astype("<u2"),
+        change=change[rows].astype("u1"),
+    )
+    return joined

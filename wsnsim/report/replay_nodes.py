@@ -9,8 +9,7 @@ import numpy as np
 from wsnsim.analysis.plot_data import Columns
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.tables import KIND
-from wsnsim.report.replay_encoding import ReplayEncoder, evenly, quantised, thinned
-from wsnsim.report.replay_tracks import NONE, coded, shown_from
+from wsnsim.report.replay_encoding import NONE, ReplayEncoder, coded, evenly, quantised, shown_from, thinned
 
 MAX_CELLS: Final = 20_000_000
 """Nodes times frames above which the residual energy of only those nodes is shown that took part (our choice)."""

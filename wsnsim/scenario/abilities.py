@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from wsnsim.base.arrays import components_of, periods_of
+from wsnsim.base.arrays import components_of, is_relative, periods_of
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.medium_access import is_duty_cycled
 from wsnsim.base.network_ports import Deployment
@@ -58,6 +58,8 @@ def _readings_not_taken(scenario: Scenario, setup: TrackingSetup) -> Iterator[Is
     names = components_of(setup.filter_sensor)
     needed = [("vector_readings", "readings of several components")] if len(names) > 1 else []
     needed += [("angles", "angles, which are the same after a turn")] if any(periods_of(setup.filter_sensor)) else []
+    if is_relative(setup.filter_sensor):
+        needed.append(("relative_readings", "readings of which only the differences count"))
     if getattr(setup.filter_sensor, "adapts", False):
         needed.append(("tells_prediction", "thresholds about a prediction, which it would have to send"))
     for ability, what in needed:

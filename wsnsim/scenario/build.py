@@ -140,9 +140,13 @@ def _setup(scenario: Scenario, components: dict[Keys, Any]) -> TrackingSetup | B
     }
     of_targets = ("motion", "sensor")
     roles = {str(path[0]): part for path, part in components.items() if path[0] in ROLES and path[0] not in of_targets}
-    if hasattr(roles.get("link"), "with_nodes") and hasattr(type(roles["deploy"]), "names"):
+    if hasattr(type(roles["deploy"]), "names"):
         with contextlib.suppress(RunError):  # the check of one of them says so
-            roles["link"] = roles["link"].with_nodes(roles["deploy"].names)
+            names = roles["deploy"].names
+            if "link" in roles:
+                roles["link"] = _joined(roles["link"], names)
+            if scope.targets:
+                components = components | {("sensor",): _joined(components["sensor",], names)}
     if not scope.targets:
         return BeaconSetup(**common, **roles)
     roles.pop("workload", None)
@@ -150,6 +154,15 @@ def _setup(scenario: Scenario, components: dict[Keys, Any]) -> TrackingSetup | B
     if not scope.network:
         return TrackingSetup(**tracking)
     return NetworkSetup(**tracking, until_clusters=scenario.until.clusters if scenario.until else None)
+
+
+def _joined(part: Any, names: tuple[str, ...]) -> Any:
+    """Return a component whose lists for nodes, and those of the law within it, are in the order of these names."""
+    if hasattr(part, "with_nodes"):
+        return part.with_nodes(names)
+    law = getattr(part, "law", None)
+    joined = _joined(law, names) if dataclasses.is_dataclass(law) else law
+    return part if joined is law else dataclasses.replace(part, law=joined)
 
 
 def _of_targets(scenario: Scenario, components: dict[Keys, Any]) -> dict[str, Any]:

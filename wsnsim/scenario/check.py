@@ -273,7 +273,7 @@ def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
                 component = functools.reduce(operator.getitem, path, cast(Any, data))
                 component[field] = str((node.spot.origin.folder / node.value).resolve())
                 if "digest" in names and component.get("digest", "") == "":
-                    component["digest"] = _digest_of(component[field])
+                    component["digest"] = digest_or_nothing(component[field])
     return data
 
 
@@ -291,7 +291,7 @@ def _with_inner_models(path: Keys, model: type[PartModel]) -> Iterator[tuple[Key
         yield from _with_inner_models((*path, *within), inner)
 
 
-def _digest_of(file: str) -> str:
+def digest_or_nothing(file: str) -> str:
     """Return the digest of a file, or '' if it cannot be read: its component says why."""
     try:
         return file_digest(file)

@@ -35,12 +35,13 @@ from typing import (
 )
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_serializer, model_validator
+from pydantic.types import Strict
 
 from wsnsim.base import batteries, mechanisms, medium_access, network_ports, ports, radio, sleeping
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.scenario.registry import ROLES, find, load_class
-from wsnsim.scenario.units import Named, Number, Strict, demand_items, refusal
+from wsnsim.scenario.units import Named, Number, demand_items, refusal
 
 FROZEN: Final = ConfigDict(
     extra="forbid", frozen=True, validate_default=True, protected_namespaces=(), defer_build=True
@@ -136,7 +137,7 @@ def annotation_of(kind: Any, quantity: Quantity) -> Any:
     if kind is float or kind is int:
         return Annotated[kind, Number(quantity, whole=kind is int)]
     if kind is str or kind is bool:
-        return Annotated[kind, Strict("str" if kind is str else "bool")]
+        return Annotated[kind, Strict()]
     if origin is Literal or kind is type(None):
         return kind
     if origin is tuple:
@@ -236,26 +237,28 @@ def _demand_mechanism(mechanism: Any, role: str) -> None:
 
 
 SHORT_FORMS: Final = {"gains": "gains", "inflate": "inflate", "filter_noise_scale": "noise_scale"}
-_Flag = Annotated[bool, Strict("bool")]
+_Flag = Annotated[bool, Strict()]
 _Scale = Annotated[float, Number(Quantity("", ge=1e-9, le=1e9))]
 
 
-class Assumes(BaseModel):
+@part
+class Assumes:
     """What the filter assumes about the models of the ground truth."""
 
-    model_config = FROZEN
-    gains: Literal["known", "unknown", "estimated"] = Field(
-        "known", description="whether the filter knows each sensor's gain, ignores it or estimates it beside the state"
-    )
-    inflate: _Flag = Field(False, description="widen the reading's variance for unknown gains and shadowing")
-    noise_scale: _Scale = Field(1.0, description="factor on the filter's process covariance")
+    gains: Annotated[
+        Literal["known", "unknown", "estimated"],
+        "whether the filter knows each sensor's gain, ignores it or estimates it beside the state",
+    ] = "known"
+    inflate: Annotated[bool, "widen the reading's variance for unknown gains and shadowing"] = False
+    noise_scale: Annotated[float, Quantity("", ge=1e-9, le=1e9), "factor on the filter's process covariance"] = 1.0
 
 
 class TrackerModel(PartModel):
     """The model of a tracker, with the assumptions of its filter; short forms are merged into `assumes`."""
 
-    assumes: Assumes = Field(
-        Assumes.model_construct(), description="what the filter assumes about the models of the ground truth"
+    assumes: nested_model(Assumes) = Field(  # type: ignore[valid-type]
+        nested_model(Assumes).model_construct(),
+        description="what the filter assumes about the models of the ground truth",
     )
     gains: Literal["known", "unknown", "estimated"] | None = Field(
         None, exclude=True, description="short for assumes.gains"
@@ -285,6 +288,10 @@ class Presence:
         Quantity("s", ge=0.0),
         "intervals [begin, end] in which the target is present, both ends within; none in []; left out: always",
     ] = None
+
+
+COMMON: Final = {"tracker": (Assumes, "assumes."), "motion": (Presence, "")}
+"""What the kinds of a role have beside their own fields, and the prefix of its keys."""
 
 
 class MotionPartModel(PartModel):

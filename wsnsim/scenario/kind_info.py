@@ -22,10 +22,72 @@ from wsnsim.base.errors import UsageError
 from wsnsim.base.facades import import_name, package_of
 from wsnsim.base.files import read_sections
 from wsnsim.base.plugin_code import PluginImport, announce
-from wsnsim.scenario.examples import Example, example_of
 from wsnsim.scenario.fields import PartError, fields_of
 from wsnsim.scenario.parameter_info import ParameterInfo, common_parameters, has_no_default, parameters_of
-from wsnsim.scenario.registry import ROLES, Kind, find, kinds, load_class, search
+from wsnsim.scenario.registry import ROLES, Role, find, kinds, load_class, search
+
+BASE: Final = "jiang_field"
+"""The shipped scenario that most examples extend."""
+
+
+@dataclass(frozen=True)
+class Example:
+    """A minimal scenario with one kind.
+
+    Attributes:
+        base: the shipped scenario that it extends.
+        lines: its own lines, beside `extends` and `name`; the first one names the kind.
+        files: the content of each file that the lines name.
+    """
+
+    base: str
+    lines: tuple[str, ...]
+    files: dict[str, str] = dataclasses.field(default_factory=dict)
+
+    def text(self, name: str = "example") -> str:
+        """Return the scenario as YAML."""
+        return "\n".join([f"extends: {self.base}", f"name: {name}", *self.lines]) + "\n"
+
+
+NODES: Final = "id,x,y\na,0,0\nb,50,0\nc,0,50\nd,50,50\n"
+TRACK: Final = "time,x,y\n0,5,5\n10,30,20\n28,45,45\n"
+READINGS: Final = "time,node,reading\n0,a,7.1\n1,b,44.1\n2,c,44.1\n3,d,62.2\n"
+LINKS: Final = (
+    '{"tx_length": 100, "interframe_duration": 100, "node_count": 2, "channels": [26]}\n'
+    "datetime,src,dst,channel,mean_rssi,pdr,tx_count\n"
+    "2026-01-01T00:00:00,0,1,26,-60.0,1.0,100\n2026-01-01T00:00:30,1,0,26,-61.0,0.9,100\n"
+    "2026-01-01T00:01:00,0,1,26,-60.0,1.0,100\n2026-01-01T00:01:30,1,0,26,-61.0,0.9,100\n"
+    "2026-01-01T00:02:00,0,1,26,-60.0,1.0,100\n2026-01-01T00:02:30,1,0,26,-61.0,0.9,100\n"
+)
+"""A recording of three rounds in the K7 format."""
+
+SUN: Final = "time,irradiance\n0,0\n0.1,800\n0.2,300\n"
+FILES: Final = {"sun.csv": SUN, "nodes.csv": NODES, "track.csv": TRACK, "readings.csv": READINGS, "links.k7": LINKS}
+
+
+@functools.cache
+def _special() -> dict[tuple[str, str], Example]:
+    """Return the examples of kinds that need parameters, or another base: the rows of examples.table."""
+    ((_, rows),) = read_sections(Path(__file__).with_name("examples.table"))
+    return {
+        (role, kind): Example(base, tuple(lines), {name: FILES[name] for name in FILES if name in " ".join(lines)})
+        for role, kind, base, *lines in rows
+    }
+
+
+_FAULT: Final = "at: 9 s, nodes: [0, 1]"
+
+
+def example_of(role: Role, kind: str, required: tuple[str, ...]) -> Example:
+    """Return the example of a kind; its `required` parameters have '...' as values if the kind is a plug-in's."""
+    if found := _special().get((role.name, kind)):
+        return found
+    if role.optional:
+        return Example(BASE, (f"{role.listed}: [{{kind: {kind}, {_FAULT}}}]",))
+    name = f'"{kind}"' if ":" in kind else kind
+    values = ", ".join([f"kind: {name}", *(f"{parameter}: ..." for parameter in required)])
+    return Example(BASE, (f"{role.name}: {{{values}}}",))
+
 
 NOT_LOOKED_UP: Final = "not looked up"
 """The mark of a DOI that was not compared with the record at doi.org."""
@@ -169,7 +231,7 @@ def kind_info(role: str, kind: str) -> KindInfo:
     entry, described_role = find(role, kind), ROLES[role]
     part = load_class(entry)
     fields_of(part)  # raises PartError if the class is no component
-    summary, method, notes = _paragraphs(part)
+    summary, method, notes = paragraphs_of(part)
     text = " ".join([entry.paper, *notes, *method])
     idea = summary.rstrip(".") if entry.plugin else entry.idea or summary.rstrip(".")
     return KindInfo(
@@ -177,16 +239,12 @@ def kind_info(role: str, kind: str) -> KindInfo:
         method=(summary, *method), notes=notes, citations=tuple(cited_in(text)),
         parameters=(*parameters_of(part), *common_parameters(role)),
         facts=tuple(_facts(part, entry.state, entry.messages)),
-        import_line=_import_line(role, entry, part),
+        import_line=import_line(role, kind)
+        if entry in described_role.kinds
+        else f"from {part.__module__} import {part.__name__}",
         example=example_of(described_role, kind, tuple(_required(part))),
         default=kind == described_role.default, plugin=entry.plugin,
     )  # fmt: skip
-
-
-def _import_line(role: str, entry: Kind, part: type[Any]) -> str:
-    """Return the line that imports the class of a component; that of a plug-in is imported from its own module."""
-    is_own = entry in ROLES[role].kinds
-    return import_line(role, entry.kind) if is_own else f"from {part.__module__} import {part.__name__}"
 
 
 def _plugin(path: str) -> list[tuple[str, str]]:
@@ -209,22 +267,16 @@ def _plugin(path: str) -> list[tuple[str, str]]:
     return found
 
 
-def _paragraphs(part: type[Any]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+def paragraphs_of(part: type[Any]) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
     """Return the first paragraph of a class's docstring, the others, and those about sources, also of its bases."""
-    text = inspect.cleandoc(vars(part).get("__doc__") or "")
-    first, *others = [" ".join(piece.split()) for piece in text.split("\n\n")] if text else [""]
-    inherited = [
-        " ".join(piece.split())
-        for owner in part.__mro__[1:]
+    each = [
+        (owner, " ".join(piece.split()))
+        for owner in part.__mro__
         for piece in inspect.cleandoc(vars(owner).get("__doc__") or "").split("\n\n")
-        if _is_source(piece)
     ]
-    notes = dict.fromkeys([*(piece for piece in others if _is_source(piece)), *inherited])
-    return first, tuple(piece for piece in others if not _is_source(piece)), tuple(notes)
-
-
-def _is_source(paragraph: str) -> bool:
-    return paragraph.startswith(("Source:", "Sources:"))
+    notes = dict.fromkeys(piece for _, piece in each if piece.startswith(("Source:", "Sources:")))
+    first, *others = (piece for owner, piece in each if owner is part)
+    return first, tuple(piece for piece in others if piece not in notes), tuple(notes)
 
 
 def _facts(part: type[Any], state: str, messages: str) -> Iterator[tuple[str, str]]:

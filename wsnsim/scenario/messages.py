@@ -108,7 +108,7 @@ def _annotation(model: Any, path: Keys) -> Any:
         if inside is not None and key in inside.model_fields:
             here = inside.model_fields[key].annotation
         else:
-            arguments = [argument for argument in get_args(_unwrapped(here)) if argument is not ...]
+            arguments = [argument for argument in get_args(unwrapped(here)) if argument is not ...]
             index = min(key, len(arguments) - 1) if isinstance(key, int) else -1
             here = arguments[index] if arguments else here
     return _first_model(here) or here
@@ -130,11 +130,11 @@ def _first_model(annotation: Any) -> Any:
     return next((inner for argument in get_args(annotation) if (inner := _first_model(argument)) is not None), None)
 
 
-def _unwrapped(annotation: Any) -> Any:
+def unwrapped(annotation: Any) -> Any:
     """Return an annotation without Annotated and without None."""
     arguments = [argument for argument in get_args(annotation) if argument is not type(None)]
     if hasattr(annotation, "__metadata__") or (len(arguments) == 1 and len(get_args(annotation)) == 2):
-        return _unwrapped(arguments[0])
+        return unwrapped(arguments[0])
     return annotation
 
 

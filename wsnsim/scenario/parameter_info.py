@@ -20,7 +20,8 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from wsnsim.base.part import Quantity
 from wsnsim.scenario.build import plain_json
-from wsnsim.scenario.fields import PartError, PartModel, Presence, names_of, nested_of, part_model, roles_of
+from wsnsim.scenario.fields import COMMON, PartError, PartModel, about, names_of, nested_of, part_model, roles_of
+from wsnsim.scenario.messages import unwrapped
 from wsnsim.scenario.registry import AT_TOP, ROLES, kinds
 from wsnsim.scenario.schema import WITHOUT_TARGETS, Scenario
 
@@ -65,16 +66,7 @@ def has_no_default(field: dataclasses.Field[Any]) -> bool:
 
 def common_parameters(role: str) -> list[ParameterInfo]:
     """Return the parameters that every kind of a role has: of trackers, what its filter assumes about the models."""
-    if role != "tracker":
-        return list(parameters_of(Presence)) if role == "motion" else []
-    return [
-        ParameterInfo("assumes.gains", "text", "", "known | unknown | estimated", "known",
-            "whether the filter knows each sensor's gain, ignores it or estimates it beside the state"),
-        ParameterInfo("assumes.inflate", "true or false", "", "", "false",
-            "widen the reading's variance for unknown gains and shadowing"),
-        ParameterInfo("assumes.noise_scale", "number", DIMENSIONLESS, "1e-9 to 1e9", "1",
-            "factor on the filter's process covariance"),
-    ]  # fmt: skip
+    return list(parameters_of(*COMMON[role])) if role in COMMON else []
 
 
 def parameters_of(part: Any, prefix: str = "") -> Iterator[ParameterInfo]:
@@ -83,8 +75,7 @@ def parameters_of(part: Any, prefix: str = "") -> Iterator[ParameterInfo]:
     nested, inner = nested_of(part), roles_of(part)
     fields = {field.name: field for field in dataclasses.fields(part)}
     for name in names_of(part):
-        held, notes = _annotation(hints[name])
-        meaning = next((note for note in notes if isinstance(note, str)), "")
+        held, (quantity, (meaning, _)) = unwrapped(hints[name]), about(hints[name])
         default = _default(fields[name])
         if name in inner:
             kind = f"{'list of components' if inner[name].several else 'component'} of the role {inner[name].role}"
@@ -94,7 +85,6 @@ def parameters_of(part: Any, prefix: str = "") -> Iterator[ParameterInfo]:
         elif name in nested:
             yield from parameters_of(nested[name], f"{prefix}{name}.")
         else:
-            quantity = next((note for note in notes if isinstance(note, Quantity)), Quantity())
             kind = type_in_words(held)
             unit = _unit(part, quantity, held) if "number" in kind else ""
             yield ParameterInfo(prefix + name, kind, unit, _allowed(held, quantity), default, meaning)
@@ -106,13 +96,6 @@ def _unit(part: Any, quantity: Quantity, kind: Any) -> str:
     if quantity.label == "SI" and get_origin(kind) is tuple and len(get_args(kind)) == len(units):
         return ", ".join(unit or "1" for unit in units)
     return quantity.unit or quantity.label or DIMENSIONLESS
-
-
-def _annotation(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    held, notes = (get_args(hint)[0], get_args(hint)[1:]) if hasattr(hint, "__metadata__") else (hint, ())
-    options = [option for option in get_args(held) if option is not type(None)]
-    is_optional = len(options) == 1 and len(get_args(held)) == 2 and get_origin(held) is not tuple
-    return (options[0] if is_optional else held), notes
 
 
 def type_in_words(kind: Any) -> str:

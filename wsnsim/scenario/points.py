@@ -104,11 +104,6 @@ def demand_no_axis(assignments: Iterable[Assignment], settings: Iterable[Setting
         raise ScenarioError(issues)
 
 
-def keys_of_points(points: Iterable[Point]) -> tuple[str, ...]:
-    """Return the columns that distinguish points, in the order of their first use."""
-    return tuple(dict.fromkeys(key for point in points for key in point.settings))
-
-
 def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any], name: PointName | None) -> Point:
     content = resolved(scenario)
     decides = {key: value for key, value in content.items() if key not in LEFT_OUT}
@@ -125,11 +120,11 @@ def _leaves(keys: Keys, node: LocatedValue, content: Mapping[str, Any]) -> list[
     """Return (column, value in SI units) of all values of one setting; of a whole role, each of its keys."""
     if isinstance(node.value, dict):
         return [leaf for key, entry in node.value.items() for leaf in _leaves((*keys, key), entry.node, content)]
-    value = _value_at(content, keys, node.plain())  # a short form is stored elsewhere in the scenario
+    value = value_at(content, keys, node.plain())  # a short form is stored elsewhere in the scenario
     return [(dotted(keys), json.dumps(value) if isinstance(value, list | dict) else value)]
 
 
-def _value_at(content: Any, keys: Keys, default: Any = None) -> Any:
+def value_at(content: Any, keys: Keys, default: Any = None) -> Any:
     """Return the value of a resolved scenario at a path."""
     for key in keys:
         try:
@@ -217,7 +212,7 @@ def with_reals(tree: LocatedValue, bases: Iterable[ScenarioText], common: Sequen
     for block in BLOCKS:
         axes = tree.at(block)
         for key, entry in axes.value.items() if axes is not None else ():
-            if scenarios and all(isinstance(_value_at(one, keys_of(key)), float) for one in scenarios):
+            if scenarios and all(isinstance(value_at(one, keys_of(key)), float) for one in scenarios):
                 tree = tree.assigned((*block, key), shapes.of_reals(entry.node))
     return tree
 

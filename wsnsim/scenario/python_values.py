@@ -27,11 +27,6 @@ class WrongComponent(ValueError):
     """A value of a scenario is a Python object that cannot stand there. The message says what is wrong with it."""
 
 
-def is_component(value: Any) -> bool:
-    """Return whether a value is a component, or the class of one."""
-    return dataclasses.is_dataclass(value)
-
-
 def values_of(component: Any, role: str = "") -> dict[str, Any]:
     """Return the mapping of a component: its kind, if it plays a role, and the value of each of its fields.
 
@@ -55,7 +50,7 @@ def values_of(component: Any, role: str = "") -> dict[str, Any]:
 
 def defaults_of(value: Any) -> dict[str, Any]:
     """Return the default values of a component's fields that have one; {} for anything else."""
-    if not is_component(value):
+    if not dataclasses.is_dataclass(value):
         return {}
     known = [(field.name, field.default) for field in dataclasses.fields(value)]
     return {name: default for name, default in known if default is not dataclasses.MISSING}
@@ -70,7 +65,7 @@ def role_at(path: tuple[str | int, ...]) -> str:
 def _within(value: Any, role: str) -> Any:
     if isinstance(value, tuple | list):
         return [_within(item, role) for item in value]
-    return values_of(value, role) if is_component(value) else value
+    return values_of(value, role) if dataclasses.is_dataclass(value) else value
 
 
 def _kind_of(cls: type[Any], role: str) -> str:
@@ -113,7 +108,7 @@ def of_dict(
         ]
     if hasattr(values, "tolist"):
         values = values.tolist()
-    if is_component(values):
+    if dataclasses.is_dataclass(values):
         try:
             values = values_of(values, role_at(path))
         except WrongComponent as error:

@@ -16,6 +16,7 @@ from collections.abc import Collection
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, PrivateAttr, ValidationInfo, create_model, field_validator
+from pydantic.types import Strict
 
 from wsnsim.base import metrics
 from wsnsim.base.errors import shown_value
@@ -25,7 +26,7 @@ from wsnsim.base.tables import RECORDED_BY_DEFAULT
 from wsnsim.scenario.fields import FROZEN, PartModel, names_of
 from wsnsim.scenario.registry import AT_TOP, Role, Scope
 from wsnsim.scenario.texts import Keys, LocatedValue, Spot
-from wsnsim.scenario.units import Number, Strict, refusal, shown
+from wsnsim.scenario.units import Number, refusal, shown
 
 MOST_STEPS: Final = 10_000_000
 SAFE_CHARACTERS: Final = re.compile(r"\w[\w.\-]*")
@@ -36,7 +37,7 @@ WITHOUT_TARGETS: Final = ("beacons", "collection")
 TRACKING: Final = "tracking"
 """The mechanism of the workload with targets; every other workload has none."""
 
-_Flag = Annotated[bool, Strict("bool")]
+_Flag = Annotated[bool, Strict()]
 
 
 def unsafe_name(name: str, what: str) -> str:
@@ -143,7 +144,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     """
 
     model_config = FROZEN
-    name: Annotated[str, Strict("str"), names("a file")] = Field(description="name of scenario and result")
+    name: Annotated[str, Strict(), names("a file")] = Field(description="name of scenario and result")
     seed: Annotated[int, Number(Quantity("", ge=0), whole=True)] = Field(0, description="seed of every random stream")
     replicates: Annotated[int, Number(Quantity("", ge=1, le=100_000), whole=True)] = Field(
         1, description="number of Monte Carlo runs"

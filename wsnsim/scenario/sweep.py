@@ -40,7 +40,6 @@ from wsnsim.scenario.points import (
     assignments_in,
     combined,
     demand_no_axis,
-    keys_of_points,
     points_of,
     with_reals,
 )
@@ -133,7 +132,7 @@ def load_sweep(
         raise ScenarioError([tree.spot.issue((), f"makes {runs:,} runs; at most {MOST_RUNS:,} are allowed")])
     return Plan(
         name=written.name or name,
-        keys=keys_of_points(points),
+        keys=tuple(dict.fromkeys(key for point in points for key in point.settings)),
         points=tuple(points),
         replicates=most,
         until=written.until,

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
-from pydantic import AfterValidator, BaseModel, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, Strict, model_validator
 
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import Quantity
@@ -18,12 +18,12 @@ from wsnsim.base.tables import METRICS
 from wsnsim.scenario.axes import MOST_POINTS
 from wsnsim.scenario.fields import FROZEN
 from wsnsim.scenario.schema import names
-from wsnsim.scenario.units import Number, Strict, refusal, shown
+from wsnsim.scenario.units import Number, refusal, shown
 
 BLOCK: Final = 5
 MOST_REPLICATES: Final = 100_000
 
-_Text = Annotated[str, Strict("str")]
+_Text = Annotated[str, Strict()]
 _Whole = Annotated[int, Number(Quantity("", ge=1, le=MOST_REPLICATES), whole=True)]
 
 
@@ -42,7 +42,7 @@ class StoppingRule(BaseModel):
     """
 
     model_config = FROZEN
-    metric: Annotated[str, Strict("str"), AfterValidator(_known_metric)] = Field(
+    metric: Annotated[str, Strict(), AfterValidator(_known_metric)] = Field(
         "rmse", description="column of the table runs whose median is estimated"
     )
     half_width: Annotated[float, Number(Quantity("", gt=0, lt=1))] = Field(
@@ -77,7 +77,7 @@ class SweepText(BaseModel):
     """The keys of a sweep file."""
 
     model_config = FROZEN
-    name: Annotated[str, Strict("str"), names("a folder")] | None = Field(
+    name: Annotated[str, Strict(), names("a folder")] | None = Field(
         None, description="name, also of the folder of results; default that of the file"
     )
     scenario: _Text | tuple[_Text, ...] = Field(description="the scenario to vary, or several")

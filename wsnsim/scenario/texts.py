@@ -11,6 +11,7 @@ A tree of these is the common form of files, `--set` and dicts, and is what a sc
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -47,7 +48,13 @@ def shipped_studies() -> dict[str, Path]:
     return {path.parent.name: path.parent for path in _paths("*/*/study.yaml")}
 
 
-def find(source: str | Path, folder: Path | None = None) -> Path | None:
+def template(name: str, offline: bool = False) -> str:
+    """Return the text of a scenario of this name, with a network or without (`offline`)."""
+    file = Path(__file__).with_name("templates") / ("offline.yaml" if offline else "tracking.yaml")
+    return file.read_text(encoding="utf-8").replace("{name}", name)
+
+
+def find_or_none(source: str | Path, folder: Path | None = None) -> Path | None:
     """Return the file of a scenario.
 
     Args:
@@ -55,22 +62,12 @@ def find(source: str | Path, folder: Path | None = None) -> Path | None:
         folder: where a relative path starts; None: the working directory.
 
     Returns:
-        The file; the path itself if it is a folder; None if nothing has this name.
+        The file; the path itself if it is a folder; None if nothing has this name, or no file can have it.
     """
     start = Path(source) if folder is None else folder / source
-    for path in (start, *(start.with_name(start.name + suffix) for suffix in SUFFIXES if start.name)):
-        if path.exists() and not path.is_dir():
-            return path
-    known = shipped().get(str(source).removesuffix(".yaml"))
-    return known or (start if start.is_dir() else None)
-
-
-def find_or_none(source: str | Path, folder: Path | None = None) -> Path | None:
-    """Return what `find` returns, or None for a name that no file can have."""
-    try:
-        return find(source, folder)
-    except (OSError, ValueError):
-        return None
+    named = (start, *(start.with_name(start.name + suffix) for suffix in SUFFIXES if start.name))
+    found = _first_file(named) or shipped().get(str(source).removesuffix(".yaml"))
+    return found or (start if os.path.isdir(start) else None)  # noqa: PTH112 - a name that is too long is none
 
 
 def is_result(source: str | Path) -> bool:
@@ -104,7 +101,7 @@ class TextFile(NamedTuple):
 
 
 def text_file(source: str | Path, folder: Path | None = None) -> TextFile:
-    """Return the file that `find` finds, with its text. `folder`: where a relative path starts, as there."""
+    """Return the file that `find_or_none` finds, with its text. `folder`: where a relative path starts, as there."""
     path = find_or_none(source, folder)
     return TextFile(None, None, []) if path is None else TextFile(path, *content_of(path))
 

@@ -15,7 +15,7 @@ import math
 import re
 from decimal import Context, Decimal, localcontext
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -234,15 +234,6 @@ class Number(NamedTuple):
 
     def _wanted(self) -> str:
         return "a whole number" if self.whole else "a number" if not self.quantity.unit else wanted(self.quantity.unit)
-
-
-class Strict(NamedTuple):
-    """A pydantic annotation: a text or a truth value, without conversion from other types."""
-
-    schema: Literal["str", "bool"]
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.str_schema(strict=True) if self.schema == "str" else core_schema.bool_schema(strict=True)
 
 
 def demand_items(length: int | None, value: Any) -> Any:

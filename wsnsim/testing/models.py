@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Keys, components_of, near, periods_of, rows
+from wsnsim.base.arrays import Floats, Keys, components_of, is_relative, near, periods_of, rows
 from wsnsim.base.errors import RunError
 from wsnsim.base.optional_ports import Detects, FewReadings
 from wsnsim.base.ports import MotionModel, SensorModel
@@ -246,6 +246,8 @@ def _check_sensor_linearisation(sensor: SensorModel, field: _SensorField, *_: ob
         _check_moments(sensor, field, expected[:, 0], variances[:, 0])
     else:
         _check_quiet(sensor, field, expected[:, 0])
+    if is_relative(sensor):
+        assert np.allclose(expected.mean(axis=0), 0.0, atol=1e-6), "linearise: relative readings must have the mean 0"
     for axis in range(axes):
         shift = WIDTH * np.eye(axes)[:, [axis]]
         above, below = (sensor.linearise(field.points + s, field.positions, field.traits)[0] for s in (shift, -shift))
@@ -318,9 +320,13 @@ def _check_likelihood(sensor: SensorModel, field: _SensorField, _: float, rng: n
         for i in range(len(readings))
     ]
     scale = 1e-9 * np.abs(each).sum(axis=0) + 1e-9
-    assert (np.abs(np.sum(each, axis=0) - whole) <= scale).all(), (
-        "the likelihood of several readings is not the product of theirs"
-    )
+    if is_relative(sensor):
+        moved = sensor.log_likelihood(field.points, readings + 7.0, field.positions, field.traits)
+        assert np.allclose(moved, whole, rtol=1e-6, atol=1e-6), "of relative readings, only the differences may count"
+    else:
+        assert (np.abs(np.sum(each, axis=0) - whole) <= scale).all(), (
+            "the likelihood of several readings is not the product of theirs"
+        )
     owners = np.arange(field.points.shape[1]) % len(readings)
     own = sensor.log_likelihood(field.points, readings, field.positions, field.traits, owners)
     wanted = np.array(each)[owners, np.arange(owners.size)]

@@ -8,17 +8,31 @@ Requests of a step:
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation, Ints, near, planar, rows
+from wsnsim.base.arrays import (
+    NO_INNOVATION,
+    Estimate,
+    Floats,
+    Innovation,
+    Ints,
+    innovation_of,
+    is_relative,
+    near,
+    planar,
+    rows,
+)
+from wsnsim.base.errors import Issue
 from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.gains import gain_prior, gains_before, gains_of
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
@@ -57,6 +71,11 @@ class ExtendedKalman(HeadFilter):
     def tells_prediction(self) -> bool:
         """Whether members that quantise about the head's prediction are sent it: if all of them are asked."""
         return self.readings == "all"
+
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
+        """Yield an issue if the reading of the nearest sensor says nothing by itself."""
+        if self.readings == "nearest" and is_relative(setup.filter_sensor):
+            yield Issue(("tracker", "readings"), "of readings of which only the differences count, use all")
 
     def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
         """One step: N_act - 1 readings reach the head, or one; it predicts, and updates with what arrived."""
@@ -122,8 +141,8 @@ def _updated(
             expected = expected + gradients[:, : place.size, 0] @ (mean[place] - point)[:, None]
         after = mean.copy(), cov.copy()
         square, used = kalman(*after, expected, gradients, variances, heard, columns)
-        if iteration == 0 and used:
-            innovation = Innovation(square, used)
+        if iteration == 0:
+            innovation = innovation_of(scene.sensor, square, used)
         point = after[0][place]
     return *after, innovation
 

@@ -52,14 +52,14 @@ Move = Literal["position", "all"]
 
 @part
 class HeadSampling(HeadFilter):
-    """What the three have in common. A tracker gives `moved(cloud, score, scene)`, `evaluations` and `move_cycles`."""
+    """What the three have in common. A tracker gives `moved(cloud, score, scene)` and `move_cycles`."""
 
     particles: Annotated[int, Quantity("", ge=1, le=10**6), "N: particles sampled at each step"] = 100
 
     @property
     def evaluations(self) -> int:
-        """How many likelihoods of all readings one particle costs in one step."""
-        return 1
+        """How many likelihoods of all readings one particle costs in one step: at the start, and after each move."""
+        return 1 + int(getattr(self, "iterations", 0))
 
     @property
     def move_cycles(self) -> float:
@@ -134,11 +134,6 @@ class SwarmGaussianPf(HeadSampling):
     move: Annotated[Move, "whether the position alone or the whole state moves"] = "position"
 
     @property
-    def evaluations(self) -> int:
-        """One evaluation at the start and one after each move."""
-        return 1 + self.iterations
-
-    @property
     def move_cycles(self) -> float:
         """50 operations per particle and move."""
         return MOVE_CYCLES * self.particles * self.iterations
@@ -191,11 +186,6 @@ class GravitationalGaussianPf(HeadSampling):
         "always"
     )
     move: Annotated[Move, "whether the position alone or the whole state moves"] = "position"
-
-    @property
-    def evaluations(self) -> int:
-        """One evaluation at the start and one after each move."""
-        return 1 + self.iterations
 
     @property
     def move_cycles(self) -> float:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Any, Final, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
@@ -122,6 +122,8 @@ class InformationDriven(HeadFilter):
     optimization", IEEE Trans. Signal Processing 57(2), doi:10.1109/TSP.2008.2007095; thresholds that members apply
     themselves, packed readings and the way they are joined with the filter are our choice.
     """
+
+    relative_readings: ClassVar[bool] = False
 
     keep: Annotated[
         float,

@@ -94,6 +94,7 @@ class MixturePf(HeadFilter):
     angles: ClassVar[bool] = False
     assumes_gaussian: ClassVar[bool] = True
     vector_readings: ClassVar[bool] = False
+    relative_readings: ClassVar[bool] = False
     """Methods that its sensor must have in addition to the port's."""
 
     particles: Annotated[int, Quantity("", ge=1, le=1_000_000), "N_p: particles"] = 1500

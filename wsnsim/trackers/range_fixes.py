@@ -11,7 +11,7 @@ Requests of a step:
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Annotated, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -119,17 +119,12 @@ class TwoPhase(RangeFix):
     Source: Ren, Li, Gao, Cheng (2009), known here from one sentence in Li, Jiang, Zhang, Zhang (2012).
     """
 
+    _handover_bits: ClassVar[int] = TWO_FIXES_BITS
+    _kept: ClassVar[int] = 2
+
     def belief_bits(self, belief: Fixes) -> int:
         """Two positions of 4 bytes."""
         return 2 * POSITION_BITS
-
-    @property
-    def _handover_bits(self) -> int:
-        return TWO_FIXES_BITS
-
-    @property
-    def _kept(self) -> int:
-        return 2
 
     def _other_cycles(self, fixes: int) -> float:
         return HEADING_CYCLES if fixes > 1 else 0.0
@@ -146,6 +141,9 @@ class AwakeOnly(RangeFix):
     Source: the random independent sleeping of Li, Jiang, Zhang, Zhang (2012), without its wake-up; our choice.
     """
 
+    _handover_bits: ClassVar[int] = ONE_FIX_BITS
+    _kept: ClassVar[int] = 1
+
     def foresees(self, belief: Fixes) -> bool:
         """Never."""
         return False
@@ -153,14 +151,6 @@ class AwakeOnly(RangeFix):
     def belief_bits(self, belief: Fixes) -> int:
         """One position of 4 bytes."""
         return POSITION_BITS
-
-    @property
-    def _handover_bits(self) -> int:
-        return ONE_FIX_BITS
-
-    @property
-    def _kept(self) -> int:
-        return 1
 
     def _start_of(self, expected: Estimate, ranged: Ranged, scene: Scene) -> tuple[Floats, float]:
         return np.asarray(ranged.seen.positions.mean(axis=0)), float(ranged.ranges.max())

@@ -52,6 +52,7 @@ class SensorChain(HeadFilter):
     """The base of filters that weigh sensors by the probabilities of a Markov chain."""
 
     vector_readings: ClassVar[bool] = False
+    relative_readings: ClassVar[bool] = False
     assumes_gaussian: ClassVar[bool] = True
 
     def report_state(self, belief: ChainBelief) -> dict[str, Floats]:

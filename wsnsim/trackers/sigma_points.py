@@ -22,7 +22,7 @@ from typing import Annotated, ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation, near, rows
+from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation, innovation_of, near, rows
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import MotionModel, Scene
@@ -124,7 +124,7 @@ def updated(
     central, scaled = (centre - mid)[known] * inverse, innovation[known] * inverse
     deviations = root * (cloud[:, 1:] - mean[:, None])
     shift, after, square = _conditioned(deviations, white, central, scaled, weights.centre)
-    return mean + shift, after, Innovation(square, int(np.count_nonzero(known)))
+    return mean + shift, after, innovation_of(scene.sensor, square, int(np.count_nonzero(known)))
 
 
 def _conditioned(

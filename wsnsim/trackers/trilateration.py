@@ -55,6 +55,7 @@ class Trilateration(HeadFilter):
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
     angles: ClassVar[bool] = False
     vector_readings: ClassVar[bool] = False
+    relative_readings: ClassVar[bool] = False
     """Methods that its sensor must have in addition to the port's."""
 
     floor: Annotated[

@@ -113,7 +113,8 @@ def _replicates(path: Path, wanted: int, partial: bool) -> tuple[list[int], list
 
 def _row(path: Path, again: Path, replicate: int, compared: Sequence[RepeatedTable]) -> dict[str, Any]:
     """The entry of `Verification.rows` for one run, from its compared tables."""
-    stored, repeated, digests_agree = _fingerprints(path, again, replicate)
+    stored, repeated = (_digests(file, replicate) for file in (path, again))
+    digests_agree = stored == repeated
     columns = [f"{table.table}.{name}" for table in compared for name in table.differing]
     values = [name for name in columns if name.removeprefix("runs.") not in DIGESTS]
     lengths = [
@@ -122,8 +123,8 @@ def _row(path: Path, again: Path, replicate: int, compared: Sequence[RepeatedTab
     same_values = not values and not lengths
     return {
         "replicate": replicate,
-        "fingerprint": stored,
-        "again": repeated,
+        "fingerprint": stored.get("fingerprint", 0),
+        "again": repeated["fingerprint"],
         "equal": same_values and digests_agree,
         # equal values must have equal digests; if values differ by rounding, digests differ
         "close": all(table.close for table in compared) and (digests_agree or not same_values),
@@ -131,16 +132,8 @@ def _row(path: Path, again: Path, replicate: int, compared: Sequence[RepeatedTab
     }
 
 
-def _fingerprints(path: Path, again: Path, replicate: int) -> tuple[int, int, bool]:
-    """(stored, repeated, whether all digests agree); stored is 0 if the result's table `runs` lacks the run."""
-    stored, repeated = _digests(path, replicate), _digests(again, replicate)
-    if not stored:
-        return 0, repeated["fingerprint"], False
-    return stored["fingerprint"], repeated["fingerprint"], stored == repeated
-
-
 def _digests(path: Path, replicate: int) -> dict[str, int]:
-    """The digests of one run."""
+    """The digests of one run; none if the table `runs` lacks it."""
     runs = read_table(path, "runs")
     rows = (runs["replicate"] == replicate).nonzero()[0]
     return {name: int(runs[name][rows[0]]) for name in DIGESTS if name in runs and rows.size}

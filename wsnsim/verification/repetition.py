@@ -19,10 +19,11 @@ from wsnsim.scenario.build import differing_leaves
 from wsnsim.scenario.build import resolved as resolved_of
 from wsnsim.scenario.check import is_path, validated
 from wsnsim.scenario.load import assignments_of, load
+from wsnsim.scenario.points import value_at
 from wsnsim.scenario.python_values import of_dict
 from wsnsim.scenario.reader import read, read_scenario
 from wsnsim.scenario.registry import Plugins
-from wsnsim.scenario.texts import Entry, Keys, LocatedValue, Origin, ScenarioText, shipped
+from wsnsim.scenario.texts import Entry, LocatedValue, Origin, ScenarioText, shipped
 
 ROUNDING: Final = 1e-6
 """Differences up to this share of a value, or up to a thousandth of it of the column's largest one, are rounding."""
@@ -176,7 +177,7 @@ def compare_source(
         return ["its source text is not a scenario"], []
     base, own, unknown = _base_of(_with_stored_files(tree, resolved), resolved)
     written, wrong = assignments_of(overrides, plugins)
-    assignments = [(keys, _with_stored_files(node, _at(resolved, keys), str(keys[-1]))) for keys, node in written]
+    assignments = [(keys, _with_stored_files(node, value_at(resolved, keys), str(keys[-1]))) for keys, node in written]
     text = ScenarioText(own if base is None else base.merged(own), wrong, ("", ""))
     try:
         known, found = load(resolved, plugins=plugins), validated(text, assignments)
@@ -232,13 +233,3 @@ def _ends(stored: str, written: str) -> bool:
     """Whether a stored path ends with a relative one, apart from steps to parent folders."""
     parts = [part for part in Path(written).parts if part not in (".", "..")]
     return bool(parts) and not Path(written).is_absolute() and list(Path(stored).parts[-len(parts) :]) == parts
-
-
-def _at(stored: Any, keys: Keys) -> Any:
-    """The stored value at a path of keys; None if there is none."""
-    for key in keys:
-        try:
-            stored = stored[key]
-        except (KeyError, IndexError, TypeError):
-            return None
-    return stored

@@ -22,7 +22,7 @@ from wsnsim.analysis import campaigns
 from wsnsim.analysis.campaign_info import ReplicateCounts, label
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.recording.folder import Folder
-from wsnsim.report.page_template import script_of, static_text
+from wsnsim.report.html_page import script_of, static_text
 from wsnsim.report.svg_figures import SweepSvgs, sweep_svgs
 from wsnsim.watch.run_view import page
 from wsnsim.watch.server import HttpAnswer, WatchServer

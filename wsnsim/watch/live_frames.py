@@ -20,12 +20,11 @@ from typing import Any, Final, final
 
 import numpy as np
 
-from wsnsim.analysis.plot_data import Columns
-from wsnsim.analysis.replicate_tables import EVENTS
+from wsnsim.analysis.plot_data import EVENTS, Columns
 from wsnsim.base.arrays import Floats
 from wsnsim.base.rows import Issued, RunNow, RunStart
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.tables import CAUSES, Recorder
+from wsnsim.base.tables import CAUSES, Recorder, equally_long
 from wsnsim.report.replay import PortionTables, ReplayPortions
 
 INTERVAL: Final = 0.25
@@ -159,7 +158,7 @@ class LiveFrames:
         names = {"events": EVENTS, "particles": ("target", "step", *self._position(), "weight")}
         for table, columns in names.items():
             written = [rows for piece in pieces for rows in piece.rows.get(table, ())]
-            new = [_equally_long({name: rows[name] for name in columns}) for rows in written]
+            new = [equally_long({name: rows[name] for name in columns}) for rows in written]
             self._rows[table] = _joined([self._rows[table], *new])
         guess = self._guess([each for piece in pieces for each in piece.estimates])
         if guess:
@@ -228,11 +227,6 @@ def _row_columns(
     targets: np.ndarray, steps: np.ndarray, dt: float, places: dict[str, Floats], error: Floats, heads: np.ndarray
 ) -> Columns:
     return {"target": targets, "step": steps, "time": steps * dt, **places, "error": error, "head": heads}
-
-
-def _equally_long(columns: dict[str, Any]) -> Columns:
-    arrays = np.broadcast_arrays(*(np.atleast_1d(values) for values in columns.values()))
-    return dict(zip(columns, arrays, strict=True))
 
 
 def _joined(tables: Sequence[Columns]) -> Columns:

@@ -23,7 +23,7 @@ from typing import Any, Final, Self, final
 from wsnsim.base.rows import RunStart
 from wsnsim.base.runs import Progress
 from wsnsim.base.tables import Recorder
-from wsnsim.report.page_template import filled, script_of, source_of, static_text
+from wsnsim.report.html_page import filled, script_of, source_of, static_text
 from wsnsim.watch.live_frames import INTERVAL, LiveFrames, LiveRecorder, RunPiece
 from wsnsim.watch.server import HttpAnswer, WatchServer, answer_with_page
 
@@ -76,15 +76,11 @@ class RunView(WatchServer):
         """The recorder through which the run is watched."""
         return LiveRecorder(file, self._queue.put, self._queue.put, self._interval)
 
-    def report(self, progress: Progress) -> None:
-        """Take the progress of the run."""
-        self._progress = progress
-
     def reporting(self, step: Callable[[Progress], None]) -> Callable[[Progress], None]:
         """A function that takes the progress, and passes it on."""
 
         def report(progress: Progress) -> None:
-            self.report(progress)
+            self._progress = progress
             step(progress)
 
         return report

@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from wsnsim.scenario.examples import template
 from wsnsim.scenario.parameter_info import as_written, json_schema, short_number
 from wsnsim.scenario.registry import AT_TOP, ROLES
+from wsnsim.scenario.texts import template
 from wsnsim.scenario.units import PREFIXES, SYMBOLS, WORDS
 from wsnsim_reference.markdown import code, escaped, fence, generated, table
 

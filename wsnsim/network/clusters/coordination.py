@@ -14,8 +14,7 @@ import simpy
 from wsnsim.base.errors import RunError, WsnsimError
 from wsnsim.network.clusters.driver import DriverServices, HeadDied
 from wsnsim.network.clusters.elections import Elections
-from wsnsim.network.clusters.estimates import Estimates
-from wsnsim.network.clusters.head_services import HeadMessages, HeadProtocol, HeadServices
+from wsnsim.network.clusters.head_services import Estimates, HeadMessages, HeadProtocol, HeadServices
 from wsnsim.network.clusters.network_view import TargetSearch
 from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
 from wsnsim.network.clusters.wake_ahead import WakeAhead

@@ -1,28 +1,33 @@
-"""What the protocol of cluster heads has: the messages of heads, the services of the network, and the port itself."""
+"""What head protocols have: the messages of heads, what a track reports, the services, and the port itself."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
+import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools, Reading
+from wsnsim.base.arrays import Bools, Estimate, Reading
 from wsnsim.base.network_ports import Appointment
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.base.rows import Issued, wants_belief, write_belief
+from wsnsim.base.tables import Recorder
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.collection import Deadline
-from wsnsim.network.clusters.driver import DriverServices, HeadDied
+from wsnsim.network.clusters.driver import Driver, DriverServices, HeadDied
 from wsnsim.network.clusters.elections import Elections
-from wsnsim.network.clusters.estimates import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Handover, Track
 from wsnsim.network.clusters.wake_ahead import WakeAhead
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.node_process import NodeProcesses
-from wsnsim.network.radio.datagrams import Datagram
+from wsnsim.network.radio.datagrams import A_SINK, Datagram
 from wsnsim.network.radio.transport import Transport
+from wsnsim.network.result_rows import ReportRows
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,16 +43,6 @@ class Joins:
     step: int
     readings: dict[int, Reading]
     pending: list[tuple[Datagram, simpy.Event]]
-
-    @property
-    def is_unanswered(self) -> bool:
-        """Whether no node has joined, and none is about to."""
-        return not self.readings and not self.pending
-
-    def on_end(self, ended: Callable[[int, bool], None]) -> None:
-        """Call `ended` at the end of each pending join, with its node and whether it arrived."""
-        for join, event in self.pending:
-            then(event, lambda join=join: ended(join.source, join.arrived))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,21 +120,78 @@ class HeadMessages:
             raise HeadDied
         return {node: burst.received[node] for node in sorted(burst.received) if alive[node]}
 
-    def readings_of_everyone(self, target: int, head: int) -> Acting[dict[int, Reading]]:
-        """Let every sensing node send its reading to the head; return {node: reading} of what arrived."""
-        readings = self.network.readings[target]
-        datagrams = [Datagram(node, head, Parcel(value, 1, PACKET_BITS, "reading")) for node, value in readings.items()]
-        if datagrams:
-            yield self.transport.carry(datagrams, target)
-        arrived = [datagram.source for datagram in datagrams if datagram.arrived]
-        # a node may have stopped sensing meanwhile
-        return {node: readings[node] for node in arrived if node in readings}
 
-    def wake(self, target: int, head: int, node: int) -> Acting[bool]:
-        """Send a node a packet that wakes it; return whether it arrived."""
-        datagram = Datagram(head, node, Parcel(None, 1, PACKET_BITS, "wake"))
-        yield self.transport.carry([datagram], target)
-        return datagram.arrived
+class Estimates:
+    """Initiates tracks, records their estimates, and has heads report them, each to one of the sinks.
+
+    Attributes:
+        received: When a sink received each report, in s: {(target, step): time}.
+    """
+
+    def __init__(
+        self, network: NetworkView, reports: ReportRows, sinks: Sequence[int], recorder: Recorder, replicate: int
+    ) -> None:  # fmt: skip
+        self.network = network
+        self.recorder = recorder
+        self.replicate = replicate
+        self.received: dict[tuple[int, int], float] = {}
+        self._reports = reports
+        self._sinks = sinks
+        self._bits, self._interval = network.setup.sink.bits, network.setup.report_every
+
+    def initial(self, track: Track, readings: Mapping[int, Reading]) -> Estimate:
+        """The estimate from which a track is initiated, given {node: reading}."""
+        setup, at = self.network.setup, self.network.nodes
+        nodes = np.array(sorted(readings), dtype=np.int64)
+        return setup.acquire.estimate(
+            np.array([readings[node] for node in nodes.tolist()]),
+            at.assumed.positions[nodes],
+            at.traits[nodes],
+            setup.filter_sensor,
+            setup.filter_motions[track.target],
+            track.prior,
+        )
+
+    def note_start(self, track: Track, head: int) -> None:
+        """Note that a track was initiated; one that was lost before has been reacquired."""
+        if track.started:
+            track.reacquired += 1
+            self.network.log.add("reacquire", track.target, head)
+        track.started = True
+
+    def issue(self, track: Track, step: int, scene: Scene, driver: Driver, belief: Any) -> None:
+        """Record the estimate of a step and report it to the sink. At step 0 the belief is the prior, no estimate."""
+        if step == 0:
+            return
+        estimate = self.network.setup.tracker.estimate(belief)
+        self.network.log.add("estimate", track.target, scene.head)
+        assert math.isfinite(sum(estimate.mean.tolist())), (
+            f"the tracker's estimate at step {step} is not finite: {estimate.mean}"
+        )
+        track.estimates[step] = Issued(
+            step, self.network.clock.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
+        )
+        self._report(scene.head, step, track.target)
+
+    def snapshot(self, track: Track, cluster: Cluster, belief: Any, step: int) -> None:
+        """Record the particles and the tracker's state, if their tables are wanted."""
+        if not wants_belief(self.recorder):
+            return
+        setup = self.network.setup
+        members = [cluster.members[node] for node in cluster.roster()]
+        key = {"replicate": self.replicate, "target": track.target, "step": step}
+        write_belief(self.recorder, key, setup.tracker, belief, members, setup.motions[track.target].columns)
+
+    def _report(self, head: int, step: int, target: int) -> None:
+        """Send the estimate of a step to a sink, if a report is due. The head does not wait for its arrival."""
+        if not self._sinks or step % self._interval:
+            return
+        report = Datagram(head, A_SINK, Parcel(None, 1, self._bits, "report"))
+        then(self._reports.send(report, target), self._receive, report, step, target)
+
+    def _receive(self, report: Datagram, step: int, target: int) -> None:
+        if report.arrived:
+            self.received[target, step] = self.network.clock.now
 
 
 class HeadServices(NamedTuple):

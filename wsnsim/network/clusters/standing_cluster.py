@@ -14,12 +14,13 @@ import numpy as np
 from wsnsim.base.arrays import Estimate, Reading
 from wsnsim.base.network_ports import SeesGeometry
 from wsnsim.base.ports import Scene
-from wsnsim.base.requests import Flow
+from wsnsim.base.requests import PACKET_BITS, Flow, Parcel
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
 from wsnsim.network.clusters.driver import Driver, HeadDied
 from wsnsim.network.clusters.head_services import HeadServices
 from wsnsim.network.clusters.track import Handover, LastClusterDone, NotDelivered, Track, TrackLost
-from wsnsim.network.event_log import Acting
+from wsnsim.network.event_log import Acting, then
+from wsnsim.network.radio.datagrams import Datagram
 
 
 class StandingClusterProtocol:
@@ -48,7 +49,8 @@ class StandingClusterProtocol:
         belief, last = handover.belief, handover.belief_step
         if handover.readings is not None:
             scene = cluster.scene(0)
-            known = self._with_joins(cluster, handover.readings)
+            late = self._setup.waits.election is not None
+            known = {**cluster.reported, **handover.readings} if late else handover.readings
             prior, readings = yield from self._first_estimate(track, handover, known)
             belief = yield from driver.perform(tracker.start(prior, scene))
             driver.readings = readings
@@ -79,12 +81,13 @@ class StandingClusterProtocol:
         """Announce a cluster and let sensing nodes join; return it, or a handover if an election chose another head."""
         target, head, network = track.target, handover.successor, self._network
         joins = yield from self._services.messages.recruit(target, head)
-        if joins.is_unanswered and self._setup.waits.retries_handover:
+        if not joins.readings and not joins.pending and self._setup.waits.retries_handover:
             joins = yield from self._services.messages.recruit(target, head)
         cluster = Cluster(network, target, head, list(joins.readings))
         cluster.reported = joins.readings if joins.step == handover.belief_step else {}
         cluster.awaited, cluster.forming = len(joins.pending), True
-        joins.on_end(lambda node, arrived: self._end_join(track, cluster, node, arrived))
+        for join, ended in joins.pending:
+            then(ended, self._end_join, track, cluster, join)
         too_few = cluster.active() + cluster.awaited < self._setup.clusters.minimum_active
         if too_few and not handover.elected and handover.readings is None:
             winner = yield from self._services.elections.vote(track)
@@ -100,10 +103,11 @@ class StandingClusterProtocol:
         self._services.processes.enlist(cluster.members, target)
         return cluster
 
-    def _end_join(self, track: Track, cluster: Cluster, node: int, arrived: bool) -> None:
+    def _end_join(self, track: Track, cluster: Cluster, join: Datagram) -> None:
         """Admit a node whose join arrived after the head stopped waiting for joins, if the cluster still exists."""
         cluster.awaited -= 1
-        if arrived and (cluster.forming or track.cluster is cluster) and cluster.admit([node]):
+        node = join.source
+        if join.arrived and (cluster.forming or track.cluster is cluster) and cluster.admit([node]):
             self._log.add("join", track.target, node, peer=cluster.head)
             if not cluster.forming:
                 self._expect_members(cluster)
@@ -136,10 +140,6 @@ class StandingClusterProtocol:
         if not readings:
             raise TrackLost("no_readings")
         return self._services.estimates.initial(track, readings), len(readings)
-
-    def _with_joins(self, cluster: Cluster, readings: Mapping[int, Reading]) -> Mapping[int, Reading]:
-        """The readings that a new head knows, with those of joins if most candidates of an election kept silent."""
-        return readings if self._setup.waits.election is None else {**cluster.reported, **readings}
 
     def _known_readings(
         self, track: Track, head: int, readings: Mapping[int, Reading]
@@ -240,10 +240,11 @@ class ElectingClusterProtocol(StandingClusterProtocol):
         """
         if nearest is None:
             return None, False
-        awake = yield from self._services.messages.wake(track.target, head, nearest)
-        if not awake and self._setup.waits.retries_handover:
+        wake = Datagram(head, nearest, Parcel(None, 1, PACKET_BITS, "wake"))
+        yield self._services.messages.transport.carry([wake], track.target)
+        if not wake.arrived and self._setup.waits.retries_handover:
             raise NotDelivered
-        if not awake:
+        if not wake.arrived:
             return None, True
         yield track.tick
         winner = yield from self._services.elections.vote(track)
@@ -277,7 +278,13 @@ class OpenClusterProtocol(StandingClusterProtocol):
         self, track: Track, head: int, readings: Mapping[int, Reading]
     ) -> Acting[Mapping[int, Reading]]:
         """The readings of all nodes that sense, sent to the head."""
-        return (yield from self._services.messages.readings_of_everyone(track.target, head))
+        sensed = self._network.readings[track.target]
+        datagrams = [Datagram(node, head, Parcel(value, 1, PACKET_BITS, "reading")) for node, value in sensed.items()]
+        if datagrams:
+            yield self._services.messages.transport.carry(datagrams, track.target)
+        arrived = [datagram.source for datagram in datagrams if datagram.arrived]
+        # a node may have stopped sensing meanwhile
+        return {node: sensed[node] for node in arrived if node in sensed}
 
     def _driver(self, track: Track, cluster: Cluster) -> Driver:
         """Members may be anywhere: routing decides every path."""

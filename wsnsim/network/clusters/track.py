@@ -5,7 +5,7 @@ A track outlives its heads. A belief does not: the head's process holds it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -107,14 +107,6 @@ class Track:
     clusters: list[ClusterRecord] = field(default_factory=list)
     round: WakeUpRound | None = None
     rounds: list[WakeUpRound] = field(default_factory=list)
-
-    def rounds_for(self, step: int) -> Iterator[WakeUpRound]:
-        """The rounds that woke nodes for a step: several, if the target was lost and found again before it."""
-        for one in reversed(self.rounds):
-            if one.message.step < step:
-                return
-            if one.message.step == step:
-                yield one
 
     def open_cluster(self, cluster: Cluster, handover: Handover, now: float) -> None:
         """Make a cluster that has formed the track's own, and record it."""

@@ -117,7 +117,8 @@ class WakeUpCounters:
     def count_rounds(self, track: Track) -> None:
         """Count the nodes that the wake-up rounds for the present step have woken, and complete the rounds."""
         nodes, step = self._network.nodes, self._network.clock.step
-        rounds = list(track.rounds_for(step))
+        latest = itertools.takewhile(lambda one: one.message.step >= step, reversed(track.rounds))
+        rounds = [one for one in latest if one.message.step == step]
         if not rounds:
             return
         point, reach = planar(self._points[track.target][step]), self._network.setup.sensor.reach

@@ -166,10 +166,6 @@ class WakeUpService(NetworkServices):
         self._calls = 0
         self._mechanism: WakeUpMechanism = make_mechanism("wakeup", setup.wakeup, self)
 
-    def clock(self, node: int) -> float:
-        """What the clock of a node shows now, in s."""
-        return self._clocks.local_time(node)
-
     def nodes_within(self, centre: Point, radius: float) -> Ints:
         """(n,) the nodes that stand within `radius` m of a point, by the positions that nodes assume."""
         return self._nodes.assumed.grid.within(centre, radius)

@@ -305,7 +305,7 @@ class CollectionTree:
         if member is None:
             return
         member.places.hear(beacon.sender, beacon.number, beacon.place)
-        member.route.hear(beacon, lambda: self._is_strong(beacon.sender, node))
+        member.route.hear(beacon, lambda: self._topology.probability(beacon.sender, node, self._env.now) >= STRONG)
         self._choose(node, member)
         if beacon.pull and member.route.has_route:
             self.beacons.hasten(node)
@@ -317,6 +317,3 @@ class CollectionTree:
             self.beacons.hasten(node)
         if before == NOBODY and member.route.has_route:
             member.queue.resume()
-
-    def _is_strong(self, sender: int, node: int) -> bool:
-        return self._topology.probability(sender, node, self._env.now) >= STRONG

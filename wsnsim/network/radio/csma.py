@@ -15,6 +15,7 @@ import simpy
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.models.access import Csma
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.mac_services import (
     ContentionPeriods,
     FrameSender,
@@ -54,9 +55,6 @@ class CsmaMechanism(SenderQueues[_Sender]):
 
     def __init__(self, mac: Csma, services: NetworkMacServices, periods: ContentionPeriods | None = None) -> None:
         super().__init__(mac, services)
-        self._services = services
-        self._log = services.radio.log
-        self._counters = services.counters
         self._mac = mac
         self._acks = mac.acks or periods is not None
         self._periods = periods
@@ -171,15 +169,13 @@ class CsmaMechanism(SenderQueues[_Sender]):
             self._await_ack(sender, self._mac.ack_wait - self._mac.turnaround - airtime)
 
     def _await_ack(self, sender: _Sender, seconds: float) -> None:
-        timeout = self._env.timeout(max(seconds, 0.0), sender)
-        timeout.callbacks.append(self._retry)
+        then(self._env.timeout(max(seconds, 0.0)), self._retry, sender)
 
-    def _retry(self, timeout: simpy.Event) -> None:
+    def _retry(self, sender: _Sender) -> None:
         """No acknowledgement came: contend again, or give up."""
-        sender: Any = timeout.value
         if sender.stopped:
             return
-        frame = sender.frame
+        frame = sender.current
         if frame.retries >= self._mac.max_retries:
             self._finish(sender, sender.received)
             return

@@ -15,13 +15,10 @@ from wsnsim.base.frames import Burst, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.base.requests import Parcel, all_arrived
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
-from wsnsim.base.tables import KIND
-from wsnsim.network.event_log import event
 from wsnsim.network.radio.topology import RadioServices
 
 A_SINK: Final = -2
 """Destination of a datagram that any of the sinks may receive."""
-DROP: Final = KIND["drop"]
 
 
 class Datagram:
@@ -125,14 +122,8 @@ class Hops:
 
     def drop(self, datagram: Datagram, node: int, target: int, reason: str, sequence: int = 0) -> None:
         """Log that a node dropped a datagram, and why."""
-        log, to = self._log, datagram.to if datagram.to != A_SINK else -1
-        packets = datagram.parcel.packets
-        log.add(
-            event(
-                self._env.now, log.step, target, node, DROP, log.code(reason),
-                sequence=sequence, peer=to, packets=packets,
-            )
-        )  # fmt: skip
+        to = datagram.to if datagram.to != A_SINK else -1
+        self._log.drop(self._env.now, target, node, reason, to, datagram.parcel.packets, sequence)
 
 
 class Journey:

@@ -242,7 +242,8 @@ class IdealMechanism:
         if self._rate is not None:
             return self._env.process(self._one_by_one(bursts, self._rate))
         event = self._env.event()
-        event.callbacks.append(lambda _: self._carry_each(bursts))
+        for burst in bursts:
+            then(event, self._medium.carry, burst)
         return event.succeed()
 
     def send_unicasts(self, unicasts: Unicasts) -> simpy.Event | None:
@@ -263,10 +264,6 @@ class IdealMechanism:
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: what it is sending is lost."""
         self._silenced[node] = self._silenced.get(node, 0) + 1
-
-    def _carry_each(self, bursts: Sequence[Burst]) -> None:
-        for burst in bursts:
-            self._medium.carry(burst)
 
     def _one_by_one(self, bursts: Sequence[Burst], rate: float) -> Acting[None]:
         before = [self._silenced.get(burst.source) for burst in bursts]

@@ -17,7 +17,7 @@ with a better route.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from math import inf
 from typing import Final
 
@@ -123,14 +123,6 @@ class LinkTable:
         self._size = size
         self._uniform = uniform
         self._links: dict[int, Link] = {}
-
-    def __iter__(self) -> Iterator[int]:
-        """The neighbours in the table."""
-        return iter(self._links)
-
-    def __contains__(self, neighbour: int) -> bool:
-        """Whether a neighbour is in the table."""
-        return neighbour in self._links
 
     def etx(self, neighbour: int) -> float:
         """The expected number of transmissions to a neighbour; infinity without an estimate."""

@@ -14,9 +14,7 @@ from wsnsim.base.frames import SEND, Burst, MacFrame, OfferedFrame, Received
 from wsnsim.base.mac_mechanisms import Listening
 from wsnsim.base.medium_access import FramedMac, Packing
 from wsnsim.base.rng import GOLDEN, MASK, Streams, derive, mix
-from wsnsim.base.tables import KIND
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.event_log import event
 from wsnsim.network.mechanisms import NetworkServices
 from wsnsim.network.radio.topology import RadioServices
 from wsnsim.network.radio.transmission import LinkCounters, UseCounter
@@ -24,8 +22,6 @@ from wsnsim.network.radio.transmission import LinkCounters, UseCounter
 if TYPE_CHECKING:
     from wsnsim.network.radio.channel import Channel
     from wsnsim.network.radio.fragmentation import Fragmentation
-
-DROP = KIND["drop"]
 
 
 class NetworkMacServices(NetworkServices):
@@ -74,13 +70,9 @@ class NetworkMacServices(NetworkServices):
 
     def log_drop(self, node: int, dropped: Burst | MacFrame, reason: str) -> None:
         """Log that a node dropped a burst or a frame without sending it."""
-        log = self.radio.log
-        log.add(
-            event(
-                self.radio.env.now, log.step, dropped.target, node, DROP, log.code(reason),
-                sequence=dropped.sequence, peer=dropped.to, packets=dropped.packets,
-            )
-        )  # fmt: skip
+        self.radio.log.drop(
+            self.radio.env.now, dropped.target, node, reason, dropped.to, dropped.packets, dropped.sequence
+        )
 
 
 @dataclass(slots=True, eq=False)
@@ -125,15 +117,22 @@ def control_frame(about: MacFrame, to: int, bits: int, code: int, owner: Any) ->
     return frame
 
 
+class MacPart:
+    """The base of a MAC mechanism and of its parts: what they use of the network."""
+
+    def __init__(self, services: NetworkMacServices) -> None:
+        self._services, self._clocks = services, services.clocks
+        self._env, self._nodes, self._topology, _, self._log, self._counters = services.radio
+
+
 Sender = TypeVar("Sender", bound=FrameSender)
 
 
-class SenderQueues(Generic[Sender]):
+class SenderQueues(MacPart, Generic[Sender]):
     """The senders of all nodes. A MAC says what a frame waits for: `_enqueue`."""
 
     def __init__(self, mac: FramedMac, services: NetworkMacServices) -> None:
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
+        super().__init__(services)
         self._bits = mac.bits
         self._senders: dict[int, Sender] = {}
         self.fragmentation = services.fragmentation(mac)

@@ -29,7 +29,7 @@ from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.models.access import Tdma
 from wsnsim.network.event_log import Acting
 from wsnsim.network.radio.csma import CsmaMechanism
-from wsnsim.network.radio.mac_services import ContentionPeriods, NetworkMacServices, control_frame
+from wsnsim.network.radio.mac_services import ContentionPeriods, MacPart, NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import Transmission
 
 
@@ -52,15 +52,11 @@ class _Slot:
     sent: simpy.Event = field(init=False)
 
 
-class TdmaMechanism:
+class TdmaMechanism(MacPart):
     """Rounds of slots, one at a time for each cluster head; all other bursts use CSMA/CA."""
 
     def __init__(self, mac: Tdma, services: NetworkMacServices) -> None:
-        self._services = services
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
-        self._counters = services.counters
-        self._clocks = services.clocks
+        super().__init__(services)
         self._mac = mac
         self.keeps_idle_slots = mac.idle_slots == "kept"
         self._periods = ContentionPeriods(self._env)
@@ -77,7 +73,7 @@ class TdmaMechanism:
         self._contended: dict[int, set[int]] = {}
         """{head: nodes without a slot whose frames arrived since its last schedule}"""
         self._rounds: dict[int, simpy.Event] = {}
-        self._ack = services.radio.log.code("ack")
+        self._ack = self._log.code("ack")
         self.offer = self._csma.offer
 
     def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
@@ -248,7 +244,7 @@ class TdmaMechanism:
         for node in members & burst.received.keys():
             if burst.received[node].all():
                 schedule[node] = self._clock_offset(head, node)
-        neighbours = self._services.radio.topology.neighbours
+        neighbours = self._topology.neighbours
         self._periods.inform(head, set().union(*(neighbours(node).id_list for node in [head, *schedule])))
 
     def _clock_offset(self, head: int, node: int) -> float:

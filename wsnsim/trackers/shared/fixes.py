@@ -224,6 +224,7 @@ class RangeFix(HeadFilter):
     """Methods that its sensor must have in addition to the port's."""
     angles: ClassVar[bool] = False
     vector_readings: ClassVar[bool] = False
+    relative_readings: ClassVar[bool] = False
 
     reading_bits: Annotated[int, Quantity("", ge=1, le=100_000, label="bit"), "bits of a reading on the air"] = 88
 

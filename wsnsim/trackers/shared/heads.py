@@ -5,8 +5,6 @@
 `HeadFilter` is what all have in common, and enough for one whose belief between steps is a Gaussian. `HeadCloud` is a
 particle filter in the head: a tracker of this kind says how its prediction is weighed.
 
-    bootstrap(pool, seen, scene, threshold)                           predict, weigh, resample
-    bootstrap_with_gains(belief, seen, scene, threshold)              the same with gains that are estimated
     weighed_with_gains(belief, before, cloud, seen, scene)            of the Gaussian particle filter
 """
 
@@ -29,7 +27,6 @@ from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     Pool,
     no_particles,
-    resampled,
     restored,
     send_all,
     send_moments,
@@ -111,6 +108,8 @@ class HeadFilter:
     """Whether it compares angles at their shortest difference, by `near`."""
     vector_readings: ClassVar[bool] = True
     """Whether it takes readings of several components."""
+    relative_readings: ClassVar[bool] = True
+    """Whether it takes all readings of a step together, of which only the differences may count."""
     assumes_gaussian: ClassVar[bool] = False
     """Whether it takes the noise of readings as Gaussian, by their mean and variance at the prediction."""
 
@@ -279,32 +278,6 @@ def summary(cloud: Floats, log_weights: Floats) -> tuple[Floats, Floats, float]:
     effective = float(weigh(log_weights, everyone)[0])
     means, covs = moments(cloud, log_weights, everyone)
     return means[0], covs[0], effective
-
-
-def bootstrap(pool: Pool, seen: Evidence, scene: Scene, threshold: float) -> CloudBelief:
-    """Predict, weigh with all readings, sum up, resample if the effective number is below this fraction; 1: always.
-
-    Mean, covariance and effective number are those before the resampling. Gordon, Salmond, Smith (1993).
-    """
-    _, cloud = propagated_by(scene.key, pool.cloud, scene)
-    count, log_weights = pool.log_weights.size, pool.log_weights + score_of(seen, scene)(cloud)
-    mean, cov, effective = summary(cloud, log_weights)
-    after = Pool(cloud, log_weights)
-    if threshold >= 1.0 or effective < threshold * count:
-        after = Pool(np.take(cloud, resampled(log_weights, count, scene.key), axis=1), np.zeros(count))
-    return CloudBelief(mean, cov, scene.head, effective, after)
-
-
-def bootstrap_with_gains(belief: CloudBelief, seen: Evidence, scene: Scene, threshold: float) -> Flow[CloudBelief]:
-    """As `bootstrap`: predict, weigh with all readings, sum up, resample below a fraction; with the gains."""
-    before = belief.pool.cloud
-    _, cloud = propagated_by(scene.key, before, scene)
-    after = yield from weighed_with_gains(belief, before, cloud, seen, scene, belief.pool.log_weights)
-    count = before.shape[1]
-    if threshold < 1.0 and not after.effective < threshold * count:
-        return after
-    chosen = resampled(after.pool.log_weights, count, scene.key)
-    return replace(after, pool=Pool(np.take(cloud, chosen, axis=1), np.zeros(count)))
 
 
 def weighed_with_gains(

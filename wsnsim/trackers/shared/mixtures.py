@@ -18,7 +18,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.ports import Scene
-from wsnsim.trackers.shared.moments import symmetric
+from wsnsim.trackers.shared.moments import stepped, symmetric
 from wsnsim.trackers.shared.posteriors import updated
 from wsnsim.trackers.shared.readings import Evidence
 
@@ -135,15 +135,9 @@ def _moved(one: Hypothesis, scene: Scene, now: float) -> list[Hypothesis]:
         for axis in place:
             parts = [part for each in parts for part in _cut(each, axis, scene, now)]
         if len(parts) > 1:
-            return [_moved_whole(part, scene, now) for part in parts]
+            each = [stepped(part.mean, part.cov, motion, scene.dt, now, 1) for part in parts]
+            return [Hypothesis(part.log_weight, *later) for part, later in zip(parts, each, strict=True)]
     return [Hypothesis(one.log_weight, moved[:, 0], symmetric(laws[0] @ one.cov @ laws[0].T + noise))]
-
-
-def _moved_whole(one: Hypothesis, scene: Scene, now: float) -> Hypothesis:
-    point = np.ascontiguousarray(one.mean[:, None])
-    laws, noise = scene.motion.matrices(point, scene.dt, now)
-    moved = scene.motion.advance(point, scene.dt, now)[:, 0]
-    return Hypothesis(one.log_weight, moved, symmetric(laws[0] @ one.cov @ laws[0].T + noise))
 
 
 def _cut(one: Hypothesis, axis: int, scene: Scene, now: float) -> list[Hypothesis]:

@@ -24,7 +24,7 @@ def predicted(mean: Floats, cov: Floats, scene: Scene) -> tuple[Floats, Floats]:
         cov: (D, D) then.
         scene: What the head knows.
     """
-    return _stepped(mean, cov, scene.motion, scene.dt, scene.since, scene.steps)
+    return stepped(mean, cov, scene.motion, scene.dt, scene.since, scene.steps)
 
 
 def forecast(estimate: Estimate, scene: Scene, ahead: int) -> Estimate:
@@ -36,13 +36,14 @@ def forecast(estimate: Estimate, scene: Scene, ahead: int) -> Estimate:
         ahead: The number of steps.
     """
     now = scene.step * scene.dt
-    moved = _stepped(estimate.mean, estimate.cov, scene.motion, scene.dt, now, ahead)
+    moved = stepped(estimate.mean, estimate.cov, scene.motion, scene.dt, now, ahead)
     return Estimate(*moved, estimate.effective)
 
 
-def _stepped(
+def stepped(
     mean: Floats, cov: Floats, motion: MotionModel, dt: float, time: float, steps: int
 ) -> tuple[Floats, Floats]:
+    """Mean (D,) and covariance (D, D) at a time in s, predicted by a motion model over some steps."""
     for step in range(steps):
         point, now = np.ascontiguousarray(mean[:, None]), time + step * dt
         transitions, noise = motion.matrices(point, dt, now)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, Keys, near
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys, innovation_of, near
 from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock, StandaloneRun
 from wsnsim.base.network_ports import Field
 from wsnsim.base.ports import MotionModel, Scene, SensorModel
@@ -244,7 +244,8 @@ def kalman_runs(block: StandaloneBlock) -> Outcome:
         means, covs = predicted(means, covs, motion, dt, (step - 1) * dt)
         for run, readings, linear in outcome.linearised(means[:, place], block.sensor, step):
             square, used = kalman(means[run], covs[run], *linear, readings, place)
-            outcome.nis[run, step - 1], outcome.nis_dof[run, step - 1] = square if used else np.nan, used
+            innovation = innovation_of(block.sensor, square, used)
+            outcome.nis[run, step - 1], outcome.nis_dof[run, step - 1] = innovation.nis, innovation.dof
         outcome.means[:, step - 1], outcome.covs[:, step - 1] = means, covs
     return outcome
 

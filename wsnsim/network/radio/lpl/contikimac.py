@@ -12,15 +12,15 @@ from math import ceil
 from typing import Final
 
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.models.low_power_listening import ContikiMac
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.capture import HEADER_BITS
 from wsnsim.network.radio.lpl.radios import EXPECTS, NEVER, RECEIVES, ROUNDING, LowPowerRadios
-from wsnsim.network.radio.lpl.senders import CopyCounts, CopyTrain, FrameCopy, RepeatingSender, Senders
-from wsnsim.network.radio.mac_services import NetworkMacServices, control_frame
+from wsnsim.network.radio.lpl.senders import CopyTrain, FrameCopy, RepeatingSender, Senders, count_try
+from wsnsim.network.radio.mac_services import MacPart, NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import OnEnd, Transmission
 
 NONE: Final = (np.zeros(0, dtype=np.int64), np.zeros(0), 0.0)
@@ -30,7 +30,7 @@ AWAKE_COPIES: Final = 3
 """Copies for a destination that expects the frame (our choice)."""
 
 
-class ChannelChecks:
+class ChannelChecks(MacPart):
     """The wake-ups of all nodes that hear something.
 
         checks.expect(transmission)      its start and end are known: whose assessments fall into it
@@ -46,9 +46,8 @@ class ChannelChecks:
     """
 
     def __init__(self, mac: ContikiMac, services: NetworkMacServices, radios: LowPowerRadios) -> None:
+        super().__init__(services)
         self._mac = mac
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
         self._radios = radios
         self._samples = mac.cca, 2.0 * mac.cca + mac.cca_gap
         """When the two assessments of a wake-up end, in s after its beginning."""
@@ -141,7 +140,7 @@ class ChannelChecks:
         waiting = [node for node in self._busy_until if node in sent.neighbours.sensing]
         silent = [node for node in waiting if not self._sleeps(node, sent)]
         if silent:
-            self._env.timeout(self._mac.frame_gap + self._mac.cca, silent).callbacks.append(self._check_silence)
+            then(self._env.timeout(self._mac.frame_gap + self._mac.cca), self._check_silence, silent)
 
     def _sleeps(self, node: int, sent: Transmission) -> bool:
         """Whether a waiting node turns the radio off at the end of a transmission that it heard."""
@@ -153,9 +152,9 @@ class ChannelChecks:
             return True
         return False
 
-    def _check_silence(self, timeout: simpy.Event) -> None:
+    def _check_silence(self, nodes: list[int]) -> None:
         """Nodes that have heard nothing for longer than the gap between two copies turn the radio off."""
-        for node in timeout.value or ():
+        for node in nodes:
             if self._busy_until.get(node, NEVER) <= self._env.now:
                 self._let_sleep(node)
 
@@ -212,24 +211,21 @@ class PhaseLocks:
         return expected - period, expected
 
 
-class ContikiMacMechanism:
+class ContikiMacMechanism(MacPart):
     """ContikiMAC of all nodes on one channel."""
 
     def __init__(self, mac: ContikiMac, services: NetworkMacServices) -> None:
+        super().__init__(services)
         self._mac = mac
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
-        self._topology = services.radio.topology
         self._radios = radios = LowPowerRadios(services, mac.interval, mac.near or mac.interval)
         self._checks = ChannelChecks(mac, services, radios)
         self._locks = PhaseLocks(services, mac.interval)
-        self._counts = CopyCounts(services)
         self._ends: dict[int, float] = {}
         """{sender that waits for its destination to wake: when it gives up, in s}"""
         self.channel = services.open_channel(mac, mac.assessment, self._checks)
         self._senders = senders = Senders(mac, services, radios, self.channel, self)
-        services.radio.log.code("no_channel")
-        self._ack = services.radio.log.code("ack")
+        self._log.code("no_channel")
+        self._ack = self._log.code("ack")
         self.send, self.offer, self.find_busy = senders.send, senders.offer, senders.back_off
         self.use_short_interval = radios.use_short_interval
 
@@ -330,16 +326,16 @@ class ContikiMacMechanism:
         if received:
             if train.wakes:
                 self._locks.learn(sender.node, sent.source, train.start, self._mac.period(sender.current.bits))
-            self._counts.count(sender.current, train)
+            count_try(self._services, sender.current, train)
             self._senders.after(sender, self._mac.spacing(sender.current.bits), self._senders.finish_awake)
         elif self._detects(sender.node, sent):
-            self._counts.count(sender.current, train)
+            count_try(self._services, sender.current, train)
             self._senders.fail(sender)
 
     def _end_without_answer(self, sender: RepeatingSender) -> None:
         """All copies have been sent: that was it for a broadcast; a destination that did not answer is not known."""
         train, frame = sender.train, sender.current
-        self._counts.count(frame, train)
+        count_try(self._services, frame, train)
         if frame.to == EVERYONE:
             self._senders.finish(sender, train.received())
         else:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 from wsnsim.base.frames import EVERYONE
 from wsnsim.models.low_power_listening import XMac
-from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.lpl.radios import SENDS, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import RepeatingSender, Senders
 from wsnsim.network.radio.mac_services import NetworkMacServices
@@ -30,13 +29,10 @@ class Waiting:
 class Overhearing:
     """What waiting senders know of the exchanges that they overhear."""
 
-    def __init__(
-        self, mac: XMac, services: NetworkMacServices, radios: LowPowerRadios, channel: Channel, senders: Senders
-    ) -> None:
+    def __init__(self, mac: XMac, services: NetworkMacServices, radios: LowPowerRadios, senders: Senders) -> None:
         self._mac = mac
         self._env = services.radio.env
         self._radios = radios
-        self._channel = channel
         self._senders = senders
         answer = mac.turnaround + mac.airtime(mac.ack_bits)
         longest = mac.airtime(mac.bits(mac.payload_bits))

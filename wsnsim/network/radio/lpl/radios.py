@@ -10,14 +10,14 @@ such wake-ups cost is in the duty of the MAC (`base.medium_access`). Here is wha
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.rng import derive_all, uniforms
-from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.event_log import then
+from wsnsim.network.radio.mac_services import MacPart, NetworkMacServices
 
 SENDS, RECEIVES, EXPECTS = 1, 2, 4
 """Why a radio is held on: its node wants the channel; it exchanges a frame; it knows that a broadcast follows."""
@@ -26,7 +26,7 @@ ROUNDING: Final = 1e-9
 """Times (s) nearer than this are equal: what is left is rounding."""
 
 
-class LowPowerRadios:
+class LowPowerRadios(MacPart):
     """When the radios of all nodes are on.
 
     Args:
@@ -40,9 +40,7 @@ class LowPowerRadios:
     """
 
     def __init__(self, services: NetworkMacServices, interval: float, near: float) -> None:
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
-        self._clocks = services.clocks
+        super().__init__(services)
         size = self._nodes.size
         self._interval, self._near = interval, near
         self._phases = interval * uniforms(derive_all(services.key("wake_up"), np.arange(size)), 0)
@@ -132,12 +130,11 @@ class LowPowerRadios:
         """`hold` a radio on until a time, or until it is released. A later call replaces the time."""
         if self.hold(node, reason, since):
             self._until[node, reason] = time
-            self._env.timeout(time - self._env.now, (node, reason)).callbacks.append(self._elapsed)
+            then(self._env.timeout(time - self._env.now), self._elapsed, node, reason)
 
-    def _elapsed(self, timeout: simpy.Event) -> None:
-        key: Any = timeout.value
-        if self._until.get(key, NEVER) <= self._env.now + ROUNDING:
-            self.release(*key)
+    def _elapsed(self, node: int, reason: int) -> None:
+        if self._until.get((node, reason), NEVER) <= self._env.now + ROUNDING:
+            self.release(node, reason)
 
     def forget(self, node: int) -> None:
         """Note that a node is down: its radio is off."""
@@ -160,9 +157,8 @@ class LowPowerRadios:
             if not was_near:
                 self._nodes.set_duty(node, 1)
             if self._nodes.alive[node]:
-                self._env.timeout(until - now, node).callbacks.append(self._use_long_interval)
+                then(self._env.timeout(until - now), self._use_long_interval, node)
 
-    def _use_long_interval(self, timeout: simpy.Event) -> None:
-        node: Any = timeout.value
+    def _use_long_interval(self, node: int) -> None:
         if 0.0 < self._near_until[node] <= self._env.now + ROUNDING and self._nodes.alive[node]:
             self._nodes.set_duty(node, 0)

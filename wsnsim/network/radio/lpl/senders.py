@@ -72,39 +72,26 @@ class CopyTrain:
         return np.array(sorted(self.reached), dtype=np.int64)
 
 
-class CopyCounts:
-    """Counts the tries of frames, for the run and for links: each as one frame, whatever the number of its copies."""
-
-    def __init__(self, services: NetworkMacServices) -> None:
-        self._counters = services.counters
-        self._links = services.links
-        self._nodes = services.radio.nodes
-        self._topology = services.radio.topology
-
-    def count(self, frame: MacFrame, train: CopyTrain) -> None:
-        """Count a try that has ended."""
-        sent = train.last
-        if sent is None or not frame.packets:
-            return
-        counters, received = self._counters, train.received()
-        if frame.to == EVERYONE:
-            if self._links is not None:
-                self._links.count(sent, received)
-            meant = self._meant(sent)
-        else:
-            meant = np.array([frame.to] if self._nodes.alive[frame.to] else [], dtype=np.int64)
-        delivered = int(np.isin(meant, received).sum())
-        counters.frames_sent += 1
-        counters.packets_sent += frame.packets
-        counters.in_range += meant.size
-        counters.delivered += delivered
-        counters.frames_lost += delivered < max(meant.size, frame.to != EVERYONE)
-
-    def _meant(self, sent: Transmission) -> Ints:
-        """(n,) the neighbours that a broadcast is meant for: those that are awake, over reliable links."""
-        neighbours = sent.neighbours
-        reliable = self._topology.reliable(neighbours, sent.frame.bits)
-        return neighbours.ids[reliable & self._nodes.hears(neighbours.ids, sent.start)]
+def count_try(services: NetworkMacServices, frame: MacFrame, train: CopyTrain) -> None:
+    """Count a try of a frame that has ended, for the run and for links: as one frame, however many its copies."""
+    sent, nodes, counters = train.last, services.radio.nodes, services.counters
+    if sent is None or not frame.packets:
+        return
+    received = train.received()
+    if frame.to == EVERYONE:
+        if services.links is not None:
+            services.links.count(sent, received)
+        # meant for those that are awake, over reliable links
+        ids, reliable = sent.neighbours.ids, services.radio.topology.reliable(sent.neighbours, sent.frame.bits)
+        meant = ids[reliable & nodes.hears(ids, sent.start)]
+    else:
+        meant = np.array([frame.to] if nodes.alive[frame.to] else [], dtype=np.int64)
+    delivered = int(np.isin(meant, received).sum())
+    counters.frames_sent += 1
+    counters.packets_sent += frame.packets
+    counters.in_range += meant.size
+    counters.delivered += delivered
+    counters.frames_lost += delivered < max(meant.size, frame.to != EVERYONE)
 
 
 @dataclass(slots=True, eq=False)
@@ -156,8 +143,6 @@ class Senders(SenderQueues[RepeatingSender]):
     ) -> None:  # fmt: skip
         super().__init__(mac, services)
         self._mac = mac
-        self._services = services
-        self._log = services.radio.log
         self._radios = radios
         self._channel = channel
         self._protocol = protocol

@@ -11,23 +11,22 @@ networks", SenSys 2006. See `models.xmac.XMac` for what is ours.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.frames import EVERYONE, Received
 from wsnsim.base.medium_access import off_time
 from wsnsim.models.low_power_listening import XMac
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.lpl.overhearing import Overhearing
 from wsnsim.network.radio.lpl.radios import EXPECTS, RECEIVES, ROUNDING, LowPowerRadios
 from wsnsim.network.radio.lpl.senders import RepeatingSender, Senders
-from wsnsim.network.radio.mac_services import NetworkMacServices, control_frame
+from wsnsim.network.radio.mac_services import MacPart, NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import Transmission
 
 
-class Countdowns:
+class Countdowns(MacPart):
     """The broadcasts that each node expects.
 
         countdowns.hear(source, receivers, seconds)    a strobe says after how many seconds its frame begins
@@ -38,8 +37,7 @@ class Countdowns:
     """
 
     def __init__(self, mac: XMac, services: NetworkMacServices, radios: LowPowerRadios) -> None:
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
+        super().__init__(services)
         self._radios = radios
         self._longest = mac.turnaround + mac.airtime(mac.bits(mac.payload_bits)) + mac.turnaround
         """For how long a receiver waits for the end of a broadcast, in s"""
@@ -56,12 +54,10 @@ class Countdowns:
                 now = self._env.now
                 self._radios.hold_until(node, EXPECTS, now + seconds + self._longest, since=now)
         if new:
-            self._env.timeout(seconds, (source, new)).callbacks.append(self._turn_on)
+            then(self._env.timeout(seconds), self._turn_on, source, new)
 
-    def _turn_on(self, timeout: simpy.Event) -> None:
+    def _turn_on(self, source: int, nodes: list[int]) -> None:
         """Turn on the radios of nodes that still expect a broadcast and do not sleep by their schedule."""
-        countdown: Any = timeout.value
-        source, nodes = countdown
         for node in nodes:
             expected = self._expected.get(node, set())
             if source in expected:
@@ -87,13 +83,12 @@ class _Train:
     left: int
 
 
-class XMacMechanism:
+class XMacMechanism(MacPart):
     """X-MAC of all nodes on one channel."""
 
     def __init__(self, mac: XMac, services: NetworkMacServices) -> None:
+        super().__init__(services)
         self._mac = mac
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
         self._radios = radios = LowPowerRadios(services, mac.interval, mac.near or mac.interval)
         self._off_until = np.full(self._nodes.size, -np.inf)
         """(N,) until when radios are off although their listening window has not ended"""
@@ -102,13 +97,12 @@ class XMacMechanism:
         radios.on_hold, radios.on_release = self._leave_window, self._end_window
         self._wait_after_ack = mac.ack_wait - mac.turnaround - mac.airtime(mac.ack_bits)
         """Seconds that a sender still waits after the end of an acknowledgement that it could not read"""
-        channel = services.open_channel(mac, mac.assessment, self)
-        self.channel = channel
-        self._senders = senders = Senders(mac, services, radios, channel, self)
+        self.channel = services.open_channel(mac, mac.assessment, self)
+        self._senders = senders = Senders(mac, services, radios, self.channel, self)
         self._countdowns = Countdowns(mac, services, radios)
-        self._overhearing = Overhearing(mac, services, radios, channel, senders)
+        self._overhearing = Overhearing(mac, services, radios, senders)
         self.find_busy = self._overhearing.wait
-        code = services.radio.log.code
+        code = self._log.code
         code("no_channel")  # registered first, so that the codes in result files stay the same
         self._strobe_code, self._early_ack, self._ack = code("strobe"), code("early_ack"), code("ack")
         self.send, self.offer, self.use_short_interval = senders.send, senders.offer, radios.use_short_interval

@@ -12,15 +12,15 @@ listening.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-import simpy
 
 from wsnsim.base.frames import MacFrame, OfferedFrame, Received
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.models.tsch import MOST_CELLS, Tsch
-from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.event_log import then
+from wsnsim.network.radio.mac_services import MacPart, NetworkMacServices
 from wsnsim.network.radio.tsch.exchanges import Exchanges, Line
 from wsnsim.network.radio.tsch.slots import SlotRadios, Slots
 
@@ -40,19 +40,18 @@ class Cell(NamedTuple):
     to: int
 
 
-class CellLeases:
+class CellLeases(MacPart):
     """The cells of all cluster heads."""
 
     def __init__(
         self, mac: Tsch, services: NetworkMacServices, slots: Slots, radios: SlotRadios, air: Exchanges
     ) -> None:
+        super().__init__(services)
         self._mac = mac
-        self._services = services
-        self._env = services.radio.env
         self._slots = slots
         self._radios = radios
         self._exchanges = air
-        self._code = services.radio.log.code("cells")
+        self._code = self._log.code("cells")
         self._key = services.key("cells")
         self._shared_slots = frozenset(mac.shared_slots)
         self._lines: dict[Pair, Line] = {}
@@ -84,11 +83,7 @@ class CellLeases:
             waiting += frames
             return
         self._requests[head] = frames
-        self._serve_soon(head)
-
-    def _serve_soon(self, head: int) -> None:
-        timeout = self._env.timeout(0.0, head)
-        timeout.callbacks.append(self._serve)
+        then(self._env.timeout(0.0), self._serve, head)
 
     def forget(self, node: int) -> list[Line]:
         """Return the lines of a node that is down or has lost the time; it has no cells any more."""
@@ -108,9 +103,8 @@ class CellLeases:
             requests[:] = [request for request in requests if request[0] != node]
         return found
 
-    def _serve(self, timeout: simpy.Event) -> None:
+    def _serve(self, head: int) -> None:
         """Send the frames that were requested at this instant, in cells that are leased or will be."""
-        head: Any = timeout.value
         announced = self._announced.get(head)
         without: list[Request] = []
         for source, frame in self._requests.pop(head, []):
@@ -192,7 +186,7 @@ class CellLeases:
                 self._announced.pop(head, None)
                 self._share((pair[0], frame) for pair, each in waiting.items() for frame in each)
                 if head in self._requests:
-                    self._serve_soon(head)
+                    then(self._env.timeout(0.0), self._serve, head)
 
         bits = self._mac.bits(self._mac.cell_bits * len(cells))
         frame = OfferedFrame(bits, self._code, heard)
@@ -224,7 +218,7 @@ class CellLeases:
     def _end_later(self, head: int, cells: list[Cell], last: int) -> None:
         """Let receivers stop listening in cells when the lease is over."""
 
-        def end(_: simpy.Event) -> None:
+        def end() -> None:
             extended = [cell for cell in cells if self._last_of(cell) > last]
             for cell in cells:
                 if cell not in extended:
@@ -233,8 +227,7 @@ class CellLeases:
                 self._end_later(head, extended, min(map(self._last_of, extended)))
 
         over = self._slots.when(head, last + 1, 0.0)
-        timeout = self._env.timeout(over - self._env.now)
-        timeout.callbacks.append(end)
+        then(self._env.timeout(over - self._env.now), end)
 
     def _last_of(self, cell: Cell) -> int:
         """The last ASN of a cell; -1 if it was taken back."""

@@ -12,14 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
-
-import simpy
 
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.models.tsch import Tsch
+from wsnsim.network.event_log import then
 from wsnsim.network.radio.channel import Channel
-from wsnsim.network.radio.mac_services import FrameSender, NetworkMacServices, control_frame
+from wsnsim.network.radio.mac_services import FrameSender, MacPart, NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import Transmission
 from wsnsim.network.radio.tsch.slots import ROUNDING, ListeningTime, SlotRadios, Slots
 
@@ -60,7 +58,7 @@ class Line(FrameSender):
         return frames
 
 
-class Exchanges:
+class Exchanges(MacPart):
     """Sends the frames of all lines.
 
     Attributes:
@@ -70,12 +68,8 @@ class Exchanges:
     """
 
     def __init__(self, mac: Tsch, services: NetworkMacServices, slots: Slots, radios: SlotRadios) -> None:
+        super().__init__(services)
         self._mac = mac
-        self._services = services
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
-        self._log = services.radio.log
-        self._counters = services.counters
         self._slots = slots
         self._radios = radios
         self._listening = ListeningTime(mac, slots, radios, self._nodes)
@@ -155,15 +149,13 @@ class Exchanges:
     def _wait(self, line: Line) -> None:
         """Wait until a line may switch to sending in its slot."""
         begins = self._slots.when(line.node, line.asn, self._mac.tx_offset - self._mac.turnaround)
-        timeout = self._env.timeout(max(begins - self._env.now, 0.0), line)
-        timeout.callbacks.append(self._transmit)
+        then(self._env.timeout(max(begins - self._env.now, 0.0)), self._transmit, line)
 
-    def _transmit(self, timeout: simpy.Event) -> None:
+    def _transmit(self, line: Line) -> None:
         """Send the frame of a line, unless its node sends in another cell of this slot."""
-        line: Any = timeout.value
         if line.stopped:
             return
-        now, mac, node, frame = self._env.now, self._mac, line.node, line.frame
+        now, mac, node, frame = self._env.now, self._mac, line.node, line.current
         left = self._slots.when(node, line.asn, mac.tx_offset - mac.turnaround) - now
         if left > ROUNDING * mac.slot:  # Its clock was put back meanwhile.
             self._wait(line)
@@ -187,8 +179,7 @@ class Exchanges:
         if frame.to != EVERYONE and self._mac.acks:
             self._radios.await_answer(line.node, self._channel_of(line), self._env.now)
             if received:
-                timeout = self._env.timeout(self._mac.tx_ack_delay - self._mac.turnaround, transmission)
-                timeout.callbacks.append(self._acknowledge)
+                then(self._env.timeout(self._mac.tx_ack_delay - self._mac.turnaround), self._acknowledge, transmission)
             else:
                 self._await_in_vain(line)
         elif not line.stopped:
@@ -198,9 +189,8 @@ class Exchanges:
         offset = 0 if line.cells is None else line.cells[line.asn % self._mac.slotframe]
         return self._slots.channel(line.asn, offset)
 
-    def _acknowledge(self, timeout: simpy.Event) -> None:
+    def _acknowledge(self, transmission: Transmission) -> None:
         """Send the acknowledgement of a frame."""
-        transmission: Any = timeout.value
         frame = transmission.frame
         line: Line = frame.owner
         if not self._nodes.alive[frame.to]:
@@ -224,12 +214,10 @@ class Exchanges:
 
     def _await_in_vain(self, line: Line) -> None:
         """The sender of a frame listens for an acknowledgement that does not come; then it tries again."""
-        timeout = self._env.timeout(self._mac.rx_ack_delay + self._mac.ack_wait, line)
-        timeout.callbacks.append(self._retry)
+        then(self._env.timeout(self._mac.rx_ack_delay + self._mac.ack_wait), self._retry, line)
 
-    def _retry(self, timeout: simpy.Event) -> None:
+    def _retry(self, line: Line) -> None:
         """Back off and try again, or give up."""
-        line: Any = timeout.value
         if line.stopped:
             return
         self._listening.settle_answer(line.node, answered=False)

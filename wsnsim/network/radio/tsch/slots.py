@@ -28,7 +28,6 @@ class Slots:
     """The slots of all nodes. The ASN (absolute slot number) of a node counts the slots by its own clock."""
 
     def __init__(self, mac: Tsch, clocks: Clocks) -> None:
-        self._mac = mac
         self._clocks = clocks
         self._length, self._size = mac.slot, mac.slotframe
         self._shared = mac.shared_slots

@@ -26,16 +26,16 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.models.tsch import Tsch
-from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.event_log import then
+from wsnsim.network.radio.mac_services import MacPart, NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
 from wsnsim.network.radio.tsch.cell_leases import CellLeases
 from wsnsim.network.radio.tsch.corrections import NOBODY, Corrections
@@ -69,7 +69,7 @@ class _SyncFrame(MacFrame):
         self._on_end(received)
 
 
-class Synchronisation:
+class Synchronisation(MacPart):
     """Keeps the clocks of the nodes together.
 
     Attributes:
@@ -79,16 +79,12 @@ class Synchronisation:
     def __init__(
         self, mac: Tsch, services: NetworkMacServices, radios: SlotRadios, air: Exchanges, leases: CellLeases
     ) -> None:
+        super().__init__(services)
         self._mac = mac
-        self._services = services
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
-        self._clocks = services.clocks
         self._radios = radios
         self._exchanges = air
         self._leases = leases
-        log = services.radio.log
-        self._beacon, self._keep_alive = log.code("eb"), log.code("keep_alive")
+        self._beacon, self._keep_alive = self._log.code("eb"), self._log.code("keep_alive")
         self._key = services.key("synchronisation")
         self._scans = 0
         self._started = False
@@ -118,14 +114,15 @@ class Synchronisation:
         self._corrections.begin(np.flatnonzero(others & ~wrong), self._coordinator)
         if self._mac.keep_alive is not None or self._mac.eb_period is not None:
             for node in np.flatnonzero(others).tolist():
-                self._call(max(self._corrections.period(node) - self._corrections.age(node), 0.0), node, self._ask)
+                due = max(self._corrections.period(node) - self._corrections.age(node), 0.0)
+                then(self._env.timeout(due), self._ask, node)
         if self._mac.eb_period is not None:
             phases = uniforms(derive_all(derive(self._key, BEACONS), np.arange(size)), 0).tolist()
             for node, phase in enumerate(phases):
-                self._call(phase * self._beacon_period(node), node, self._send_beacon)
+                then(self._env.timeout(phase * self._beacon_period(node)), self._send_beacon, node)
         for node in np.flatnonzero(wrong).tolist():
             self._radios.scan(node, self._draw_channel(node), self._env.now)
-            self._call(0.0, node, self._begin_lost)
+            then(self._env.timeout(0.0), self._begin_lost, node)
 
     def _beacon_period(self, node: int) -> float:
         assert self._mac.eb_period is not None, "beacons are sent only with a period"
@@ -154,9 +151,8 @@ class Synchronisation:
             frame.finish(None)
         self._hold(node)
 
-    def _begin_lost(self, timeout: simpy.Event) -> None:
+    def _begin_lost(self, node: int) -> None:
         """Switch on the radio of a node whose clock is wrong from the start."""
-        node: Any = timeout.value
         if self._nodes.alive[node]:
             self._hold(node)
 
@@ -176,15 +172,11 @@ class Synchronisation:
         if self._parents[node] == parent:
             self._choose_parent(node)
 
-    def _call(self, seconds: float, node: int, action: Any) -> None:
-        timeout = self._env.timeout(seconds, node)
-        timeout.callbacks.append(action)
-
     def _count_hops(self, size: int) -> Ints:
         """(N,) hops of each node to the coordinator over links that are usable in both directions."""
         hops = np.full(size, FARTHEST, dtype=np.int64)
         hops[self._coordinator] = 0
-        topology, waiting = self._services.radio.topology, deque([self._coordinator])
+        topology, waiting = self._topology, deque([self._coordinator])
         while waiting:
             node = waiting.popleft()
             for other in topology.neighbours(node).id_list:
@@ -207,10 +199,9 @@ class Synchronisation:
         self._parents[node] = best
         self._hops[node] = FARTHEST if best == NOBODY else min(known[best] + 1, FARTHEST)
 
-    def _send_beacon(self, timeout: simpy.Event) -> None:
+    def _send_beacon(self, node: int) -> None:
         """Broadcast a node's enhanced beacon, if it is awake and knows the time; the next one follows."""
-        node: Any = timeout.value
-        self._call(self._beacon_period(node), node, self._send_beacon)
+        then(self._env.timeout(self._beacon_period(node)), self._send_beacon, node)
         may_send = self._services.is_awake(node) and not self._radios.is_scanning(node) and node not in self._beaconing
         if may_send and self._hops[node] < FARTHEST:
             self._beaconing.add(node)
@@ -218,13 +209,12 @@ class Synchronisation:
             frame = _SyncFrame(EVERYONE, bits, self._beacon, lambda _: self._beaconing.discard(node), hops)
             self._exchanges.enqueue(self._leases.shared_line(node), frame, first=True)
 
-    def _ask(self, timeout: simpy.Event) -> None:
+    def _ask(self, node: int) -> None:
         """Send a keep-alive if a node was not corrected for long; it has lost the time after too long."""
-        node: Any = timeout.value
         assert self._corrections is not None, "nodes that ask are corrected"
         period, age = self._corrections.period(node), self._corrections.age(node)
         if not self._nodes.alive[node] or self._radios.is_scanning(node):
-            self._call(period, node, self._ask)
+            then(self._env.timeout(period), self._ask, node)
             return
         lost = self._corrections.lost_after(node)
         if age >= lost:
@@ -232,7 +222,7 @@ class Synchronisation:
         elif self._mac.keep_alive is not None and age >= period and node not in self.asked:
             self._send_keep_alive(node)
         left = period - age if age < period else min(AGAIN * period, lost - age)
-        self._call(max(left, self._mac.slot), node, self._ask)
+        then(self._env.timeout(max(left, self._mac.slot)), self._ask, node)
 
     def _send_keep_alive(self, node: int) -> None:
         """Send an empty frame to the time parent of a node, if it is awake, or another neighbour that is."""

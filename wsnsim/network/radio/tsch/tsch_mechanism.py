@@ -12,21 +12,19 @@ import simpy
 
 from wsnsim.base.frames import EVERYONE, Burst, MacFrame, OfferedFrame, Received
 from wsnsim.models.tsch import Tsch
-from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.mac_services import MacPart, NetworkMacServices
 from wsnsim.network.radio.tsch.cell_leases import CellLeases
 from wsnsim.network.radio.tsch.exchanges import Exchanges
 from wsnsim.network.radio.tsch.slots import SlotRadios, Slots
 from wsnsim.network.radio.tsch.synchronisation import Synchronisation
 
 
-class TschMechanism:
+class TschMechanism(MacPart):
     """TSCH of all nodes."""
 
     def __init__(self, mac: Tsch, services: NetworkMacServices) -> None:
+        super().__init__(services)
         self._mac = mac
-        self._services = services
-        self._env = services.radio.env
-        self._nodes = services.radio.nodes
         slots = Slots(mac, services.clocks)
         self._radios = SlotRadios(mac, slots, self._nodes)
         self._exchanges = Exchanges(mac, services, slots, self._radios)
