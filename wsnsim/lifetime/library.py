@@ -9,8 +9,8 @@ the visit adds. A window begins with a time in which the network settles, and en
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,13 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSES, Memory
 from wsnsim.experiment import replicate_of
+from wsnsim.models.batteries import Linear
 from wsnsim.models.faults import Crash
 from wsnsim.models.visits import Visits
 
-RECORDED = {"energy": True, "nodes": True, "tracks": True}
+PLENTY: Final = 1e6
+"""J of the batteries in simulated visits."""
+RECORDED: Final = {"energy": True, "nodes": True, "tracks": True}
 
 
 class Visit(NamedTuple):
@@ -68,19 +71,23 @@ class Library:
 
     def joined(self, other: Library) -> Library:
         """The visits of two libraries of the same network."""
-        pairs = (np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("joules", "tracked", "seconds"))
+        pairs = (
+            np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("joules", "tracked", "seconds")
+        )
         return Library(*pairs, self.dead)
 
 
 def window_setup(setup: NetworkSetup, visit: Visit, *, present: bool, dead: Iterable[int] = ()) -> NetworkSetup:
-    """The setup of one window, with its visit or without; all batteries are full, and the nodes `dead` are down."""
+    """The setup of one window, with its visit or without; no battery is ever empty, and the nodes `dead` are down."""
     times = (visit.lead,) if present else ()
-    motion = dataclasses.replace(visit.visits, rate=None, profile=None, times=times)
+    motion = dataclasses.replace(visit.visits, rate=None, profile=None, path=None, times=times)
     crashes = (Crash(at=0.0, nodes=tuple(sorted(dead))),) if dead else ()
     return dataclasses.replace(
         setup,
         motions=(motion,),
         presence=(),
+        energy=dataclasses.replace(setup.energy, battery=PLENTY),  # type: ignore[type-var]
+        battery=Linear(),
         filter_motions=setup.filter_motions[:1],
         faults=crashes,
         steps=round(visit.window / setup.dt),

@@ -14,8 +14,10 @@ from typing import Annotated, ClassVar, Final
 from wsnsim.base.errors import Issue
 from wsnsim.base.medium_access import Latency, RadioDuty
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.quiet import Hearing, RadioUse, Upkeep
 from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.access import Framed
+from wsnsim.models.hardware import PerfectClock
 from wsnsim.models.bounds import BACKOFF_EXPONENT, FRAME_BYTES, LONG_PERIOD, MANY, SPAN, TICK
 
 HOPPING: Final = (16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21)
@@ -145,6 +147,17 @@ class Tsch(Framed):
         on_air = self.tx_offset + self.airtime(self.bits(bits))
         exchange = self.slot_needed(self.bits(bits))
         return Latency(waiting + exchange, waiting + on_air, waiting + on_air + self.interval + exchange)
+
+    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...] | None:
+        """Nothing where clocks are perfect; keep-alives depend on who heard which beacon."""
+        return () if isinstance(getattr(setup, "clock", None), PerfectClock) else None
+
+    def broadcast_use(self, bits: int, hearing: Hearing) -> tuple[RadioUse, RadioUse]:
+        """What a broadcast takes of its sender, and at the other end of each link, where no other is in its cell."""
+        on_air = self.bits(bits)
+        arrives = hearing.arrives(on_air)
+        sender = RadioUse((self.frames(on_air),), listening=-self.rx_wait)
+        return sender, RadioUse((self.frames(on_air, arrives),), listening=-self.guard * arrives)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield the issues of `Framed`; and of channels, cells, the times in a slot, and drift beyond the guard."""
