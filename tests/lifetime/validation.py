@@ -1,12 +1,16 @@
 """The lifetime of a network against full simulations of it, with batteries that are small enough for these.
 
-python -m tests.lifetime.validation FOLDER       make what is missing of the registered runs, keep it in the folder, and
-                                                 write the outcomes into validation.json beside this file
+python -m tests.lifetime.validation FOLDER    make what the folder lacks of the registered runs, and write the outcomes
+                                              into validation.json beside this file
 
-A full run and the engine have the same list of visits: when each begins, and which of a few chords the target takes. A
-chord stands in the library of visits with two runs of its own. What differs between full run and engine is noise of
-sensors and radios, and what the engine leaves out. All else is the engine's own code: its epochs, quiet power, paths,
-batteries and criteria.
+A full run and the engine have the same list of visits: when each begins, and which of a few chords the target takes.
+The library has two visits on each chord, so loads are known but for the noise of sensors and radios. No estimator of
+loads is needed; those have tests of their own. All else is the engine's: epochs, quiet power, paths, criteria.
+
+Registered before the runs, on 26 November 2026: deployments, runs, chords and limits below. A limit holds if the 90 %
+interval of the mean logarithm of engine over full run lies within it. Causes are looked for whatever comes out: epochs
+are left out; half of the library is left out, whose noise makes a minimum over nodes early; joules of a run in which no
+battery is ever empty are compared with the sum of its parts.
 """
 
 from __future__ import annotations
@@ -28,21 +32,24 @@ from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import load, replicate_of
-from wsnsim.lifetime.estimate import Estimation, Lifetime, Plan
-from wsnsim.lifetime.library import Library, Visit, make_visit
+from wsnsim.lifetime.estimate import Estimation, Plan
+from wsnsim.lifetime.library import PLENTY, RECORDED, Library, Visit, joules_of, make_visit
 from wsnsim.lifetime.paths import Paths, Phase
+from wsnsim.lifetime.quiet import quiet_power
 from wsnsim.models.visits import Visits
 from wsnsim.scenario.build import build
 
 DEPLOYMENTS: Final = (1, 2, 3)
 RUNS: Final = 8
-CHORDS: Final = 16
+"""Full runs of each deployment."""
+CHORDS: Final = 12
 EACH: Final = 2
 """Simulated visits of each chord."""
 GAP: Final = 20.0
 """Mean time (s) from the end of a visit to the begin of the next."""
 BATTERY: Final = 1.0
-HORIZON: Final = 2000.0
+HORIZON: Final = 1600.0
+EPOCHS: Final = (0.0, 0.1, 0.3)
 LIMITS: Final = {"first_death": 0.05, "half_dead": 0.02, "coverage": 0.02}
 """Registered limits of the mean difference: its 90 % interval lies within."""
 HELD: Final = Path(__file__).with_name("validation.json")
@@ -104,7 +111,7 @@ class ListedEstimation(Estimation):
     """An estimate whose paths have given lists of visits, and whose loads are those of the library."""
 
     def __init__(self, deployment: Deployment, runs: Sequence[int], epochs: Sequence[float]) -> None:
-        visit, count = deployment.visit, CHORDS * EACH
+        visit, count = deployment.visit, deployment.visits
         plan = Plan(visit, HORIZON, count, count, draws=len(runs), repeats=1, epochs=tuple(epochs), later=count)
         super().__init__(deployment.setup, plan, deployment.make)
         lists = [deployment.listed(run) for run in runs]
@@ -113,6 +120,11 @@ class ListedEstimation(Estimation):
     def _new_paths(self, horizons: float = 1.0) -> Paths:
         paths = ListedPaths(self._stores, self._plan.visit.visits, self._rng, self._paths, self._plan.horizon)
         return paths.listing(*self._lists)
+
+    def criteria_of(self, events: Floats) -> dict[str, Floats]:
+        """{criterion: (R,) s} of events as paths note them."""
+        self._epochs = self._epochs or [self._epoch(frozenset(), self._plan.least, 0)]
+        return self._criteria().times(events, self._stores.alive, self._paths)
 
     def _phase(self, epoch: Any) -> Phase:
         phase = super()._phase(epoch)
@@ -127,12 +139,13 @@ class Deployment:
 
     seed: int
     folder: Path
-    changes: dict[str, Any] = dataclasses.field(default_factory=dict)
+    part: int | None = None
+    """The number of the visit of each chord that is used alone; None: all are."""
 
     @property
     def setup(self) -> NetworkSetup:
         """The network; in it, one visit."""
-        setup = build(load({**SCENARIO, "seed": self.seed, **self.changes}))
+        setup = build(load({**SCENARIO, "seed": self.seed}))
         return dataclasses.replace(setup, network=0, motions=(self.motion(setup, (10.0,), (0,)),))
 
     @staticmethod
@@ -157,63 +170,103 @@ class Deployment:
             now += setup.dt * np.isfinite(one[:, 0]).sum()
         return times, numbers
 
+    @property
+    def visits(self) -> int:
+        """The number of visits in a library."""
+        return CHORDS * (EACH if self.part is None else 1)
+
     def make(self, setup: NetworkSetup, visit: Visit, numbers: Sequence[int], dead: frozenset[int]) -> Library:
         """The library of visits of some numbers; those of later epochs are on the same chords."""
-        name = hashlib.sha256(repr((sorted(dead), self.changes)).encode()).hexdigest()[:12]
+        name = hashlib.sha256(repr(sorted(dead)).encode()).hexdigest()[:12]
         found = []
-        for number in (each % 1_000_000 for each in numbers):
+        for number in (each % 1_000_000 + CHORDS * (self.part or 0) for each in numbers):
             visits = dataclasses.replace(visit.visits, numbers=(number % CHORDS,))
             make = functools.partial(make_visit, setup, visit._replace(visits=visits), number, dead)
             found.append(stored_visit(self.folder / f"visit_{self.seed}_{name}_{number}.npz", dead, make))
         return joined(found)
 
-    def full(self, run: int) -> Floats:
-        """(N,) when each node dies in a full simulation, in s; infinite if it does not."""
-        path = self.folder / f"full_{self.seed}_{run}.json"
+    def full(self, run: int, battery: float = BATTERY) -> tuple[Floats, Floats]:
+        """(N,) when each node dies in a full simulation in s, infinite if it does not, and (N,) what it spent in J."""
+        path = self.folder / f"full_{self.seed}_{run}_{battery:g}.npz"
         if not path.exists():
-            setup, memory = self.setup, Memory({"nodes": True})
-            setup = dataclasses.replace(setup, motions=(self.motion(setup, *self.listed(run)),))
-            replicate_of(setup, FIRST_RUN + run, memory)
-            died = memory.table("nodes")["died_at"]
-            path.write_text(json.dumps(np.where(np.isfinite(died), died, -1.0).tolist()), encoding="utf-8")
-        died = np.array(json.loads(path.read_text(encoding="utf-8")))
-        return np.where(died < 0.0, np.inf, died)
+            setup, memory = self.setup, Memory(RECORDED)
+            energy = dataclasses.replace(setup.energy, battery=battery)  # type: ignore[type-var]
+            motions = (self.motion(setup, *self.listed(run)),)
+            replicate_of(dataclasses.replace(setup, energy=energy, motions=motions), FIRST_RUN + run, memory)
+            np.savez(path, died=memory.table("nodes")["died_at"], spent=joules_of(memory).sum(axis=0))
+        with np.load(path) as held:
+            return np.where(np.isfinite(held["died"]), held["died"], np.inf), held["spent"]
 
-    def outcomes(self, runs: Sequence[int], epochs: Sequence[float] = (0.0, 0.1, 0.3)) -> list[dict[str, list[float]]]:
-        """For each run, {criterion: [s in the full run, s in the engine]}."""
-        estimation = ListedEstimation(self, runs, epochs)
-        engine: Lifetime = estimation.run()
-        full = [self.full(run) for run in runs]
-        events = [
-            (path, node, died[node], 0.0) for path, died in enumerate(full) for node in np.flatnonzero(died < HORIZON)
-        ]
-        found = estimation._criteria().times(np.array(events), estimation._stores.alive, len(runs))
-        return [{name: [found[name][i], engine.times[name][i]] for name in LIMITS} for i in range(len(runs))]
+    def engine(self, epochs: Sequence[float] = EPOCHS) -> dict[str, Floats]:
+        """{criterion: (RUNS,) s} by the engine, for the lists of all runs."""
+        found = ListedEstimation(self, range(RUNS), epochs).run().times
+        return {name: found[name] for name in LIMITS}
+
+    def ends(self, runs: Sequence[int]) -> dict[str, Floats]:
+        """{criterion: (runs,) s} of full simulations."""
+        estimation = ListedEstimation(self, runs, EPOCHS)
+        died = [self.full(run)[0] for run in runs]
+        events = [(i, node, each[node], 0.0) for i, each in enumerate(died) for node in np.flatnonzero(each < HORIZON)]
+        found = estimation.criteria_of(np.array(events))
+        return {name: found[name] for name in LIMITS}
+
+    def added_up(self, run: int) -> tuple[Floats, Floats]:
+        """(N,) J in a full simulation in which no battery is ever empty, and by the sum of quiet power and visits."""
+        times, numbers = self.listed(run)
+        begun = [number for time, number in zip(times, numbers, strict=True) if time < HORIZON - 60.0]
+        library = self.make(self.setup, self.visit, range(self.visits), frozenset()).added
+        chords = library.reshape(-1, CHORDS, library.shape[1]).mean(axis=0)
+        setup = self.setup
+        quiet = quiet_power(setup).watts.sum(axis=0) * (setup.steps + 1) * setup.dt
+        return self.full(run, PLENTY)[1], quiet + chords[begun].sum(axis=0)
 
 
-def verdict(outcomes: dict[str, list[dict[str, list[float]]]]) -> dict[str, dict[str, float | bool]]:
+Outcomes = dict[str, dict[str, dict[str, list[float]]]]
+"""{deployment: {"full" or a variant of the engine: {criterion: s of each run}}}"""
+
+
+def verdict(outcomes: Outcomes, of: str = "engine", over: str = "full") -> dict[str, dict[str, float | bool]]:
     """For each criterion, the mean logarithm of engine over full run, its 90 % interval, and whether its limit holds.
 
     Runs of all deployments are pooled; those of one have its library in common.
     """
     found = {}
     for name, limit in LIMITS.items():
-        logs = np.array([np.log(run[name][1] / run[name][0]) for runs in outcomes.values() for run in runs])
+        pairs = [zip(each[of][name], each[over][name], strict=False) for each in outcomes.values()]
+        logs = np.log([one / other for pair in pairs for one, other in pair])
         half = float(stats.t.ppf(0.95, len(logs) - 1) * stats.sem(logs))
         mean = float(logs.mean())
         found[name] = {
-            "mean": mean, "low": mean - half, "high": mean + half, "deviation": float(logs.std(ddof=1)),
-            "holds": -limit < mean - half and mean + half < limit,
+            "runs": len(logs), "mean": mean, "low": mean - half, "high": mean + half,
+            "deviation": float(logs.std(ddof=1)), "holds": -limit < mean - half and mean + half < limit,
         }  # fmt: skip
     return found
 
 
+def outcomes_of(seed: int, folder: Path, runs: Sequence[int]) -> dict[str, dict[str, list[float]]]:
+    """The outcomes of a deployment; those of the engine are of all registered runs."""
+    deployment = Deployment(seed, folder)
+    found = {
+        "engine": deployment.engine(),
+        "without epochs": deployment.engine((0.0,)),
+        **{f"half {part}": Deployment(seed, folder, part).engine((0.0,)) for part in range(EACH)},
+        "full": deployment.ends(runs),
+    }
+    return {name: {key: times.tolist() for key, times in each.items()} for name, each in found.items()}
+
+
 def main() -> None:
     """Make all runs, and write outcomes and verdict."""
-    folder = Path(sys.argv[1])
+    folder, runs = Path(sys.argv[1]), range(int(sys.argv[2]) if len(sys.argv) > 2 else RUNS)
     folder.mkdir(parents=True, exist_ok=True)
-    outcomes = {str(seed): Deployment(seed, folder).outcomes(range(RUNS)) for seed in DEPLOYMENTS}
-    HELD.write_text(json.dumps({"verdict": verdict(outcomes), "outcomes": outcomes}, indent=1) + "\n", encoding="utf-8")
+    outcomes = {str(seed): outcomes_of(seed, folder, runs) for seed in DEPLOYMENTS}
+    added = {}
+    for seed in DEPLOYMENTS:
+        spent, summed = (each[:] for each in Deployment(seed, folder).added_up(0))
+        order = np.argsort(spent)[::-1]
+        added[str(seed)] = {"spent": spent[order].tolist(), "summed": summed[order].tolist()}
+    held = {"verdict": verdict(outcomes), "outcomes": outcomes, "added_up": added}
+    HELD.write_text(json.dumps(held, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
