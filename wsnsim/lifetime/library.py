@@ -57,12 +57,14 @@ class Library:
         tracked: (K,) share of the steps of each visit with an estimate.
         seconds: (K,) how long the target was there.
         dead: the nodes that were dead.
+        false_time: (K,) s for which a track was kept after the target had left.
     """
 
     joules: Floats
     tracked: Floats
     seconds: Floats
     dead: frozenset[int] = frozenset()
+    false_time: Floats = dataclasses.field(default_factory=lambda: np.zeros(0))
 
     @property
     def added(self) -> Floats:
@@ -107,8 +109,8 @@ def make_visit(setup: NetworkSetup, visit: Visit, number: int, dead: frozenset[i
         replicate_of(window_setup(setup, visit, present=present, dead=dead), number, memory)
         spent.append(joules_of(memory))
         rows = rows or memory.table("tracks")
-    tracked, seconds = (np.array(rows[name], float) for name in ("tracked", "time_present"))
-    return Library((spent[0] - spent[1])[None], tracked, seconds, dead)
+    tracked, seconds, false = (np.array(rows[name], float) for name in ("tracked", "time_present", "false_time"))
+    return Library((spent[0] - spent[1])[None], tracked, seconds, dead, false)
 
 
 def joules_of(memory: Memory) -> Floats:

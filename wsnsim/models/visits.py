@@ -94,7 +94,7 @@ class Visits(InPlane):
     time 0, relative to its mean. `times`, or a file, lists the times at which visits begin instead.
     """
 
-    of: Annotated[MotionModel, OfRole("motion"), "the motion of one visit, from its start on"] = Crossing()
+    of: Annotated[MotionModel, OfRole("motion"), "the motion of one visit, from its start on"]
     lasting: Annotated[
         float | None, Quantity("s", gt=0.0, le=1e9), "how long a visit lasts; left out: until `of` is absent"
     ] = None
@@ -174,8 +174,10 @@ class Visits(InPlane):
         assert self.rate is not None
         if count == 1 or self.profile is None:
             return self.after(begun, waits) + stay
-        waiting = waits * (1.0 - self.rate * self.duration())
-        return _passed(begun, waiting + self.rate * stay, self.rate * self.hourly())
+        hourly = self.rate * self.hourly()
+        present = self.duration() * float((hourly**2).sum() / hourly.sum())  # share of a visit's interval
+        amount = waits * (1.0 - present) + stay / self.duration() * present
+        return _passed(begun, amount, hourly)
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, D) the visits, NaN between them. A visit begins with the first step at or after its time."""
