@@ -73,10 +73,9 @@ class Library:
 
     def joined(self, other: Library) -> Library:
         """The visits of two libraries of the same network."""
-        pairs = (
-            np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("joules", "tracked", "seconds")
-        )
-        return Library(*pairs, self.dead)
+        names = ("joules", "tracked", "seconds", "false_time")
+        both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        return Library(**both, dead=self.dead)
 
 
 def window_setup(setup: NetworkSetup, visit: Visit, *, present: bool, dead: Iterable[int] = ()) -> NetworkSetup:
@@ -92,7 +91,7 @@ def window_setup(setup: NetworkSetup, visit: Visit, *, present: bool, dead: Iter
         battery=Linear(),
         filter_motions=setup.filter_motions[:1],
         faults=crashes,
-        steps=round(visit.window / setup.dt),
+        steps=round(visit.window / setup.dt) - 1,
         until_clusters=None,
     )
 

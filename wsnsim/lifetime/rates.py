@@ -103,8 +103,9 @@ def fit_loads(samples: Floats) -> Loads:
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     inner = (likelihood @ (priors * atoms).T) / (likelihood @ priors.T + 1e-300)
+    mean = inner @ weights
     error = float(totals.std(ddof=1) / level / np.sqrt(count))
-    return Loads(level * inner @ weights, raw, level, error, noise, atoms, likelihood, priors, weights)
+    return Loads(level * mean / mean.mean(), raw, level, error, noise, atoms, likelihood, priors, weights)
 
 
 def _noise(samples: Floats) -> Floats:

@@ -114,7 +114,8 @@ class Stores:
     def _charged(self, state: BatteryState, income: Floats | float) -> Floats:
         """(n,) s until empty stores are charged to the share at which nodes start again."""
         gains = self._battery.stored * income - state.leak
-        lacks = np.maximum((self._battery.restart or 0.0) * state.capacity - state.left, 0.0)
+        level = np.where(np.isfinite(state.capacity), state.capacity, 0.0) * (self._battery.restart or 0.0)
+        lacks = np.maximum(level - state.left, 0.0)
         return np.divide(lacks, gains, where=gains > 0.0, out=np.full(gains.shape, np.inf))
 
     def _mean_income(self, begin: Floats, end: Floats) -> Floats:
