@@ -9,8 +9,8 @@ the visit adds. A window begins with a time in which the network settles, and en
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
-from typing import Final, NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -69,7 +69,8 @@ class Library:
     @property
     def added(self) -> Floats:
         """(K, N) what each visit adds to the energy of each node, in J."""
-        return self.joules.sum(axis=1)
+        added: Floats = self.joules.sum(axis=1)
+        return added
 
     def joined(self, other: Library) -> Library:
         """The visits of two libraries of the same network."""
@@ -102,13 +103,14 @@ def make_visit(setup: NetworkSetup, visit: Visit, number: int, dead: frozenset[i
     Raises:
         RunError: a simulation failed.
     """
-    spent, rows = [], {}
+    spent: list[Floats] = []
+    rows: Mapping[str, Any] = {}
     for present in (True, False):
         memory = Memory(RECORDED)
         replicate_of(window_setup(setup, visit, present=present, dead=dead), number, memory)
         spent.append(joules_of(memory))
         rows = rows or memory.table("tracks")
-    tracked, seconds, false = (np.array(rows[name], float) for name in ("tracked", "time_present", "false_time"))
+    tracked, seconds, false = (np.array(rows[name], np.float64) for name in ("tracked", "time_present", "false_time"))
     return Library((spent[0] - spent[1])[None], tracked, seconds, dead, false)
 
 

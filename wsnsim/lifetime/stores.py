@@ -106,17 +106,16 @@ class Stores:
             alive[going] = ~up
             changes.append((going, passed[going], ~up))
             going = going[:0] if not self.restarts else going
-        column, after, back = (
-            (np.concatenate(each) for each in zip(*changes, strict=True)) if changes else (np.zeros(0, int),) * 3
-        )
-        return Change(state, alive, column, after, back.astype(bool))
+        changes.append((going[:0], np.zeros(0), alive[:0]))
+        return Change(state, alive, *(np.concatenate(each) for each in zip(*changes, strict=True)))
 
     def _charged(self, state: BatteryState, income: Floats | float) -> Floats:
         """(n,) s until empty stores are charged to the share at which nodes start again."""
         gains = self._battery.stored * income - state.leak
         level = np.where(np.isfinite(state.capacity), state.capacity, 0.0) * (self._battery.restart or 0.0)
         lacks = np.maximum(level - state.left, 0.0)
-        return np.divide(lacks, gains, where=gains > 0.0, out=np.full(gains.shape, np.inf))
+        seconds: Floats = np.divide(lacks, gains, where=gains > 0.0, out=np.full(gains.shape, np.inf))
+        return seconds
 
     def _mean_income(self, begin: Floats, end: Floats) -> Floats:
         """(n,) W that the harvester offers on average from one time to another."""
