@@ -68,9 +68,9 @@ class Synthetic:
 
 def life_of(theta: np.ndarray, estimation: Estimation, rng: np.random.Generator, count: int) -> np.ndarray:
     """(count, 2) first death and half dead of a network with these loads, from its own visits."""
-    added = visits_of(theta, 3000, rng)
+    added = visits_of(theta, 400, rng)  # of which paths keep the shape alone, and not the mean
     walk = Paths(estimation._stores, VISIT.visits, rng, count, 20 * YEAR)
-    walk.advance(Phase(np.full(NODES, QUIET), added, np.full(3000, STAY), np.tile(theta, (count, 1))), NODES // 2)
+    walk.advance(Phase(np.full(NODES, QUIET), added, np.full(400, STAY), np.tile(theta, (count, 1))), NODES // 2)
     times = np.full((count, NODES), np.inf)
     events = walk.noted()
     times[events[:, 0].astype(int), events[:, 1].astype(int)] = events[:, 2]

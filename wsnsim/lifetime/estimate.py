@@ -9,6 +9,7 @@ anew in the network that is left, the one of the median path.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
@@ -139,10 +140,7 @@ Make = Callable[[NetworkSetup, Visit, Sequence[int], frozenset[int]], Library]
 
 def make_serially(setup: NetworkSetup, visit: Visit, numbers: Sequence[int], dead: frozenset[int]) -> Library:
     """The library of several visits, simulated one after the other."""
-    library = make_visit(setup, visit, numbers[0], dead)
-    for number in numbers[1:]:
-        library = library.joined(make_visit(setup, visit, number, dead))
-    return library
+    return functools.reduce(Library.joined, (make_visit(setup, visit, number, dead) for number in numbers))
 
 
 class Estimation:

@@ -97,12 +97,10 @@ class Paths:
         stay, begun = counts @ phase.seconds, self.time[chosen]
         ends = visits.after_several(begun, count, self._rng.gamma(count, size=chosen.size), stay)
         joules = self._joules(counts, phase, chosen)
-        if count > 1:
-            span = ends - begun
-            self._spend(chosen, phase.quiet + joules / span[:, None], span)
-            return
-        self._spend(chosen, phase.quiet, ends - begun - stay)
-        self._spend(chosen, phase.quiet + joules / stay[:, None], stay)
+        if count == 1:
+            self._spend(chosen, phase.quiet, ends - begun - stay)
+            begun = ends - stay
+        self._spend(chosen, phase.quiet + joules / (ends - begun)[:, None], ends - begun)
 
     def _in_chunk(self, phase: Phase, visits: Visits) -> int:
         """The number of visits in a chunk, at least 1."""

@@ -65,10 +65,6 @@ class Stores:
         with np.errstate(divide="ignore"):
             return self.joules / np.maximum(watts + self.start.leak, 0.0)
 
-    def mean_income(self, horizon: float) -> float:
-        """Mean power (W) until the horizon that a store can take."""
-        return self._battery.stored * float(self._mean_income(np.zeros(1), np.array([horizon]))[0])
-
     def piece(self, begun: Floats) -> Floats:
         """(n,) s after the times `begun` (n,) for which income may be averaged; infinite without a harvester."""
         if not self._offers:
