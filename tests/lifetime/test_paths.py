@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from pathlib import Path
 from typing import Any, Final
@@ -199,3 +200,19 @@ def test_a_node_with_next_to_nothing_does_not_make_all_chunks_short() -> None:
     walk.advance(Phase(np.full(3, 3e-4), np.full((5, 3), 0.01), np.full(5, 0.01), np.full((2, 3), 0.01)), 3)
     assert len(walk.noted()) == 6
     assert len(walk.events) < 20_000
+
+
+@pytest.mark.parametrize(("tolerance", "expected"), [(0.0, 10.0), (4.0, 10.0), (6.0, 30.0), (80.0, np.inf)])
+def test_interruptions_that_are_tolerated_end_no_life(tolerance: float, expected: float) -> None:
+    rule = dataclasses.replace(criteria(), tolerance=tolerance, horizon=100.0)
+    events = np.array([[0, 0, 30.0, 0], [0, 0, 15.0, 1], [0, 0, 10.0, 0], [1, 5, 99.0, 0]])
+    found = rule.times(events, np.ones(NODES, dtype=bool), 3)
+    np.testing.assert_array_equal(found["first_death"], [expected, 99.0 if tolerance < 1.0 else np.inf, np.inf])
+    assert found["sink"][0] == expected  # the sink is node 0
+
+
+def test_nodes_that_are_dead_at_the_start_are_no_first_death() -> None:
+    alive = np.arange(NODES) > 0
+    found = criteria().times(np.array([[0, 3, 7.0, 0]]), alive, 1)
+    assert found["first_death"][0] == 7.0
+    assert found["half_dead"][0] == np.inf
