@@ -164,7 +164,7 @@ class NoSync:
 
     mechanism: ClassVar[str] = "none"
 
-    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...] | None:
+    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...]:
         """Nothing."""
         return ()
 
@@ -212,7 +212,7 @@ class Ftsp:
         float, Quantity("s", gt=0.0, le=1e6), "error from which on a reference point is not used; four in a row reset"
     ] = 500e-6
 
-    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...] | None:
+    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...]:
         """A message of every node in each period."""
         return (Upkeep(self.bits, self.period, SETTLING * self.period),)
 
