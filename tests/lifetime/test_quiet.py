@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from typing import Any
 
@@ -109,25 +110,26 @@ def test_beacons_of_a_collection_tree_over_radios_that_sleep_cost_what_a_run_say
 
 
 CASES = [
-    pytest.param(mac, sleep, sync, routing, link, id=f"{mac}-{sleep}-{sync}-{routing}-{'lossy' if link else 'disk'}")
-    for mac, sleep, sync, routing, link in itertools.product(MACS, ("event_wake", "always_on"), SYNC, ROUTING, ({}, LOSSY))
-    if (sync != "none" or routing == "ctp") and not (routing == "ctp" and link) and not (mac == "tsch" and sync != "none")
+    pytest.param(mac, sync, routing, link, id=f"{mac}-{sync}-{routing}-{'lossy' if link else 'disk'}")
+    for mac, sync, routing, link in itertools.product(MACS, SYNC, ROUTING, ({}, LOSSY))
+    if (sync != "none" or routing == "ctp") and routing != "greedy"
+    and not (routing == "ctp" and link) and not (mac == "tsch" and sync != "none")
 ]  # fmt: skip
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("mac", "sleep", "sync", "routing", "link"), CASES)
+@pytest.mark.parametrize(("mac", "sync", "routing", "link"), CASES)
 def test_closed_forms_hold_for_every_mac_with_every_upkeep(
-    mac: str, sleep: str, sync: str, routing: str, link: dict[str, Any]
+    mac: str, sync: str, routing: str, link: dict[str, Any]
 ) -> None:
-    deploy = {**FEW["deploy"], "nodes": 12}
-    setup = setup_of(deploy=deploy, mac=MACS[mac], sleep=SLEEP[sleep], **SYNC[sync], **ROUTING[routing], **link)
+    deploy = {**FEW["deploy"], "nodes": 10}
+    setup = setup_of(deploy=deploy, mac=MACS[mac], sleep=SLEEP["event_wake"], **SYNC[sync], **ROUTING[routing], **link)
     demand_agreement(quiet_power(setup), quiet_power(setup, run=True))
 
 
 def test_dead_nodes_spend_nothing_and_others_do_not_hear_them() -> None:
     setup = setup_of(mac=MACS["csma"], sleep=SLEEP["event_wake"], **SYNC["ftsp"])
-    whole, closed, measured = quiet_power(setup), quiet_power(setup, frozenset({1, 4})), None
+    whole, closed = quiet_power(setup), quiet_power(setup, frozenset({1, 4}))
     measured = quiet_power(setup, frozenset({1, 4}), run=True)
     rx = CAUSES.index("rx")
     assert not closed.watts[:, [1, 4]].any() and not measured.watts[:, [1, 4]].any()
@@ -150,16 +152,14 @@ class Unknown:
 
 
 def test_what_has_no_closed_form_is_measured_and_says_so() -> None:
-    import dataclasses
-
     setup = setup_of(mac=MACS["csma"])
-    power = quiet_power(dataclasses.replace(setup, sync=Unknown()))
+    power = quiet_power(dataclasses.replace(setup, sync=Unknown()), span=60.0)
     assert power.measured == "sync has no closed form here"
     np.testing.assert_allclose(power.watts, quiet_power(setup).watts, rtol=1e-9)
     asleep = setup_of(mac=MACS["csma"], sleep=SLEEP["duty_cycle"], **SYNC["ftsp"])
-    assert quiet_power(asleep).measured == "broadcasts wait for nodes that sleep"
+    assert quiet_power(asleep, span=60.0).measured == "broadcasts wait for nodes that sleep"
     tsch = setup_of(mac=MACS["tsch"], clock={"kind": "drift"})
-    assert quiet_power(tsch).measured == "mac has no closed form here"
+    assert quiet_power(tsch, span=60.0).measured == "mac has no closed form here"
 
 
 def test_a_target_that_never_comes_costs_what_the_quiet_network_costs() -> None:

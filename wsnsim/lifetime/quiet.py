@@ -119,7 +119,8 @@ def _upkeep(setup: NetworkSetup, stack: RadioStack, living: Bools) -> tuple[list
             steady = all(each.steady for each in sent)
         else:
             steady = role == "routing"
-        own = hasattr(component, "start") and not defined_together(type(component), "start", "upkeep")
+        kind: Any = type(component)
+        own = hasattr(component, "start") and not defined_together(kind, "start", "upkeep")
         unknown += [] if steady and not own else [role]
     if setup.sleep.rest is Mode.SCHEDULED and not isinstance(setup.sleep, KnowsLongRun):
         unknown.append("sleep")
@@ -190,28 +191,23 @@ def _of_broadcasts(setup: NetworkSetup, stack: RadioStack, living: Bools, upkeep
     ids, senses = (np.concatenate([getattr(each, name) for each in found]) for name in ("ids", "senses"))
 
     def arrives(bits: int) -> Floats:
-        if topology.distance_only:
-            return np.ones(ids.size)
         return np.concatenate([topology.probabilities(each, bits) for each in found])
 
-    hearing = Hearing(arrives, senses.astype(float), off_time(setup.energy))
+    hearing = Hearing(arrives, senses.astype(np.float64), off_time(setup.energy))
     for bits, period, *_ in upkeep:
         rates = living / np.array([clocks.lasts(node, period) for node in range(size)])
         sent, heard = setup.mac.broadcast_use(bits, hearing)
         for cause, joules in _joules(setup, sent, sends=True):
             watts[cause] += joules * rates
-        alone = _alone(np.bincount(ids, rates[sources], size), rates, heard.together)
+        alone = _alone(np.bincount(ids, rates[sources], size) * heard.together, rates * heard.together)
         for cause, joules in _joules(setup, heard, sends=False):
             watts[cause] += np.bincount(ids, joules * rates[sources], size) * alone
     return watts
 
 
-def _alone(heard: Floats, sent: Floats, together: float) -> Floats:
-    """(N,) the share of broadcasts (1/s) for which a node pays that comes upon some `together`, or sends meanwhile."""
-    if not together:
-        return np.ones(heard.size)
-    crowd = np.maximum(heard * together, 1e-12)
-    return -np.expm1(-crowd) / crowd * (1.0 - sent * together)
+def _alone(heard: Any, sent: Floats) -> Floats:
+    """(N,) the share of broadcasts that a node pays for. In the time in which several cost as one, it has this many."""
+    return -np.expm1(-heard) / np.where(heard > 0.0, heard, -1.0) * (1.0 - sent) + (heard == 0.0)
 
 
 def _joules(setup: NetworkSetup, use: RadioUse, sends: bool) -> Iterator[tuple[int, Any]]:
@@ -221,7 +217,8 @@ def _joules(setup: NetworkSetup, use: RadioUse, sends: bool) -> Iterator[tuple[i
     held = HELD * MODES + rest if table.duties else rest
     turnaround = 2.0 * model.turnaround() if model is not None and sends and hasattr(setup.mac, "turnaround") else 0.0
     for bits, seconds, count, is_held in use.frames:
-        busy, state = seconds * count, held if is_held else rest
+        busy: Any = seconds * count
+        state = held if is_held else rest
         if sends:
             electronics, amplifier = energy.transmit(bits, setup.link.reach)
             yield ELECTRONICS, electronics * count

@@ -170,7 +170,7 @@ class NoSync:
 
 
 SETTLING: Final = 20
-"""Periods after which a network agrees on a root and sends regularly: root time-outs, and points for some hops (ours)."""
+"""Periods after which nodes agree on a root and send regularly: its time-out, and points for some hops (ours)."""
 
 
 @part
