@@ -22,19 +22,21 @@ class Upkeep(NamedTuple):
         bits: Length of its payload.
         period: Seconds on the clock of a node from one to the next, on average.
         settles: Seconds after which a network that starts does so.
+        steady: Whether it does in this setup: otherwise the power that this takes has no closed form.
     """
 
     bits: int
     period: float
-    settles: float
+    settles: float = 0.0
+    steady: bool = True
 
 
 @runtime_checkable
 class SendsUpkeep(Protocol):
     """Optional port of a MAC, of time synchronisation or of routing."""
 
-    def upkeep(self, setup: Any) -> tuple[Upkeep, ...] | None:
-        """What nodes broadcast without a target; None: that has no closed form in this setup."""
+    def upkeep(self, setup: Any) -> tuple[Upkeep, ...]:
+        """What nodes broadcast without a target."""
 
 
 class SentFrames(NamedTuple):
@@ -61,12 +63,14 @@ class RadioUse(NamedTuple):
         held: Seconds for which it is held on, frames included.
         starts: How often it is switched on and off; negative if the broadcast takes the place of a wake-up.
         listening: Seconds of listening in addition to that of its duty.
+        together: A node that hears several broadcasts within as many seconds pays for one of them.
     """
 
     frames: tuple[SentFrames, ...]
     held: OfLinks = 0.0
     starts: OfLinks = 0.0
     listening: OfLinks = 0.0
+    together: float = 0.0
 
 
 class Hearing(NamedTuple):

@@ -9,13 +9,14 @@ anew in the network that is left, the one of the median path.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSES
 from wsnsim.lifetime import limits
@@ -139,10 +140,7 @@ Make = Callable[[NetworkSetup, Visit, Sequence[int], frozenset[int]], Library]
 
 def make_serially(setup: NetworkSetup, visit: Visit, numbers: Sequence[int], dead: frozenset[int]) -> Library:
     """The library of several visits, simulated one after the other."""
-    library = make_visit(setup, visit, numbers[0], dead)
-    for number in numbers[1:]:
-        library = library.joined(make_visit(setup, visit, number, dead))
-    return library
+    return functools.reduce(Library.joined, (make_visit(setup, visit, number, dead) for number in numbers))
 
 
 class Estimation:
@@ -295,12 +293,13 @@ class Estimation:
         shrunk = np.sqrt(max(total - within, 0.0) / total) if total else 0.0
         return Estimate(median, mean, _interval(times), _interval(mean + shrunk * (means - mean)), met)
 
-    def _near(self) -> np.ndarray:
+    def _near(self) -> Bools:
         field = self._setup.deploy.field
         x, y = (length * ((np.arange(LATTICE) + 0.5) / LATTICE - 0.5) for length in (field.width, field.height))
         cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + field.centre
         apart = np.linalg.norm(cells[:, None] - self._facts.positions, axis=2)
-        return apart <= self._setup.sensor.reach
+        near: Bools = apart <= self._setup.sensor.reach
+        return near
 
     def _baseline(self) -> float:
         """Two terms: quiet power, and visits; of the nodes that live at the start and are not on mains."""

@@ -9,8 +9,8 @@ the visit adds. A window begins with a time in which the network settles, and en
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
-from typing import Final, NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -57,24 +57,26 @@ class Library:
         tracked: (K,) share of the steps of each visit with an estimate.
         seconds: (K,) how long the target was there.
         dead: the nodes that were dead.
+        false_time: (K,) s for which a track was kept after the target had left.
     """
 
     joules: Floats
     tracked: Floats
     seconds: Floats
     dead: frozenset[int] = frozenset()
+    false_time: Floats = dataclasses.field(default_factory=lambda: np.zeros(0))
 
     @property
     def added(self) -> Floats:
         """(K, N) what each visit adds to the energy of each node, in J."""
-        return self.joules.sum(axis=1)
+        added: Floats = self.joules.sum(axis=1)
+        return added
 
     def joined(self, other: Library) -> Library:
         """The visits of two libraries of the same network."""
-        pairs = (
-            np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("joules", "tracked", "seconds")
-        )
-        return Library(*pairs, self.dead)
+        names = ("joules", "tracked", "seconds", "false_time")
+        both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        return Library(**both, dead=self.dead)
 
 
 def window_setup(setup: NetworkSetup, visit: Visit, *, present: bool, dead: Iterable[int] = ()) -> NetworkSetup:
@@ -90,7 +92,7 @@ def window_setup(setup: NetworkSetup, visit: Visit, *, present: bool, dead: Iter
         battery=Linear(),
         filter_motions=setup.filter_motions[:1],
         faults=crashes,
-        steps=round(visit.window / setup.dt),
+        steps=round(visit.window / setup.dt) - 1,
         until_clusters=None,
     )
 
@@ -101,14 +103,15 @@ def make_visit(setup: NetworkSetup, visit: Visit, number: int, dead: frozenset[i
     Raises:
         RunError: a simulation failed.
     """
-    spent, rows = [], {}
+    spent: list[Floats] = []
+    rows: Mapping[str, Any] = {}
     for present in (True, False):
         memory = Memory(RECORDED)
         replicate_of(window_setup(setup, visit, present=present, dead=dead), number, memory)
         spent.append(joules_of(memory))
         rows = rows or memory.table("tracks")
-    tracked, seconds = (np.array(rows[name], float) for name in ("tracked", "time_present"))
-    return Library((spent[0] - spent[1])[None], tracked, seconds, dead)
+    tracked, seconds, false = (np.array(rows[name], np.float64) for name in ("tracked", "time_present", "false_time"))
+    return Library((spent[0] - spent[1])[None], tracked, seconds, dead, false)
 
 
 def joules_of(memory: Memory) -> Floats:

@@ -49,6 +49,12 @@ def not_modelled(
             "hour), and are simulated as if it had not been"
         )
         found.append(f"visits that overlap: {overlap(visit):.1%} of Poisson visits at this rate would; here none does")
+    kept = float((library.false_time > 0.9 * visit.tail).mean()) if library.false_time.size else 0.0
+    if kept:
+        found.append(
+            f"tracks of targets that have left: in {kept:.0%} of the simulated visits one was kept to the end, "
+            f"{visit.tail:g} s later, and what it costs from then on is left out"
+        )
     if setup.faults:
         found.append(f"faults of the scenario: {len(setup.faults)} are ignored")
     if strays:

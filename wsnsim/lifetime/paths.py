@@ -92,16 +92,15 @@ class Paths:
     def _random(self, chosen: np.ndarray, phase: Phase, visits: Visits) -> None:
         """One chunk of random visits in each of the paths."""
         count = self._in_chunk(phase, visits)
-        counts = self._rng.multinomial(count, np.full(len(phase.added), 1.0 / len(phase.added)), size=chosen.size)
+        shares = np.full(len(phase.added), 1.0 / len(phase.added))
+        counts = self._rng.multinomial(count, shares, size=chosen.size).astype(np.float64)
         stay, begun = counts @ phase.seconds, self.time[chosen]
         ends = visits.after_several(begun, count, self._rng.gamma(count, size=chosen.size), stay)
         joules = self._joules(counts, phase, chosen)
-        if count > 1:
-            span = ends - begun
-            self._spend(chosen, phase.quiet + joules / span[:, None], span)
-            return
-        self._spend(chosen, phase.quiet, ends - begun - stay)
-        self._spend(chosen, phase.quiet + joules / stay[:, None], stay)
+        if count == 1:
+            self._spend(chosen, phase.quiet, ends - begun - stay)
+            begun = ends - stay
+        self._spend(chosen, phase.quiet + joules / (ends - begun)[:, None], ends - begun)
 
     def _in_chunk(self, phase: Phase, visits: Visits) -> int:
         """The number of visits in a chunk, at least 1."""
@@ -132,7 +131,8 @@ class Paths:
         loads, known = phase.loads[chosen], mean > 0.0
         factors = np.where(known, loads / np.where(known, mean, 1.0), 0.0)
         unknown = np.where(known, 0.0, loads) * counts.sum(axis=1, keepdims=True)
-        return (counts @ phase.added) * factors + unknown
+        joules: Floats = (counts @ phase.added) * factors + unknown
+        return joules
 
     def _spend(self, chosen: np.ndarray, watts: Floats, seconds: Floats) -> None:
         """Drain the batteries of the paths for a time each, and note the nodes that die or come back."""

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.mac_mechanisms import StartsMac
-from wsnsim.base.mechanisms import StartsSync
+from wsnsim.base.errors import UsageError
 from wsnsim.base.medium_access import off_time
 from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.quiet import Hearing, KnowsLongRun, RadioUse, SendsUpkeep, Upkeep, UsesRadios
@@ -77,20 +76,24 @@ def quiet_power(
         dead: the nodes that are dead.
         number: number of the run whose network it is.
         run: measure it in a run in any case.
-        span: the seconds that are measured.
+        span: the seconds that are measured, at least; more if nodes broadcast rarely.
 
     Raises:
         RunError: a run failed.
+        UsageError: a dead node does not exist.
     """
     setup = _without_targets(setup, dead)
     stack = inspect_radio(setup, number)
-    living = np.ones(stack.radio.nodes.size, dtype=np.bool_)
-    living[list(dead)] = False
+    size = stack.radio.nodes.size
+    if strangers := [node for node in dead if not 0 <= node < size]:
+        raise UsageError(f"dead: {min(strangers)} is no node of the network, whose nodes are 0 to {size - 1}")
+    living = ~np.isin(np.arange(size), list(dead))
     upkeep, obstacle = _upkeep(setup, stack, living)
     if not run and not obstacle:
         watts = _background(setup, stack) + _of_broadcasts(setup, stack, living, upkeep)
         return QuietPower(watts * living, np.zeros_like(watts))
     settled = max([SETTLED, *[each.settles for each in upkeep]])
+    span = max([span, *[BLOCKS * each.period for each in upkeep]])
     return _measured(setup, number, settled, span, obstacle or "on request")
 
 
@@ -108,20 +111,22 @@ def _without_targets(setup: NetworkSetup, dead: frozenset[int]) -> NetworkSetup:
 
 def _upkeep(setup: NetworkSetup, stack: RadioStack, living: Bools) -> tuple[list[Upkeep], str]:
     """What nodes broadcast, and why the power that it takes has no closed form; empty: it has one."""
-    upkeep, obstacle = [], ""
-    for role, port in (("mac", StartsMac), ("sync", StartsSync), ("routing", None)):
+    upkeep, unknown = list[Upkeep](), list[str]()
+    for role in ("mac", "sync", "routing"):
         component = getattr(setup, role)
-        known = isinstance(component, SendsUpkeep)
-        if port is not None and isinstance(component, port):
-            known = known and defined_together(type(component), "start", "upkeep")
-        sent = component.upkeep(setup) if known else None if port is not None else ()
-        upkeep += sent or ()
-        obstacle = obstacle or (f"{role} has no closed form" if sent is None else "")
+        if isinstance(component, SendsUpkeep):
+            upkeep += (sent := component.upkeep(setup))
+            steady = all(each.steady for each in sent)
+        else:
+            steady = role == "routing"
+        kind: Any = type(component)
+        own = hasattr(component, "start") and not defined_together(kind, "start", "upkeep")
+        unknown += [] if steady and not own else [role]
     if setup.sleep.rest is Mode.SCHEDULED and not isinstance(setup.sleep, KnowsLongRun):
-        obstacle = obstacle or "sleep has no closed form"
-    if upkeep and not obstacle:
-        obstacle = _disturbed(setup, stack, living)
-    return upkeep, obstacle
+        unknown.append("sleep")
+    if unknown:
+        return upkeep, f"{unknown[0]} has no closed form here"
+    return upkeep, _disturbed(setup, stack, living) if upkeep else ""
 
 
 def _disturbed(setup: NetworkSetup, stack: RadioStack, living: Bools) -> str:
@@ -186,19 +191,23 @@ def _of_broadcasts(setup: NetworkSetup, stack: RadioStack, living: Bools, upkeep
     ids, senses = (np.concatenate([getattr(each, name) for each in found]) for name in ("ids", "senses"))
 
     def arrives(bits: int) -> Floats:
-        if topology.distance_only:
-            return np.ones(ids.size)
         return np.concatenate([topology.probabilities(each, bits) for each in found])
 
-    hearing = Hearing(arrives, senses.astype(float), off_time(setup.energy))
-    for bits, period, _ in upkeep:
+    hearing = Hearing(arrives, senses.astype(np.float64), off_time(setup.energy))
+    for bits, period, *_ in upkeep:
         rates = living / np.array([clocks.lasts(node, period) for node in range(size)])
         sent, heard = setup.mac.broadcast_use(bits, hearing)
         for cause, joules in _joules(setup, sent, sends=True):
             watts[cause] += joules * rates
+        alone = _alone(np.bincount(ids, rates[sources], size) * heard.together, rates * heard.together)
         for cause, joules in _joules(setup, heard, sends=False):
-            watts[cause] += np.bincount(ids, joules * rates[sources], size)
+            watts[cause] += np.bincount(ids, joules * rates[sources], size) * alone
     return watts
+
+
+def _alone(heard: Any, sent: Floats) -> Floats:
+    """(N,) the share of broadcasts that a node pays for. In the time in which several cost as one, it has this many."""
+    return -np.expm1(-heard) / np.where(heard > 0.0, heard, -1.0) * (1.0 - sent) + (heard == 0.0)
 
 
 def _joules(setup: NetworkSetup, use: RadioUse, sends: bool) -> Iterator[tuple[int, Any]]:
@@ -208,7 +217,8 @@ def _joules(setup: NetworkSetup, use: RadioUse, sends: bool) -> Iterator[tuple[i
     held = HELD * MODES + rest if table.duties else rest
     turnaround = 2.0 * model.turnaround() if model is not None and sends and hasattr(setup.mac, "turnaround") else 0.0
     for bits, seconds, count, is_held in use.frames:
-        busy, state = seconds * count, held if is_held else rest
+        busy: Any = seconds * count
+        state = held if is_held else rest
         if sends:
             electronics, amplifier = energy.transmit(bits, setup.link.reach)
             yield ELECTRONICS, electronics * count

@@ -103,8 +103,9 @@ def fit_loads(samples: Floats) -> Loads:
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     inner = (likelihood @ (priors * atoms).T) / (likelihood @ priors.T + 1e-300)
+    mean = inner @ weights
     error = float(totals.std(ddof=1) / level / np.sqrt(count))
-    return Loads(level * inner @ weights, raw, level, error, noise, atoms, likelihood, priors, weights)
+    return Loads(level * mean / mean.mean(), raw, level, error, noise, atoms, likelihood, priors, weights)
 
 
 def _noise(samples: Floats) -> Floats:
@@ -121,7 +122,7 @@ def _independent(noise: Floats) -> float:
     count, nodes = noise.shape
     squares = float(((noise @ noise.T) ** 2).sum()) - nodes  # of the correlations of all pairs
     chance = nodes * (nodes - 1) / max(count - 1, 1)
-    return nodes / (nodes + max(squares - chance, 0.0))
+    return float(nodes / (nodes + max(squares - chance, 0.0)))
 
 
 def _shape(samples: Floats) -> float:
@@ -131,7 +132,7 @@ def _shape(samples: Floats) -> float:
     # a visit that takes more from all nodes says nothing about the share of one
     noise = float((samples - samples.mean(axis=1, keepdims=True) * relative).var(axis=0, ddof=1).sum())
     squares = max(float((relative**2).sum()) - noise / count, float(nodes))
-    return min(count * squares / max(noise, 1e-12), 1e8)
+    return float(min(count * squares / max(noise, 1e-12), 1e8))
 
 
 def _likelihood(values: Floats, atoms: Floats, shape: float) -> Floats:
@@ -141,7 +142,8 @@ def _likelihood(values: Floats, atoms: Floats, shape: float) -> Floats:
     logs = (shape - 1.0) * np.log(ratio) - shape * ratio - np.log(atoms)
     low = np.log(special.gammainc(shape, shape * ratio) + 1e-300)
     logs = np.where((values <= censor)[:, None], low, logs)
-    return np.exp(logs - logs.max(axis=1, keepdims=True))
+    likelihood: Floats = np.exp(logs - logs.max(axis=1, keepdims=True))
+    return likelihood
 
 
 def _priors(atoms: Floats) -> tuple[Floats, Floats]:

@@ -65,10 +65,6 @@ class Stores:
         with np.errstate(divide="ignore"):
             return self.joules / np.maximum(watts + self.start.leak, 0.0)
 
-    def mean_income(self, horizon: float) -> float:
-        """Mean power (W) until the horizon that a store can take."""
-        return self._battery.stored * float(self._mean_income(np.zeros(1), np.array([horizon]))[0])
-
     def piece(self, begun: Floats) -> Floats:
         """(n,) s after the times `begun` (n,) for which income may be averaged; infinite without a harvester."""
         if not self._offers:
@@ -106,16 +102,16 @@ class Stores:
             alive[going] = ~up
             changes.append((going, passed[going], ~up))
             going = going[:0] if not self.restarts else going
-        column, after, back = (
-            (np.concatenate(each) for each in zip(*changes, strict=True)) if changes else (np.zeros(0, int),) * 3
-        )
-        return Change(state, alive, column, after, back.astype(bool))
+        changes.append((going[:0], np.zeros(0), alive[:0]))
+        return Change(state, alive, *(np.concatenate(each) for each in zip(*changes, strict=True)))
 
     def _charged(self, state: BatteryState, income: Floats | float) -> Floats:
         """(n,) s until empty stores are charged to the share at which nodes start again."""
         gains = self._battery.stored * income - state.leak
-        lacks = np.maximum((self._battery.restart or 0.0) * state.capacity - state.left, 0.0)
-        return np.divide(lacks, gains, where=gains > 0.0, out=np.full(gains.shape, np.inf))
+        level = np.where(np.isfinite(state.capacity), state.capacity, 0.0) * (self._battery.restart or 0.0)
+        lacks = np.maximum(level - state.left, 0.0)
+        seconds: Floats = np.divide(lacks, gains, where=gains > 0.0, out=np.full(gains.shape, np.inf))
+        return seconds
 
     def _mean_income(self, begin: Floats, end: Floats) -> Floats:
         """(n,) W that the harvester offers on average from one time to another."""

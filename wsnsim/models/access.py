@@ -34,7 +34,7 @@ class IdealMac:
         float | None, Quantity("bit/s", ge=1e-3), "bit rate on the air; left out: sending takes no time"
     ] = None
 
-    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...] | None:
+    def upkeep(self, setup: RadioSetup) -> tuple[Upkeep, ...]:
         """Nothing: nodes that have nothing to send are silent."""
         return ()
 
@@ -107,7 +107,7 @@ class Framed:
         """Seconds that a sender waits after a frame of this length on the air: SIFS or LIFS, by its PSDU."""
         return self.sifs if bits / 8 - self.phy_overhead <= self.sifs_bytes else self.lifs
 
-    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...] | None:
+    def upkeep(self, setup: RadioSetup) -> tuple[Upkeep, ...]:
         """Nothing: nodes that have nothing to send are silent."""
         return ()
 

@@ -164,13 +164,13 @@ class NoSync:
 
     mechanism: ClassVar[str] = "none"
 
-    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...] | None:
+    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...]:
         """Nothing."""
         return ()
 
 
 SETTLING: Final = 20
-"""Periods after which a network agrees on a root and sends regularly: root time-outs, and points for some hops (ours)."""
+"""Periods after which nodes agree on a root and send regularly: its time-out, and points for some hops (ours)."""
 
 
 @part
@@ -212,7 +212,7 @@ class Ftsp:
         float, Quantity("s", gt=0.0, le=1e6), "error from which on a reference point is not used; four in a row reset"
     ] = 500e-6
 
-    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...] | None:
+    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...]:
         """A message of every node in each period."""
         return (Upkeep(self.bits, self.period, SETTLING * self.period),)
 

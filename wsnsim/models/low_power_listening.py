@@ -206,23 +206,24 @@ class XMac(LowPowerListening):
         strobe, longest = self.airtime(self.strobe_bits), self.airtime(self.bits(self.payload_bits))
         last = (self.strobes - 1) * self.period
         begin = self.wake_ups(strobe - self.window, last)
-        heard = np.ceil(np.maximum(begin, 0.0) / self.period - ROUNDING)
-        closed = np.nanmean(np.nansum(begin + self.window - heard * self.period, axis=1))
-        windows = np.isfinite(begin).sum(axis=1)
-        waits = last - heard[:, 0] * self.period + self.ack_wait
+        first = np.ceil(np.maximum(begin, 0.0) / self.period - ROUNDING) * self.period
+        open_for = begin + self.window - first
+        whole = np.floor((np.minimum(open_for - strobe, last - first)) / self.period + ROUNDING) + 1.0
+        waits = last - first[:, 0] + self.ack_wait
         early = waits < hearing.off_time
-        strobes, frame = hearing.arrives(self.strobe_bits), hearing.arrives(on_air)
-        expects = 1.0 - sum(np.mean(windows == n) * (1.0 - strobes) ** n for n in range(1, windows.max() + 1))
+        lost, frame = 1.0 - hearing.arrives(self.strobe_bits), hearing.arrives(on_air)
+        heard = _caught(whole, lost) * whole.shape[1]
+        expects = _caught(np.nansum(whole, axis=1), lost)
         on = self.turnaround + frame * self.airtime(on_air) + (1.0 - frame) * (longest + self.turnaround)
         between = self.period - self.turnaround
         in_window = between / self.interval
         return RadioUse(
             frames=(
-                self.frames(self.strobe_bits, windows.mean() * strobes), self.frames(on_air, expects * frame, held=True)
+                self.frames(self.strobe_bits, heard), self.frames(on_air, expects * frame, held=True)
             ),
             held=expects * (on + np.mean(waits * early)),
             starts=expects * (1.0 - np.mean(early) - in_window),
-            listening=-closed * strobes - expects * in_window * (self.window - 0.5 * between),
+            listening=-np.nanmean(open_for) * heard - expects * in_window * (self.window - 0.5 * between),
         )  # fmt: skip
 
     def check(self, setup: Setup) -> Iterator[Issue]:
@@ -408,3 +409,9 @@ class ContikiMac(LowPowerListening):
 def _mean(of_wake_ups: Floats) -> float:
     """The mean over phases of a sum over wake-ups (P, W); NaN are left out."""
     return float(np.nansum(of_wake_ups, axis=1).mean())
+
+
+def _caught(counts: Floats, lost: Floats) -> Floats:
+    """(E,) the probability, over the counts, that of as many frames one arrives; `lost` (E,): that one does not."""
+    numbers, times = np.unique(counts[np.isfinite(counts)], return_counts=True)
+    return (1.0 - lost[:, None] ** numbers) @ (times / counts.size)

@@ -94,7 +94,7 @@ class Visits(InPlane):
     time 0, relative to its mean. `times`, or a file, lists the times at which visits begin instead.
     """
 
-    of: Annotated[MotionModel, OfRole("motion"), "the motion of one visit, from its start on"] = Crossing()
+    of: Annotated[MotionModel, OfRole("motion"), "the motion of one visit, from its start on"]
     lasting: Annotated[
         float | None, Quantity("s", gt=0.0, le=1e9), "how long a visit lasts; left out: until `of` is absent"
     ] = None
@@ -113,8 +113,7 @@ class Visits(InPlane):
         """Raises ValueError for values that contradict each other."""
         if [self.rate, self.times, self.path].count(None) != 2:
             raise ValueError(
-                "give one of the rate of visits, such as rate: 1/h, the times: [t, ...] at which they begin, and the "
-                "path of a file of times"
+                "give one of the rate of visits, such as rate: 1/h, the times: [t, ...] at which they begin, and a path"
             )
         if self.lasting is None and not isinstance(self.of, Crossing):
             raise ValueError("lasting: of this motion, say how long a visit lasts")
@@ -123,10 +122,9 @@ class Visits(InPlane):
         if self.times is not None and (np.diff(self.times) <= 0.0).any():
             raise ValueError("times: must ascend")
         if self.rate is not None and not min(self.gaps()) > 0.0:
-            busiest = self.rate * max(self.hourly())
             raise ValueError(
-                f"rate: {busiest * 3600:g} visits an hour of {self.duration():g} s each would overlap; one target "
-                f"makes fewer than {3600 / self.duration():g} an hour: lower it, or give several targets"
+                f"rate: {max(self.hourly()) * 3600:g} visits an hour of {self.duration():g} s each would overlap; one "
+                f"target makes fewer than {3600 / self.duration():g} an hour: lower it, or give several targets"
             )
 
     @property
@@ -149,14 +147,14 @@ class Visits(InPlane):
         return self.lasting if self.lasting is not None else self.of.mean_duration()  # type: ignore[attr-defined]
 
     def hourly(self) -> Floats:
-        """(24,) the rate in each hour of a day, relative to its mean."""
-        return np.ones(HOURS) if self.profile is None else np.array(self.profile) / np.mean(self.profile)
+        """(24,) visits per s in each hour of a day, in the long run."""
+        assert self.rate is not None
+        return self.rate * (np.ones(HOURS) if self.profile is None else np.array(self.profile) / np.mean(self.profile))
 
     def gaps(self) -> Floats:
         """(24,) mean time (s) from the end of a visit to the begin of the next, in each hour of a day."""
-        assert self.rate is not None
         with np.errstate(divide="ignore"):
-            return 1.0 / (self.rate * self.hourly()) - self.duration()
+            return 1.0 / self.hourly() - self.duration()
 
     def after(self, end: Floats, waits: Floats) -> Floats:
         """(n,) when visits begin whose predecessors ended at the times `end` (n,); `waits` (n,): in mean gaps."""
@@ -171,11 +169,12 @@ class Visits(InPlane):
             waits: (n,) sums of the times between them, in mean gaps.
             stay: (n,) s that they last in all.
         """
-        assert self.rate is not None
         if count == 1 or self.profile is None:
             return self.after(begun, waits) + stay
-        waiting = waits * (1.0 - self.rate * self.duration())
-        return _passed(begun, waiting + self.rate * stay, self.rate * self.hourly())
+        hourly = self.hourly()
+        present = self.duration() * float((hourly**2).sum() / hourly.sum())  # share of a visit's interval
+        amount = waits * (1.0 - present) + stay / self.duration() * present
+        return _passed(begun, amount, hourly)
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, D) the visits, NaN between them. A visit begins with the first step at or after its time."""

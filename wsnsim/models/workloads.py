@@ -216,10 +216,9 @@ class CollectionTreeProtocol:
     places: Annotated[int, COUNT, "neighbours whose positions a node keeps"] = 40
     candidates: Annotated[int, Quantity("", ge=1, le=100), "bursts of a node for a datagram that goes by position"] = 3
 
-    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...] | None:
-        """A beacon of every node in each of the longest intervals; None: lost beacons shorten them again and again."""
-        perfect = isinstance(setup, RadioSetup) and setup.link.perfect
-        return (Upkeep(BEACON_BITS, self.i_max, SETTLING * self.i_max),) if perfect else None
+    def upkeep(self, setup: RadioSetup) -> tuple[Upkeep, ...]:
+        """A beacon of every node in each of the longest intervals, which lost beacons shorten again and again."""
+        return (Upkeep(BEACON_BITS, self.i_max, SETTLING * self.i_max, steady=setup.link.perfect),)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue for intervals in the wrong order, and for a MAC whose senders learn nothing of arrivals."""
