@@ -18,6 +18,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+import itertools
 import json
 import sys
 from collections.abc import Sequence
@@ -159,8 +160,8 @@ class Deployment:
         visits = self.setup.motions[0]
         return Visit(visits, lead=10.0, tail=14.0, longest=visits.longest)
 
-    def listed(self, run: int) -> tuple[list[float], list[int]]:
-        """When the visits of a run begin in s, and their chords."""
+    def listed(self, run: int, until: float = np.inf) -> tuple[list[float], list[int]]:
+        """When the visits of a run begin in s, up to a time, and their chords."""
         rng, setup, times, now = np.random.default_rng([self.seed, run]), self.setup, [], 0.0
         numbers = rng.integers(CHORDS, size=int(HORIZON / GAP)).tolist()
         for number in numbers:
@@ -168,7 +169,8 @@ class Deployment:
             times.append(float(now))
             one = self.motion(setup, (0.0,), (number,)).truth(100, setup.dt, rng)
             now += setup.dt * np.isfinite(one[:, 0]).sum()
-        return times, numbers
+        count = int(np.searchsorted(times, until))
+        return times[:count], numbers[:count]
 
     @property
     def visits(self) -> int:
@@ -185,13 +187,13 @@ class Deployment:
             found.append(stored_visit(self.folder / f"visit_{self.seed}_{name}_{number}.npz", dead, make))
         return joined(found)
 
-    def full(self, run: int, battery: float = BATTERY) -> tuple[Floats, Floats]:
+    def full(self, run: int, battery: float = BATTERY, until: float = np.inf) -> tuple[Floats, Floats]:
         """(N,) when each node dies in a full simulation in s, infinite if it does not, and (N,) what it spent in J."""
         path = self.folder / f"full_{self.seed}_{run}_{battery:g}.npz"
         if not path.exists():
             setup, memory = self.setup, Memory(RECORDED)
             energy = dataclasses.replace(setup.energy, battery=battery)  # type: ignore[type-var]
-            motions = (self.motion(setup, *self.listed(run)),)
+            motions = (self.motion(setup, *self.listed(run, until)),)
             replicate_of(dataclasses.replace(setup, energy=energy, motions=motions), FIRST_RUN + run, memory)
             np.savez(path, died=memory.table("nodes")["died_at"], spent=joules_of(memory).sum(axis=0))
         with np.load(path) as held:
@@ -212,13 +214,13 @@ class Deployment:
 
     def added_up(self, run: int) -> tuple[Floats, Floats]:
         """(N,) J in a full simulation in which no battery is ever empty, and by the sum of quiet power and visits."""
-        times, numbers = self.listed(run)
-        begun = [number for time, number in zip(times, numbers, strict=True) if time < HORIZON - 60.0]
+        until = HORIZON - 60.0
+        begun = self.listed(run, until)[1]
         library = self.make(self.setup, self.visit, range(self.visits), frozenset()).added
         chords = library.reshape(-1, CHORDS, library.shape[1]).mean(axis=0)
         setup = self.setup
         quiet = quiet_power(setup).watts.sum(axis=0) * (setup.steps + 1) * setup.dt
-        return self.full(run, PLENTY)[1], quiet + chords[begun].sum(axis=0)
+        return self.full(run, PLENTY, until)[1], quiet + chords[begun].sum(axis=0)
 
 
 Outcomes = dict[str, dict[str, dict[str, list[float]]]]
@@ -259,10 +261,12 @@ def main() -> None:
     """Make all runs, and write outcomes and verdict."""
     folder, runs = Path(sys.argv[1]), range(int(sys.argv[2]) if len(sys.argv) > 2 else RUNS)
     folder.mkdir(parents=True, exist_ok=True)
+    for run, seed in itertools.product(runs, DEPLOYMENTS):
+        Deployment(seed, folder).full(run)
     outcomes = {str(seed): outcomes_of(seed, folder, runs) for seed in DEPLOYMENTS}
     added = {}
     for seed in DEPLOYMENTS:
-        spent, summed = (each[:] for each in Deployment(seed, folder).added_up(0))
+        spent, summed = Deployment(seed, folder).added_up(0)
         order = np.argsort(spent)[::-1]
         added[str(seed)] = {"spent": spent[order].tolist(), "summed": summed[order].tolist()}
     held = {"verdict": verdict(outcomes), "outcomes": outcomes, "added_up": added}
