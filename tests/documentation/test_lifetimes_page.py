@@ -7,6 +7,7 @@ import json
 import re
 
 from tests.bench.page import spliced
+from tests.lifetime import validation
 from tests.papers import lifetimes_study as study
 
 ROWS = json.loads(study.ROWS.read_text(encoding="utf-8"))
@@ -16,6 +17,8 @@ TEXT = study.PAGE.read_text(encoding="utf-8")
 def test_the_page_is_made_from_its_rows_and_shows_its_figure():
     for name, block in study.blocks(ROWS).items():
         assert spliced(TEXT, name, block) == TEXT, "python -m tests.papers.lifetimes_study writes it"
+    held = json.loads(validation.HELD.read_text(encoding="utf-8"))
+    assert spliced(TEXT, "validation", validation.markdown(held)) == TEXT
     assert "](lifetimes.png)" in TEXT
     assert study.FIGURE.stat().st_size > 20_000
 

@@ -257,6 +257,49 @@ def outcomes_of(seed: int, folder: Path, runs: Sequence[int]) -> dict[str, dict[
     return {name: {key: times.tolist() for key, times in each.items()} for name, each in found.items()}
 
 
+def markdown(held: dict[str, Any]) -> str:
+    """The verdict and the causes, in Markdown."""
+    lines = ["| engine over full run | runs | mean [90 %] | of one run | limit | holds |", "| --- " * 6 + "|"]
+    for name, each in held["verdict"].items():
+        low, mean, high = (_percent(each[key]) for key in ("low", "mean", "high"))
+        cells = [
+            name.replace("_", " "),
+            str(each["runs"]),
+            f"{mean} [{low}, {high}]",
+            f"± {100 * each['deviation']:.1f} %",
+        ]
+        lines.append(f"| {' | '.join(cells)} | ± {100 * LIMITS[name]:.0f} % | {'yes' if each['holds'] else 'no'} |")
+    found = causes(held)
+    return "\n".join([*lines, "", *(f"- {words}: {said}" for words, said in found.items())])
+
+
+def causes(held: dict[str, Any]) -> dict[str, str]:
+    """What changes the engine's answers, one cause at a time, and by how much."""
+    outcomes = held["outcomes"]
+    without = verdict(outcomes, "without epochs", "engine")
+    halves = [verdict(outcomes, f"half {part}", "without epochs") for part in range(EACH)]
+    ratios = np.array([np.array(each["summed"]) / each["spent"] for each in held["added_up"].values()])
+    sums = [sum(each["summed"]) / sum(each["spent"]) - 1.0 for each in held["added_up"].values()]
+    return {
+        "Visits are not simulated anew when nodes have died": _of_criteria(without),
+        f"Half of the library, {CHORDS} visits": _of_criteria(
+            {name: {"mean": np.mean([each[name]["mean"] for each in halves])} for name in LIMITS}
+        ),
+        "Joules of the parts over those of a run in which no battery is ever empty, by deployment": ", ".join(
+            map(_percent, sums)
+        )
+        + f" of all nodes, {', '.join(map(_percent, ratios[:, :4].mean(axis=1) - 1.0))} of the four that spend most",
+    }
+
+
+def _of_criteria(found: dict[str, Any]) -> str:
+    return ", ".join(f"{name.replace('_', ' ')} {_percent(found[name]['mean'])}" for name in LIMITS)
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:+.1f} %"
+
+
 def main() -> None:
     """Make all runs, and write outcomes and verdict."""
     folder, runs = Path(sys.argv[1]), range(int(sys.argv[2]) if len(sys.argv) > 2 else RUNS)

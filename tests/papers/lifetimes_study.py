@@ -20,6 +20,7 @@ from scipy import stats
 
 from tests.bench.page import spliced
 from tests.helpers.stored_visits import joined, stored_visit
+from tests.lifetime import validation
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.experiment import load
 from wsnsim.lifetime.estimate import Estimation, Lifetime, Plan
@@ -332,7 +333,8 @@ def main() -> None:
     rows: Rows = json.loads(ROWS.read_text(encoding="utf-8"))
     draw(rows)
     text = PAGE.read_text(encoding="utf-8")
-    for name, block in blocks(rows).items():
+    held = json.loads(validation.HELD.read_text(encoding="utf-8"))
+    for name, block in {**blocks(rows), "validation": validation.markdown(held)}.items():
         text = spliced(text, name, block)
     PAGE.write_text(text, encoding="utf-8")
 
