@@ -4,15 +4,15 @@ python -m tests.lifetime.validation FOLDER    make what the folder lacks of the 
                                               into validation.json beside this file
 
 A full run and the engine have the same list of visits: when each begins, and which of a few chords the target takes.
-The library has several visits on each chord, so loads are known but for the noise of sensors and radios. No estimator of
-loads is needed; those have tests of their own. All else is the engine's: epochs, quiet power, paths, criteria.
+The library has several visits on each chord, so loads are known but for the noise of sensors and radios. No estimator
+of loads is needed; those have tests of their own. All else is the engine's: epochs, quiet power, paths, criteria.
 
-Registered on 26 November 2026, after a pilot of 3 runs of each deployment, and before the others: runs, chords, visits
-and limits below. In the pilot, with two visits of each chord, the engine's first death was 8 % late (90 %: 2 to 13 %, of
-runs alone), and changed by 7 % with the visits that stood for a chord; half dead came after the end of some runs. So the
-library was enlarged and the horizon moved. A limit holds if the 90 % interval of the mean logarithm of engine over full
-run lies within it. Causes are looked for whatever comes out: epochs are left out; two thirds of the library are left out;
-joules of a run in which no battery is ever empty are compared with the sum of its parts.
+Registered on 26 November 2026, after a pilot of 3 runs of each deployment and before the others: runs, chords, visits
+and limits below. In the pilot, with two visits of each chord, the engine's first death was 8 % late (90 % interval of
+runs alone: 2 to 13 %), and changed by 7 % with the visits that stood for a chord; half dead came after the end of some
+runs. So the library was enlarged and the horizon moved. A limit holds if the 90 % interval of the mean logarithm of
+engine over full run lies within it. Causes are looked for whatever comes out: epochs are left out; two thirds of the
+library are left out; joules of a run in which no battery is ever empty are compared with the sum of its parts.
 """
 
 from __future__ import annotations
