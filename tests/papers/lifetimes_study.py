@@ -124,6 +124,15 @@ def lives(variant: Variant, seed: int, folder: Path) -> dict[str, Any]:
     }
 
 
+def kept(variant: Variant, seed: int, folder: Path) -> dict[str, Any]:
+    """The same, from the folder if it is there."""
+    path = folder / f"{variant.name.replace(', ', '_').replace(' ', '_')}_{seed}.json"
+    if not path.exists():
+        path.write_text(json.dumps(lives(variant, seed, folder)), encoding="utf-8")
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
 Rows = dict[str, list[dict[str, Any]]]
 """{variant: [its outcome in each deployment]}"""
 
@@ -328,7 +337,7 @@ def main() -> None:
     if len(sys.argv) > 1:
         folder = Path(sys.argv[1])
         folder.mkdir(parents=True, exist_ok=True)
-        new = {each.name: [lives(each, seed, folder) for seed in DEPLOYMENTS] for each in VARIANTS}
+        new = {each.name: [kept(each, seed, folder) for seed in DEPLOYMENTS] for each in VARIANTS}
         ROWS.write_text(json.dumps(new, indent=1) + "\n", encoding="utf-8")
     rows: Rows = json.loads(ROWS.read_text(encoding="utf-8"))
     draw(rows)
