@@ -282,14 +282,20 @@ def markdown(held: dict[str, Any]) -> str:
         ]
         lines.append(f"| {' | '.join(cells)} | ± {100 * LIMITS[name]:.0f} % | {'yes' if each['holds'] else 'no'} |")
     found = causes(held)
+    made = min(len(each["full"]["half_dead"]) for each in held["outcomes"].values())
+    if made < RUNS:
+        lines += [
+            "",
+            f"Of {RUNS} registered runs of each deployment {made} have been made; the first {PILOT} are a pilot.",
+        ]
     return "\n".join([*lines, "", *(f"- {words}: {said}" for words, said in found.items())])
 
 
 def causes(held: dict[str, Any]) -> dict[str, str]:
     """What changes the engine's answers, one cause at a time, and by how much."""
     outcomes = held["outcomes"]
-    without = verdict(outcomes, "without epochs", "engine", 0)
-    parts = [verdict(outcomes, f"part {part}", "without epochs", 0) for part in range(PARTS)]
+    without = verdict(outcomes, "without epochs", "engine")
+    parts = [verdict(outcomes, f"part {part}", "without epochs") for part in range(PARTS)]
     ratios = np.array([np.array(each["summed"]) / each["spent"] for each in held["added_up"].values()])
     sums = [sum(each["summed"]) / sum(each["spent"]) - 1.0 for each in held["added_up"].values()]
     return {
@@ -324,7 +330,9 @@ def main() -> None:
         spent, summed = Deployment(seed, folder).added_up(0)
         order = np.argsort(spent)[::-1]
         added[str(seed)] = {"spent": spent[order].tolist(), "summed": summed[order].tolist()}
-    held = {"verdict": verdict(outcomes), "outcomes": outcomes, "added_up": added}
+    # the verdict is that of the pilot until there are further runs
+    first = PILOT if len(runs) > PILOT else 0
+    held = {"verdict": verdict(outcomes, first=first), "outcomes": outcomes, "added_up": added}
     HELD.write_text(json.dumps(held, indent=1) + "\n", encoding="utf-8")
 
 
