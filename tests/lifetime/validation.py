@@ -238,7 +238,7 @@ Outcomes = dict[str, dict[str, dict[str, list[float]]]]
 
 
 def verdict(
-    outcomes: Outcomes, of: str = "engine", over: str = "full", first: int = PILOT
+    outcomes: Outcomes, of: str = "engine", over: str = "full", first: int = 0
 ) -> dict[str, dict[str, float | bool]]:
     """For each criterion, the mean logarithm of engine over full run, its 90 % interval, and whether its limit holds.
 
