@@ -9,19 +9,19 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from wsnsim.base.batteries import Advance, BatteryState
-from wsnsim.models.batteries import Cells, Diffusion, Kinetic, Linear
+from wsnsim.models.batteries import BatteryFields, Diffusion, Kinetic, Linear
 
 MINUTE: Final = 60.0
 
 
-def full(battery: Cells, capacity: float, nodes: int = 1) -> BatteryState:
+def full(battery: BatteryFields, capacity: float, nodes: int = 1) -> BatteryState:
     """Full batteries of one capacity in J."""
     each = np.full(nodes, capacity)
     leak = each * battery.leakage
     return BatteryState(each, each * (1.0 - battery.share_drawable), leak, each, np.zeros((battery.rates.size, nodes)))
 
 
-def life(battery: Cells, capacity: float, loads: list[float], starts: list[float]) -> float:
+def life(battery: BatteryFields, capacity: float, loads: list[float], starts: list[float]) -> float:
     """Minutes for which a full battery (W min) supplies loads (W), each from its start (min) until the next."""
     state = full(battery, capacity * MINUTE)
     for load, start, end in zip(loads, starts, [*starts[1:], 1e9], strict=True):

@@ -37,7 +37,7 @@ class Harvester:
         """Times (K + 1,) in s and the power (K,) in W from each to the next. Raises RunError if it cannot be read."""
         names = {name: name for name in ("time", "power", "irradiance")}
         rows = csvfile.only_rows(self.path, csvfile.Wanted(numbers=names, optional=("power", "irradiance")), "powers")
-        times, given = rows.numbers.pop("time"), rows.numbers
+        times, given = rows.numbers["time"], {name: rows.numbers[name] for name in rows.numbers if name != "time"}
         if len(given) != 1:
             raise RunError(f"{self.path}: give one of the columns power (W) and irradiance (W/m²), not {len(given)}")
         wrong = np.flatnonzero((np.diff(times, prepend=-np.inf) <= 0.0) | (times < 0.0))
