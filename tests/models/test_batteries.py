@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from wsnsim.base.batteries import Advance, BatteryState
 from wsnsim.models.batteries import BatteryFields, Diffusion, Kinetic, Linear
+from wsnsim.models.harvest import Harvester
 
 MINUTE: Final = 60.0
 
@@ -200,3 +202,27 @@ def test_self_discharge_doubles_in_ten_kelvin_and_cold_takes_capacity() -> None:
 def test_a_capacitor_holds_half_of_the_square_of_its_voltage() -> None:
     battery = Linear(full=2.7, cut_off=1.8)
     assert battery.share_drawable == pytest.approx(1.0 - (1.8 / 2.7) ** 2)
+
+
+@pytest.mark.parametrize("repeats", [False, True])
+def test_the_mean_income_is_that_of_all_its_parts(repeats: bool, tmp_path: Path) -> None:
+    (tmp_path / "sun.csv").write_text("time,irradiance\n1,100\n4,0\n6,50\n")
+    battery = Linear(harvest=Harvester(path=str(tmp_path / "sun.csv"), area=0.1, efficiency=0.2, repeats=repeats))
+    time, joules = 0.5, 0.0
+    while time < 21.0:
+        income = battery.income(time)
+        until = min(income.until, 21.0)
+        joules, time = joules + income.watts * (until - time), until
+    assert joules == pytest.approx(20.5 * battery.mean_income(0.5, 21.0))
+    # 2 W for 3 s, nothing for 2 s, 1 W for 2.5 s: the median of the intervals; from 17 s on the third turn
+    assert joules == pytest.approx(2 * 8.5 + 6.0 if repeats else 8.5)
+
+
+def test_a_store_takes_no_more_than_its_capacity_and_says_so() -> None:
+    battery, state = Linear(harvest=Harvester(path="none", charging=0.8)), full(Linear(), 10.0, 2)
+    state = state._replace(left=np.array([2.0, 9.0]))
+    done = battery.advance(state, np.array([0.1, 0.1]), 10.0, 1.0)
+    assert done.state.left == pytest.approx([9.0, 10.0])
+    assert done.surplus == pytest.approx([0.0, 6.0])
+    assert done.unstored == pytest.approx([2.0, 2.0])
+    assert np.abs(balance(state, done)).max() < 1e-12

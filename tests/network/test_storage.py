@@ -53,6 +53,10 @@ def demand_closed_ledger(memory: Memory) -> None:
     finite = np.isfinite(had)
     np.testing.assert_allclose((booked + nodes["energy_left"])[finite], had[finite], rtol=1e-9, atol=1e-15)
     assert (energy["joules"] > -1e-15).all()
+    by_cause = (
+        np.bincount(rows["cause"], rows["joules"], len(CAUSES)) for rows in (energy, memory.table("energy_steps"))
+    )
+    np.testing.assert_allclose(*by_cause, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", BATTERIES)

@@ -103,8 +103,9 @@ class BatteryFields:
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue for the first thing that keeps batteries from being drawn, if the number of nodes is known."""
-        size = number_of_nodes(setup.deploy)
-        if size is not None and isinstance(setup, RadioSetup):
+        if not isinstance(setup, RadioSetup) or setup.plain_batteries:
+            return
+        if (size := number_of_nodes(setup.deploy)) is not None:
             try:
                 self.draw(setup, size, (), np.random.default_rng(0))
             except Misfit as error:
@@ -191,6 +192,10 @@ class BatteryFields:
     def income(self, time: float) -> Income:
         """What the harvester offers at a time in s: nothing, ever, without one."""
         return Income(0.0, np.inf)
+
+    def mean_income(self, begin: float, end: float) -> float:
+        """Mean power in W that the harvester offers between two times in s: nothing without one."""
+        return 0.0
 
     def drawable(self, state: BatteryState) -> Floats:
         """(n,) J that can be drawn at once; infinite on mains."""
@@ -308,6 +313,10 @@ class Linear(BatteryFields):
     def income(self, time: float) -> Income:
         """What the harvester offers at a time in s; nothing without one."""
         return self.harvest.income(time) if self.harvest else BatteryFields.income(self, time)
+
+    def mean_income(self, begin: float, end: float) -> float:
+        """Mean power in W that the harvester offers between two times in s."""
+        return self.harvest.mean_income(begin, end) if self.harvest else 0.0
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if batteries cannot be drawn, or the trace of the harvester cannot be read."""

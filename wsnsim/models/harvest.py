@@ -59,7 +59,14 @@ class Harvester:
             return Income(0.0, np.inf)
         return Income(float(watts[row]) if row >= 0 else 0.0, turn + float(times[row + 1]))
 
-    def mean_income(self) -> float:
-        """Mean power in W from time 0 to the end of the trace."""
+    def mean_income(self, begin: float, end: float) -> float:
+        """Mean power in W that is offered between two times in s."""
         times, watts = self.trace
-        return float(watts @ np.diff(times) / times[-1])
+        knots = np.concatenate([[0.0], times])
+        joules = np.concatenate([[0.0, 0.0], np.cumsum(watts * np.diff(times))])
+
+        def until(time: float) -> float:
+            turns, rest = divmod(time, times[-1]) if self.repeats else (0.0, time)
+            return float(turns * joules[-1] + np.interp(rest, knots, joules))
+
+        return (until(end) - until(begin)) / (end - begin)
