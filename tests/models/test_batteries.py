@@ -7,6 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from wsnsim.base.batteries import Advance, BatteryState
@@ -226,3 +228,25 @@ def test_a_store_takes_no_more_than_its_capacity_and_says_so() -> None:
     assert done.surplus == pytest.approx([0.0, 6.0])
     assert done.unstored == pytest.approx([2.0, 2.0])
     assert np.abs(balance(state, done)).max() < 1e-12
+
+
+@given(
+    st.sampled_from([Kinetic(rate=0.01), Diffusion(rate=0.01), Diffusion(rate=1e-4, usable=0.8)]),
+    st.lists(st.tuples(st.floats(0.0, 0.4), st.floats(0.1, 300.0)), min_size=1, max_size=4),
+    st.floats(0.0, 8.0),
+    st.floats(1e-3, 1.0),
+)
+def test_no_battery_is_empty_before_it_dies_whatever_it_gave_before(battery, loads, at_once, last):
+    state = full(battery, 300.0)
+    for load, seconds in loads:  # in the end, some modes grow and others even out
+        state = battery.advance(state, np.array([load]), seconds).state
+    at_once = min(at_once, 0.9 * float(battery.drawable(state)[0]))
+    state = battery.draw_at_once(state, np.array([at_once]))
+    died = float(battery.advance(state, np.array([last]), 1e7).died_after[0])
+    assert np.isfinite(died)
+    times = died * np.append(np.linspace(0.0, 0.999, 200), 1.0 - 1e-6)
+    states = BatteryState(*(np.repeat(column, 201, axis=-1) for column in state))
+    drawable = battery.drawable(battery.advance(states, np.full(201, last), times).state)
+    already = float(battery.drawable(state)[0]) < 1e-9
+    assert already or (drawable[:-1] > 0.0).all()
+    assert drawable[-1] <= 2e-6 * last * died + 1e-9
