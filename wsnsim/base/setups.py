@@ -160,6 +160,11 @@ class RadioSetup(Setup):
         """(x, y) in m of each sink, which is the node nearest to it; empty: there is no sink."""
         return ()
 
+    @property
+    def plain_batteries(self) -> bool:
+        """Whether all nodes have `energy.battery` at the start, and nothing but their load changes it."""
+        return getattr(self.battery, "plain", False)
+
     @cached_property
     def hop(self) -> medium_access.Latency:
         """How long a packet takes over one hop at most, without contention and retries."""

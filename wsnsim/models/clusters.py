@@ -198,7 +198,7 @@ def too_little_charge(setup: NetworkSetup) -> Iterator[Issue]:
     energy, least, source = setup.energy, setup.head_threshold, "clusters.threshold"
     if setup.clusters.threshold is None:
         source = f"a packet sent over {setup.link.reach:g} m, one received, and the computation of a step"
-    if energy.battery <= least and getattr(setup.battery, "plain", False):
+    if energy.battery <= least and setup.plain_batteries:
         yield Issue(
             ("energy", "battery"),
             f"{energy.battery:g} J is too little for any head: a head must hold more than {least:g} J ({source})",

@@ -277,8 +277,8 @@ class Nodes(NodeStates):
                 self._die(node, ())
         for nodes, cause, joules in self.consumption.pending_charges(living[~tight]):
             self.ledger.book_each(nodes, cause, np.maximum(joules, -self.ledger.joules[cause][nodes]))
-        for node in np.flatnonzero(~self.living).tolist() if self._timed is not None else ():
-            if node not in self.died_at:
+        if self._timed is not None:
+            for node in set(np.flatnonzero(~self.living).tolist()) - set(self.died_at):
                 self._timed.elapse(node, 0.0, up=False)
         self.consumption.close()
         self._reserve = self._tight = 0.0

@@ -91,7 +91,7 @@ def make_nodes(
     model = NoPower() if model is None else model
     table = PowerTable(model, duties, searching, _standby_power(setup, model))
     battery, reach = setup.energy.battery, setup.link.reach
-    storage = None if getattr(setup.battery, "plain", False) else make_storage(env, setup, positions, streams)
+    storage = None if setup.plain_batteries else make_storage(env, setup, positions, streams)
     nodes = Nodes(positions, traits, battery, reach, sleep_states, env, table, setup.duration, storage)
     if nodes.follows_schedules:
         clocks.on_step.append(nodes.note_clock)
