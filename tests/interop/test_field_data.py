@@ -17,6 +17,7 @@ from wsnsim.analysis import notes
 from wsnsim.base.errors import ScenarioError, WsnsimError
 from wsnsim.interop import field_data
 from wsnsim.interop.conventions import Conventions
+from wsnsim.interop.tables import read_table
 from wsnsim.models.k7file import read_links
 from wsnsim.scenario import build, load
 
@@ -270,8 +271,62 @@ def test_what_is_left_out_is_said_and_equal_errors_are_one_sentence(tmp_path: Pa
         f"{path}: columns not used: 'seq'",
         f"left out: 1 row without a reading ({path}:12)",
         f"left out: 5 rows that cannot be used: rssi must be a finite number, is 'far' (the first: {path}:3)",
-        "all readings are negative: they are taken for levels in dBm; --unit says otherwise",
+        "readings called rssi are taken for levels in dBm; --unit says otherwise",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("header", ["time,gateway,rssi", "time,node,RSS"])
+def test_readings_called_rssi_are_levels_whatever_their_sign(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "long.csv"
+    path.write_text(f"{header}\n0,a,-60\n1,a,0\n")
+    assert "law: {kind: rssi}" in field_data.readings([str(path)]).block("r.csv")
+    path.write_text("time,rssi_a,rssi_b\n0,-60,1\n1,-61,0\n")
+    assert field_data.readings([str(path)], Conventions(node_prefix="rssi_")).facts["unit"] == "dBm"
+
+
+@pytest.mark.parametrize(
+    ("times", "given"),
+    [
+        (["100", "101", "102", "103"], ["101", "102", "100"]),
+        (
+            [f"2024-05-01T10:00:0{s}" for s in range(4)],
+            ["2024-05-01T10:00:01", "2024-05-01T10:00:02", "2024-05-01T10:00:00"],
+        ),
+    ],
+)
+def test_from_and_until_are_times_of_the_file_and_its_own_name_is_never_the_default(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    times: list[str],
+    given: list[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.csv").write_text("time,x,y\n" + "".join(f"{time},{i},0\n" for i, time in enumerate(times)))
+    start, end, origin = given
+    command = ["import", "track", "a.csv", "--from", start, "--until", end, "--time-origin", origin]
+    assert run_command(capsys, *command).code == 0
+    assert Path("a_track.csv").read_text() == "time,id,x,y\n1,a,1,0\n2,a,2,0\n"
+    again = run_command(capsys, *command)
+    assert again.code == 2 and "--out a_track.csv replaces it" in again.err
+
+
+def test_times_since_1970_are_shown_as_a_date_and_a_span(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.csv").write_text("time,x,y\n1714557600,0,0\n1714557619,9,0\n")
+    for option in (["--list"], []):
+        assert "19 s from 2024-05-01 10:00:00 UTC" in run_command(capsys, "import", "track", "a.csv", *option).out
+
+
+def test_a_gpx_track_without_a_name_has_that_of_its_file(tmp_path: Path) -> None:
+    pytest.importorskip("gpxpy")
+    points = "".join(f'<trkpt lat="50" lon="8.{i}"><time>2024-05-01T10:00:0{i}Z</time></trkpt>' for i in range(2))
+    track = f"<trk><trkseg>{points}</trkseg></trk>"
+    path = tmp_path / "walk.gpx"
+    path.write_text(f'<gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1">{track * 2}</gpx>')
+    assert [*dict.fromkeys(read_table(str(path)).frame.id)] == ["walk", "walk_1"]
 
 
 COOJA = """<simconf><simulation><motetype>x<mote><interface_config>org.contikios.cooja.interfaces.Position
@@ -474,5 +529,5 @@ def test_dates_in_a_file_of_a_scenario_are_one_sentence_with_the_remedy(
         build(load(Path("s.yaml")))
     (issue,) = caught.value.issues
     assert re.search(
-        r"w.csv:2: time must be a finite .*\(1 more rows like it\).* wsnsim import readings \(or track\)", issue.message
+        r"w.csv:2: time must be a finite .*\(1 more row like it\).* wsnsim import readings \(or track\)", issue.message
     )

@@ -175,8 +175,8 @@ def test_the_command_writes_a_track_that_a_scenario_follows(
     monkeypatch.chdir(tmp_path)
     written(tmp_path, "a.tcl", SETDEST)
     answer = run_command(capsys, "import", "ns3", "a.tcl", "--id", "0")
-    assert answer.code == 0 and "0.csv: written" in answer.out
-    rows = list(csv.DictReader(Path("0.csv").read_text().splitlines()))
+    assert answer.code == 0 and "a_ns3.csv: written" in answer.out
+    rows = list(csv.DictReader(Path("a_ns3.csv").read_text().splitlines()))
     assert list(rows[0]) == ["time", "id", "x", "y", "z"] and rows[0]["id"] == "0"
     answer = run_command(capsys, "import", "ns3", "a.tcl", "--id", "0", "--out", "s.yaml", "--json")
     assert answer.code == 0 and json.loads(answer.out)["files"] == ["s_0.csv", "s.yaml"]
@@ -271,8 +271,9 @@ def test_a_file_that_exists_is_replaced_only_if_it_is_named(
     monkeypatch.chdir(tmp_path)
     trace = written(tmp_path, "0.csv", "time;id;x;y\n0;0;1;2\n1;0;3;4\n")
     before = Path(trace).read_bytes()
+    assert run_command(capsys, "import", "sumo", "0.csv").code == 0
     answer = run_command(capsys, "import", "sumo", "0.csv")
-    assert answer.code == 2 and "0.csv exists: --out FILE.csv" in answer.err
+    assert answer.code == 2 and "0_sumo.csv exists: --out FILE.csv names another file" in answer.err
     assert Path(trace).read_bytes() == before
 
 
@@ -282,7 +283,7 @@ def test_nodes_are_listed_with_their_times(
     monkeypatch.chdir(tmp_path)
     written(tmp_path, "a.xml", FCD)
     lines = run_command(capsys, "import", "sumo", "a.xml", "--list").out.splitlines()
-    assert lines[1].split() == ["bus.1", "2", "0", "1"] and lines[2].split() == ["ann", "1", "1", "1"]
+    assert [line.split(maxsplit=2) for line in lines[1:]] == [["bus.1", "2", "0 to 1 s"], ["ann", "1", "1 to 1 s"]]
 
 
 def fcd(*rows: tuple[float, str, str, float, float]) -> str:

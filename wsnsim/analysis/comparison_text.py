@@ -247,6 +247,7 @@ def _notes(found: Comparison) -> list[str]:
         (found.unbounded, f"no bound: {found.unbounded}"),
         (found.of_bounds, f"of the bound: {found.of_bounds}"),
         (found.same, found.same),
+        (found.replayed, found.replayed),
         (found.unpaired, found.unpaired),
     ]  # fmt: skip
     return [f"  {note}" for wanted, note in candidates if wanted]

@@ -98,6 +98,7 @@ RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]
     (ALWAYS, TrackingSetup, setup_notes.gaussian_filter_of_cells),
     (ALWAYS, TrackingSetup, setup_notes.places_in_another_unit),
     (ALWAYS, RadioSetup, setup_notes.sink_outside_the_field),
+    (ALWAYS, RadioSetup, setup_notes.sensitivity_beside_a_datasheet),
     (ALWAYS, RadioSetup, setup_notes.links_that_are_left_out),
     (ALWAYS, Setup, setup_notes.longer_than_the_run),
     (ALWAYS, RadioSetup, setup_notes.sleep_that_costs_more),

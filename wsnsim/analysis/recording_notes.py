@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias, get_type_hints
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from wsnsim.analysis.phrases import counted
 from wsnsim.base.arrays import Floats, Ints, components_of, is_relative, near
 from wsnsim.base.errors import RunError, shortened
 from wsnsim.base.initial_conditions import measured_points, node_names, sample_initial_conditions
+from wsnsim.base.part import Quantity
 from wsnsim.base.sensing import gain_variance, samples_gains
 from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.models.csvfile import identifiers
@@ -184,11 +185,21 @@ def residuals(setup: Setup, result: str | Path = "") -> Iterator[str]:
     middle, medians = np.median(off), held.medians(off)
     low, high = min(medians, key=medians.__getitem__), max(medians, key=medians.__getitem__)
     count = f"{len(off):,} {'sampled ' * (len(off) == MOST_READINGS)}readings"
-    spread = f"{1.4826 * np.median(np.abs(off - middle)):.3g} (law: {np.median(held.sds):.3g})"
-    nodes = f"medians of nodes from {medians[low]:.3g} ({held.names[low]}) to {medians[high]:.3g} ({held.names[high]})"
-    most = f"largest {off[np.abs(off).argmax()]:.3g}"
+    said = _with_unit(held.sensor)
+    spread = f"{said(1.4826 * np.median(np.abs(off - middle)))} (law: {said(np.median(held.sds))})"
+    nodes = (
+        f"medians of nodes from {said(medians[low])} ({held.names[low]}) to {said(medians[high])} ({held.names[high]})"
+    )
+    most = f"largest {said(off[np.abs(off).argmax()])}"
     where = "estimates of run 0, which follow the readings and are no truth" if result else "trajectory"
-    yield f"{count} minus law at the {where}: median {middle:.3g}, spread {spread}, {most}; {nodes}"
+    yield f"{count} minus law at the {where}: median {said(middle)}, spread {spread}, {most}; {nodes}"
+
+
+def _with_unit(sensor: Any) -> Callable[[float], str]:
+    """What says a value in the unit of a sensor's readings, that of its `sd`."""
+    about = getattr(get_type_hints(type(sensor), include_extras=True).get("sd"), "__metadata__", ())
+    unit = next((f" {each.unit}" for each in about if isinstance(each, Quantity)), "")
+    return lambda value: f"{value:.3g}{unit}"
 
 
 def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
@@ -221,11 +232,11 @@ def _explanations(held: _Held, off: Floats, setup: TrackingSetup) -> Iterator[tu
     if len(off) < FEWEST * len(held.names):
         return
     medians = held.medians(off)
-    values = np.array([*medians.values()])
-    most = ", ".join(f"{held.names[node]} {medians[node]:.3g}" for node in medians)
+    values, shown = np.array([*medians.values()]), _with_unit(held.sensor)
+    most = ", ".join(f"{held.names[node]} {shown(medians[node])}" for node in medians)
     said = f"a constant of each node, {shortened(most)}: give the law its gains, or take it off"
     if np.ptp(values) < abs(np.median(values)):
-        said = f"a constant {np.median(values):.3g} of all nodes, such as a clock offset: take it off"
+        said = f"a constant {shown(np.median(values))} of all nodes, such as a clock offset: take it off"
     without = held._replace(readings=held.readings - [medians[node] for node in held.nodes.tolist()])
     yield held.losses(without.off()).mean(), f"readings contain {said}"
     yield _swapped(held)

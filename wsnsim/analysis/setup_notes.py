@@ -120,6 +120,13 @@ def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
             )
 
 
+def sensitivity_beside_a_datasheet(setup: RadioSetup) -> Iterator[str]:
+    """A sensitivity of the link that is not that of the radio's datasheet."""
+    own, stated = (getattr(part, "sensitivity", None) for part in (setup.link, getattr(setup.energy, "radio", None)))
+    if own is not None and stated is not None and own != stated:
+        yield f"link.sensitivity: {own:g} dBm counts, not the {stated:g} dBm of the radio's datasheet"
+
+
 def links_that_are_left_out(setup: RadioSetup) -> Iterator[str]:
     """Rounds and bursts of recorded links that are not played."""
     if isinstance(setup.link, RecordedLinks):

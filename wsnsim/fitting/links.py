@@ -143,7 +143,9 @@ class LinkFit:
         yield "Intervals come from a bootstrap of nodes: all pairs of a node share its antenna."
         powers, ratios = self.curve
         reached = [(level, powers[np.argmax(ratios >= level)]) for level in STATED_RATIOS if (ratios >= level).any()]
-        yield "Recorded delivery ratio: " + ", ".join(f"{level:g} at {power:.1f} dBm" for level, power in reached) + "."
+        levels = ", ".join(f"{level:g} at {power:.1f} dBm" for level, power in reached)
+        yield f"Recorded delivery ratio: {levels or f'below {STATED_RATIOS[0]:g}, or of too few bursts at each power'}."
+        yield "The sensitivity is that of the links as they are, with noise: it holds beside the datasheet of a radio."
         if "exponent" not in self.values:
             yield "Without positions (--nodes), path loss and shadowing cannot be fitted."
         yield from refused("link", self.link)

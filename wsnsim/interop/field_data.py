@@ -83,7 +83,10 @@ def readings(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
     rows = SourceRows(files, how, "readings", ("time", "node", "reading", "target"), _long)
     values, unit = rows.in_unit("reading", ("m", "dBm", "rad"))
     negative = values[rows.kept] < 0.0
-    if not unit and negative.any() and negative.all():
+    if not unit and {plain(rows.named("reading")), plain(how.node_prefix).strip("_")} & {"rssi", "rss"}:
+        unit = "dBm"
+        rows.notes.append("readings called rssi are taken for levels in dBm; --unit says otherwise")
+    elif not unit and negative.any() and negative.all():
         unit = "dBm"
         rows.notes.append("all readings are negative: they are taken for levels in dBm; --unit says otherwise")
     elif not unit and negative.any():
@@ -143,7 +146,9 @@ def track(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
     for name, one in table.groupby("id", sort=False):
         if said := slower_than_stated(*(one[each].to_numpy() for each in ("time", "x", "y", "speed"))):
             raise RunError(f"{files[0]}: '{name}': {said}, in degrees? Write: {rows.remedy('--crs wgs84')}")
-    return _imported(rows, table.drop(columns="speed"), {"origin": origin, **_rate(table, "id")})
+    span = [rows.moment(*each) - rows.moment("--time-origin", how.time_origin)
+            for each in zip(("--from", "--until"), how.span, (-np.inf, np.inf), strict=True)]  # fmt: skip
+    return _imported(rows, table.drop(columns="speed"), {"origin": origin, "span": span, **_rate(table, "id")})
 
 
 def trace_of(imported: Imported, path: str, ids: Collection[str]) -> Trace:

@@ -26,6 +26,7 @@ from wsnsim.interop.conventions import (
 )  # fmt: skip
 from wsnsim.interop.tables import RawTable, listed, numeric, read_table
 from wsnsim.models.csvfile import LONGEST_NAME
+from wsnsim.models.row_checks import more_like_it
 from wsnsim.models.unit_checks import degrees_said, other_units, remedy, too_close
 
 NO_VALUE: Final = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>", "nat")
@@ -128,8 +129,8 @@ class SourceRows:
         said = reason(int(found[0]))
         if self.how.skip_bad_rows:
             return self.leave_out(where, f"that cannot be used: {said}")
-        like = f" ({found.size - 1:,} more rows like it; --skip-bad-rows leaves them out)" if found.size > 1 else ""
-        raise RunError(f"{self.place(int(found[0]))}: {said}{like}")
+        more = more_like_it(found.size - 1, "--skip-bad-rows leaves them out")
+        raise RunError(f"{self.place(int(found[0]))}: {said}{more}")
 
     def once(self, table: pd.DataFrame, keys: list[str], reason: Callable[[int], str]) -> pd.DataFrame:
         """The kept rows of a table (n,) in the order of the keys: copies are left out, contradictions refused."""
@@ -192,11 +193,16 @@ class SourceRows:
         if not origin:
             self.notes += ["times are s since 1970-01-01 UTC; --time-origin DATE makes one of them 0"] * dated
             return times
-        zero = seconds(pd.Series([origin]), form)[0][0]
-        if not np.isfinite(zero):
-            raise UsageError(f"--time-origin {origin}: must be a time as the file writes them, such as {column[0]}")
-        after: Floats = times - zero
+        after: Floats = times - self.moment("--time-origin", origin)
         return after
+
+    def moment(self, option: str, text: str, missing: float = 0.0) -> float:
+        """The time (s) that an option gives, written as the file writes times; `missing` without it."""
+        time = float(seconds(pd.Series([text]), self.how.time_format)[0][0]) if text else missing
+        if text and not np.isfinite(time):
+            such = self.frame.time[0]
+            raise UsageError(f"{option} {text}: must be a time as the file writes them, such as {such}")
+        return time
 
     def places(self) -> tuple[dict[str, Floats], tuple[float, ...]]:
         """{axis: (n,) m}, and the origin in degrees if places were projected."""

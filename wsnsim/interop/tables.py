@@ -8,7 +8,6 @@ byte order mark, and compressed with gzip. XML with a document type is refused: 
 
 from __future__ import annotations
 
-import csv
 import itertools
 import json
 import re
@@ -23,7 +22,7 @@ import pandas as pd
 
 from wsnsim.base.errors import RunError, UsageError, WsnsimError, shortened
 from wsnsim.base.files import MOST_BYTES, why_not_regular
-from wsnsim.models.csvfile import MOST_ROWS, number_in, open_text
+from wsnsim.models.csvfile import MOST_ROWS, cells_in, number_in, open_text
 
 SAMPLE: Final = 50
 """Lines from which separator, decimal sign and header are recognised."""
@@ -164,8 +163,7 @@ def _split(lines: Sequence[str], width: int) -> tuple[str, list[list[str]]]:
     """
     best: tuple[tuple[float, float], str, list[list[str]]] = ((0.0, 0.0), ",", [[line] for line in lines])
     for sign in SEPARATORS:
-        rows = [line.split() for line in lines] if sign == r"\s+" else list(csv.reader(lines, delimiter=sign))
-        rows = [[cell.strip() for cell in row] for row in rows]
+        rows = [line.split() for line in lines] if sign == r"\s+" else [*cells_in(lines, sign)]
         counts = [len(row) for row in rows]
         if not counts or (wanted := width or counts[0]) < 2:
             continue
@@ -268,9 +266,9 @@ def _features(path: str, features: Sequence[Mapping[str, Any]]) -> Iterator[dict
 def _of_gpx(path: str, columns: Sequence[str], part: str) -> RawTable:
     import gpxpy
 
-    found = gpxpy.parse(_xml(path))
+    found, stem = gpxpy.parse(_xml(path)), Path(path).name.split(".")[0]
     points: list[tuple[str, Any]] = [
-        (track.name or str(number), point) for number, track in enumerate(found.tracks)
+        (track.name or f"{stem}_{number}".removesuffix("_0"), point) for number, track in enumerate(found.tracks)
         for segment in track.segments for point in segment.points
     ]  # fmt: skip
     points = points or [(point.name or str(number), point) for number, point in enumerate(found.waypoints)]

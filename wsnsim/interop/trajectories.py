@@ -104,7 +104,8 @@ def placed(trace: Trace, how: Placement) -> PlacedTracks:
         whole, about = _projected(whole, how.origin)
         notes.append(about)
     first, last = (min(track[0, 0] for track in whole.values()), max(track[-1, 0] for track in whole.values()))
-    start, end = first if how.start is None else how.start, last if how.end is None else how.end
+    start, end = (own if given is None or math.isinf(given) else given
+                  for given, own in ((how.start, first), (how.end, last)))  # fmt: skip
     tracks = {node: _window(trace.path, node, track, start, end) for node, track in whole.items()}
     origin = (0.0, 0.0) if how.degrees else _origin(tracks, how.origin)
     shift = np.array([how.time_origin or 0.0, *origin, 0.0])

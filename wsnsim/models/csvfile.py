@@ -102,7 +102,7 @@ def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) 
     import pandas as pd  # a run that reads no file does without
 
     lines = _Lines(path, file, first)
-    header = [name.strip() for name in next(csv.reader([lines.header]), [])]
+    header = next(cells_in([lines.header]), [])
     places = _present(f"{path}:{first}", header, wanted)
     known: dict[str, dict[str, int]] = {name: {} for name in wanted.texts if name in places}
     odd: dict[str, dict[int, str]] = {name: {} for name in places if name not in known}
@@ -166,7 +166,7 @@ def only_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
 def demand_good(rows: CsvRows) -> CsvRows:
     """The rows. Raises RunError if one was bad; the message names file and line."""
     if rows.bad:
-        raise RunError(f"{rows.path}:{rows.bad[0].line}: {rows.bad[0].reason}")
+        raise RunError(row_checks.summarised(f"{rows.path}:{row.line}: {row.reason}" for row in rows.bad)[0])
     return rows
 
 
@@ -179,8 +179,7 @@ def identifiers(path: str, read: Collection[str]) -> dict[str, list[str]]:
         RunError: the file cannot be read.
     """
     with open_text(path) as file:
-        rows = itertools.islice(filter(any, csv.reader(file)), LOOKED_AT)
-        columns = [[cell.strip() for cell in column] for column in itertools.zip_longest(*rows, fillvalue="")]
+        columns = [*itertools.zip_longest(*itertools.islice(filter(any, cells_in(file)), LOOKED_AT), fillvalue="")]
     return {
         name: cells
         for name, *cells in columns
@@ -188,6 +187,11 @@ def identifiers(path: str, read: Collection[str]) -> dict[str, list[str]]:
         and IDENTIFIER.search(name)
         and all(cell and not number_in(cell) % 1.0 > 0.0 for cell in cells)
     }
+
+
+def cells_in(lines: Iterable[str], separator: str = ",") -> Iterator[list[str]]:
+    """Yield the stripped cells of each line."""
+    return ([cell.strip() for cell in row] for row in csv.reader(lines, delimiter=separator))
 
 
 def demand_once(place: str, header: Sequence[str], names: Iterable[str]) -> None:
