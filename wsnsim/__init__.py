@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     # isort: off
     from wsnsim.analysis.frames import read as read
     from wsnsim.api.result import plot as plot, Result as Result
-    from wsnsim.api.running import run as run, simulate as simulate
+    from wsnsim.api.running import quiet as quiet, run as run, simulate as simulate
     from wsnsim.api.sweeping import compare as compare, sweep as sweep, SweepResult as SweepResult
     from wsnsim.base.arrays import Estimate as Estimate
     from wsnsim.base.errors import (

@@ -64,6 +64,10 @@ if TYPE_CHECKING:
         Acquire as Acquire, Detection as Detection, KnownNodes as KnownNodes, MotionModel as MotionModel,
         PriorModel as PriorModel, Scene as Scene, SensorModel as SensorModel, Tracker as Tracker,
     )
+    from wsnsim.base.quiet import (
+        Hearing as Hearing, KnowsLongRun as KnowsLongRun, RadioUse as RadioUse, SendsUpkeep as SendsUpkeep,
+        SentFrames as SentFrames, Upkeep as Upkeep, UsesRadios as UsesRadios,
+    )
     from wsnsim.base.radio import (
         BurstyLosses as BurstyLosses, Clock as Clock, ContinuousPower as ContinuousPower, Cpu as Cpu,
         EnergyModel as EnergyModel, HeardLinks as HeardLinks, LinkModel as LinkModel, Mode as Mode,

@@ -19,7 +19,7 @@ from wsnsim.base.setups import NetworkSetup
 from wsnsim.lifetime.criteria import LATTICE, Criteria
 from wsnsim.lifetime.library import Library, Visit, make_visit
 from wsnsim.lifetime.paths import Paths, Phase
-from wsnsim.lifetime.quiet import Quiet, quiet_power
+from wsnsim.lifetime.quiet import QuietPower, quiet_power
 from wsnsim.lifetime.rates import Loads, fit_loads
 from wsnsim.lifetime.stores import Stores
 from wsnsim.network.inspection import NetworkFacts, inspect_network
@@ -90,7 +90,7 @@ class Epoch(NamedTuple):
     """A network with its dead nodes: its quiet power, its library, and the posterior loads."""
 
     dead: frozenset[int]
-    quiet: Quiet
+    quiet: QuietPower
     library: Library
     loads: Loads
 
@@ -182,7 +182,7 @@ class Estimation:
 
     def _epoch(self, dead: frozenset[int], count: int, first: int) -> Epoch:
         library = self._make(self._setup, self._plan.visit, range(first, first + count), dead)
-        quiet = quiet_power(self._setup, self._plan.visit, dead)
+        quiet = quiet_power(self._setup, dead)
         return Epoch(dead, quiet, library, fit_loads(library.added))
 
     def _phase(self, epoch: Epoch) -> Phase:

@@ -111,8 +111,10 @@ class BaseNetwork(ABC):
         if is_due:
             now = self._env.now
             scheduled = self._nodes.consumption.network.scheduled(np.array([now]))[0]
-            joules = [float(sum(each)) for each in zip(self._nodes.totals_now(), scheduled, strict=True)]
-            self._follower.follow(RunNow(step, now, self._tracks_now(), joules, self._nodes.residual_energies()))
+            nodes = self._nodes
+            joules = [float(sum(each)) for each in zip(nodes.totals_now(), scheduled, strict=True)]
+            left, spent = nodes.residual_energies(), nodes.spent_now()
+            self._follower.follow(RunNow(step, now, self._tracks_now(), joules, left, spent))
 
     def _head_of(self, target: int) -> int | None:
         """The cluster head of a target; None in a network without targets."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import Memory
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.radio.radio_stack import make_radio_stack
+from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack
 
 
 class NetworkFacts(NamedTuple):
@@ -28,19 +29,29 @@ class NetworkFacts(NamedTuple):
     links: Bools
 
 
+def inspect_radio(setup: NetworkSetup, replicate: int) -> RadioStack:
+    """The radio stack of a run, at its start.
+
+    Raises:
+        RunError: the deployment did not succeed.
+    """
+    conditions = sample_initial_conditions(dataclasses.replace(setup, steps=1), replicate)
+    log = EventLog(Memory({}), replicate)
+    return make_radio_stack(setup, conditions.positions, conditions.traits, setup.streams(replicate), log)
+
+
 def inspect_network(setup: NetworkSetup, replicate: int) -> NetworkFacts:
     """The network of a run.
 
     Raises:
         RunError: the deployment did not succeed.
     """
-    conditions = sample_initial_conditions(setup, replicate)
-    log = EventLog(Memory({}), replicate)
-    stack = make_radio_stack(setup, conditions.positions, conditions.traits, setup.streams(replicate), log)
-    topology, size = stack.radio.topology, len(conditions.positions)
+    stack = inspect_radio(setup, replicate)
+    topology, positions = stack.radio.topology, stack.radio.nodes.positions
+    size = len(positions)
     topology.find_all()
     links = np.zeros((size, size), dtype=np.bool_)
     for node in range(size):
         near = topology.neighbours(node).ids.tolist()
         links[node, near] = [topology.connected(node, other) for other in near]
-    return NetworkFacts(conditions.positions, stack.sinks, links & links.T)
+    return NetworkFacts(positions, stack.sinks, links & links.T)

@@ -415,6 +415,13 @@ class Nodes(NodeStates):
             return self.living.copy()
         return self.living & (self.residual_energies() > threshold)
 
+    def spent_now(self) -> Floats:
+        """(causes, N) joules that each node has spent on each cause until now."""
+        spent = self.ledger.joules.copy()
+        for nodes, cause, joules in self.consumption.pending_charges(np.flatnonzero(self.living)):
+            spent[cause, nodes] += joules
+        return spent
+
     def totals_now(self) -> list[float]:
         """Joules that the network has spent on each cause until now, without `consumption.network.scheduled`."""
         return self.consumption.totals(self.ledger.totals)

@@ -85,17 +85,22 @@ def make_nodes(
     if setup.sleep.rest is Mode.SCHEDULED:
         schedules = LocalSchedules(setup.sleep, derive_all(streams.key("sleep"), np.arange(len(positions))), clocks)
     sleep_states = SleepStates(setup.sleep.rest, env, schedules)
-    duties = setup.mac.duties if isinstance(setup.mac, DutyCycledMac) else ()
-    model = continuous_power(setup.energy)
-    searching = 0.0 if model is None and not duties else _search_power(setup)
-    model = NoPower() if model is None else model
-    table = PowerTable(model, duties, searching, _standby_power(setup, model))
+    table = make_power_table(setup)
     battery, reach = setup.energy.battery, setup.link.reach
     storage = None if setup.plain_batteries else make_storage(env, setup, positions, streams)
     nodes = Nodes(positions, traits, battery, reach, sleep_states, env, table, setup.duration, storage)
     if nodes.follows_schedules:
         clocks.on_step.append(nodes.note_clock)
     return nodes
+
+
+def make_power_table(setup: RadioSetup) -> PowerTable:
+    """Return the power of a node in each of its states."""
+    duties = setup.mac.duties if isinstance(setup.mac, DutyCycledMac) else ()
+    model = continuous_power(setup.energy)
+    searching = 0.0 if model is None and not duties else _search_power(setup)
+    model = NoPower() if model is None else model
+    return PowerTable(model, duties, searching, _standby_power(setup, model))
 
 
 def make_storage(env: simpy.Environment, setup: RadioSetup, positions: Floats, streams: Streams) -> Storage:

@@ -1,0 +1,1 @@
+"""How long a network lives: quiet power, libraries of visits, batteries, sample paths."""
