@@ -119,8 +119,8 @@ def test_visits_are_those_of_their_motion() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({}, "give one of the rate"),
-        ({"rate": 1e-3, "times": (1.0,)}, "give one of the rate"),
+        ({}, "give one of rate, such as 1/h, times"),
+        ({"rate": 1e-3, "times": (1.0,)}, "give one of rate, such as 1/h, times"),
         ({"rate": 1e-3, "of": object()}, "say how long a visit lasts"),
         ({"rate": 1e-3, "profile": (1.0, 2.0)}, "expected 24 factors"),
         ({"rate": 1e-3, "profile": (0.0,) * 24}, "not all 0"),

@@ -112,9 +112,7 @@ class Visits(InPlane):
     def __post_init__(self) -> None:
         """Raises ValueError for values that contradict each other."""
         if [self.rate, self.times, self.path].count(None) != 2:
-            raise ValueError(
-                "give one of the rate of visits, such as rate: 1/h, the times: [t, ...] at which they begin, and a path"
-            )
+            raise ValueError("give one of rate, such as 1/h, times, at which visits begin, and path, a file of times")
         if self.lasting is None and not isinstance(self.of, Crossing):
             raise ValueError("lasting: of this motion, say how long a visit lasts")
         if self.profile is not None and (self.rate is None or len(self.profile) != HOURS or not sum(self.profile)):
