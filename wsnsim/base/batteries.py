@@ -101,14 +101,16 @@ class Battery(Protocol):
     def draw_at_once(self, state: BatteryState, joules: Floats) -> BatteryState:
         """The state after (n,) joules were drawn in no time; negative ones were put back."""
 
-    def advance(self, state: BatteryState, watts: Floats, seconds: Floats | float, income: float = 0.0) -> Advance:
+    def advance(
+        self, state: BatteryState, watts: Floats, seconds: Floats | float, income: Floats | float = 0.0
+    ) -> Advance:
         """What a span of constant load does.
 
         Args:
             state: At its beginning.
             watts: (n,) mean load in W.
             seconds: Length in s of the span, (n,) or one for all.
-            income: Mean power in W that the harvester offers.
+            income: Mean power in W that the harvester offers, (n,) or one for all.
         """
 
     def income(self, time: float) -> Income:

@@ -29,7 +29,7 @@ def name_hash(name: str) -> int:
     return int.from_bytes(hashlib.blake2b(name.encode(), digest_size=4).digest(), "little")
 
 
-OF_NETWORK: Final = frozenset({"deploy", "gains", "position_error", "shadowing", "clock"})
+OF_NETWORK: Final = frozenset({"deploy", "gains", "position_error", "shadowing", "clock", "battery"})
 """The streams of what makes a network: where its nodes stand, and the constants of its nodes and links."""
 
 

@@ -1,1 +1,1 @@
-"""How long a network lives: quiet power, libraries of visits, batteries, sample paths."""
+"""How long a network lives: simulated visits, quiet power, batteries, and sample paths of years."""

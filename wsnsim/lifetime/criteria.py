@@ -3,7 +3,8 @@
     ends = Criteria(...).times(events, paths) -> {criterion: (R,) s, infinite where it is not met before the horizon}
 
 A criterion is met once it holds for longer than the tolerance, from the begin of that time on (Dietrich, Dressler 2009,
-"On the lifetime of wireless sensor networks"). Without harvesting, dead nodes stay dead, and the tolerance has no effect.
+"On the lifetime of wireless sensor networks"). Without harvesting, dead nodes
+stay dead, and the tolerance has no effect.
 """
 
 from __future__ import annotations
@@ -63,23 +64,23 @@ class Criteria:
 
     def series(self, rows: Floats, alive: Bools) -> tuple[Floats, dict[str, Floats]]:
         """Times (E + 1,) of the changes of one path, and {quantity: (E + 1,)} from each of them on."""
-        nodes, up = rows[:, 1].astype(int), rows[:, 3] > 0.0
-        states = np.repeat(alive[None], len(rows) + 1, axis=0)
-        for i, (node, back) in enumerate(zip(nodes, up, strict=True), start=1):
-            states[i:, node] = back
-        dead = 1.0 - states.mean(axis=1)
-        covered = ((states.astype(np.float32) @ self.near.T.astype(np.float32)) > 0.5).mean(axis=1)
+        steps = np.where(rows[:, 3] > 0.0, 1, -1)
+        dead = (np.cumsum(np.concatenate([[(~alive).sum()], -steps]))) / len(alive)
+        seen, covered = self.near[:, alive].sum(axis=1), []
+        for node, step in [(-1, 0), *zip(rows[:, 1].astype(int), steps, strict=True)]:
+            seen = seen + step * self.near[:, node]
+            covered.append(np.count_nonzero(seen) / len(seen))
         return np.concatenate([[0.0], rows[:, 2]]), {
             "dead": dead,
-            "coverage": covered,
-            "connected": self._connected(states),
+            "coverage": np.array(covered),
+            "connected": self._connected(rows, alive),
             "tracked": np.interp(dead, *self.knots),
         }
 
     def _of_path(self, rows: Floats, alive: Bools) -> dict[str, float]:
         times, now = self.series(rows, alive)
-        count = round(len(alive) * now["dead"]) if np.isscalar(now["dead"]) else np.rint(now["dead"] * len(alive))
-        least = {FIRST: 1, TENTH: int(np.ceil(0.1 * len(alive))), HALF: int(np.ceil(0.5 * len(alive)))}
+        count, begun = np.rint(now["dead"] * len(alive)), int((~alive).sum())
+        least = {FIRST: begun + 1, TENTH: int(np.ceil(0.1 * len(alive))), HALF: int(np.ceil(0.5 * len(alive)))}
         met = {name: count >= number for name, number in least.items()}
         met[COVERAGE] = now["coverage"] < self.coverage * now["coverage"][0]
         met[SINK] = now["connected"] < self.connected
@@ -95,17 +96,16 @@ class Criteria:
                 return float(times[first])
         return np.inf
 
-    def _connected(self, states: Bools) -> Floats:
+    def _connected(self, rows: Floats, alive: Bools) -> Floats:
         """(E + 1,) share of the living nodes that reach a sink; 1 without sinks, 0 if no sink lives."""
-        result = np.ones(len(states))
+        result, alive = np.ones(len(rows) + 1), alive.copy()
         if not self.sinks.size:
             return result
-        for i, alive in enumerate(states):
+        for i in range(len(result)):
+            if i:
+                alive[int(rows[i - 1, 1])] = rows[i - 1, 3] > 0.0
             living = np.flatnonzero(alive)
             ours = np.flatnonzero(np.isin(living, self.sinks))
-            if not ours.size:
-                result[i:] = 0.0
-                break
             labels = connected_components(csr_matrix(self.links[np.ix_(living, living)]), directed=False)[1]
-            result[i] = np.isin(labels, labels[ours]).mean()
+            result[i] = np.isin(labels, labels[ours]).mean() if ours.size else 0.0
         return result

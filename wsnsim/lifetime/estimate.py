@@ -1,6 +1,6 @@
 """How long a network lives: quiet power, a library of visits, posterior loads, sample paths, criteria.
 
-    estimate(setup, plan) -> Lifetime
+    Estimation(setup, plan, make).run() -> Lifetime
 
 The library grows until the error of the first death is small enough. When enough nodes have died, visits are simulated
 anew in the network that is left, the one of the median path.
@@ -9,25 +9,35 @@ anew in the network that is left, the one of the median path.
 from __future__ import annotations
 
 import dataclasses
+import functools
+import itertools
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.tables import CAUSES
+from wsnsim.lifetime import limits
 from wsnsim.lifetime.criteria import LATTICE, Criteria
 from wsnsim.lifetime.library import Library, Visit, make_visit
 from wsnsim.lifetime.paths import Paths, Phase
 from wsnsim.lifetime.quiet import QuietPower, quiet_power
 from wsnsim.lifetime.rates import Loads, fit_loads
-from wsnsim.lifetime.stores import Stores
+from wsnsim.lifetime.stores import draw_stores
 from wsnsim.network.inspection import NetworkFacts, inspect_network
 
 YEAR: Final = 365.25 * 86_400.0
 EPOCHS: Final = (0.0, 0.1, 0.3, 0.5)
 """Shares of dead nodes at which visits are simulated anew."""
+LAST: Final = 0.6
+"""Share of dead nodes at which paths end."""
+ROUTES: Final = 0.9
+"""Share of the living nodes with a path to a sink, below which routes have changed: visits are simulated anew."""
 LEVEL: Final = 0.95
+FURTHER: Final = 10.0
+"""Horizons for which paths go on while the library grows, so that a late first death is known, too."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,10 +113,13 @@ class Lifetime:
         plan: how it was estimated.
         facts: the network.
         criteria: {criterion: when it is met}.
-        times: {criterion: (draws, repeats) s of each path}.
+        times: {criterion: (draws × repeats,) s of each path; the paths of a draw of loads follow each other}.
         events: (E, 4) deaths and returns: path, node, time in s, whether it is back.
         epochs: the networks that were simulated.
         baseline: s that the mean node lives by its battery / (quiet power + rate of visits × joules of a visit).
+        overlap: share of Poisson visits at this rate that would begin while another lasts; here none does.
+        not_modelled: what is left out, each with its size.
+        notes: what is special about this network.
     """
 
     plan: Plan
@@ -116,6 +129,9 @@ class Lifetime:
     events: Floats
     epochs: tuple[Epoch, ...]
     baseline: float
+    overlap: float = 0.0
+    not_modelled: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 Make = Callable[[NetworkSetup, Visit, Sequence[int], frozenset[int]], Library]
@@ -124,10 +140,7 @@ Make = Callable[[NetworkSetup, Visit, Sequence[int], frozenset[int]], Library]
 
 def make_serially(setup: NetworkSetup, visit: Visit, numbers: Sequence[int], dead: frozenset[int]) -> Library:
     """The library of several visits, simulated one after the other."""
-    library = make_visit(setup, visit, numbers[0], dead)
-    for number in numbers[1:]:
-        library = library.joined(make_visit(setup, visit, number, dead))
-    return library
+    return functools.reduce(Library.joined, (make_visit(setup, visit, number, dead) for number in numbers))
 
 
 class Estimation:
@@ -137,57 +150,98 @@ class Estimation:
         self._setup = dataclasses.replace(setup, network=0) if setup.network is None else setup
         self._plan, self._make = plan, make
         self._facts = inspect_network(self._setup, 0)
-        size = len(self._facts.positions)
-        self._stores = Stores(np.full(size, setup.energy.battery), np.ones(size, dtype=np.bool_))
-        self._size, self._paths = size, plan.draws * plan.repeats
+        self._size, self._paths = len(self._facts.positions), plan.draws * plan.repeats
+        self._stores = draw_stores(self._setup, self._size, self._facts.sinks)
         self._rng = np.random.default_rng([self._setup.seed, plan.seed])
         self._epochs: list[Epoch] = []
-        self._loads = np.zeros((self._paths, size))
+        self._strays: list[float] = []
+        self._loads = np.zeros((self._paths, self._size))
 
     def run(self) -> Lifetime:
-        """Make the estimate."""
+        """Make the estimate.
+
+        Raises:
+            RunError: batteries do not fit the network, or a simulation failed.
+        """
         self._begin()
-        plan, paths = self._plan, self._new_paths()
-        for share, following in zip(plan.epochs, (*plan.epochs[1:], 0.6), strict=True):
-            if share:
-                dead = self._dead(paths)
-                if dead is None:
-                    break
-                self._epochs.append(self._epoch(dead, plan.later, first=round(1e6 * share)))
-            paths.advance(self._phase(self._epochs[-1]), int(np.ceil(following * self._size)))
+        first = self._phase(self._epochs[0])
+        goals = self._goals(first)
+        paths = self._new_paths()
+        paths.advance(first, goals[0])
+        for goal, following in itertools.pairwise(goals):
+            dead = self._dead(paths)
+            if dead is None:
+                break
+            self._epochs.append(self._epoch(dead, self._plan.later, first=1_000_000 * goal))
+            paths.advance(self._phase(self._epochs[-1]), following)
         return self._result(paths)
 
-    def _new_paths(self) -> Paths:
-        return Paths(self._stores, self._plan.visit.visits, self._rng, self._paths, self._plan.horizon)
+    def _new_paths(self, horizons: float = 1.0) -> Paths:
+        plan = self._plan
+        return Paths(self._stores, plan.visit.visits, self._rng, self._paths, horizons * plan.horizon)
 
     def _begin(self) -> None:
         """Enlarge the first library until the first death is known well enough."""
         plan, dead = self._plan, frozenset(np.flatnonzero(~self._stores.alive).tolist())
         epoch = self._epoch(dead, plan.least, 0)
-        while len(epoch.library.tracked) < plan.most and not self._is_enough(epoch):
+        while 1 < len(epoch.library.tracked) < plan.most and not self._is_enough(epoch):
             count = len(epoch.library.tracked)
-            library = epoch.library.joined(self._make(self._setup, plan.visit, range(count, 2 * count), dead))
-            epoch = epoch._replace(library=library, loads=fit_loads(library.added))
+            more = range(count, min(2 * count, plan.most))
+            library = epoch.library.joined(self._make(self._setup, plan.visit, more, dead))
+            epoch = epoch._replace(library=library, loads=self._fitted(library))
         self._epochs.append(epoch)
 
     def _is_enough(self, epoch: Epoch) -> bool:
-        paths = self._new_paths()
-        paths.advance(self._phase(epoch), 1)
+        paths = self._new_paths(FURTHER)
+        paths.advance(self._phase(epoch), int((~self._stores.alive).sum()) + 1)
         first = np.full(self._paths, np.inf)
-        for path, _, time, _ in np.concatenate(paths.events or [np.zeros((0, 4))]):
-            first[int(path)] = min(first[int(path)], time)
+        events = paths.noted()
+        np.minimum.at(first, events[:, 0].astype(int), events[:, 2])
         known = self._estimated(first)
         width = known.confidence.high - known.confidence.low
-        return not known.met or width / 2.0 <= self._plan.error * known.mean
+        return known.met < 1.0 or width / 2.0 <= self._plan.error * known.mean
+
+    def _goals(self, phase: Phase) -> list[int]:
+        """Numbers of dead nodes at which visits are simulated anew, and the last: that at which paths end.
+
+        Where routes to the sinks change in the median path, if visits stay the same, is one of them.
+        """
+        last = int(np.ceil(LAST * self._size))
+        goals = {int(np.ceil(share * self._size)) for share in self._plan.epochs} | {last}
+        if self._facts.sinks:
+            paths = self._new_paths()
+            paths.advance(phase, last)
+            events, median = paths.noted(), np.argsort(paths.time)[self._paths // 2]
+            rows = events[events[:, 0] == median]
+            now = self._criteria().series(rows[np.argsort(rows[:, 2])], self._stores.alive)[1]
+            changed = np.flatnonzero((now["connected"] < ROUTES) & (now["connected"][0] >= ROUTES))
+            goals |= set(np.rint(now["dead"][changed[:1]] * self._size).astype(int).tolist())
+        begun = int((~self._stores.alive).sum())
+        return sorted(goal for goal in goals if begun < goal <= last) or [begun + 1]
 
     def _epoch(self, dead: frozenset[int], count: int, first: int) -> Epoch:
-        library = self._make(self._setup, self._plan.visit, range(first, first + count), dead)
-        quiet = quiet_power(self._setup, dead)
-        return Epoch(dead, quiet, library, fit_loads(library.added))
+        plan, size = self._plan, self._size
+        if plan.visit.visits.rate is None and not plan.visit.visits.begins.size:
+            library = Library(np.zeros((1, len(CAUSES), size)), np.full(1, np.nan), np.ones(1), dead)
+        else:
+            library = self._make(self._setup, plan.visit, range(first, first + count), dead)
+        return Epoch(dead, quiet_power(self._setup, dead), library, self._fitted(library))
+
+    def _mortal(self, dead: frozenset[int]) -> Ints:
+        """The nodes that can die now; all living ones, if all of them are on mains."""
+        living = np.setdiff1d(np.arange(self._size), sorted(dead))
+        mortal = living[np.isfinite(self._stores.joules[living])]
+        return mortal if mortal.size else living
+
+    def _fitted(self, library: Library) -> Loads:
+        """The posterior loads of the nodes that can die: the others tell nothing about these."""
+        return fit_loads(library.added[:, self._mortal(library.dead)])
 
     def _phase(self, epoch: Epoch) -> Phase:
         """What drains batteries in an epoch; nodes that are dead in its library but not in a path spend as before."""
-        new = np.repeat(epoch.loads.draw(self._rng, self._plan.draws), self._plan.repeats, axis=0)
+        new = np.repeat(epoch.library.added.mean(axis=0)[None], self._paths, axis=0)
+        draws = epoch.loads.draw(self._rng, self._plan.draws)
+        new[:, self._mortal(epoch.dead)] = np.repeat(draws, self._plan.repeats, axis=0)
         gone, watts = sorted(epoch.dead), epoch.quiet.watts.sum(axis=0)
         if self._epochs:
             new[:, gone] = self._loads[:, gone]
@@ -200,45 +254,64 @@ class Estimation:
         going = np.flatnonzero(paths.time < self._plan.horizon)
         if not going.size:
             return None
-        path = going[np.argsort(paths.time[going])[going.size // 2]]
-        return frozenset(np.flatnonzero(~paths.alive[path]).tolist())
+        gone = ~paths.alive[going]
+        dead = gone[np.argsort(paths.time[going])[going.size // 2]]
+        self._strays.append(float((gone & ~dead).sum(axis=1).mean() / max(dead.sum(), 1)))
+        return frozenset(np.flatnonzero(dead).tolist())
 
-    def _result(self, paths: Paths) -> Lifetime:
-        plan, events = self._plan, np.concatenate(paths.events or [np.zeros((0, 4))])
-        events = events[events[:, 2] <= plan.horizon]
+    def _criteria(self) -> Criteria:
+        plan = self._plan
         knots = np.array([(len(e.dead) / self._size, e.library.tracked.mean()) for e in self._epochs]).T
-        criteria = Criteria(
+        return Criteria(
             self._near(), self._facts.links, np.array(self._facts.sinks, dtype=int), knots, plan.coverage,
             plan.connected, plan.tracked, plan.tolerance, plan.horizon,
         )  # fmt: skip
-        times = criteria.times(events, self._stores.alive, self._paths)
+
+    def _result(self, paths: Paths) -> Lifetime:
+        plan, events = self._plan, paths.noted()
+        events = events[events[:, 2] <= plan.horizon]
+        times = self._criteria().times(events, self._stores.alive, self._paths)
+        criteria = {name: self._estimated(each) for name, each in times.items()}
+        first, visit = self._epochs[0], plan.visit
+        spoken = (first.quiet, first.library, self._stores, visit)
         return Lifetime(
-            plan, self._facts, {name: self._estimated(each) for name, each in times.items()}, times, events,
-            tuple(self._epochs), self._baseline(),
+            plan, self._facts, criteria, times, events, tuple(self._epochs), self._baseline(), limits.overlap(visit),
+            limits.not_modelled(self._setup, *spoken, self._strays), limits.notes(*spoken, plan.horizon),
         )  # fmt: skip
 
     def _estimated(self, times: Floats) -> Estimate:
         """The estimate of a criterion from the times (R,) at which paths meet it."""
-        median, low, high = np.quantile(times, [0.5, (1 - LEVEL) / 2, (1 + LEVEL) / 2], method="nearest")
-        met, missing = float(np.isfinite(times).mean()), Interval(np.nan, np.nan)
+        median = float(np.quantile(times, 0.5, method="nearest"))
+        met = float(np.isfinite(times).mean())
         if met < 1.0:
-            return Estimate(float(median), np.nan, Interval(float(low), float(high)), missing, met)
+            return Estimate(median, np.nan, _interval(times), Interval(np.nan, np.nan), met)
         draws = times.reshape(self._plan.draws, self._plan.repeats)
-        within = draws.var(axis=1, ddof=1).mean() if draws.shape[1] > 1 else 0.0
-        between = max(float(draws.mean(axis=1).var(ddof=1)) - within / draws.shape[1], 0.0)
-        half, mean = 1.96 * float(np.sqrt(between + within / times.size)), float(times.mean())
-        return Estimate(float(median), mean, Interval(float(low), float(high)), Interval(mean - half, mean + half), met)
+        within = draws.var(axis=1, ddof=1).mean() / draws.shape[1] if draws.shape[1] > 1 else 0.0
+        means, mean = draws.mean(axis=1), float(times.mean())
+        # means of few paths spread more than those of many
+        total = float(means.var(ddof=1)) if means.size > 1 else 0.0
+        shrunk = np.sqrt(max(total - within, 0.0) / total) if total else 0.0
+        return Estimate(median, mean, _interval(times), _interval(mean + shrunk * (means - mean)), met)
 
-    def _near(self) -> np.ndarray:
+    def _near(self) -> Bools:
         field = self._setup.deploy.field
         x, y = (length * ((np.arange(LATTICE) + 0.5) / LATTICE - 0.5) for length in (field.width, field.height))
         cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + field.centre
         apart = np.linalg.norm(cells[:, None] - self._facts.positions, axis=2)
-        return apart <= self._setup.sensor.reach
+        near: Bools = apart <= self._setup.sensor.reach
+        return near
 
     def _baseline(self) -> float:
-        first, visits = self._epochs[0], self._plan.visit.visits
-        rate = visits.rate or len(visits.times or ()) / self._plan.horizon
-        finite = np.isfinite(self._stores.joules)
-        power = first.quiet.watts.sum(axis=0)[finite].mean() + rate * first.library.added[:, finite].mean()
-        return float(self._stores.joules[finite].mean() / power)
+        """Two terms: quiet power, and visits; of the nodes that live at the start and are not on mains."""
+        first, visits, nodes = self._epochs[0], self._plan.visit.visits, self._mortal(self._epochs[0].dead)
+        rate = visits.rate or visits.begins.size / self._plan.horizon
+        power = first.quiet.watts.sum(axis=0)[nodes].mean() + rate * first.library.added[:, nodes].mean()
+        with np.errstate(divide="ignore"):
+            return float(self._stores.joules[nodes].mean() / np.float64(power))
+
+
+def _interval(values: Floats) -> Interval:
+    """Where a further value lies with 95 %: two of the values in their order."""
+    ordered = np.sort(values, axis=None)
+    first = max(int((1.0 - LEVEL) / 2.0 * (ordered.size + 1)), 1)
+    return Interval(float(ordered[first - 1]), float(ordered[-first]))

@@ -9,8 +9,8 @@ the visit adds. A window begins with a time in which the network settles, and en
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,13 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSES, Memory
 from wsnsim.experiment import replicate_of
+from wsnsim.models.batteries import Linear
 from wsnsim.models.faults import Crash
 from wsnsim.models.visits import Visits
 
-RECORDED = {"energy": True, "nodes": True, "tracks": True}
+PLENTY: Final = 1e6
+"""J of the batteries in simulated visits."""
+RECORDED: Final = {"energy": True, "nodes": True, "tracks": True}
 
 
 class Visit(NamedTuple):
@@ -54,36 +57,42 @@ class Library:
         tracked: (K,) share of the steps of each visit with an estimate.
         seconds: (K,) how long the target was there.
         dead: the nodes that were dead.
+        false_time: (K,) s for which a track was kept after the target had left.
     """
 
     joules: Floats
     tracked: Floats
     seconds: Floats
     dead: frozenset[int] = frozenset()
+    false_time: Floats = dataclasses.field(default_factory=lambda: np.zeros(0))
 
     @property
     def added(self) -> Floats:
         """(K, N) what each visit adds to the energy of each node, in J."""
-        return self.joules.sum(axis=1)
+        added: Floats = self.joules.sum(axis=1)
+        return added
 
     def joined(self, other: Library) -> Library:
         """The visits of two libraries of the same network."""
-        pairs = (np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("joules", "tracked", "seconds"))
-        return Library(*pairs, self.dead)
+        names = ("joules", "tracked", "seconds", "false_time")
+        both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        return Library(**both, dead=self.dead)
 
 
 def window_setup(setup: NetworkSetup, visit: Visit, *, present: bool, dead: Iterable[int] = ()) -> NetworkSetup:
-    """The setup of one window, with its visit or without; all batteries are full, and the nodes `dead` are down."""
+    """The setup of one window, with its visit or without; no battery is ever empty, and the nodes `dead` are down."""
     times = (visit.lead,) if present else ()
-    motion = dataclasses.replace(visit.visits, rate=None, profile=None, times=times)
+    motion = dataclasses.replace(visit.visits, rate=None, profile=None, path=None, times=times)
     crashes = (Crash(at=0.0, nodes=tuple(sorted(dead))),) if dead else ()
     return dataclasses.replace(
         setup,
         motions=(motion,),
         presence=(),
+        energy=dataclasses.replace(setup.energy, battery=PLENTY),  # type: ignore[type-var]
+        battery=Linear(),
         filter_motions=setup.filter_motions[:1],
         faults=crashes,
-        steps=round(visit.window / setup.dt),
+        steps=round(visit.window / setup.dt) - 1,
         until_clusters=None,
     )
 
@@ -94,14 +103,15 @@ def make_visit(setup: NetworkSetup, visit: Visit, number: int, dead: frozenset[i
     Raises:
         RunError: a simulation failed.
     """
-    spent, rows = [], {}
+    spent: list[Floats] = []
+    rows: Mapping[str, Any] = {}
     for present in (True, False):
         memory = Memory(RECORDED)
         replicate_of(window_setup(setup, visit, present=present, dead=dead), number, memory)
         spent.append(joules_of(memory))
         rows = rows or memory.table("tracks")
-    tracked, seconds = (np.array(rows[name], float) for name in ("tracked", "time_present"))
-    return Library((spent[0] - spent[1])[None], tracked, seconds, dead)
+    tracked, seconds, false = (np.array(rows[name], np.float64) for name in ("tracked", "time_present", "false_time"))
+    return Library((spent[0] - spent[1])[None], tracked, seconds, dead, false)
 
 
 def joules_of(memory: Memory) -> Floats:

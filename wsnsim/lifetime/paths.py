@@ -10,7 +10,6 @@ within it, power is constant. Where a visit takes more, each visit is a chunk of
 
 from __future__ import annotations
 
-import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,9 +19,11 @@ from wsnsim.lifetime.stores import Stores
 from wsnsim.models.visits import Visits
 
 CHUNK: Final = 0.004
-"""Largest share of a battery that a chunk of several visits takes on average."""
+"""Share of the life of the node with the shortest life that a chunk of several visits takes on average."""
+FINEST: Final = 2e-4
+"""The same of the median life, where some nodes have next to nothing: chunks are no shorter than that."""
 LONGEST: Final = 0.004
-"""Longest chunk without visits, as a share of the horizon."""
+"""Longest chunk, as a share of the horizon."""
 
 
 class Phase(NamedTuple):
@@ -62,7 +63,6 @@ class Paths:
     ) -> None:
         self._stores, self._visits, self._rng, self._horizon = stores, visits, rng, horizon
         self._state = stores.full(count)
-        self._next = 0
         self.time = np.zeros(count)
         self.alive = np.repeat(stores.alive[None], count, axis=0)
         self.events: list[Floats] = []
@@ -73,36 +73,49 @@ class Paths:
             begun = self.time[chosen]
             if self._visits is None:
                 self._spend(chosen, phase.quiet, np.minimum(LONGEST * self._horizon, self._horizon - begun))
-            elif self._visits.times is not None:
+            elif self._visits.rate is None:
                 self._listed(chosen, phase)
             else:
                 self._random(chosen, phase, self._visits)
 
+    def noted(self) -> Floats:
+        """(E, 4) the events so far."""
+        return np.concatenate([np.zeros((0, 4)), *self.events])
+
     def _going(self, deaths: int) -> np.ndarray:
-        """The paths that are not finished."""
+        """The paths that are not finished. Where nothing can change any more, the horizon has come."""
+        if not self._stores.restarts:
+            mortal = self.alive & np.isfinite(self._stores.joules)
+            self.time[~mortal.any(axis=1)] = self._horizon
         return np.flatnonzero(((~self.alive).sum(axis=1) < deaths) & (self.time < self._horizon))
 
     def _random(self, chosen: np.ndarray, phase: Phase, visits: Visits) -> None:
         """One chunk of random visits in each of the paths."""
-        assert visits.rate is not None
-        lasts = self._stores.least_life(phase.quiet + visits.rate * phase.loads.mean(axis=0))
-        count = max(1, min(int(CHUNK * lasts * visits.rate), 10_000_000))
-        begun = self.time[chosen]
-        waits = self._rng.gamma(count, size=chosen.size)
-        counts = self._rng.multinomial(count, np.full(len(phase.added), 1.0 / len(phase.added)), size=chosen.size)
-        gaps, stay = visits.after(begun, waits) - begun, counts @ phase.seconds
+        count = self._in_chunk(phase, visits)
+        shares = np.full(len(phase.added), 1.0 / len(phase.added))
+        counts = self._rng.multinomial(count, shares, size=chosen.size).astype(np.float64)
+        stay, begun = counts @ phase.seconds, self.time[chosen]
+        ends = visits.after_several(begun, count, self._rng.gamma(count, size=chosen.size), stay)
         joules = self._joules(counts, phase, chosen)
-        if count > 1:
-            span = gaps + stay
-            self._spend(chosen, phase.quiet + joules / span[:, None], span)
-            return
-        self._spend(chosen, phase.quiet, gaps)
-        self._spend(chosen, phase.quiet + joules / stay[:, None], stay)
+        if count == 1:
+            self._spend(chosen, phase.quiet, ends - begun - stay)
+            begun = ends - stay
+        self._spend(chosen, phase.quiet + joules / (ends - begun)[:, None], ends - begun)
+
+    def _in_chunk(self, phase: Phase, visits: Visits) -> int:
+        """The number of visits in a chunk, at least 1."""
+        assert visits.rate is not None
+        living = self.alive.any(axis=0) & np.isfinite(self._stores.joules)
+        lives = self._stores.lives(phase.quiet + visits.rate * phase.loads.mean(axis=0))[living]
+        span = LONGEST * self._horizon
+        if lives.size:
+            span = min(span, max(CHUNK * float(lives.min()), FINEST * float(np.median(lives))))
+        return max(1, int(span * visits.rate))
 
     def _listed(self, chosen: np.ndarray, phase: Phase) -> None:
         """The next of the listed visits in each of the paths, or the quiet time until the horizon."""
-        assert self._visits is not None and self._visits.times is not None
-        times = np.array([*self._visits.times, math.inf])
+        assert self._visits is not None
+        times = np.append(self._visits.begins, np.inf)
         begins = times[np.searchsorted(times, self.time[chosen])]
         coming = begins < self._horizon
         self._spend(chosen, phase.quiet, np.minimum(begins, self._horizon) - self.time[chosen])
@@ -118,20 +131,26 @@ class Paths:
         loads, known = phase.loads[chosen], mean > 0.0
         factors = np.where(known, loads / np.where(known, mean, 1.0), 0.0)
         unknown = np.where(known, 0.0, loads) * counts.sum(axis=1, keepdims=True)
-        return (counts @ phase.added) * factors + unknown
+        joules: Floats = (counts @ phase.added) * factors + unknown
+        return joules
 
     def _spend(self, chosen: np.ndarray, watts: Floats, seconds: Floats) -> None:
         """Drain the batteries of the paths for a time each, and note the nodes that die or come back."""
-        if not chosen.size:
-            return
-        watts = np.broadcast_to(np.maximum(watts, 0.0), (chosen.size, self.alive.shape[1]))
-        before: Bools = self.alive[chosen]
-        state = {name: values[chosen] for name, values in self._state.items()}
-        after, alive, changed = self._stores.advance(state, before, watts, seconds[:, None])
-        for name, values in after.items():
-            self._state[name][chosen] = values
-        row, node = np.nonzero(alive != before)
-        when = self.time[chosen][row] + changed[row, node]
-        self.events.append(np.column_stack([chosen[row], node, when, alive[row, node]]))
-        self.alive[chosen] = alive
-        self.time[chosen] += seconds
+        nodes = self.alive.shape[1]
+        watts = np.broadcast_to(np.maximum(watts, 0.0), (chosen.size, nodes))
+        while chosen.size:
+            begun = self.time[chosen]
+            piece = np.minimum(seconds, self._stores.piece(begun))
+            columns = (chosen[:, None] * nodes + np.arange(nodes)).ravel()
+            alive: Bools = self.alive[chosen]
+            begins, lasts = np.repeat(begun, nodes), np.repeat(piece, nodes)
+            now = self._state.of(columns)
+            change = self._stores.advance(now, alive.ravel(), watts.ravel(), begins, lasts)
+            for column, values in zip(self._state, change.state, strict=True):
+                column[..., columns] = values
+            path, node = np.divmod(columns[change.column], nodes)
+            self.events.append(np.column_stack([path, node, begins[change.column] + change.after, change.back]))
+            self.alive[chosen] = change.alive.reshape(alive.shape)
+            self.time[chosen] += piece
+            rest = piece < seconds
+            chosen, watts, seconds = chosen[rest], watts[rest], (seconds - piece)[rest]

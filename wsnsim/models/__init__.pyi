@@ -70,6 +70,8 @@ from wsnsim.models.sleep import RandomIndependent as RandomIndependent
 from wsnsim.models.tsch import Tsch as Tsch
 from wsnsim.models.ungm import Squared as Squared
 from wsnsim.models.ungm import Ungm as Ungm
+from wsnsim.models.visits import Crossing as Crossing
+from wsnsim.models.visits import Visits as Visits
 from wsnsim.models.wakeup import DirectedFlood as DirectedFlood
 from wsnsim.models.wakeup import ExperienceZones as ExperienceZones
 from wsnsim.models.wakeup import NoWakeUp as NoWakeUp
@@ -128,6 +130,8 @@ RisSleep = RandomIndependent
 TschMac = Tsch
 SquaredSensor = Squared
 UngmMotion = Ungm
+CrossingMotion = Crossing
+VisitsMotion = Visits
 RegionWakeUp = Region
 WaypointsMotion = Waypoints
 Ctp = CollectionTreeProtocol

@@ -206,14 +206,16 @@ class BatteryFields:
         """The state after (n,) joules were drawn in no time; negative ones were put back."""
         return state._replace(left=state.left - joules, uneven=state.uneven + joules)
 
-    def advance(self, state: BatteryState, watts: Floats, seconds: Floats | float, income: float = 0.0) -> Advance:
+    def advance(
+        self, state: BatteryState, watts: Floats, seconds: Floats | float, income: Floats | float = 0.0
+    ) -> Advance:
         """What a span of constant load does, however long it is.
 
         Args:
             state: At its beginning.
             watts: (n,) mean load in W.
             seconds: Length in s of the span, (n,) or one for all.
-            income: Mean power in W that the harvester offers.
+            income: Mean power in W that the harvester offers, (n,) or one for all.
 
         Returns:
             The state at its end, or when a battery was empty, and the ledger of the span.

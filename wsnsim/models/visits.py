@@ -7,22 +7,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Annotated, Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Keys
-from wsnsim.base.errors import Issue
-from wsnsim.base.optional_ports import MayBeAbsent
+from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
+from wsnsim.models import csvfile
 from wsnsim.models.bounds import LENGTH, PLACE
 from wsnsim.models.motion import InPlane
 from wsnsim.models.waypoints import INTENSITY, Straight, sampled
 
 HOURS: Final = 24
 DAY: Final = 86_400.0
+ROUNDING: Final = 1e-9
+"""Share of a step that is rounding error."""
 SAMPLE: Final = 4096
 """Crossings of which the mean duration is computed: it has an error of about 0.5 %."""
 
@@ -88,10 +91,10 @@ class Visits(InPlane):
 
     Visits come at `rate` in the long run: the time from the end of one to the begin of the next is exponential, with
     the mean 1/rate less the mean duration of a visit. `profile` gives the rate over the hours of a day, which begins at
-    time 0, relative to its mean. `times` lists the times at which visits begin instead.
+    time 0, relative to its mean. `times`, or a file, lists the times at which visits begin instead.
     """
 
-    of: Annotated[MotionModel, OfRole("motion"), "the motion of one visit, from its start on"] = Crossing()
+    of: Annotated[MotionModel, OfRole("motion"), "the motion of one visit, from its start on"]
     lasting: Annotated[
         float | None, Quantity("s", gt=0.0, le=1e9), "how long a visit lasts; left out: until `of` is absent"
     ] = None
@@ -99,6 +102,7 @@ class Visits(InPlane):
     times: Annotated[
         tuple[float, ...] | None, Quantity("s", ge=0.0, le=1e12), "when visits begin, ascending; in place of `rate`"
     ] = None
+    path: Annotated[str | None, "CSV file, also .gz, with a column time (s): when visits begin, ascending"] = None
     profile: Annotated[
         tuple[float, ...] | None, Quantity("", ge=0.0, le=1e6), "24 factors of the rate, one for each hour of a day"
     ] = None
@@ -107,19 +111,18 @@ class Visits(InPlane):
 
     def __post_init__(self) -> None:
         """Raises ValueError for values that contradict each other."""
-        if (self.rate is None) == (self.times is None):
-            raise ValueError("give either the rate of visits, such as rate: 1/h, or times: [t, ...] at which they begin")
+        if [self.rate, self.times, self.path].count(None) != 2:
+            raise ValueError("give one of rate, such as 1/h, times, at which visits begin, and path, a file of times")
         if self.lasting is None and not isinstance(self.of, Crossing):
             raise ValueError("lasting: of this motion, say how long a visit lasts")
-        if self.profile is not None and (self.times is not None or len(self.profile) != HOURS or not sum(self.profile)):
+        if self.profile is not None and (self.rate is None or len(self.profile) != HOURS or not sum(self.profile)):
             raise ValueError("profile: expected 24 factors, one for each hour and not all 0, beside a rate")
-        if self.times is not None and any(after <= before for before, after in zip(self.times, self.times[1:])):
+        if self.times is not None and (np.diff(self.times) <= 0.0).any():
             raise ValueError("times: must ascend")
         if self.rate is not None and not min(self.gaps()) > 0.0:
-            busiest = self.rate * max(self.hourly())
             raise ValueError(
-                f"rate: {busiest * 3600:g} visits an hour of {self.duration():g} s each would overlap; one target makes "
-                f"fewer than {3600 / self.duration():g} an hour: lower it, or give several targets"
+                f"rate: {max(self.hourly()) * 3600:g} visits an hour of {self.duration():g} s each would overlap; one "
+                f"target makes fewer than {3600 / self.duration():g} an hour: lower it, or give several targets"
             )
 
     @property
@@ -142,45 +145,73 @@ class Visits(InPlane):
         return self.lasting if self.lasting is not None else self.of.mean_duration()  # type: ignore[attr-defined]
 
     def hourly(self) -> Floats:
-        """(24,) the rate in each hour of a day, relative to its mean."""
-        return np.ones(HOURS) if self.profile is None else np.array(self.profile) / np.mean(self.profile)
+        """(24,) visits per s in each hour of a day, in the long run."""
+        assert self.rate is not None
+        return self.rate * (np.ones(HOURS) if self.profile is None else np.array(self.profile) / np.mean(self.profile))
 
     def gaps(self) -> Floats:
         """(24,) mean time (s) from the end of a visit to the begin of the next, in each hour of a day."""
-        assert self.rate is not None
         with np.errstate(divide="ignore"):
-            return 1.0 / (self.rate * self.hourly()) - self.duration()
+            return 1.0 / self.hourly() - self.duration()
 
     def after(self, end: Floats, waits: Floats) -> Floats:
         """(n,) when visits begin whose predecessors ended at the times `end` (n,); `waits` (n,): in mean gaps."""
-        passed = np.concatenate([[0.0], np.cumsum(DAY / HOURS / self.gaps())])
-        hours = np.linspace(0.0, DAY, HOURS + 1)
-        days, within = np.divmod(end, DAY)
-        days_more, rest = np.divmod(np.interp(within, hours, passed) + waits, passed[-1])
-        return (days + days_more) * DAY + np.interp(rest, passed, hours)
+        return _passed(end, waits, 1.0 / self.gaps())
+
+    def after_several(self, begun: Floats, count: int, waits: Floats, stay: Floats) -> Floats:
+        """(n,) when the last of `count` visits ends, from the times `begun` (n,) on, at which the target is absent.
+
+        Args:
+            begun: in s.
+            count: number of visits.
+            waits: (n,) sums of the times between them, in mean gaps.
+            stay: (n,) s that they last in all.
+        """
+        if count == 1 or self.profile is None:
+            return self.after(begun, waits) + stay
+        hourly = self.hourly()
+        present = self.duration() * float((hourly**2).sum() / hourly.sum())  # share of a visit's interval
+        amount = waits * (1.0 - present) + stay / self.duration() * present
+        return _passed(begun, amount, hourly)
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, D) the visits, NaN between them. A visit begins with the first step at or after its time."""
         states = np.full((steps + 1, len(self.columns)), np.nan)
-        longest = math.ceil(self._longest() / dt - 1e-9)
-        end, number = 0.0, 0
-        while True:
-            if self.times is None:
-                begin = float(self.after(np.array([end]), rng.exponential(size=1))[0])
-            elif number < len(self.times):
-                begin = self.times[number]
-            else:
-                return states
-            first = math.ceil(begin / dt - 1e-9)
-            if first > steps:
-                return states
+        longest = math.ceil(self.longest / dt - ROUNDING)
+        number, end, free = 0, 0.0, 0
+        while (begin := self._begin(number, end, rng)) <= steps * dt:
+            first = max(math.ceil(begin / dt - ROUNDING), free)
             visit = self.of.truth(longest, dt, rng)
             there = np.isfinite(visit[:, 0])
-            visit = visit[: int(there.argmin()) if not there.all() else len(visit)]
+            visit = visit[: len(visit) if there.all() else int(there.argmin())]
+            if first > steps:
+                break
             states[first : first + len(visit)] = visit[: steps + 1 - first]
-            end, number = (first + len(visit)) * dt, number + 1
+            # the target is absent for a step at least, and what is rounded in one visit is not passed on to the next
+            number, free = number + 1, first + len(visit) + 1
+            end = begin + min(self.longest, (len(visit) - 0.5) * dt)
+        return states
 
-    def _longest(self) -> float:
+    def _begin(self, number: int, end: float, rng: np.random.Generator) -> float:
+        """When the visit of this number begins, the one before having ended; infinite if there is none."""
+        if self.rate is not None:
+            return float(self.after(np.array([end]), rng.exponential(size=1))[0])
+        return float(self.begins[number]) if number < self.begins.size else math.inf
+
+    @cached_property
+    def begins(self) -> Floats:
+        """(n,) when the listed visits begin in s. Raises RunError if the file cannot be used."""
+        if self.path is None:
+            return np.array(self.times or ())
+        rows = csvfile.only_rows(self.path, csvfile.Wanted(numbers={"time": "time"}), "times")
+        times = rows.numbers["time"]
+        for row in np.flatnonzero((np.diff(times, prepend=-np.inf) <= 0.0) | (times < 0.0))[:1].tolist():
+            raise RunError(f"{self.path}:{rows.lines[row]}: times must ascend from 0 s on, is {times[row]:g} s")
+        return times
+
+    @property
+    def longest(self) -> float:
+        """The longest possible duration of a visit in s."""
         return self.lasting if self.lasting is not None else self.of.longest  # type: ignore[attr-defined]
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
@@ -207,8 +238,28 @@ class Visits(InPlane):
         """Yield the issues of the motion of a visit, and one for visits within visits."""
         if isinstance(self.of, Visits):
             yield Issue(("motion", "of"), "a visit is no series of visits: name the motion of one")
-        if self.times is not None and isinstance(self.of, MayBeAbsent) is False and len(self.times) > 1:
-            closest = min(after - before for before, after in zip(self.times, self.times[1:]))
-            if self.lasting is not None and closest <= self.lasting:
-                yield Issue(("motion", "times"), f"visits of {self.lasting:g} s begin only {closest:g} s apart")
+            return
+        key = "path" if self.path else "times"
+        try:
+            closest = float(np.diff(self.begins).min(initial=np.inf))
+        except RunError as error:
+            yield Issue(("motion", key), str(error))
+            closest = math.inf
+        if closest <= self.longest:
+            yield Issue(
+                ("motion", key),
+                f"visits last up to {self.longest:g} s, and two begin {closest:g} s apart: one target makes one visit "
+                "at a time; leave more time between them, or give several targets",
+            )
         yield from getattr(self.of, "check", lambda _: ())(setup)
+
+
+def _passed(begun: Floats, amount: Floats, hourly: Floats) -> Floats:
+    """(n,) the times from `begun` (n,) on at which `amount` (n,) of what comes at `hourly` (24,) per s has come."""
+    sums = np.concatenate([[0.0], np.cumsum(DAY / HOURS * hourly)])
+    hours = np.linspace(0.0, DAY, HOURS + 1)
+    days, within = np.divmod(begun, DAY)
+    more, rest = np.divmod(np.interp(within, hours, sums) + amount, sums[-1])
+    # where nothing comes for hours, the end of these is meant
+    times: Floats = (days + more) * DAY + np.interp(rest, sums, hours)
+    return times
