@@ -9,9 +9,9 @@ import numpy as np
 
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE
-from wsnsim.lifetime.library import Library, Visit
-from wsnsim.lifetime.quiet import Quiet
-from wsnsim.lifetime.stores import Stores
+from wsnsim.lifetimes.library import Library, Visit
+from wsnsim.lifetimes.quiet import Quiet
+from wsnsim.lifetimes.stores import Stores
 
 
 def overlap(visit: Visit) -> float:

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.stats import poisson
 
-from wsnsim.lifetime.criteria import CRITERIA, Criteria
-from wsnsim.lifetime.paths import Paths, Phase
-from wsnsim.lifetime.stores import Stores
+from wsnsim.lifetimes.criteria import CRITERIA, Criteria
+from wsnsim.lifetimes.paths import Paths, Phase
+from wsnsim.lifetimes.stores import Stores
 from wsnsim.models.batteries import Cells, Diffusion, Kinetic, Linear
 from wsnsim.models.harvest import Harvester
 from wsnsim.models.visits import Crossing, Visits

@@ -12,11 +12,11 @@ from tests.helpers.thorough import THOROUGH
 from tests.lifetime.test_rates import visits_of
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE, CAUSES
-from wsnsim.lifetime import estimate
-from wsnsim.lifetime.estimate import Estimation, Lifetime, Plan, make_serially
-from wsnsim.lifetime.library import Library, Visit, make_visit, window_setup
-from wsnsim.lifetime.paths import Paths, Phase
-from wsnsim.lifetime.quiet import Quiet
+from wsnsim.lifetimes import estimate
+from wsnsim.lifetimes.estimate import Estimation, Lifetime, Plan, make_serially
+from wsnsim.lifetimes.library import Library, Visit, make_visit, window_setup
+from wsnsim.lifetimes.paths import Paths, Phase
+from wsnsim.lifetimes.quiet import Quiet
 from wsnsim.models.batteries import Linear
 from wsnsim.models.faults import Crash
 from wsnsim.models.visits import Crossing, Visits
