@@ -16,12 +16,12 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.lifetime.criteria import LATTICE, Criteria
-from wsnsim.lifetime.library import Library, Visit, make_visit
-from wsnsim.lifetime.paths import Paths, Phase
-from wsnsim.lifetime.quiet import Quiet, quiet_power
-from wsnsim.lifetime.rates import Loads, fit_loads
-from wsnsim.lifetime.stores import Stores
+from wsnsim.lifetimes.criteria import LATTICE, Criteria
+from wsnsim.lifetimes.library import Library, Visit, make_visit
+from wsnsim.lifetimes.paths import Paths, Phase
+from wsnsim.lifetimes.quiet import Quiet, quiet_power
+from wsnsim.lifetimes.rates import Loads, fit_loads
+from wsnsim.lifetimes.stores import Stores
 from wsnsim.network.inspection import NetworkFacts, inspect_network
 
 YEAR: Final = 365.25 * 86_400.0

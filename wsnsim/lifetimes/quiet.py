@@ -10,7 +10,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import replicate_of
-from wsnsim.lifetime.library import RECORDED, Visit, joules_of, window_setup
+from wsnsim.lifetimes.library import RECORDED, Visit, joules_of, window_setup
 
 SETTLED, SPAN = 120.0, 3600.0
 

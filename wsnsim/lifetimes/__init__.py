@@ -1,0 +1,1 @@
+"""Lifetimes of networks: quiet power, libraries of simulated visits, and sample paths of years."""
