@@ -87,7 +87,7 @@ def sweep(  # noqa: PLR0913
     by = [key for key in ("tracker", "tracker.kind") if trackers and key in plan.keys]
     folder = prepare(plan, out, by=by, command_line="wsnsim.sweep", accept_code_change=accept_code_change)
     allowed = access(Plugins.ANY)
-    engine = _engine(folder.path, workers, scheduler)
+    engine = engine_of(folder.path, workers, scheduler)
     return run_campaign(folder, engine, on_progress=progress, batch=batch, access=allowed)
 
 
@@ -121,7 +121,8 @@ def _text(file: str) -> str:
         return "("  # not Python, which `is_guarded` takes for guarded
 
 
-def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
+def engine_of(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
+    """What runs the tasks: workers of a scheduler, processes of this machine, or this process for no workers."""
     if scheduler:
         from wsnsim.campaign.dask_engine import DaskEngine
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, final
@@ -18,11 +19,33 @@ from wsnsim.base.version import __version__
 from wsnsim.campaign.code_changes import code_id, code_of_resolved
 from wsnsim.campaign.engines import WHOLE, CampaignProgress, Engine
 from wsnsim.campaign.runner import run_campaign
+from wsnsim.lifetimes.estimate import Estimation
 from wsnsim.lifetimes.library import Library, Visit
+from wsnsim.lifetimes.outcome import outcome_of
+from wsnsim.lifetimes.planning import lifetime_plan
 from wsnsim.lifetimes.stored_visits import of_visits, read_visits, write_point
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
 from wsnsim.recording.provenance import digest_of
 from wsnsim.scenario.registry import Plugins, access
+
+Stopping = Callable[[], AbstractContextManager[Callable[[], bool]]]
+
+
+def estimate_lifetime(scenario: Any, folder: Path, engine: Callable[[], Engine], **options: Any) -> dict[str, Any]:
+    """The outcome of a scenario's lifetime; see `lifetimes.outcome`.
+
+    Args:
+        scenario: what `load` returned.
+        folder: where visits are kept, so that a second call goes on where the first ended.
+        engine: makes what runs the tasks.
+        options: `report` and `stopping` of `VisitsInWorkers`.
+
+    Raises:
+        UsageError: the scenario has no lifetime. ScenarioError: it is invalid. RunError: a visit failed.
+    """
+    setup, plan = lifetime_plan(scenario)
+    make = VisitsInWorkers(scenario, folder, engine, **options)
+    return outcome_of(Estimation(setup, plan, make).run(), setup, scenario)
 
 
 @final
@@ -34,16 +57,16 @@ class VisitsInWorkers:
         folder: where visits are kept; those of other scenarios, or of other code, may be there.
         engine: makes what runs the tasks.
         report: called with the progress over all visits that were asked for so far.
-        should_stop: asked several times a second whether to stop.
+        stopping: while visits are simulated, this context gives a function that is asked whether to stop.
     """
 
     def __init__(
         self, scenario: Any, folder: Path, engine: Callable[[], Engine],
         report: Callable[[CampaignProgress], object] = lambda progress: None,
-        should_stop: Callable[[], bool] = lambda: False,
+        stopping: Stopping = lambda: nullcontext(lambda: False),
     ) -> None:  # fmt: skip
         self._folder, self._engine = Folder(folder), engine
-        self._report, self._should_stop = report, should_stop
+        self._report, self._stopping = report, stopping
         self._scenario = of_visits(scenario)
         self._code = code_of_resolved([json.loads(self._scenario)])
         self._first: dict[frozenset[int], int] = {}
@@ -75,11 +98,10 @@ class VisitsInWorkers:
             done, total = self._before + now.done, self._before + now.total
             self._report(replace(now, done=done, total=total, wall=self._wall + now.wall))
 
-        outcome = run_campaign(
-            self._folder, self._engine(), WHOLE, report, self._should_stop, access=access(Plugins.ANY)
-        )
-        if self._should_stop():
-            raise KeyboardInterrupt
+        with self._stopping() as should_stop:
+            outcome = run_campaign(self._folder, self._engine(), WHOLE, report, should_stop, access=access(Plugins.ANY))
+            if should_stop():
+                raise KeyboardInterrupt
         if outcome.failed or outcome.missing:
             reasons = list(dict.fromkeys(outcome.failed.values())) or [outcome.stopped or "visits are missing"]
             raise RunError(f"visits could not be simulated: {reasons[0]}")

@@ -1,7 +1,7 @@
 """Visits that worker processes simulate, each in a file: what they need, and what they give.
 
-A point of the folder is a network some of whose nodes are dead. Beside its scenario lies `visits.json`: these nodes, and
-the number of the run that is the first visit. A visit does not depend on how often visits come.
+A point of the folder is a network some of whose nodes are dead. Beside its scenario lies `visits.json`: these nodes,
+and the number of the run that is the first visit. A visit does not depend on how often visits come.
 """
 
 from __future__ import annotations
