@@ -63,7 +63,7 @@ def answer(point: Point) -> str:
 def several(points: Sequence[Point], labels: Sequence[str]) -> str:
     """A table with a row for each of several scenarios, whose networks, visits and seeds are the same."""
     unit = _unit(points[0])
-    rows = [["", "first death", "95 % of networks", "half dead", "tracked", "then", "quiet", "visit", "two-term"]]
+    rows = [["", "first death", "95 %", "half dead", "tracked", "then", "quiet", "visit", "two-term"]]
     for label, point in zip(labels, points, strict=True):
         found = {row["criterion"]: row for row in point["criteria"]}
         first, half = found["first_death"], found.get("half_dead")
@@ -113,6 +113,10 @@ def _table(point: Point) -> list[str]:
         f"From {point['paths']} sample paths with {counts} simulated visits, each simulated with and without the target"
         f"; coverage and tracked are shares of those at the start. {_tracked_at_start(point).capitalize()}."
     )]  # fmt: skip
+    if point["end"] < point["horizon"] and any(row["met"] < 1.0 for row in point["criteria"]):
+        shown += _wrapped(
+            "Paths end when 60 % of the nodes are dead: > stands for later than the median of these ends."
+        )
     if point["tolerance"]:
         shown += _wrapped(f"Interruptions up to {point['tolerance']:g} s do not count.")
     return shown
@@ -150,8 +154,10 @@ def _energy(point: Point) -> str:
 
 def _first(point: Point) -> Iterator[str]:
     for row in point["first"]:
-        words = f"Node {row['node']} dies first in {_share(row['share'])} of the paths: it takes {row['ratio']:.2f} times the "
-        words += f"mean power, {_share(row['quiet'])} of it without a target (mostly {row['quiet_cause']})"
+        words = (
+            f"Node {row['node']} dies first in {_share(row['share'])} of the paths: it takes {row['ratio']:.2f} times "
+        )
+        words += f"the mean power, {_share(row['quiet'])} of it without a target (mostly {row['quiet_cause']})"
         rest = "" if row["quiet"] > 0.9995 else f", the rest mostly {row['visits_cause']}"
         yield from _wrapped(f"{words}{rest}.")
 
@@ -174,11 +180,11 @@ def _time(seconds: float, unit: tuple[float, str]) -> str:
 
 def _in(seconds: float, point: Point, unit: tuple[float, str]) -> str:
     known = math.isfinite(seconds)
-    return _number(seconds / unit[0]) if known else f"> {_number(point['horizon'] / unit[0])}"
+    return _number(seconds / unit[0]) if known else f"> {_number(point['end'] / unit[0])}"
 
 
 def _span(low: float, high: float, point: Point, unit: tuple[float, str]) -> str:
-    """An interval, of which one end or both may lie beyond the horizon."""
+    """An interval, of which one end or both may lie beyond the end of the paths."""
     return _in(low, point, unit) if math.isinf(low) else f"{_in(low, point, unit)} to {_in(high, point, unit)}"
 
 

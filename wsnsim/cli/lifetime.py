@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import click
 
-from wsnsim.base.errors import ScenarioError, UsageError, shortened
+from wsnsim.base.errors import ScenarioError, UsageError, WsnsimError, shortened
 from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import VISITS, display
@@ -21,7 +21,7 @@ BLOCK: Final = (
     "tracked",
 )  # fmt: skip
 """Options that stand for keys of the scenario's block `lifetime`."""
-LABEL: Final = 24
+LABEL: Final = 20
 """Characters by which a scenario is named in a table."""
 
 
@@ -156,9 +156,13 @@ def _scenarios(sources: Sequence[str], given: Mapping[str, Any]) -> dict[str, An
     name = "_".join(Path(source).stem for source in sources)[:60]
     plan = load_sweep(list(sources), given["vary"], overrides, given["trackers"], name=name)
     return {
-        " ".join(str(value) for value in point.settings.values()): load({**json.loads(point.resolved), "name": name})
+        " ".join(map(_shown, point.settings.values())): load({**json.loads(point.resolved), "name": name})
         for point in plan.points
     }
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _of_block(given: Mapping[str, Any]) -> Iterator[Any]:
@@ -177,7 +181,10 @@ def _times(file: str) -> list[float]:
     """The times in a CSV file with the column `time` in s."""
     from wsnsim.models import csvfile
 
-    rows = csvfile.only_rows(file, csvfile.Wanted(numbers={"time": "time"}), "times")
+    try:
+        rows = csvfile.only_rows(file, csvfile.Wanted(numbers={"time": "time"}), "times")
+    except WsnsimError as error:
+        raise UsageError(f"--intrusions: {error}") from None
     return [float(time) for time in rows.numbers["time"]]
 
 

@@ -5,6 +5,7 @@ outcome_of(lifetime, setup, scenario) -> {key: value}; see `analysis.lifetime_re
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Mapping
 from typing import Any, Final
@@ -22,18 +23,23 @@ POINTS: Final = 200
 """Points of the curves over time."""
 NAMED: Final = 3
 """Nodes that are named as the first to die."""
-ENDS_WITH: Final = {"first_death": 1, "dead_10": 2}
-"""Criteria after which nothing is simulated, and how many are known then."""
+ENDS_WITH: Final = {"first_death": (1, 0.0), "dead_10": (2, 0.1)}
+"""Criteria after which no path goes on: how many are known then, and the share of nodes that are dead."""
+LAST: Final = 0.6
+"""Share of dead nodes at which paths end otherwise."""
 
 
 def outcome_of(lifetime: Lifetime, setup: NetworkSetup, scenario: Any) -> dict[str, Any]:
     """The plain values of an estimate."""
     plan, first = lifetime.plan, lifetime.epochs[0]
     asked = scenario.lifetime.until if scenario.lifetime else None
-    known = CRITERIA[: ENDS_WITH.get(asked or "", len(CRITERIA))]
-    paths, size = plan.draws * plan.repeats, len(lifetime.facts.positions)
+    count, last = ENDS_WITH.get(asked or "", (len(CRITERIA), LAST))
+    known, paths, size = CRITERIA[:count], plan.draws * plan.repeats, len(lifetime.facts.positions)
     alive = np.array([node not in first.dead for node in range(size)])
+    most = max(int(np.ceil(last * size)), int((~alive).sum()) + 1)
+    lifetime = dataclasses.replace(lifetime, events=_until(lifetime.events, most, alive, paths))
     series = _series(lifetime, setup, alive, paths)
+    ends = np.array([ts[-1] if round(now["dead"][-1] * size) >= most else plan.horizon for ts, now in series])
     times = {name: np.ravel(lifetime.times[name]) for name in known}
     quiet, added = first.quiet.watts, first.library.joules.mean(axis=0)
     visits = plan.visit.visits
@@ -47,7 +53,7 @@ def outcome_of(lifetime: Lifetime, setup: NetworkSetup, scenario: Any) -> dict[s
             for each in lifetime.epochs
         ],
         "criteria": [_criterion(name, lifetime, times[name], series) for name in known],
-        "baseline": lifetime.baseline,
+        "end": float(np.median(ends)), "baseline": lifetime.baseline,
         "nodes": {
             "x": lifetime.facts.positions[:, 0], "y": lifetime.facts.positions[:, 1],
             "sink": [node in lifetime.facts.sinks for node in range(size)],
@@ -56,7 +62,7 @@ def outcome_of(lifetime: Lifetime, setup: NetworkSetup, scenario: Any) -> dict[s
         },
         "causes": _by_cause(quiet[:, alive].mean(axis=1), rate * added[:, alive].mean(axis=1)),
         "first": _first(lifetime.events, quiet, rate * added),
-        "curves": _curves(series, plan.horizon),
+        "curves": _curves(series, float(np.median(ends))),
         "not_modelled": list(getattr(lifetime, "not_modelled", ())), "notes": list(getattr(lifetime, "notes", ())),
         "lifetimes": {
             "path": np.tile(np.arange(paths), len(times)), "criterion": np.repeat(list(times), paths),
@@ -78,9 +84,19 @@ def _series(lifetime: Lifetime, setup: NetworkSetup, alive: Bools, paths: int) -
     near = np.linalg.norm(cells[:, None] - facts.positions, axis=2) <= setup.sensor.reach
     knots = np.array([(len(e.dead) / len(alive), e.library.tracked.mean()) for e in lifetime.epochs]).T
     criteria = Criteria(near, facts.links, np.array(facts.sinks, dtype=int), knots)
-    order = np.lexsort((lifetime.events[:, 2], lifetime.events[:, 0]))
-    bounds = np.searchsorted(lifetime.events[order, 0], np.arange(paths + 1))
-    return [criteria.series(lifetime.events[order[a:b]], alive) for a, b in itertools.pairwise(bounds)]
+    bounds = np.searchsorted(lifetime.events[:, 0], np.arange(paths + 1))
+    return [criteria.series(lifetime.events[a:b], alive) for a, b in itertools.pairwise(bounds)]
+
+
+def _until(events: Floats, most: int, alive: Bools, paths: int) -> Floats:
+    """The events of each path, in order, until this number of nodes is dead."""
+    rows = events[np.lexsort((events[:, 2], events[:, 0]))]
+    dead = np.full(paths, int((~alive).sum()))
+    keep = np.zeros(len(rows), dtype=np.bool_)
+    for i, (path, back) in enumerate(zip(rows[:, 0].astype(int), rows[:, 3], strict=True)):
+        keep[i] = dead[path] < most
+        dead[path] += keep[i] * (-1 if back else 1)
+    return rows[keep]
 
 
 def _criterion(name: str, lifetime: Lifetime, times: Floats, series: Series) -> dict[str, Any]:
@@ -114,8 +130,7 @@ def _by_cause(quiet: Floats, visits: Floats) -> dict[str, Any]:
 
 def _first(events: Floats, quiet: Floats, visits: Floats) -> list[dict[str, Any]]:
     """The nodes that most often die first: in which share of the paths with a death, and on what they spend."""
-    dead = events[np.lexsort((events[:, 2], events[:, 0]))]
-    nodes = dead[np.unique(dead[:, 0], return_index=True)[1], 1].astype(int)
+    nodes = events[np.unique(events[:, 0], return_index=True)[1], 1].astype(int)
     found, counts = np.unique(nodes, return_counts=True)
     power = (quiet + visits).sum(axis=0)
     return [
@@ -130,10 +145,9 @@ def _first(events: Floats, quiet: Floats, visits: Floats) -> list[dict[str, Any]
     ]  # fmt: skip
 
 
-def _curves(series: Series, horizon: float) -> Mapping[str, Any]:
+def _curves(series: Series, end: float) -> Mapping[str, Any]:
     """Medians and 95 % bands over the paths, until half of them have ended; a path that has ended stays as it is."""
-    ends = [changes[-1] for changes, _ in series]
-    grid = np.linspace(0.0, min(horizon, 1.02 * float(np.median(ends)) or horizon), POINTS)
+    grid = np.linspace(0.0, end, POINTS)
     rows = [np.searchsorted(changes, grid, side="right") - 1 for changes, _ in series]
     found: dict[str, Any] = {"time": grid}
     for name, key in (("alive", "dead"), ("coverage", "coverage"), ("tracked", "tracked")):
