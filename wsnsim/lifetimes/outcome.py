@@ -119,7 +119,8 @@ def _deaths(events: Floats, size: int, paths: int) -> Floats:
     first = np.full((size, paths), np.inf)
     dead = events[events[:, 3] == 0.0]
     np.minimum.at(first, (dead[:, 1].astype(int), dead[:, 0].astype(int)), dead[:, 2])
-    return np.quantile(first, 0.5, axis=1, method="nearest")
+    medians: Floats = np.quantile(first, 0.5, axis=1, method="nearest")
+    return medians
 
 
 def _by_cause(quiet: Floats, visits: Floats) -> dict[str, Any]:

@@ -35,7 +35,7 @@ def lifetime_plan(scenario: Any) -> tuple[NetworkSetup, Plan]:
         ScenarioError: a component finds an issue.
         UsageError: the scenario has no network, no target or several, recorded readings, or visits that overlap.
     """
-    setup, asked = build(scenario), scenario.lifetime or Lifetime()
+    setup, asked = build(scenario), scenario.lifetime or Lifetime.model_construct()
     if reason := _refused(setup):
         raise UsageError(f"{scenario.name}: {reason}")
     assert isinstance(setup, NetworkSetup)
@@ -78,9 +78,11 @@ def _visits(scenario: Any, setup: NetworkSetup, asked: Lifetime) -> Visits:
         timing = {"rate": None, "profile": None, "times": asked.times or ()}
     elif asked.profile is None and own is not None:
         timing["profile"] = own.profile
+    if hasattr(own, "path"):
+        timing["path"] = None
     try:
         if own is not None:
-            return dataclasses.replace(own, **timing, **({"path": None} if hasattr(own, "path") else {}))
+            return dataclasses.replace(own, **timing)
         lasting = None if isinstance(motion, Crossing) else scenario.duration
         return Visits(of=motion, lasting=lasting, **timing)
     except ValueError as error:

@@ -21,6 +21,8 @@ from wsnsim.recording.atomic_files import write_text_atomically
 from wsnsim.scenario.build import resolved
 
 VISITS: Final = "visits.json"
+ARRAYS: Final = ("joules", "tracked", "seconds")
+"""The arrays of a visit's file, which are fields of `Library`."""
 _WINDOW: Final = ("lead", "tail")
 _COMES: Final = {"rate": None, "profile": None, "path": None, "times": [0.0]}
 """What stands for the times of visits where they have no effect."""
@@ -52,15 +54,14 @@ def simulate_visit(scenario: Any, folder: Path, number: int, path: Path) -> None
     about = json.loads((folder / VISITS).read_text(encoding="utf-8"))
     setup, plan = lifetime_plan(scenario)
     library = make_visit(setup, plan.visit, about["first"] + number, frozenset(about["dead"]))
-    write_arrays(path, {name: getattr(library, name) for name in ("joules", "tracked", "seconds")})
+    write_arrays(path, {name: getattr(library, name) for name in ARRAYS})
 
 
 def read_visits(paths: Iterable[Path], dead: frozenset[int]) -> Library:
     """The library of the visits in some files. Raises ResultError if one cannot be used."""
     try:
         found = [read_arrays(path) for path in paths]
-        return Library(
-            *(np.concatenate([each[name] for each in found]) for name in ("joules", "tracked", "seconds")), dead
-        )
+        joules, tracked, seconds = (np.concatenate([each[name] for each in found]) for name in ARRAYS)
+        return Library(joules, tracked, seconds, dead)
     except (KeyError, ValueError) as error:
         raise ResultError(f"a file of a visit holds something else: {error}; remove the folder of visits") from error
