@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.thorough import THOROUGH
-from tests.lifetime.test_rates import visits_of
+from tests.lifetimes.test_rates import visits_of
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.lifetimes import estimate
