@@ -16,7 +16,7 @@ from wsnsim.lifetimes import estimate
 from wsnsim.lifetimes.estimate import Estimation, Lifetime, Plan, make_serially
 from wsnsim.lifetimes.library import Library, Visit, make_visit, window_setup
 from wsnsim.lifetimes.paths import Paths, Phase
-from wsnsim.lifetimes.quiet import Quiet
+from wsnsim.lifetimes.quiet import QuietPower
 from wsnsim.models.batteries import Linear
 from wsnsim.models.faults import Crash
 from wsnsim.models.visits import Crossing, Visits
@@ -47,7 +47,7 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> NetworkSetup:
     watts = np.zeros((len(CAUSES), NODES))
     watts[CAUSE["sleep"]] = QUIET
     monkeypatch.setattr(estimate, "inspect_network", lambda setup, replicate: facts)
-    monkeypatch.setattr(estimate, "quiet_power", lambda *_: Quiet(watts.copy(), np.zeros_like(watts)))
+    monkeypatch.setattr(estimate, "quiet_power", lambda *_: QuietPower(watts.copy(), np.zeros_like(watts)))
     return setup_of()
 
 
@@ -170,7 +170,7 @@ def simulated() -> Lifetime:
 
 def test_a_small_network_is_simulated_and_estimated_the_same_way_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     quiet = np.full((len(CAUSES), 12), QUIET / len(CAUSES))
-    monkeypatch.setattr(estimate, "quiet_power", lambda *_: Quiet(quiet, np.zeros_like(quiet)))
+    monkeypatch.setattr(estimate, "quiet_power", lambda *_: QuietPower(quiet, np.zeros_like(quiet)))
     first, second = simulated(), simulated()
     assert first.criteria == second.criteria
     np.testing.assert_array_equal(first.events, second.events)

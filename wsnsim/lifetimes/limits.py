@@ -10,7 +10,7 @@ import numpy as np
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE
 from wsnsim.lifetimes.library import Library, Visit
-from wsnsim.lifetimes.quiet import Quiet
+from wsnsim.lifetimes.quiet import QuietPower
 from wsnsim.lifetimes.stores import Stores
 
 
@@ -21,7 +21,7 @@ def overlap(visit: Visit) -> float:
 
 
 def not_modelled(
-    setup: NetworkSetup, quiet: Quiet, library: Library, stores: Stores, visit: Visit, strays: Sequence[float]
+    setup: NetworkSetup, quiet: QuietPower, library: Library, stores: Stores, visit: Visit, strays: Sequence[float]
 ) -> tuple[str, ...]:
     """What is left out, each with its size.
 
@@ -69,7 +69,7 @@ def not_modelled(
     return tuple(found)
 
 
-def notes(quiet: Quiet, library: Library, stores: Stores, visit: Visit, horizon: float) -> tuple[str, ...]:
+def notes(quiet: QuietPower, library: Library, stores: Stores, visit: Visit, horizon: float) -> tuple[str, ...]:
     """What is special about a network, and how it was treated."""
     found, visits = [], visit.visits
     living = np.flatnonzero(stores.alive)

@@ -12,8 +12,8 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from wsnsim.analysis import lifetime_plots, lifetime_text
-from wsnsim.analysis.figure_style import replacing
-from wsnsim.report.page_template import static_text
+from wsnsim.recording.atomic_files import replacing
+from wsnsim.report.html_page import static_text
 from wsnsim.report.svg_figures import PAGE_STYLE
 
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Final
 
 from pydantic import AfterValidator, BaseModel, Field, model_validator
+from pydantic.types import Strict
 
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import Quantity
 from wsnsim.scenario.fields import FROZEN
-from wsnsim.scenario.units import Number, Strict, refusal, shown
+from wsnsim.scenario.units import Number, refusal, shown
 
 CRITERIA: Final = ("first_death", "dead_10", "half_dead", "coverage", "sink", "tracked")
 """When the life of a network may be said to end."""
@@ -43,7 +44,7 @@ class Lifetime(BaseModel):
     horizon: Annotated[float, Number(Quantity("s", gt=0.0, le=1000.0 * YEAR))] = Field(
         10.0 * YEAR, description="time that is looked ahead [s]"
     )
-    until: Annotated[str, Strict("str"), AfterValidator(_known)] | None = Field(
+    until: Annotated[str, Strict(), AfterValidator(_known)] | None = Field(
         None, description=f"last criterion that is asked for: {', '.join(CRITERIA)}; null: all"
     )
     error: Annotated[float, Number(Quantity("", gt=0.0, lt=1.0))] = Field(
