@@ -11,7 +11,7 @@ import pytest
 
 import wsnsim
 from wsnsim.analysis import lifetime_plots, lifetime_result, lifetime_text
-from wsnsim.api.lifetime import Lifetime
+from wsnsim.api.lifetime import LifetimeResult
 from wsnsim.cli import main
 
 NETWORK: dict[str, Any] = {
@@ -24,11 +24,11 @@ NETWORK: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def small() -> Lifetime:
+def small() -> LifetimeResult:
     return wsnsim.lifetime(NETWORK, "10/h", workers=0)
 
 
-def test_the_answer_is_never_without_the_tracked_share_and_never_wider_than_100_columns(small: Lifetime) -> None:
+def test_the_answer_is_never_without_the_tracked_share_and_never_wider_than_100_columns(small: LifetimeResult) -> None:
     text = str(small)
     assert text.startswith("The first node dies after")
     assert "tracked at the start" in lifetime_text.answer(small.outcome)
@@ -36,7 +36,7 @@ def test_the_answer_is_never_without_the_tracked_share_and_never_wider_than_100_
     assert "Two terms" in text and "without a target" in text and "dies first in" in text
 
 
-def test_criteria_are_in_order_and_their_intervals_hold_their_medians(small: Lifetime) -> None:
+def test_criteria_are_in_order_and_their_intervals_hold_their_medians(small: LifetimeResult) -> None:
     table = small.table().set_index("criterion")
     assert table.loc["first_death", "median"] <= table.loc["dead_10", "median"] <= table.loc["half_dead", "median"]
     for name in ("first_death", "half_dead"):
@@ -44,14 +44,14 @@ def test_criteria_are_in_order_and_their_intervals_hold_their_medians(small: Lif
         assert table.loc[name, "mean_low"] <= table.loc[name, "mean"] <= table.loc[name, "mean_high"]
 
 
-def test_the_table_of_deaths_gives_the_first_death_of_each_path(small: Lifetime) -> None:
+def test_the_table_of_deaths_gives_the_first_death_of_each_path(small: LifetimeResult) -> None:
     deaths, lives = small.table("deaths"), small.table("lifetimes")
     first = deaths.groupby("path")["time"].min()
     told = lives[lives["criterion"] == "first_death"].set_index("path")["time"]
     assert (first == told.loc[first.index]).all()
 
 
-def test_a_file_shows_the_same_as_what_was_estimated(small: Lifetime, tmp_path: Path, capsys: Any) -> None:
+def test_a_file_shows_the_same_as_what_was_estimated(small: LifetimeResult, tmp_path: Path, capsys: Any) -> None:
     path = small.save(tmp_path / "small.json")
     assert main(["info", str(path)]) == 0
     assert capsys.readouterr().out.strip() == str(small).strip()
@@ -61,7 +61,7 @@ def test_a_file_shows_the_same_as_what_was_estimated(small: Lifetime, tmp_path: 
     assert (tmp_path / "a.png").stat().st_size > 10_000
 
 
-def test_the_page_and_the_notebook_hold_three_figures_and_load_nothing(small: Lifetime, tmp_path: Path) -> None:
+def test_the_page_and_the_notebook_hold_three_figures_and_load_nothing(small: LifetimeResult, tmp_path: Path) -> None:
     file = small.save(tmp_path / "small.json")
     assert main(["lifetime", str(file), "-q", "--page", str(tmp_path / "page.html")]) == 0
     page = (tmp_path / "page.html").read_text()

@@ -171,6 +171,8 @@ def _unit(point: Point) -> tuple[float, str]:
     """The length in s of the unit of a point's times, and its name."""
     first = point["criteria"][0]["median"]
     reference = first if math.isfinite(first) else point["horizon"]
+    if reference < 2 * HOUR:
+        return 1.0, "s"
     return (HOUR, "hours") if reference < 3 * DAY else (DAY, "days") if reference < 4 * YEAR else (YEAR, "years")
 
 
@@ -189,7 +191,7 @@ def _span(low: float, high: float, point: Point, unit: tuple[float, str]) -> str
 
 
 def _number(value: float) -> str:
-    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+    return f"{value:,.0f}" if value >= 100 else f"{value:.1f}" if value >= 10 else f"{value:.2f}"
 
 
 def _share(value: float) -> str:

@@ -26,7 +26,7 @@ TABLES: Final = ("criteria", "lifetimes", "deaths", "nodes", "causes", "curves")
 
 @final
 @dataclass(frozen=True, repr=False)
-class Lifetime:
+class LifetimeResult:
     """The estimated lifetime of a network. `print` shows the answer; a notebook also shows the figures.
 
     Attributes:
@@ -61,7 +61,7 @@ class Lifetime:
         return lifetime_text.text(self.outcome)
 
     def __repr__(self) -> str:
-        return f"<Lifetime of {self.outcome['name']}: {lifetime_text.answer(self.outcome)}>"
+        return f"<LifetimeResult of {self.outcome['name']}: {lifetime_text.answer(self.outcome)}>"
 
     def _repr_html_(self) -> str:
         from wsnsim.report import lifetime_page
@@ -81,7 +81,7 @@ def lifetime(  # noqa: PLR0913
     progress: bool | Callable[[CampaignProgress], None] | None = None,
     plugins: bool = False,
     **changes: Unpack[Changes],
-) -> Lifetime:
+) -> LifetimeResult:
     """Estimate how long a network lives whose target comes again and again.
 
     Example::
@@ -122,4 +122,6 @@ def lifetime(  # noqa: PLR0913
         step = stack.enter_context(shown(progress, loaded.name, "visits"))
         own = progress if callable(progress) else lambda now: None
         report = own if step is None else lambda now: step(now.done, now.total)
-        return Lifetime(estimate_lifetime(loaded, folder, lambda: engine_of(folder, workers, scheduler), report=report))
+        return LifetimeResult(
+            estimate_lifetime(loaded, folder, lambda: engine_of(folder, workers, scheduler), report=report)
+        )

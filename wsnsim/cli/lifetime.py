@@ -59,7 +59,7 @@ LABEL: Final = 20
 @shared.progress_option
 @click.pass_obj
 def lifetime(interrupts: Interrupts, /, sources: tuple[str, ...], **given: Any) -> None:
-    """Say how long a network lives, from simulated visits of its target.
+    """Say how long a network lives.
 
     Each scenario is one visit of its target, which comes again and again. Several scenarios, --trackers and --vary are
     compared in a table. Visits are kept in a folder beside the result: the same command goes on where it was stopped.

@@ -18,7 +18,7 @@ from wsnsim.lifetimes.estimate import EPOCHS, Plan
 from wsnsim.lifetimes.library import Visit
 from wsnsim.models.visits import Crossing, Visits
 from wsnsim.scenario.build import build
-from wsnsim.scenario.lifetime import Lifetime
+from wsnsim.scenario.lifetime import AskedLifetime
 
 HOURLY: Final = 1.0 / 3600.0
 """Visits per second where nobody says how many."""
@@ -35,7 +35,7 @@ def lifetime_plan(scenario: Any) -> tuple[NetworkSetup, Plan]:
         ScenarioError: a component finds an issue.
         UsageError: the scenario has no network, no target or several, recorded readings, or visits that overlap.
     """
-    setup, asked = build(scenario), scenario.lifetime or Lifetime.model_construct()
+    setup, asked = build(scenario), scenario.lifetime or AskedLifetime.model_construct()
     if reason := _refused(setup):
         raise UsageError(f"{scenario.name}: {reason}")
     assert isinstance(setup, NetworkSetup)
@@ -66,7 +66,7 @@ def _refused(setup: Any) -> str:
     return ""
 
 
-def _visits(scenario: Any, setup: NetworkSetup, asked: Lifetime) -> Visits:
+def _visits(scenario: Any, setup: NetworkSetup, asked: AskedLifetime) -> Visits:
     """When targets come, and how they move. What the block `lifetime` says goes before what the motion says."""
     motion: Any = setup.motions[0]
     own = motion if isinstance(motion, Visits) else None

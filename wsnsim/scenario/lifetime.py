@@ -28,7 +28,7 @@ def _known(name: str) -> str:
     return name
 
 
-class Lifetime(BaseModel):
+class AskedLifetime(BaseModel):
     """What is asked about the life of a network. `wsnsim run` ignores it."""
 
     model_config = FROZEN
@@ -64,7 +64,7 @@ class Lifetime(BaseModel):
     tail: _Time = Field(60.0, description="simulated time after a visit, in which the network comes to rest [s]")
 
     @model_validator(mode="after")
-    def _consistent(self) -> Lifetime:
+    def _consistent(self) -> AskedLifetime:
         if self.times is not None and (self.intrusions is not None or self.profile is not None):
             raise refusal("times take the place of intrusions and profile: give either")
         if self.profile is not None and (len(self.profile) != HOURS or not any(self.profile)):

@@ -12,7 +12,14 @@ from wsnsim.scenario.texts import template
 from wsnsim.scenario.units import PREFIXES, SYMBOLS, WORDS
 from wsnsim_reference.markdown import code, escaped, fence, generated, table
 
-TYPES = {"integer": "whole number", "number": "number", "string": "text", "boolean": "true or false", "null": "none"}
+TYPES = {
+    "array": "a list of numbers",
+    "integer": "whole number",
+    "number": "number",
+    "string": "text",
+    "boolean": "true or false",
+    "null": "none",
+}
 BOUNDS = {"minimum": "≥\u00a0", "exclusiveMinimum": ">\u00a0", "maximum": "≤\u00a0", "exclusiveMaximum": "<\u00a0"}
 
 EXTENDS = """
