@@ -148,7 +148,7 @@ def watched_frames() -> Iterator[Frames]:
             (Exchanges, "enqueue", _enqueuing), (Channel, "transmit", _transmitting),
             (Fragment, "finish", _telling), (OfferedFrame, "finish", _telling), (Burst, "lose", _losing),
             (IdealMedium, "__init__", _opening_ideal), (IdealMechanism, "send", _sending),
-            (IdealMedium, "carry", _carrying), (IdealMedium, "carry_all", _carrying_all),
+            (IdealMedium, "carry", _carrying),
         ):  # fmt: skip
             whole = getattr(owner, name)
             patch.setattr(owner, name, wraps(whole)(make(frames, whole)))
@@ -272,18 +272,3 @@ def _carrying(frames: Frames, whole: Whole) -> Whole:
         given.reported = {burst.to: burst.packets} if burst.to != EVERYONE else each
 
     return carry
-
-
-def _carrying_all(frames: Frames, whole: Whole) -> Whole:
-    def carry_all(self: IdealMedium, unicasts: Any) -> None:
-        before = self._counters.frames_sent
-        whole(self, unicasts)
-        if unicasts.bursts is not None:
-            return
-        lists = zip(unicasts.sources, unicasts.destinations, unicasts.parcels, strict=True)
-        for number, (source, to, parcel) in enumerate(lists, before + 1):
-            given = frames.add(parcel, source, to, parcel.packets, number)
-            given.attempts.append(Attempt(number, frames.now, frames.now, given.receivers, ended=True))
-            given.reported = {to: parcel.packets}
-
-    return carry_all

@@ -224,7 +224,7 @@ def test_a_clock_that_passes_midnight_goes_on(tmp_path: Path) -> None:
     ("rows", "unit", "said"),
     [
         ("time,node,r_1\n0,a,-50\n", "dBm", "all readings are negative"),
-        ("time,node,range\n0,a,-1\n1,a,3\n", "", "1 readings are negative, which no range is"),
+        ("time,node,range\n0,a,-1\n1,a,3\n", "", "1 negative reading, which no range has"),
         ("time,node,azimuth_deg\n0,a,90\n", "rad", "--angle clockwise-from-north says otherwise"),
         ("time,id,reading\n" + "".join(f"{i},{i},1\n" for i in range(30)), "", "each row is of another node"),
     ],
@@ -235,6 +235,42 @@ def test_what_readings_are_taken_for_is_said(rows: str, unit: str, said: str, tm
         [str(tmp_path / "t.csv")], Conventions(names={"reading": "r_1"} if "r_1" in rows else {})
     )
     assert found.facts["unit"] == unit and any(said in note for note in found.notes), found.notes
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows", "options", "said"),
+    [
+        ("readings", "time,node,rssi\n0,a,60\n1,a,61\n", {}, "levels in dBm, though they are positive"),
+        ("readings", "time,node,reading\n0,a,60\n", {}, "taken for ranges in m"),
+        ("readings", "time,node,reading,mac\n0,a,60,a:1\n", {}, "'mac' may name the node: --column 'node=mac'"),
+        ("readings", "time,node,reading\n0,a,60\n", {"missing": ["foo"]}, "--missing foo: no row has it"),
+        ("nodes", "id,x,y\na,5,5\nb,5,5\n", {}, "all 2 nodes stand at one place"),
+        ("nodes", "id,x,y,z\na,5,5,1\nb,6,5,\n", {}, "z is left out of all: 1 row without it"),
+        ("links", "src,dst,sent,received\na,b,10,5\n", {}, "ratios are those of received to sent"),
+    ],
+)
+def test_what_is_doubtful_is_said_and_the_rows_are_kept(
+    kind: str, rows: str, options: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "t.csv").write_text(rows)
+    found = getattr(field_data, kind)([str(tmp_path / "t.csv")], Conventions(**options))
+    assert len(found.table) == rows.count("\n") - 1 and any(said in note for note in found.notes), found.notes
+    if kind == "links":
+        assert found.table.pdr.tolist() == [0.5]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_a_text_that_a_spreadsheet_writes_is_read(encoding: str, tmp_path: Path) -> None:
+    found = imported(tmp_path, "time\tnode\treading\n0\tä\t1\n".encode(encoding))
+    assert found.to_numpy().tolist() == [[0, "ä", 1]]
+
+
+def test_files_whose_headers_state_other_units_are_not_joined(tmp_path: Path) -> None:
+    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for file, unit in zip(files, ("mm", "m"), strict=True):
+        file.write_text(f"time,range_{unit}\n0,5\n")
+    with pytest.raises(WsnsimError, match="'range_m' is 'range_mm' in another file"):
+        field_data.readings([*map(str, files)])
 
 
 def test_files_of_one_node_each_are_joined(tmp_path: Path) -> None:
@@ -269,7 +305,7 @@ def test_what_is_left_out_is_said_and_equal_errors_are_one_sentence(tmp_path: Pa
     assert len(found.table) == 5 and found.facts["nodes"] == 1 and found.facts["rate"] == 0.5
     assert list(found.notes) == [
         f"{path}: columns not used: 'seq'",
-        f"left out: 1 row without a reading ({path}:12)",
+        f"left out: 1 row without reading ({path}:12)",
         f"left out: 5 rows that cannot be used: rssi must be a finite number, is 'far' (the first: {path}:3)",
         "readings called rssi are taken for levels in dBm; --unit says otherwise",
     ]  # fmt: skip
@@ -383,6 +419,7 @@ def test_ratios_of_links_are_played_from_a_table_and_from_a_matrix(tmp_path: Pat
         assert played.complete[26].tolist() == [True]
 
 
+MOVERS = "time,tag,x,y\n" + "".join(f"{t},{'ab'[t % 2]},{t + 300 * (t % 2)},5\n" for t in range(8))
 WRONG: dict[str, tuple[str, str, str, str]] = {
     "no header": ("readings", "0,a,1\n1,b,2\n", "", "has no header: name its 3 columns"),
     "empty": ("readings", "", "", "contains no"),
@@ -427,6 +464,23 @@ WRONG: dict[str, tuple[str, str, str, str]] = {
     "a strange level": ("readings", "time,node,reading\n0,a,-60\n1,a,100\n", "--unit dBm", "t.csv --missing 100"),
     "no such cell": ("readings", "time,node,tag,reading\n0,a,7,1\n", "--where tag=07", "no row has the tag '07'"),
     "no such column of a cell": ("readings", "time,node,tag,reading\n0,a,7,1\n", "--where tg=7", "did you mean 'tag'"),
+    "movers in a column": ("track", MOVERS, "", "'tag' names 2 movers, a, b: give each a file of its own, such as "
+                           "wsnsim import track t.csv --column id=tag --id a"),
+    "movers of an id": ("track", MOVERS.replace("time,", "id,time,").replace("\n", "\nr,")[:-2], "", "names 2 movers"),
+    "no times": ("track", "x,y\n1,1\n2,2\n", "", "without times: --rate HZ"),
+    "a rate beside times": ("track", "time,x,y\n0,1,1\n1,2,2\n", "--rate 5", "--rate is for files without times"),
+    "two units": ("nodes", "id,x [mm],y [mm]\na,8,5\n", "--unit m", "'x [mm]' states mm, --unit m"),
+    "a unit of one axis": ("nodes", "id,x [mm],y,z\na,8,5,1\n", "", "'y', 'z' without a unit, others in mm"),
+    "no cell": ("readings", "time,node,reading\n0,a,1\n", "--where node", "must be COLUMN=CELL"),
+    "microseconds": ("readings", "time,node,reading\n1700000000000000,a,1\n", "", "t.csv --time-format us"),
+    "nanoseconds": ("readings", "time,node,reading\n1700000000000000000,a,1\n", "", "t.csv --time-format ns"),
+    "morning": ("readings", "time,node,reading\n05/01/2024 10:00:00 AM,a,1\n", "", "%m/%d/%Y %I:%M:%S %p"),
+    "thousands": ("readings", 'time,node,reading\n0,a,1\n1,a,"1.234,5"\n', "", "thousands have none"),
+    "two decimal marks": ("readings", "time;node;reading\n0;a;1.5\n1;a;1,5\n", "", "a file has one decimal mark"),
+    "contradictory links": ("links", "src,dst,prr\na,b,0.9\na,b,0.8\n", "", ":3: the link from 'a' to 'b' has another"),
+    "dead links": ("links", "src,dst,prr\na,b,0\nb,a,0\n", "", "all delivery ratios are 0"),
+    "a matrix without a header": ("links", "1,0.5\n0.7,1\n", "", "of a matrix of ratios, its nodes"),
+    "slow kilometres": ("track", "time,id,x,y,speed\n0,a,0,0,8\n1,a,0.008,0,8\n", "", "in kilometres: --unit km"),
     "other options": ("nodes", "id,x,y\na,8,5\n", "--from 3", "--from has no meaning for nodes"),
     "other options of tracks": ("sumo", "t id x y\n0 a 1 2\n", "--angle clockwise-from-north", "no meaning for sumo"),
     "another ending": ("nodes", "id,x,y\na,8,5\n", "--out x.txt", "ends in .csv"),
@@ -453,7 +507,10 @@ BROKEN = {
     "a.xlsx": b"PK\x03\x04", "a.parquet": b"PAR1", "a.mat": b"MATLAB 5.0", "b.mat": b"", "a.json": b"{",
     "b.json": b"[1, 2]", "c.json": b"[" * 100_000,
     "a.geojson": b'{"type": "FeatureCollection", "features": [{"geometry": {"type": "Polygon"}}]}',
-    "a.gpx": b"<gpx>", "b.gpx": ENTITY + b"<gpx/>", "a.csc": ENTITY + b"<simconf/>", "b.csc": b"<simconf>",
+    "b.geojson": b'{"type": "FeatureCollection", "features": 5}',
+    "c.geojson": b'{"type": "FeatureCollection", "features": [{"geometry": null}]}',
+    "d.csv": "time,node,Größe\n".encode("latin-1"), "a.gpx": b"<gpx>",
+    "b.gpx": ENTITY + b"<gpx/>", "a.csc": ENTITY + b"<simconf/>", "b.csc": b"<simconf>",
     "c.csc": b"<simconf/>", "a.csv": "time;node\n".encode("utf-16"), "b.csv": b"\x00" * 50, "a.csv.gz": b"\x1f\x8b\x08",
 }  # fmt: skip
 

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 import wsnsim
-import wsnsim.interop as traces
 from tests.helpers.commands import run_command
 from wsnsim.base.errors import RunError, UsageError, WsnsimError, printable
-from wsnsim.interop import field_data, ns3, sumo, trajectories
+from wsnsim.interop import field_data, ns3, sumo, traces, trajectories
 from wsnsim.interop.trajectories import Placement
 from wsnsim.models.csvfile import Wanted, read_rows
 from wsnsim.models.k7file import read_links
@@ -328,6 +327,35 @@ def test_degrees_are_recognised_by_speeds_and_projected_if_asked_for(
     track = np.genfromtxt("s_a.csv", delimiter=",", skip_header=1)[:, 2:]
     assert np.hypot(*np.diff(track, axis=0).T) == pytest.approx(9.98, abs=0.02)
     assert "--origin 13.4,52.5" in Path("s.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows", "said"),
+    [
+        ("track", "time,x,y\n0,500,0\n1,10,0\n2,20,0\n", "'t' jumps by 490 m in 1 s at 1 s: a wrong row"),
+        ("track", "time,id,x,y\n0,7,500,500\n1,7,10,0\n2,7,502,500\n3,7,30,0\n", "several movers in one"),
+        ("track", "time,x,y\n0,0,0\n1,1100,0\n2,2200,0\n", "'t' moves at 1.1e+03 m/s: "),
+        ("sumo", "time,id,x,y\n0,a,13.4,52.5\n1,a,13.4001,52.5\n", "wsnsim import sumo t.csv --crs wgs84"),
+    ],
+)
+def test_places_and_speeds_that_no_track_has_are_said(
+    kind: str, rows: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text(rows)
+    answer = run_command(capsys, "import", kind, "t.csv", "--out", "u.csv")
+    assert answer.code == 0 and said in answer.out, answer
+
+
+def test_speeds_of_a_trace_in_other_units_are_not_questioned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text("time,id,x,y,speed\n0,a,0,0,8\n1,a,0.008,0,8\n")
+    answer = run_command(capsys, "import", "sumo", "t.csv", "--out", "u.csv")
+    assert answer.code == 1 and "--unit km" in answer.err
+    assert run_command(capsys, "import", "sumo", "t.csv", "--unit", "km", "--out", "u.csv").code == 0
+    assert Path("u.csv").read_text().splitlines()[-1] == "1,a,8,0"
 
 
 def test_each_of_several_targets_is_present_when_the_trace_has_it_and_absences_are_said(

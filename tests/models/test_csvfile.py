@@ -61,7 +61,7 @@ def test_all_rows_with_a_wrong_cell_are_found_at_once(tmp_path: Path) -> None:
     [
         ("", ":1: the header must name the columns receiver, time and rssi, .*, the file is empty"),
         ("time;receiver;rssi\n0;a;-70\n", ":1: the header must name .*it seems to use semicolons, only commas"),
-        ("time,receiver\n0,a\n", ":1: .* is 'time,receiver'$"),
+        ("time,receiver\n0,a\n", ":1: .* is 'time,receiver'; a table of another form: wsnsim import readings .*csv$"),
         ("time,receiver,rssi\n", ": contains no readings"),
     ],
 )

@@ -113,6 +113,11 @@ def test_a_target_that_there_is_not_and_one_that_is_no_number_are_named(tmp_path
     assert ":3: target must be a whole number, is 0.5" in text
 
 
+def test_bearings_in_degrees_are_refused_with_the_command_that_converts_them(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"rad; degrees\? Write: wsnsim import readings"):
+        sensor(tmp_path, "0,a,90\n1,a,180\n", law=Bearing()).recordings(NAMES, 1, 4, 1.0)
+
+
 def test_a_range_may_be_negative_by_noise_alone(tmp_path: Path) -> None:
     model = sensor(tmp_path, "0,a,-4.9\n1,a,9e6\n2,a,-5.1\n3,a,-500\n4,a,2e7\n", law=Range(sd=0.5))
     with pytest.raises(RunError, match="3 of 5 rows") as caught:

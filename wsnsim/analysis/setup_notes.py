@@ -14,15 +14,17 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.analysis.phrases import counted
+from wsnsim.base.arrays import Floats, periods_of
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.errors import RunError
-from wsnsim.base.initial_conditions import sample_positions
+from wsnsim.base.initial_conditions import present_at, sample_positions
 from wsnsim.base.medium_access import CAP_SHARE, is_duty_cycled
 from wsnsim.base.network_ports import FaultEvent, Field
 from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.rng import Streams, derive, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
 from wsnsim.models.node_file import FromFile
+from wsnsim.models.quantised import Quantised
 from wsnsim.models.recorded_links import RecordedLinks
 from wsnsim.models.recorded_track import RecordedTrack
 from wsnsim.models.unit_checks import other_units, too_close
@@ -50,6 +52,17 @@ def motions_beyond_the_field(setup: TrackingSetup) -> Iterator[str]:
             yield (
                 f"{_of_target(setup, i)}.{key}: the target moves up to {beyond:g} m beyond {named(field)}, out of the "
                 f"sensing range of {reach:g} m of every node; keep it within the field, or enlarge the field"
+            )
+
+
+def targets_that_never_exist(setup: TrackingSetup) -> Iterator[str]:
+    """Targets whose intervals of presence hold no instant of the run."""
+    times: Floats = np.arange(setup.steps + 1, dtype=np.float64) * setup.dt
+    for i, intervals in enumerate(setup.presence):
+        if intervals is not None and not present_at(times, intervals).any():
+            yield (
+                f"{_of_target(setup, i)}.presence: the target never exists at an instant of the run, every "
+                f"{setup.dt:g} s up to {times[-1]:g} s"
             )
 
 
@@ -86,6 +99,21 @@ def gaussian_filter_of_cells(setup: TrackingSetup) -> Iterator[str]:
             f"tracker: it takes a reading of {counted(bits, 'bit')} as Gaussian, with its mean and variance at the "
             "prediction; it is in a cell, and far from a threshold it hardly counts: pf and central_pf use the "
             "likelihood of the cell"
+        )
+
+
+def cells_beside_the_readings(setup: TrackingSetup) -> Iterator[str]:
+    """Uniform cells that hold less than a tenth of the readings that the law expects between 0.1 m and its range."""
+    sensor, field = setup.sensor, setup.deploy.field
+    if not isinstance(sensor, Quantised) or sensor.adapts or any(periods_of(sensor)):
+        return
+    points = np.zeros((len(setup.motions[0].position), 2))
+    points[0] = 0.1, min(sensor.law.reach, math.hypot(field.width, field.height))
+    low, high = sorted(sensor.law.linearise(points, np.zeros((1, 2)), np.ones((1, len(sensor.trait_names))))[0][0])
+    if min(high, sensor.high) - max(low, sensor.low) < 0.1 * (high - low):
+        yield (
+            f"sensor: cells from {sensor.low:g} to {sensor.high:g} hardly meet the readings of the law, "
+            f"from {low:.3g} to {high:.3g} at 0.1 m to {points[0, 1]:.4g} m: give sensor.low and sensor.high"
         )
 
 

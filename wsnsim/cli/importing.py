@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from wsnsim.analysis.phrases import counted
 from wsnsim.base.errors import RunError, ScenarioError, UsageError
 from wsnsim.cli import shared
 from wsnsim.cli.fitting import renamed_columns, target
 from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, writable
 
 if TYPE_CHECKING:
-    from wsnsim.interop import NodeSummary, Trace, TraceFormat
     from wsnsim.interop.conventions import Conventions
+    from wsnsim.interop.traces import NodeSummary, Trace, TraceFormat
     from wsnsim.interop.trajectories import PlacedTracks, Placement
 
 TRACES: Final = ("ns3", "sumo", "track")
@@ -127,7 +128,7 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
     elif not options["listed"]:
         _echo_written(_imported(kind, files, options), as_json)
     else:
-        from wsnsim.interop import summarised
+        from wsnsim.interop.traces import summarised
 
         if options["ids"]:
             raise UsageError("--list shows all nodes: leave out --id")
@@ -209,14 +210,19 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
     how = _placement(kind, options, as_scenario)
     if out is not None:
         not_the_result(writable(out, out), trace, "track") if trace.exists() else writable(out, out)
-    import wsnsim.interop as traces
-    from wsnsim.interop import trajectories
+    import numpy as np
+
+    from wsnsim.interop import traces, trajectories
+    from wsnsim.models.unit_checks import other_units, too_close
 
     if kind == "track":
         read = _tracks(files, options, ids)
         how = replace(how, start=options["span"][0], end=options["span"][1])
     else:
         read = traces.read(str(trace), _format(kind, options), ids)
+        places = np.concatenate([each[:, 1:3] for each in read.tracks.values()])
+        if not (options["crs"] or options["unit"]) and (said := too_close(places)):
+            options["notes"] = [f"{said}; {other_units(str(trace), kind)}"]
     tracks = trajectories.placed(read, how)
     tracks = replace(tracks, notes=(*options.get("notes", ()), *tracks.notes))
     if out is None:
@@ -295,9 +301,12 @@ def _format(kind: str, options: dict[str, Any]) -> TraceFormat:
     """The functions of a format."""
     from wsnsim.interop import ns3, sumo
 
-    if kind == "sumo" and options["crs"]:
-        return SimpleNamespace(entries=partial(sumo.entries, degrees=True), track=partial(sumo.track, degrees=True))
-    return ns3 if kind == "ns3" else sumo
+    if kind == "ns3":
+        return ns3
+    converted = bool(options["crs"] or options["unit"] or options["time_unit"] != "s")
+    return SimpleNamespace(
+        entries=partial(sumo.entries, degrees=bool(options["crs"])), track=partial(sumo.track, converted=converted)
+    )
 
 
 def _placement(kind: str, options: dict[str, Any], as_scenario: bool) -> Placement:
@@ -363,12 +372,12 @@ def _echo_written(answer: dict[str, Any], as_json: bool) -> None:
         echo_json(answer)
         return
     for node, track in answer.get("tracks", {}).items():
-        echo(f"{node}: {track['points']} points, {_span(track['first'], track['last'])}")
+        echo(f"{node}: {counted(track['points'], 'point')}, {_span(track['first'], track['last'])}")
     if "rows" in answer:
-        known = [f"{answer['nodes']} nodes"] if "nodes" in answer else []
+        known = [counted(answer["nodes"], "node")] if "nodes" in answer else []
         known += [_span(answer["first"], answer["last"])] if "first" in answer else []
         known += [f"{answer['rate']:.4g}/s of a node"] if "rate" in answer else []
-        echo(f"{answer['rows']:,} rows: {', '.join(known)}")
+        echo(f"{counted(answer['rows'], 'row')}: {', '.join(known)}")
     for note in answer["notes"]:
         echo(f"  {note}")
     for file in answer["files"]:

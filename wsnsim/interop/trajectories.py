@@ -20,11 +20,12 @@ import pandas as pd
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError, UsageError, printable
-from wsnsim.interop import Trace
 from wsnsim.interop.conventions import local_metres, origin_note
+from wsnsim.interop.traces import Trace
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.node_file import FromFile
 from wsnsim.models.recorded_track import LATEST
+from wsnsim.models.unit_checks import unlikely_speeds
 from wsnsim.recording.atomic_files import write_text_atomically
 
 CENTRE: Final = "centre"
@@ -117,6 +118,8 @@ def placed(trace: Trace, how: Placement) -> PlacedTracks:
             )
         if (np.abs(track[:, 0]) > LATEST).any():
             raise RunError(f"{trace.path}: node {node}: times must be within ±{LATEST:g} s: give --time-unit")
+    doubts = {node: unlikely_speeds(*track[:, :3].T) for node, track in tracks.items() if how.sampled}
+    notes += [f"'{node}' {said}" for node, said in doubts.items() if said]
     presence = _presence(whole, tracks, float(shift[0])) if how.sampled else {}
     return PlacedTracks(tracks, origin, presence, (*notes, *map(_absences, presence.items())))
 

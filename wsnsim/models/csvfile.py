@@ -10,6 +10,7 @@ Rows become arrays while they are read, so that memory is that of the numbers.
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import csv
 import functools
@@ -18,6 +19,7 @@ import io
 import itertools
 import math
 import re
+import shlex
 import zlib
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -103,7 +105,7 @@ def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) 
 
     lines = _Lines(path, file, first)
     header = next(cells_in([lines.header]), [])
-    places = _present(f"{path}:{first}", header, wanted)
+    places = _present(path, first, header, wanted, what)
     known: dict[str, dict[str, int]] = {name: {} for name in wanted.texts if name in places}
     odd: dict[str, dict[int, str]] = {name: {} for name in places if name not in known}
     parts: dict[str, list[Any]] = {name: [] for name in places}
@@ -201,9 +203,13 @@ def demand_once(place: str, header: Sequence[str], names: Iterable[str]) -> None
             raise RunError(f"{place}: the header names the column '{name}' twice: rename one of them, or delete it")
 
 
+IMPORTED: Final = {"readings": "readings", "nodes": "nodes", "positions": "nodes", "points of a trajectory": "track"}
+"""{what a file contains: the kind of `wsnsim import` that makes such files of tables}."""
+
+
 @contextlib.contextmanager
 def open_text(path: str) -> Iterator[Any]:
-    """Open a UTF-8 text that may be compressed with gzip; what cannot be read within the block is a RunError too.
+    """Open a UTF-8 text, or UTF-16 with its mark, perhaps in gzip; what cannot be read in the block is a RunError too.
 
     Raises:
         RunError: the file cannot be read, is no text, is empty, or is not the gzip data that its name promises.
@@ -212,7 +218,11 @@ def open_text(path: str) -> Iterator[Any]:
         raise RunError(f"{path}: cannot be read: {irregular}")
     try:
         with Path(path).open("rb") as file, _decompressed(path, file) as content:
-            yield _LimitedText(content, encoding="utf-8-sig", newline="")
+            wide = content.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+            yield _LimitedText(content, encoding="utf-16" if wide else "utf-8-sig", newline="")
+    except UnicodeDecodeError as error:
+        remedy = f"save it as CSV UTF-8, or write: iconv -f latin1 -t utf-8 {shlex.quote(path)}"
+        raise RunError(f"{path}: cannot be read: not a CSV text in UTF-8 ({error}): {remedy}") from error
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise RunError(f"{path}: cannot be read: its gzip data is damaged or cut off ({error})") from error
     except OSError as error:
@@ -296,13 +306,16 @@ class _Lines:
         return "".join(found)
 
 
-def _present(place: str, header: list[str], wanted: Wanted) -> dict[str, int]:
+def _present(path: str, first: int, header: list[str], wanted: Wanted, what: str) -> dict[str, int]:
     """The index of each wanted column that a file has, by our names."""
     named = {**wanted.texts, **wanted.numbers}
     needed = tuple(theirs for ours, theirs in named.items() if ours not in wanted.optional)
     if not set(needed) <= set(header):
-        raise _without_columns(place, header, needed)
-    demand_once(place, header, named.values())
+        error = _without_columns(f"{path}:{first}", header, needed)
+        if kind := IMPORTED.get(what):
+            raise RunError(f"{error}; a table of another form: wsnsim import {kind} {shlex.quote(path)}")
+        raise error
+    demand_once(f"{path}:{first}", header, named.values())
     return {ours: header.index(theirs) for ours, theirs in named.items() if theirs in header}
 
 

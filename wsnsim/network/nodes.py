@@ -240,12 +240,6 @@ class Nodes(NodeStates):
             self._watch(node)
         return bits
 
-    def all_outlast(self, nodes: list[int], joules: float) -> bool:
-        """Whether all nodes are up, and none could run out if it spent this much in addition."""
-        limit, alive, spent = self.battery * BELOW_BATTERY - joules - self._tight, self.alive, self._spent
-        below = self.all_listen and self.ledger.ceiling < limit
-        return below or not [node for node in nodes if not alive[node] or spent[node] >= limit]
-
     def can_all_receive(self, nodes: Ints, joules: float) -> bool:
         """Whether none of the nodes (n,) could die of a reception: `receive_all` may book it."""
         limit = self.battery * BELOW_BATTERY - joules - self._reserve

@@ -12,7 +12,7 @@ follows a *duty*, which is a duty cycle of its MAC.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import simpy
@@ -160,17 +160,12 @@ class BackgroundConsumption:
 
     def mark_computing(self, node: int, cycles: float) -> None:
         """Exclude the time in which the processor of a node computes a number of cycles."""
+        if self._free:
+            return
         seconds = self._table.model.seconds(cycles)
         state = self._state[node]
         self._network_joules[self._processor_cause[state]] -= self._processor[state] * seconds
         self._computed_of[node] += seconds
-
-    def mark_all_computing(self, nodes: Sequence[int], cycles: Sequence[float]) -> None:
-        """`mark_computing` for several nodes in turn, each for cycles of its own."""
-        if self._free:
-            return
-        for node, count in zip(nodes, cycles, strict=True):
-            self.mark_computing(node, count)
 
     def sleep_radio(self, node: int, seconds: float) -> Charges:
         """Return the charges of a radio that sleeps for this time, which the caller has marked as busy."""
