@@ -13,7 +13,7 @@ from tests.lifetimes.test_rates import visits_of
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.lifetimes import estimate
-from wsnsim.lifetimes.estimate import Estimation, Lifetime, Plan, make_serially
+from wsnsim.lifetimes.estimate import Estimation, Lifetime, LifetimePlan, make_serially
 from wsnsim.lifetimes.library import Library, Visit, make_visit, window_setup
 from wsnsim.lifetimes.paths import Paths, Phase
 from wsnsim.lifetimes.quiet import QuietPower
@@ -27,7 +27,7 @@ HOUR, YEAR = 3600.0, 365.25 * 86_400.0
 NODES, QUIET, RATE, STAY = 40, 2.75e-4, 10 / HOUR, 20.0
 AREA: Final = Crossing(width=100.0, height=100.0)
 VISIT: Final = Visit(Visits(of=AREA, lasting=STAY, rate=RATE), 4.0, 30.0, STAY)
-PLAN: Final = Plan(VISIT, horizon=20 * YEAR, least=12, most=12, draws=50, repeats=2, epochs=(0.0,))
+PLAN: Final = LifetimePlan(VISIT, horizon=20 * YEAR, least=12, most=12, draws=50, repeats=2, epochs=(0.0,))
 
 
 def setup_of(**values: Any) -> NetworkSetup:
@@ -164,7 +164,7 @@ def simulated() -> Lifetime:
     setup = setup_of()
     visits: Any = setup.motions[0]
     visit = Visit(visits, 4.0, 12.0, float(2 * np.ceil(visits.longest / 2)))
-    plan = Plan(visit, horizon=10 * YEAR, least=2, most=2, later=2, draws=10, repeats=2, epochs=(0.0, 0.3))
+    plan = LifetimePlan(visit, horizon=10 * YEAR, least=2, most=2, later=2, draws=10, repeats=2, epochs=(0.0, 0.3))
     return Estimation(setup, plan, make_serially).run()
 
 

@@ -41,7 +41,7 @@ FURTHER: Final = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
-class Plan:
+class LifetimePlan:
     """How a lifetime is estimated.
 
     Attributes:
@@ -71,14 +71,14 @@ class Plan:
     tracked: float = 0.9
 
 
-class Interval(NamedTuple):
+class TimeSpan(NamedTuple):
     """Two ends, in s."""
 
     low: float
     high: float
 
 
-class Estimate(NamedTuple):
+class CriterionTime(NamedTuple):
     """When a criterion is met.
 
     Attributes:
@@ -91,8 +91,8 @@ class Estimate(NamedTuple):
 
     median: float
     mean: float
-    prediction: Interval
-    confidence: Interval
+    prediction: TimeSpan
+    confidence: TimeSpan
     met: float
 
 
@@ -122,9 +122,9 @@ class Lifetime:
         notes: what is special about this network.
     """
 
-    plan: Plan
+    plan: LifetimePlan
     facts: NetworkFacts
-    criteria: dict[str, Estimate]
+    criteria: dict[str, CriterionTime]
     times: dict[str, Floats]
     events: Floats
     epochs: tuple[Epoch, ...]
@@ -146,7 +146,7 @@ def make_serially(setup: NetworkSetup, visit: Visit, numbers: Sequence[int], dea
 class Estimation:
     """One estimate of a lifetime, in the making."""
 
-    def __init__(self, setup: NetworkSetup, plan: Plan, make: Make) -> None:
+    def __init__(self, setup: NetworkSetup, plan: LifetimePlan, make: Make) -> None:
         self._setup = dataclasses.replace(setup, network=0) if setup.network is None else setup
         self._plan, self._make = plan, make
         self._facts = inspect_network(self._setup, 0)
@@ -279,19 +279,19 @@ class Estimation:
             limits.not_modelled(self._setup, *spoken, self._strays), limits.notes(*spoken, plan.horizon),
         )  # fmt: skip
 
-    def _estimated(self, times: Floats) -> Estimate:
+    def _estimated(self, times: Floats) -> CriterionTime:
         """The estimate of a criterion from the times (R,) at which paths meet it."""
         median = float(np.quantile(times, 0.5, method="nearest"))
         met = float(np.isfinite(times).mean())
         if met < 1.0:
-            return Estimate(median, np.nan, _interval(times), Interval(np.nan, np.nan), met)
+            return CriterionTime(median, np.nan, _interval(times), TimeSpan(np.nan, np.nan), met)
         draws = times.reshape(self._plan.draws, self._plan.repeats)
         within = draws.var(axis=1, ddof=1).mean() / draws.shape[1] if draws.shape[1] > 1 else 0.0
         means, mean = draws.mean(axis=1), float(times.mean())
         # means of few paths spread more than those of many
         total = float(means.var(ddof=1)) if means.size > 1 else 0.0
         shrunk = np.sqrt(max(total - within, 0.0) / total) if total else 0.0
-        return Estimate(median, mean, _interval(times), _interval(mean + shrunk * (means - mean)), met)
+        return CriterionTime(median, mean, _interval(times), _interval(mean + shrunk * (means - mean)), met)
 
     def _near(self) -> Bools:
         field = self._setup.deploy.field
@@ -310,8 +310,8 @@ class Estimation:
             return float(self._stores.joules[nodes].mean() / np.float64(power))
 
 
-def _interval(values: Floats) -> Interval:
+def _interval(values: Floats) -> TimeSpan:
     """Where a further value lies with 95 %: two of the values in their order."""
     ordered = np.sort(values, axis=None)
     first = max(int((1.0 - LEVEL) / 2.0 * (ordered.size + 1)), 1)
-    return Interval(float(ordered[first - 1]), float(ordered[-first]))
+    return TimeSpan(float(ordered[first - 1]), float(ordered[-first]))

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from wsnsim.base.errors import UsageError
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
-from wsnsim.lifetimes.estimate import EPOCHS, Plan
+from wsnsim.lifetimes.estimate import EPOCHS, LifetimePlan
 from wsnsim.lifetimes.library import Visit
 from wsnsim.models.visits import Crossing, Visits
 from wsnsim.scenario.build import build
@@ -28,7 +28,7 @@ REPEATS: Final = 4
 """Paths of each draw of the loads."""
 
 
-def lifetime_plan(scenario: Any) -> tuple[NetworkSetup, Plan]:
+def lifetime_plan(scenario: Any) -> tuple[NetworkSetup, LifetimePlan]:
     """The setup of a scenario, whose runs have the network of the first, and the plan of its estimate.
 
     Raises:
@@ -45,7 +45,7 @@ def lifetime_plan(scenario: Any) -> tuple[NetworkSetup, Plan]:
     shares = {
         name: getattr(asked, name) for name in ("horizon", "error", "tolerance", "coverage", "connected", "tracked")
     }
-    plan = Plan(
+    plan = LifetimePlan(
         window, least=min(LEAST, asked.episodes), most=asked.episodes, draws=math.ceil(asked.paths / REPEATS),
         repeats=REPEATS, epochs=EPOCHS[:1] if asked.until in ("first_death", "dead_10") else EPOCHS,
         later=min(LEAST, asked.episodes), **shares,
