@@ -13,6 +13,8 @@ import wsnsim
 from wsnsim.analysis import lifetime_plots, lifetime_result, lifetime_text
 from wsnsim.api.lifetime import LifetimeResult
 from wsnsim.cli import main
+from wsnsim.cli.lifetime import lifetime
+from wsnsim.scenario.lifetime import AskedLifetime
 
 NETWORK: dict[str, Any] = {
     "extends": "gmtt", "name": "small", "duration": "20 s", "step": "2 s",
@@ -21,6 +23,7 @@ NETWORK: dict[str, Any] = {
     "energy": {"battery": "20 kJ"},
     "lifetime": {"lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 8},
 }  # fmt: skip
+LISTED = ["--set", "motion={kind: visits, of: {kind: random_waypoint}, lasting: 20 s, times: [0, 100]}"]
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +45,17 @@ def test_criteria_are_in_order_and_their_intervals_hold_their_medians(small: Lif
     for name in ("first_death", "half_dead"):
         assert table.loc[name, "low"] <= table.loc[name, "median"] <= table.loc[name, "high"]
         assert table.loc[name, "mean_low"] <= table.loc[name, "mean"] <= table.loc[name, "mean_high"]
+
+
+def test_an_interval_that_is_open_ends_with_the_horizon_in_the_answer(small: LifetimeResult) -> None:
+    first = {**small.outcome["criteria"][0], "high": math.inf, "mean": math.nan}
+    told = lifetime_text.answer({**small.outcome, "criteria": [first]})
+    assert "inf" not in told and " to > " in told
+
+
+def test_the_help_says_the_horizon_that_is_the_default() -> None:
+    (option,) = [each for each in lifetime.params if each.name == "horizon"]
+    assert f"({AskedLifetime().horizon / 86_400:g} d)" in option.help  # type: ignore[attr-defined]
 
 
 def test_the_table_of_deaths_gives_the_first_death_of_each_path(small: LifetimeResult) -> None:
@@ -111,6 +125,10 @@ def test_visits_that_are_kept_are_not_simulated_again(tmp_path: Path, monkeypatc
         (["--jobs", "2", "--scheduler", "tcp://x:1"], "--jobs cannot be combined with --scheduler"),
         (["--plot", "a.gif"], "a figure cannot have the suffix '.gif'"),
         (["--set", "lifetime.times=[3,2]"], "times: must ascend"),
+        (["--set", "lifetime.times=[0,10]"], "lifetime.times: visits last up to 20 s, and two begin 10 s apart"),
+        (["--intrusions", "close.csv"], "lifetime.times: visits last up to 20 s, and two begin 10 s apart"),
+        (["--intrusions", "0", "--profile", ",".join(["1"] * 24)], "lifetime.profile: needs visits at a rate"),
+        ([*LISTED, "--profile", ",".join(["1"] * 24)], "lifetime.profile: needs visits at a rate"),
     ],
 )
 def test_a_bad_value_is_one_message_before_anything_is_simulated(
@@ -118,6 +136,7 @@ def test_a_bad_value_is_one_message_before_anything_is_simulated(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("small.yaml").write_text(json.dumps(NETWORK))
+    Path("close.csv").write_text("time\n0\n10\n")
     assert main(["lifetime", "small.yaml", *options]) == 2
     assert said in capsys.readouterr().err
     assert not list(tmp_path.rglob("*.h5"))

@@ -103,8 +103,11 @@ def test_the_library_grows_until_the_first_death_is_known(synthetic: NetworkSetu
     theta = np.full(NODES, 0.0127)
     plans = [dataclasses.replace(PLAN, most=96, error=error) for error in (0.5, 0.001)]
     coarse, fine = (Estimation(synthetic, plan, Synthetic(theta, np.random.default_rng(1))) for plan in plans)
-    assert len(coarse.run().epochs[0].library.tracked) == 12
-    assert len(fine.run().epochs[0].library.tracked) == 96
+    known, unknown = coarse.run(), fine.run()
+    assert len(known.epochs[0].library.tracked) == 12
+    assert len(unknown.epochs[0].library.tracked) == 96
+    assert not any("was asked for" in note for note in known.notes)
+    assert any("with 96 visits, 0.1% was asked for" in note for note in unknown.notes)
 
 
 def test_visits_are_simulated_anew_when_nodes_have_died_and_when_the_sink_is_cut_off(
@@ -128,7 +131,7 @@ def test_visits_are_simulated_anew_when_nodes_have_died_and_when_the_sink_is_cut
 @pytest.mark.parametrize(
     ("values", "motion", "words"),
     [
-        ({}, Visits(of=AREA, lasting=STAY, times=()), "no target ever comes"),
+        ({}, Visits(of=AREA, lasting=STAY, times=()), "no target comes before the horizon"),
         ({}, Visits(of=AREA, lasting=STAY, times=(5.0, 100.0)), "quiet from then on"),
         ({"joules": 0.01}, VISIT.visits, "one visit can empty the batteries"),
         ({"battery": Linear(residual=(0.0, *(9.0,) * (NODES - 1)))}, VISIT.visits, "dead, and are no first"),

@@ -47,7 +47,7 @@ def answer(point: Point) -> str:
         )
         return f"{words}; {start}."
     words = f"The first node dies after {_time(first['median'], unit)} (95 % of networks like this: "
-    words += f"{_number(first['low'] / unit[0])} to {_number(first['high'] / unit[0])}"
+    words += _span(first["low"], first["high"], point, unit)
     if math.isfinite(first["mean"]):
         half = (first["mean_high"] - first["mean_low"]) / 2.0
         words += f"; mean {_number(first['mean'] / unit[0])} ± {_number(half / unit[0])}"

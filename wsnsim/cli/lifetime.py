@@ -31,7 +31,7 @@ LABEL: Final = 20
     "--intrusions", metavar="RATE|FILE.csv", help="Visits of a target: 1/h (the default), or a file of times."
 )
 @click.option("--profile", metavar="F,F,...", help="24 factors of the rate, one for each hour of a day.")
-@click.option("--horizon", metavar="TIME", help="Time that is looked ahead; default 10 years (3650 d).")
+@click.option("--horizon", metavar="TIME", help="Time that is looked ahead; default 10 years (3652.5 d).")
 @click.option("--until", metavar="CRITERION", help="Last criterion asked for: first_death, dead_10, half_dead, ...")
 @click.option(
     "--error", metavar="SHARE", help="Error of the mean first death up to which visits are added; default 5 %."

@@ -197,9 +197,13 @@ class Estimation:
         first = np.full(self._paths, np.inf)
         events = paths.noted()
         np.minimum.at(first, events[:, 0].astype(int), events[:, 2])
-        known = self._estimated(first)
-        width = known.confidence.high - known.confidence.low
-        return known.met < 1.0 or width / 2.0 <= self._plan.error * known.mean
+        return self._error(self._estimated(first)) <= self._plan.error
+
+    def _error(self, known: CriterionTime) -> float:
+        """Half the 95 % interval of a mean, as a share of it; 0 where some paths have none."""
+        return (
+            0.0 if known.met < 1.0 else (known.confidence.high - known.confidence.low) / 2.0 / max(known.mean, 1e-300)
+        )
 
     def _goals(self, phase: Phase) -> list[int]:
         """Numbers of dead nodes at which visits are simulated anew, and the last: that at which paths end.
@@ -221,7 +225,7 @@ class Estimation:
 
     def _epoch(self, dead: frozenset[int], count: int, first: int) -> Epoch:
         plan, size = self._plan, self._size
-        if plan.visit.visits.rate is None and not plan.visit.visits.begins.size:
+        if not plan.visit.visits.frequency(plan.horizon):
             library = Library(np.zeros((1, len(CAUSES), size)), np.full(1, np.nan), np.ones(1), dead)
         else:
             library = self._make(self._setup, plan.visit, range(first, first + count), dead)
@@ -274,9 +278,12 @@ class Estimation:
         criteria = {name: self._estimated(each) for name, each in times.items()}
         first, visit = self._epochs[0], plan.visit
         spoken = (first.quiet, first.library, self._stores, visit)
+        notes = limits.notes(*spoken, plan.horizon)
+        if (reached := self._error(criteria["first_death"])) > plan.error:
+            notes += (limits.missed(reached, plan.error, len(first.library.tracked)),)
         return Lifetime(
             plan, self._facts, criteria, times, events, tuple(self._epochs), self._baseline(), limits.overlap(visit),
-            limits.not_modelled(self._setup, *spoken, self._strays), limits.notes(*spoken, plan.horizon),
+            limits.not_modelled(self._setup, *spoken, self._strays, plan.horizon), notes,
         )  # fmt: skip
 
     def _estimated(self, times: Floats) -> CriterionTime:
@@ -304,7 +311,7 @@ class Estimation:
     def _baseline(self) -> float:
         """Two terms: quiet power, and visits; of the nodes that live at the start and are not on mains."""
         first, visits, nodes = self._epochs[0], self._plan.visit.visits, self._mortal(self._epochs[0].dead)
-        rate = visits.rate or visits.begins.size / self._plan.horizon
+        rate = visits.frequency(self._plan.horizon)
         power = first.quiet.watts.sum(axis=0)[nodes].mean() + rate * first.library.added[:, nodes].mean()
         with np.errstate(divide="ignore"):
             return float(self._stores.joules[nodes].mean() / np.float64(power))

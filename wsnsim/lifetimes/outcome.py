@@ -43,7 +43,7 @@ def outcome_of(lifetime: Lifetime, setup: NetworkSetup, scenario: Any) -> dict[s
     times = {name: np.ravel(lifetime.times[name]) for name in known}
     quiet, added = first.quiet.watts, first.library.joules.mean(axis=0)
     visits = plan.visit.visits
-    rate = visits.rate or len(visits.times or ()) / plan.horizon
+    rate = visits.frequency(plan.horizon)
     return {
         "name": scenario.name, "seed": scenario.seed, "horizon": plan.horizon, "tolerance": plan.tolerance,
         "shares": {name: getattr(plan, name) for name in ("coverage", "connected", "tracked")}, "paths": paths,

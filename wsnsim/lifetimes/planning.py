@@ -40,6 +40,8 @@ def lifetime_plan(scenario: Any) -> tuple[NetworkSetup, LifetimePlan]:
         raise UsageError(f"{scenario.name}: {reason}")
     assert isinstance(setup, NetworkSetup)
     visits = _visits(scenario, setup, asked)
+    if issue := visits.closeness():
+        raise UsageError(f"{scenario.name}: {'lifetime.times' if asked.times else 'motion'}: {issue.message}")
     longest = visits.lasting if visits.lasting is not None else visits.of.longest  # type: ignore[attr-defined]
     window = Visit(visits, *(_stepped(time, setup.dt) for time in (asked.lead, asked.tail, longest)))
     shares = {
@@ -72,6 +74,8 @@ def _visits(scenario: Any, setup: NetworkSetup, asked: AskedLifetime) -> Visits:
     own = motion if isinstance(motion, Visits) else None
     if own is not None and asked.intrusions is None and asked.times is None and asked.profile is None:
         return own
+    if asked.profile is not None and (asked.intrusions == 0.0 or (own and not own.rate and asked.intrusions is None)):
+        raise UsageError(f"{scenario.name}: lifetime.profile: needs visits at a rate: give intrusions above 0, too")
     rate = asked.intrusions if asked.intrusions is not None else getattr(own, "rate", None) or HOURLY
     timing: dict[str, Any] = {"rate": rate, "profile": asked.profile, "times": None}
     if asked.times is not None or not rate:
