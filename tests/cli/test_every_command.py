@@ -31,7 +31,7 @@ LINES: Final[dict[str, tuple[list[str], str]]] = {
     "diff": (["diff results/small.h5 results/small.h5"], "equal"),
     "export": (["export results/small.h5 --csv tables"], "tables/runs.csv"),
     "fit": ([f"fit {RECORDED}/straight_01.csv.gz --nodes {RECORDED}/receivers.csv"], "exponent"),
-    "import": (["import ns3 walk.tcl --id 0"], "0.csv"),
+    "import": (["import ns3 walk.tcl --id 0"], "walk_ns3.csv"),
     "info": (["info pso_mhpf", "info reach", "info small.yaml", "info results/small.h5"], "small"),
     "lifetime": (["lifetime --help"], "how long a network lives"),
     "list": (["list", "list scenarios", "list sweeps", "list parts"], "cc2420"),

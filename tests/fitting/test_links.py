@@ -80,7 +80,7 @@ def test_pairs_that_were_not_heard_count(tmp_path: Path) -> None:
 def test_without_positions_no_path_loss_is_fitted(tmp_path: Path) -> None:
     links, _ = write(tmp_path, 2)
     found = wsnsim.fit(links, law="log_normal", power=-3.0)
-    assert found.link.keys() == {"kind", "power", "sensitivity", "asymmetry"}
+    assert found.link.keys() == {"kind", "power", "sensitivity", "asymmetry", "fitted_on"}
     assert found.link["power"] == -3.0
     assert "Without positions" in found.text() and "defaults" in found.yaml()
     LogNormal(**{key: value for key, value in found.link.items() if key != "kind"})

@@ -10,7 +10,8 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from wsnsim.analysis.phrases import aligned, counted
+from wsnsim.analysis.phrases import aligned
+from wsnsim.base.errors import counted
 
 WIDTH: Final = 100
 HOUR, DAY, YEAR = 3600.0, 86_400.0, 365.25 * 86_400.0

@@ -20,11 +20,10 @@ import numpy as np
 
 import wsnsim.scenario as scenarios
 from wsnsim.analysis import recording_notes, setup_notes
-from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.quantities import FIGURES, NETWORK_ONLY
 from wsnsim.analysis.setup_notes import covering_range, named
 from wsnsim.base.arrays import Floats, Ints, is_relative, planar
-from wsnsim.base.errors import RunError
+from wsnsim.base.errors import RunError, counted
 from wsnsim.base.initial_conditions import InitialConditions, node_names, sample_initial_conditions, sample_positions
 from wsnsim.base.radio import RecordsLinks
 from wsnsim.base.results import COUNTS, ROWS, Report, provenance_of

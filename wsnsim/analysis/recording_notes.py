@@ -18,9 +18,8 @@ from typing import Any, Final, NamedTuple, TypeAlias, get_type_hints
 
 import numpy as np
 
-from wsnsim.analysis.phrases import counted
 from wsnsim.base.arrays import Floats, Ints, components_of, is_relative, near
-from wsnsim.base.errors import RunError, shortened
+from wsnsim.base.errors import RunError, counted, shortened
 from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names, sample_initial_conditions
 from wsnsim.base.part import Quantity
 from wsnsim.base.sensing import gain_variance, samples_gains

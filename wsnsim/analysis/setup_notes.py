@@ -13,10 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis.phrases import counted
 from wsnsim.base.arrays import Floats, periods_of
 from wsnsim.base.cell_grid import CellGrid
-from wsnsim.base.errors import RunError
+from wsnsim.base.errors import RunError, counted
 from wsnsim.base.initial_conditions import present_at, sample_positions
 from wsnsim.base.medium_access import CAP_SHARE, is_duty_cycled
 from wsnsim.base.network_ports import FaultEvent, Field
@@ -149,7 +148,7 @@ def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
 
 
 def sensitivity_beside_a_datasheet(setup: RadioSetup) -> Iterator[str]:
-    """A sensitivity of the link that is not that of the radio's datasheet."""
+    """A fitted sensitivity of the link that is not that of the radio's datasheet."""
     own, stated = (getattr(part, "sensitivity", None) for part in (setup.link, getattr(setup.energy, "radio", None)))
     if own is not None and stated is not None and own != stated:
         yield f"link.sensitivity: {own:g} dBm counts, not the {stated:g} dBm of the radio's datasheet"

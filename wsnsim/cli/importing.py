@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from wsnsim.analysis.phrases import counted
-from wsnsim.base.errors import RunError, ScenarioError, UsageError
+from wsnsim.base.errors import RunError, ScenarioError, UsageError, counted
 from wsnsim.cli import shared
 from wsnsim.cli.fitting import renamed_columns, target
 from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, writable
 
 if TYPE_CHECKING:
     from wsnsim.interop.conventions import Conventions
+    from wsnsim.interop.field_data import Imported
     from wsnsim.interop.traces import NodeSummary, Trace, TraceFormat
     from wsnsim.interop.trajectories import PlacedTracks, Placement
 
@@ -133,7 +133,7 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
         if options["ids"]:
             raise UsageError("--list shows all nodes: leave out --id")
         if kind == "track":
-            _echo_nodes(_tracks(files, options, None).nodes, as_json)
+            _echo_nodes(_tracks(files, options, None)[0].nodes, as_json)
         else:
             _echo_nodes(summarised(str(files[0]), _format(kind, options)), as_json)
 
@@ -185,16 +185,15 @@ def _table(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[st
     return {"files": [str(path) for path in written], **facts, "notes": found.notes, "block": found.block(data.name)}
 
 
-def _tracks(files: Sequence[Path], options: dict[str, Any], ids: tuple[str, ...] | None) -> Trace:
-    """The trace of a table of tracks: of the chosen movers, or of all (None)."""
+def _tracks(files: Sequence[Path], options: dict[str, Any], ids: tuple[str, ...] | None) -> tuple[Trace, Imported]:
+    """The trace of a table of tracks: of the chosen movers, or of all (None); and the table."""
     from wsnsim.interop import field_data
 
     how = _conventions(options)
     found = field_data.track([str(file) for file in files], how)
-    options["notes"], options["span"] = found.notes, found.facts["span"]
     if found.facts["origin"] and options["origin"] and not options["crs"]:
         raise UsageError("--origin: the file has degrees: give --crs wgs84 and --origin LON,LAT")
-    return field_data.trace_of(found, str(files[0]), found.table.id.unique() if ids is None else ids)
+    return field_data.trace_of(found, str(files[0]), found.table.id.unique() if ids is None else ids), found
 
 
 def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[str, Any]:
@@ -215,16 +214,18 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
     from wsnsim.interop import traces, trajectories
     from wsnsim.models.unit_checks import other_units, too_close
 
+    notes: Sequence[str] = ()
     if kind == "track":
-        read = _tracks(files, options, ids)
-        how = replace(how, start=options["span"][0], end=options["span"][1])
+        read, found = _tracks(files, options, ids)
+        (start, end), notes = found.facts["span"], found.notes
+        how = replace(how, start=start, end=end)
     else:
         read = traces.read(str(trace), _format(kind, options), ids)
         places = np.concatenate([each[:, 1:3] for each in read.tracks.values()])
         if not (options["crs"] or options["unit"]) and (said := too_close(places)):
-            options["notes"] = [f"{said}; {other_units(str(trace), kind)}"]
+            notes = [f"{said}; {other_units(str(trace), kind)}"]
     tracks = trajectories.placed(read, how)
-    tracks = replace(tracks, notes=(*options.get("notes", ()), *tracks.notes))
+    tracks = replace(tracks, notes=(*notes, *tracks.notes))
     if out is None:
         out = Path(f"{trace.name.split('.')[0]}_{kind}.csv")
         if taken := [path for path in trajectories.files_of(tracks.tracks, out).values() if path.exists()]:

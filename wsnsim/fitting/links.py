@@ -77,7 +77,8 @@ class LinkFit:
     def link(self) -> dict[str, Any]:
         """The block `link` of a scenario."""
         fitted = {key: float(f"{own.value:.5g}") for key, own in self.values.items() if math.isfinite(own.value)}
-        return {"kind": "log_normal", "power": self.power} | fitted
+        digests = [file.digest for file in self.rows.files]
+        return {"kind": "log_normal", "power": self.power} | fitted | {"fitted_on": digests}
 
     def mean_power(self, distances: Floats) -> Floats:
         """(n,) mean received power in dBm over these distances, in m."""

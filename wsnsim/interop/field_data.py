@@ -14,8 +14,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from wsnsim.analysis.phrases import counted
-from wsnsim.base.errors import RunError, UsageError
+from wsnsim.base.errors import RunError, UsageError, counted
 from wsnsim.interop.conventions import USUALLY, Conventions, column_roles, plain, turned
 from wsnsim.interop.source_rows import SourceRows, columns_of, without
 from wsnsim.interop.tables import RawTable, listed, numeric

@@ -12,9 +12,8 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from wsnsim.analysis.phrases import counted
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.errors import RunError, UsageError, did_you_mean
+from wsnsim.base.errors import RunError, UsageError, counted, did_you_mean
 from wsnsim.interop.conventions import (
     Conventions,
     column_roles,

@@ -2,7 +2,7 @@
 
 read_rows(path, wanted, "readings") -> CsvRows      columns of texts and numbers, bad rows apart
 only_rows(path, wanted, "positions") -> CsvRows     the same, where no row may be bad
-read_cells(path, file, wanted, "links") -> Cells    for formats with checks of their own
+read_cells(path, file, wanted, "links") -> TextCells    for formats with checks of their own
 open_text(path) -> a text file                      for other formats, with the same limits and messages
 
 Rows become arrays while they are read, so that memory is that of the numbers.
@@ -74,7 +74,7 @@ class Wanted:
     read: Mapping[str, Callable[[str], float]] = field(default_factory=dict)
 
 
-class Cells(NamedTuple):
+class TextCells(NamedTuple):
     """The wanted columns of a file before they are checked, by our names.
 
     Attributes:
@@ -94,7 +94,7 @@ class Cells(NamedTuple):
         return repr(self.odd[name].get(row, f"{self.numbers[name][row]:g}")[:LONGEST_SHOWN])
 
 
-def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) -> Cells:
+def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) -> TextCells:
     """The wanted columns of every line of an open text that is not blank, from its header in the line `first` on.
 
     Raises:
@@ -103,7 +103,7 @@ def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) 
     """
     import pandas as pd  # a run that reads no file does without
 
-    lines = _Lines(path, file, first)
+    lines = _TextLines(path, file, first)
     header = next(cells_in([lines.header]), [])
     places = _present(path, first, header, wanted, what)
     known: dict[str, dict[str, int]] = {name: {} for name in wanted.texts if name in places}
@@ -131,7 +131,7 @@ def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) 
     if any(len(column) != len(lines.numbers) for column in columns.values()):
         raise ValueError("a cell in quotation marks goes over several lines")
     texts = {name: TextColumn(tuple(words), columns.pop(name)) for name, words in known.items()}
-    return Cells(np.array(lines.numbers), texts, columns, odd)
+    return TextCells(np.array(lines.numbers), texts, columns, odd)
 
 
 def read_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
@@ -274,7 +274,7 @@ class _LimitedText(io.TextIOWrapper):
         return line
 
 
-class _Lines:
+class _TextLines:
     """The lines of a text that are not blank, as pandas reads them; the header is read first.
 
     Attributes:
