@@ -164,16 +164,18 @@ class Estimation:
             RunError: batteries do not fit the network, or a simulation failed.
         """
         self._begin()
-        first = self._phase(self._epochs[0])
-        goals = self._goals(first)
+        phase = self._phase(self._epochs[0])
+        goals = self._goals(phase)
         paths = self._new_paths()
-        paths.advance(first, goals[0])
+        paths.advance(phase, goals[0])
         for goal, following in itertools.pairwise(goals):
             dead = self._dead(paths)
             if dead is None:
                 break
-            self._epochs.append(self._epoch(dead, self._plan.later, first=1_000_000 * goal))
-            paths.advance(self._phase(self._epochs[-1]), following)
+            if dead != self._epochs[-1].dead:  # else several goals were passed at once
+                self._epochs.append(self._epoch(dead, self._plan.later, first=1_000_000 * goal))
+                phase = self._phase(self._epochs[-1])
+            paths.advance(phase, following)
         return self._result(paths)
 
     def _new_paths(self, horizons: float = 1.0) -> Paths:
