@@ -376,7 +376,7 @@ def test_all_readings_are_refused_where_their_number_cannot_count(tmp_path: Path
     assert "nodes send one reading a step and not how many it stands for: use mean or last" in issues(in_network)
     energy = repeated(tmp_path, 2)
     energy["sensor"]["law"] = {"kind": "acoustic_energy"}
-    assert "all needs a law whose noise is Gaussian with a constant variance" in issues(energy)
+    assert "all needs a law of independent readings whose noise is Gaussian with a constant variance" in issues(energy)
     wide = repeated(tmp_path, 2) | {"tracker": {"kind": "ekf", "assumes": {"gains": "unknown", "inflate": True}}}
     wide["sensor"]["law"] = {"kind": "rssi", "gain_spread": 3}
     (tmp_path / "readings.csv").write_text("time,node,reading\n0.5,east,-60\n0.6,east,-61\n")

@@ -14,11 +14,12 @@ from wsnsim.models.mobility import GaussMarkov
 from wsnsim.models.ranging import Range
 from wsnsim.models.recorded_track import RecordedTrack
 from wsnsim.models.waypoints import Waypoints
+from wsnsim.scenario import build, load
 from wsnsim.scenario.kind_info import TRACK
 from wsnsim.scenario.registry import ROLES, load_class
 from wsnsim.testing import check_motion, check_sensor
 
-MOTIONS = [row for row in ROLES["motion"].kinds if row.kind not in ("waypoints", "recorded_track")]
+MOTIONS = [row for row in ROLES["motion"].kinds if row.kind not in ("waypoints", "recorded_track", "visits")]
 SENSORS = [row for row in ROLES["sensor"].kinds if row.kind not in ("recorded", "quantised")]
 
 
@@ -36,6 +37,15 @@ def test_motion_models_with_a_given_trajectory_keep_the_rules(tmp_path: Path) ->
 @pytest.mark.parametrize("row", SENSORS, ids=lambda row: row.kind)
 def test_every_sensor_model_keeps_the_rules(row: Any) -> None:
     check_sensor(load_class(row)(), columns=1 if row.kind == "squared" else 2)
+
+
+@pytest.mark.parametrize("row", SENSORS, ids=lambda row: row.kind)
+def test_every_sensor_model_is_built_checked_and_joined_with_the_names_of_nodes(row: Any) -> None:
+    kind, state = {"squared": ("ungm", [1.0])}.get(row.kind, ("constant_velocity", [9.0, 1.0, 9.0, 1.0]))
+    needs = {"deploy": {"kind": "anchors", "places": [[0, 0], [20, 0], [0, 20]]}} if state[1:] else {}
+    scenario = {"name": "x", "network": "none", "duration": 3, "sensor": {"kind": row.kind}, "motion": {"kind": kind}}
+    setup = build(load(scenario | needs | {"tracker": {"kind": "central_pf"}, "prior": {"sd": state}}))
+    assert getattr(setup.sensor, "with_nodes", lambda names: setup.sensor)("abc") == setup.sensor
 
 
 def cheat(model: type, name: str, altered: Callable[..., Any]) -> Any:

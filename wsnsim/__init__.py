@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     # fmt: off
     # isort: off
     from wsnsim.analysis.frames import read as read
+    from wsnsim.api.lifetime import lifetime as lifetime, LifetimeResult as LifetimeResult
     from wsnsim.api.result import plot as plot, Result as Result
     from wsnsim.api.running import quiet as quiet, run as run, simulate as simulate
     from wsnsim.api.sweeping import compare as compare, sweep as sweep, SweepResult as SweepResult

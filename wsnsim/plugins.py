@@ -92,6 +92,7 @@ if TYPE_CHECKING:
     from wsnsim.base.tables import Recorder as Recorder, Words as Words
     from wsnsim.models.access import Framed as Framed
     from wsnsim.models.appointed import Appointed as Appointed
+    from wsnsim.models.batteries import BatteryFields as BatteryFields
     from wsnsim.models.csvfile import demand_digest as demand_digest
     from wsnsim.models.faults import Aimed as Aimed
     from wsnsim.models.wakeup import Region as Region

@@ -159,6 +159,21 @@ def test_several_targets_are_counted_and_a_loss_is_of_one_of_them():
     assert sentence(nothing).startswith("The targets were never located: no step of the run has an estimate;")
 
 
+@pytest.mark.parametrize(("present", "said"), [
+    ([[10.0]], "The target was followed while present in the run, with a time-averaged RMSE of 1 m; no network"),
+    ([[10.0, 0.0]], "The target that existed was followed while present in the run, with a time-averaged RMSE of 1 m; "
+                    "target 1 never existed in the run; "),
+    ([[10.0, 0.0], [0.0, 3.0]], "Both targets were followed while present in both runs, with"),
+    ([[0.0, 0.0, 5.0, 5.0]], "The 2 targets that existed were followed while present in the run, with"),
+    ([[0.0, 0.0]], "No target existed: none is present at any step of the run; no network"),
+])  # fmt: skip
+def test_targets_are_followed_while_present_and_those_that_never_exist_are_named(present, said):
+    there = np.array(present)
+    errors = np.where(there[:, :, None] > 0.0, np.ones(4), NAN)
+    tracks = {"time_present": there, "target": np.tile(np.arange(there.shape[1], dtype=float), (len(there), 1))}
+    assert sentence(facts(errors, tracks=tracks, losses=[0] * len(there))).startswith(said)
+
+
 def test_without_recorded_errors_the_median_over_the_runs_stands_in():
     bare = facts(np.empty((0, 0, 0)), rmse=[1.0, 3.0, 900.0], losses=[0, 0, 1])
     assert "the other 2 have a median per-run RMSE of 2 m (3 m over all runs);" in sentence(bare, 0.5).replace(

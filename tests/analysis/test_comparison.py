@@ -176,6 +176,25 @@ def test_points_that_gave_the_same_runs_are_named_whatever_time_they_took(place:
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("scenario", "said"),
+    [
+        ({"sensor": {"kind": "recorded"}, "motion": {"kind": "recorded_track"}}, "recorded readings and trajectory"),
+        ({"targets": [{"kind": "recorded_track"}, {"kind": "circle"}]}, "recorded trajectories"),
+        ({"sensor": {"kind": "rssi"}, "link": {"kind": "recorded"}}, "recorded links"),
+        ({"sensor": {"kind": "rssi"}, "motion": {"kind": "circle"}, "link": {"kind": "disk"}}, ""),
+    ],
+)
+def test_runs_that_replay_one_recording_say_nothing_of_others(place: Place, scenario: Any, said: str) -> None:
+    folder = four(place)
+    for point in folder.manifest().points:
+        folder.write_scenario(point.id, json.dumps(scenario))
+    found = comparison.compare(folder, by=[KIND])
+    note = f"all runs replay the same {said} and differ in what is sampled beside them alone: p-values and intervals"
+    assert found.replayed.startswith(note) if said else found.replayed == ""
+    assert comparison.as_json(found)["replayed"] == found.replayed and found.replayed in comparison_text.text(found)
+
+
 def test_the_baseline_is_found_where_points_have_no_results_yet(place: Place) -> None:
     folder = place.campaign([({KIND: kind}, "w", {"rmse": rmse}) for kind, rmse in (
         ("a", []), ("b", [1.0] * 5), ("c", [3.0] * 5),

@@ -142,7 +142,7 @@ def test_residuals_are_stated_with_their_nodes(tmp_path: Path) -> None:
     made.readings += np.where(made.nodes == 2, 1.0, 0.0)
     (said,) = recording_notes.residuals(made.setup(tmp_path))
     assert said.startswith("595 readings minus law at the trajectory: median 0.1")
-    assert "(law: 0.3)" in said and said.endswith("to 1.01 (c)")
+    assert "(law: 0.3 m)" in said and said.endswith("to 1.01 m (c)")
 
 
 def test_without_a_recorded_trajectory_readings_are_held_against_the_estimates_after_the_run(tmp_path: Path) -> None:
@@ -160,8 +160,63 @@ def test_without_a_recorded_trajectory_readings_are_held_against_the_estimates_a
     )
     off = made.readings[inside] - expected("range", there, PLACES[made.nodes[inside]])
     begin = f"{inside.sum()} readings minus law at the estimates of run 0, which follow the readings and are no truth"
-    assert said.startswith(f"{begin}: median {np.median(off):.3g}, ")
-    assert f"largest {off[np.abs(off).argmax()]:.3g};" in said
+    assert said.startswith(f"{begin}: median {np.median(off):.3g} m, ")
+    assert f"largest {off[np.abs(off).argmax()]:.3g} m;" in said
+
+
+def with_law(made: Recording, law: dict[str, Any], folder: Path) -> tuple[list[str], str]:
+    """Notes and residuals of readings under another law."""
+    made.setup(folder)
+    scenario = made.scenario(folder) | {"tracker": {"kind": "central_pf"}}
+    scenario["sensor"] |= {"law": law, "several": "last"}
+    setup = build(load(scenario))
+    (said,) = recording_notes.residuals(setup)
+    return list(recording_notes.unexplained_readings(setup)), said
+
+
+BINARY = {"kind": "binary", "radius": 25.0, "edge": 2.0, "reach": 100.0}
+CELLS = {"kind": "quantised", "bits": 3, "law": LAWS["range"]}
+
+
+@pytest.mark.parametrize("law", [BINARY, CELLS])
+def test_readings_in_cells_are_held_against_the_probability_of_cells(tmp_path: Path, law: dict[str, Any]) -> None:
+    made = Recording("range", 0)
+    ranges = made.readings
+    made.readings = np.floor(ranges / 7.5) * 7.5 + 3.75 if law is CELLS else (ranges < 25.0).astype(float)
+    notes, said = with_law(made, law, tmp_path)
+    assert notes == [] and int(said.split()[0]) < 40, "of 595, 1 in 100 of a detection and 1 in 60 of a Gaussian"
+    assert said.endswith("of 595 readings are in cells that are improbable by the law at the trajectory")
+    made.readings = np.random.default_rng(1).permutation(made.readings)
+    (note,), said = with_law(made, law, tmp_path)
+    assert "in cells that are improbable by the law: names" in note and int(said.split()[0]) > 100
+    made.readings = ranges
+    (note,), _ = with_law(made, law, tmp_path)
+    assert "595 of 595 readings are none of the values of cells" in note
+
+
+def test_readings_with_blocked_lines_of_sight_are_held_against_the_mean_of_their_law(tmp_path: Path) -> None:
+    made, rng = Recording("range", 0), np.random.default_rng(2)
+    blocked = rng.random(len(made.readings)) < 0.5
+    made.readings += blocked * rng.normal(5.0, 2.0, len(blocked))
+    notes, said = with_law(made, LAWS["range"] | {"blocked": 0.5, "detour": 5.0, "detour_sd": 2.0}, tmp_path)
+    assert notes == [] and "(law: 2.89 m)" in said, "sqrt(0.3² + 0.5 2² + 0.25 5²)"
+    assert abs(float(said.split("median ")[1].split()[0])) < 2.5
+
+
+def test_heavy_tails_have_the_standard_deviation_of_their_law(tmp_path: Path) -> None:
+    _, said = with_law(Recording("rssi", 0), LAWS["rssi"] | {"noise": "student_t", "dof": 3.0}, tmp_path)
+    assert "(law: 2 dB)" in said
+
+
+def test_times_of_arrival_are_held_against_their_law_without_the_times_of_emission(tmp_path: Path) -> None:
+    made = Recording("range", 0)
+    made.times = np.floor(made.times)
+    made.readings += 50.0 * np.random.default_rng(3).uniform(1.0, 5.0, STEPS)[made.times.astype(int)]
+    still = {"kind": "tdoa", "sd": 0.3}
+    notes, said = with_law(made, still, tmp_path)
+    assert notes == [] and said.startswith("600 readings minus law") and "(law: 0.268 m)" in said
+    made.readings *= 1000.0
+    assert with_law(made, still, tmp_path)[0] == ["sensor: readings seem to be in mm: convert them"]
 
 
 def test_where_nothing_explains_readings_it_is_said_that_they_do_not_follow_the_law(tmp_path: Path) -> None:

@@ -43,6 +43,8 @@ def notes(name: Any, *overrides: str) -> list[str]:
         ("ekf_real", [LATE], "step: steps of 40 ms are out of reach of mac: late: a unicast waits up to 0.129 s"),
         ("ekf_real", ["step=20 ms", "duration=4 s"], "mac.idle_slots: about 18 nodes are within sensing range"),
         ("ekf_real", ["mac.idle_slots=skipped"], "mac.idle_slots: skipped is an idealisation"),
+        ("ekf_real", ["link.sensitivity=-91.7 dBm", "link.fitted_on=[a]"],
+         "link.sensitivity: -91.7 dBm counts, not the -95 dBm of"),
         ("ekf_real", ["sensor={kind: binary}"], "tracker: it takes a reading of 1 bit as Gaussian, with its mean"),
         ("gmtt", [LATE_0_6, WINDOW], "wakeup: over mac: late readings take up to 1.2 s and a message of two"),
         ("collection", [XMAC], "routing.i_min: over mac: xmac a beacon takes up to 0.14 s"),

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +99,14 @@ def spliced(text: str, name: str, block: str) -> str:
     if count != 1:
         raise ValueError(f"the page has {count} blocks called {name}")
     return found
+
+
+def write_blocks(page: Path, blocks: Mapping[str, str]) -> None:
+    """Replace blocks of a page, by name."""
+    text = page.read_text(encoding="utf-8")
+    for name, block in blocks.items():
+        text = spliced(text, name, block)
+    page.write_text(text, encoding="utf-8")
 
 
 def curves(rows: list[Row], key: str = "value") -> dict[str, list[tuple[int, float]]]:

@@ -69,7 +69,9 @@ class PausedRun:
         self.thread = threading.Thread(target=self._run)
 
     def _run(self):
-        experiment.run(self.scenario, out=self.out, replicates=1, progress=self.view.report, watched=self._recorder)
+        experiment.run(
+            self.scenario, out=self.out, replicates=1, progress=self.view.reporting(print), watched=self._recorder
+        )
 
     def _recorder(self, file):
         made = self.view.recorder(file)

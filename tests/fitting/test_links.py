@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -79,10 +80,23 @@ def test_pairs_that_were_not_heard_count(tmp_path: Path) -> None:
 def test_without_positions_no_path_loss_is_fitted(tmp_path: Path) -> None:
     links, _ = write(tmp_path, 2)
     found = wsnsim.fit(links, law="log_normal", power=-3.0)
-    assert found.link.keys() == {"kind", "power", "sensitivity", "asymmetry"}
+    assert found.link.keys() == {"kind", "power", "sensitivity", "asymmetry", "fitted_on"}
     assert found.link["power"] == -3.0
     assert "Without positions" in found.text() and "defaults" in found.yaml()
     LogNormal(**{key: value for key, value in found.link.items() if key != "kind"})
+
+
+def test_the_fitted_link_passes_beside_the_datasheet_of_a_radio_and_unknown_ratios_are_said(tmp_path: Path) -> None:
+    links, _ = write(tmp_path, 2)
+    found = wsnsim.fit(links, law="log_normal")
+    assert found.link["sensitivity"] != -95.0
+    wsnsim.build(
+        wsnsim.load({"extends": "ekf_real", "energy": {"kind": "states", "radio": "cc2420"}, "link": found.link})
+    )
+    few = dataclasses.replace(found.rows, ratios=np.zeros_like(found.rows.ratios))
+    said = dataclasses.replace(found, rows=few).text()
+    assert "Recorded delivery ratio: below 0.1, or of too few bursts at each power." in said
+    assert "holds beside the datasheet of a radio" in said
 
 
 def test_links_are_not_judged_on_what_they_were_fitted_to(tmp_path: Path) -> None:

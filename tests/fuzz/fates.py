@@ -90,7 +90,7 @@ class Log:
             return "no answer"
         until = given.attempts[-1].ends if given.attempts else self.frames.now
         sent = bool(given.attempts) and given.attempts[-1].ended  # else the sender may have fallen before it began
-        if self.fell(given.source, given.attempts[-1].start if sent else given.since, until):
+        if self.fell(given.source, given.attempts[-1].decided if sent else given.since, until):
             return "sender fell"
         return self._why_not_heard(given, given.attempts[-1], node) if given.attempts and given.to == EVERYONE else ""
 
@@ -141,7 +141,7 @@ def _wrong(given: Given, node: int, fate: Counter[str], log: Log) -> Iterator[st
         yield f"{what}: the MAC says that {given.reported.get(node, 0)} packets arrived, the events {fate[RECEIVED]}"
     for attempt in given.attempts:
         rows = log.arrivals[attempt.number, node]
-        fell = partial(log.fell, given.source, attempt.start, attempt.ends)
+        fell = partial(log.fell, given.source, attempt.decided, attempt.ends)
         if len(rows) > 1:
             yield f"{what}: frame {attempt.number} has {len(rows)} results: {rows}"
         if not rows and attempt.ended and given.to != EVERYONE and not fell():

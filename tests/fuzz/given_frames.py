@@ -33,6 +33,7 @@ class Attempt:
 
     Attributes:
         number: its number in the event log.
+        decided: when the MAC decided to send it, in s; its radio may have to turn round before its start.
         start: when its first bit is sent, in s.
         ends: when its last bit is sent unless its sender falls, in s.
         ended: whether its end was reached.
@@ -41,6 +42,7 @@ class Attempt:
     """
 
     number: int
+    decided: float
     start: float
     ends: float
     receivers: list[int]
@@ -148,7 +150,7 @@ def watched_frames() -> Iterator[Frames]:
             (Exchanges, "enqueue", _enqueuing), (Channel, "transmit", _transmitting),
             (Fragment, "finish", _telling), (OfferedFrame, "finish", _telling), (Burst, "lose", _losing),
             (IdealMedium, "__init__", _opening_ideal), (IdealMechanism, "send", _sending),
-            (IdealMedium, "carry", _carrying), (IdealMedium, "carry_all", _carrying_all),
+            (IdealMedium, "carry", _carrying),
         ):  # fmt: skip
             whole = getattr(owner, name)
             patch.setattr(owner, name, wraps(whole)(make(frames, whole)))
@@ -197,6 +199,7 @@ def _offering(frames: Frames, whole: Whole) -> Whole:
 def _transmitting(frames: Frames, whole: Whole) -> Whole:
     def transmit(self: Channel, source: int, frame: Any, on_end: Any, *more: Any) -> Any:
         attempts: list[Attempt] = []
+        decided = frames.now
 
         def ended(transmission: Any, received: Any) -> None:
             for attempt in attempts:
@@ -208,7 +211,7 @@ def _transmitting(frames: Frames, whole: Whole) -> Whole:
             given.strobes += 1
         for given in frames.of(getattr(frame, "original", frame)):
             frames.aim(given, frame.bits)
-            attempts.append(Attempt(sent.number, sent.start, sent.end, given.receivers, is_copy=frame.is_copy))
+            attempts.append(Attempt(sent.number, decided, sent.start, sent.end, given.receivers, is_copy=frame.is_copy))
             given.attempts.append(attempts[-1])
         return sent
 
@@ -265,25 +268,9 @@ def _carrying(frames: Frames, whole: Whole) -> Whole:
         whole(self, burst)
         now = frames.now
         if self._counters.frames_sent > before:
-            given.attempts.append(
-                Attempt(before + 1, now - bits * self._seconds_per_bit, now, given.receivers, ended=True)
-            )
+            start = now - bits * self._seconds_per_bit
+            given.attempts.append(Attempt(before + 1, start, start, now, given.receivers, ended=True))
         each = {node: int(mask.sum()) for node, mask in burst.received.items()}
         given.reported = {burst.to: burst.packets} if burst.to != EVERYONE else each
 
     return carry
-
-
-def _carrying_all(frames: Frames, whole: Whole) -> Whole:
-    def carry_all(self: IdealMedium, unicasts: Any) -> None:
-        before = self._counters.frames_sent
-        whole(self, unicasts)
-        if unicasts.bursts is not None:
-            return
-        lists = zip(unicasts.sources, unicasts.destinations, unicasts.parcels, strict=True)
-        for number, (source, to, parcel) in enumerate(lists, before + 1):
-            given = frames.add(parcel, source, to, parcel.packets, number)
-            given.attempts.append(Attempt(number, frames.now, frames.now, given.receivers, ended=True))
-            given.reported = {to: parcel.packets}
-
-    return carry_all

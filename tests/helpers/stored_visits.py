@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from wsnsim.lifetime.library import Library
+from wsnsim.lifetimes.library import Library
 
 NAMES: Final = ("joules", "tracked", "seconds", "false_time")
 

@@ -17,6 +17,7 @@ from wsnsim.analysis import notes
 from wsnsim.base.errors import ScenarioError, WsnsimError
 from wsnsim.interop import field_data
 from wsnsim.interop.conventions import Conventions
+from wsnsim.interop.tables import read_table
 from wsnsim.models.k7file import read_links
 from wsnsim.scenario import build, load
 
@@ -223,7 +224,7 @@ def test_a_clock_that_passes_midnight_goes_on(tmp_path: Path) -> None:
     ("rows", "unit", "said"),
     [
         ("time,node,r_1\n0,a,-50\n", "dBm", "all readings are negative"),
-        ("time,node,range\n0,a,-1\n1,a,3\n", "", "1 readings are negative, which no range is"),
+        ("time,node,range\n0,a,-1\n1,a,3\n", "", "1 negative reading, which no range has"),
         ("time,node,azimuth_deg\n0,a,90\n", "rad", "--angle clockwise-from-north says otherwise"),
         ("time,id,reading\n" + "".join(f"{i},{i},1\n" for i in range(30)), "", "each row is of another node"),
     ],
@@ -234,6 +235,42 @@ def test_what_readings_are_taken_for_is_said(rows: str, unit: str, said: str, tm
         [str(tmp_path / "t.csv")], Conventions(names={"reading": "r_1"} if "r_1" in rows else {})
     )
     assert found.facts["unit"] == unit and any(said in note for note in found.notes), found.notes
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows", "options", "said"),
+    [
+        ("readings", "time,node,rssi\n0,a,60\n1,a,61\n", {}, "levels in dBm, though they are positive"),
+        ("readings", "time,node,reading\n0,a,60\n", {}, "taken for ranges in m"),
+        ("readings", "time,node,reading,mac\n0,a,60,a:1\n", {}, "'mac' may name the node: --column 'node=mac'"),
+        ("readings", "time,node,reading\n0,a,60\n", {"missing": ["foo"]}, "--missing foo: no row has it"),
+        ("nodes", "id,x,y\na,5,5\nb,5,5\n", {}, "all 2 nodes stand at one place"),
+        ("nodes", "id,x,y,z\na,5,5,1\nb,6,5,\n", {}, "z is left out of all: 1 row without it"),
+        ("links", "src,dst,sent,received\na,b,10,5\n", {}, "ratios are those of received to sent"),
+    ],
+)
+def test_what_is_doubtful_is_said_and_the_rows_are_kept(
+    kind: str, rows: str, options: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "t.csv").write_text(rows)
+    found = getattr(field_data, kind)([str(tmp_path / "t.csv")], Conventions(**options))
+    assert len(found.table) == rows.count("\n") - 1 and any(said in note for note in found.notes), found.notes
+    if kind == "links":
+        assert found.table.pdr.tolist() == [0.5]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_a_text_that_a_spreadsheet_writes_is_read(encoding: str, tmp_path: Path) -> None:
+    found = imported(tmp_path, "time\tnode\treading\n0\tä\t1\n".encode(encoding))
+    assert found.to_numpy().tolist() == [[0, "ä", 1]]
+
+
+def test_files_whose_headers_state_other_units_are_not_joined(tmp_path: Path) -> None:
+    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for file, unit in zip(files, ("mm", "m"), strict=True):
+        file.write_text(f"time,range_{unit}\n0,5\n")
+    with pytest.raises(WsnsimError, match="'range_m' is 'range_mm' in another file"):
+        field_data.readings([*map(str, files)])
 
 
 def test_files_of_one_node_each_are_joined(tmp_path: Path) -> None:
@@ -268,10 +305,64 @@ def test_what_is_left_out_is_said_and_equal_errors_are_one_sentence(tmp_path: Pa
     assert len(found.table) == 5 and found.facts["nodes"] == 1 and found.facts["rate"] == 0.5
     assert list(found.notes) == [
         f"{path}: columns not used: 'seq'",
-        f"left out: 1 row without a reading ({path}:12)",
+        f"left out: 1 row without reading ({path}:12)",
         f"left out: 5 rows that cannot be used: rssi must be a finite number, is 'far' (the first: {path}:3)",
-        "all readings are negative: they are taken for levels in dBm; --unit says otherwise",
+        "readings called rssi are taken for levels in dBm; --unit says otherwise",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("header", ["time,gateway,rssi", "time,node,RSS"])
+def test_readings_called_rssi_are_levels_whatever_their_sign(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "long.csv"
+    path.write_text(f"{header}\n0,a,-60\n1,a,0\n")
+    assert "law: {kind: rssi}" in field_data.readings([str(path)]).block("r.csv")
+    path.write_text("time,rssi_a,rssi_b\n0,-60,1\n1,-61,0\n")
+    assert field_data.readings([str(path)], Conventions(node_prefix="rssi_")).facts["unit"] == "dBm"
+
+
+@pytest.mark.parametrize(
+    ("times", "given"),
+    [
+        (["100", "101", "102", "103"], ["101", "102", "100"]),
+        (
+            [f"2024-05-01T10:00:0{s}" for s in range(4)],
+            ["2024-05-01T10:00:01", "2024-05-01T10:00:02", "2024-05-01T10:00:00"],
+        ),
+    ],
+)
+def test_from_and_until_are_times_of_the_file_and_its_own_name_is_never_the_default(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    times: list[str],
+    given: list[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.csv").write_text("time,x,y\n" + "".join(f"{time},{i},0\n" for i, time in enumerate(times)))
+    start, end, origin = given
+    command = ["import", "track", "a.csv", "--from", start, "--until", end, "--time-origin", origin]
+    assert run_command(capsys, *command).code == 0
+    assert Path("a_track.csv").read_text() == "time,id,x,y\n1,a,1,0\n2,a,2,0\n"
+    again = run_command(capsys, *command)
+    assert again.code == 2 and "--out a_track.csv replaces it" in again.err
+
+
+def test_times_since_1970_are_shown_as_a_date_and_a_span(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.csv").write_text("time,x,y\n1714557600,0,0\n1714557619,9,0\n")
+    for option in (["--list"], []):
+        assert "19 s from 2024-05-01 10:00:00 UTC" in run_command(capsys, "import", "track", "a.csv", *option).out
+
+
+def test_a_gpx_track_without_a_name_has_that_of_its_file(tmp_path: Path) -> None:
+    pytest.importorskip("gpxpy")
+    points = "".join(f'<trkpt lat="50" lon="8.{i}"><time>2024-05-01T10:00:0{i}Z</time></trkpt>' for i in range(2))
+    track = f"<trk><trkseg>{points}</trkseg></trk>"
+    path = tmp_path / "walk.gpx"
+    path.write_text(f'<gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1">{track * 2}</gpx>')
+    assert [*dict.fromkeys(read_table(str(path)).frame.id)] == ["walk", "walk_1"]
 
 
 COOJA = """<simconf><simulation><motetype>x<mote><interface_config>org.contikios.cooja.interfaces.Position
@@ -328,6 +419,7 @@ def test_ratios_of_links_are_played_from_a_table_and_from_a_matrix(tmp_path: Pat
         assert played.complete[26].tolist() == [True]
 
 
+MOVERS = "time,tag,x,y\n" + "".join(f"{t},{'ab'[t % 2]},{t + 300 * (t % 2)},5\n" for t in range(8))
 WRONG: dict[str, tuple[str, str, str, str]] = {
     "no header": ("readings", "0,a,1\n1,b,2\n", "", "has no header: name its 3 columns"),
     "empty": ("readings", "", "", "contains no"),
@@ -372,6 +464,23 @@ WRONG: dict[str, tuple[str, str, str, str]] = {
     "a strange level": ("readings", "time,node,reading\n0,a,-60\n1,a,100\n", "--unit dBm", "t.csv --missing 100"),
     "no such cell": ("readings", "time,node,tag,reading\n0,a,7,1\n", "--where tag=07", "no row has the tag '07'"),
     "no such column of a cell": ("readings", "time,node,tag,reading\n0,a,7,1\n", "--where tg=7", "did you mean 'tag'"),
+    "movers in a column": ("track", MOVERS, "", "'tag' names 2 movers, a, b: give each a file of its own, such as "
+                           "wsnsim import track t.csv --column id=tag --id a"),
+    "movers of an id": ("track", MOVERS.replace("time,", "id,time,").replace("\n", "\nr,")[:-2], "", "names 2 movers"),
+    "no times": ("track", "x,y\n1,1\n2,2\n", "", "without times: --rate HZ"),
+    "a rate beside times": ("track", "time,x,y\n0,1,1\n1,2,2\n", "--rate 5", "--rate is for files without times"),
+    "two units": ("nodes", "id,x [mm],y [mm]\na,8,5\n", "--unit m", "'x [mm]' states mm, --unit m"),
+    "a unit of one axis": ("nodes", "id,x [mm],y,z\na,8,5,1\n", "", "'y', 'z' without a unit, others in mm"),
+    "no cell": ("readings", "time,node,reading\n0,a,1\n", "--where node", "must be COLUMN=CELL"),
+    "microseconds": ("readings", "time,node,reading\n1700000000000000,a,1\n", "", "t.csv --time-format us"),
+    "nanoseconds": ("readings", "time,node,reading\n1700000000000000000,a,1\n", "", "t.csv --time-format ns"),
+    "morning": ("readings", "time,node,reading\n05/01/2024 10:00:00 AM,a,1\n", "", "%m/%d/%Y %I:%M:%S %p"),
+    "thousands": ("readings", 'time,node,reading\n0,a,1\n1,a,"1.234,5"\n', "", "thousands have none"),
+    "two decimal marks": ("readings", "time;node;reading\n0;a;1.5\n1;a;1,5\n", "", "a file has one decimal mark"),
+    "contradictory links": ("links", "src,dst,prr\na,b,0.9\na,b,0.8\n", "", ":3: the link from 'a' to 'b' has another"),
+    "dead links": ("links", "src,dst,prr\na,b,0\nb,a,0\n", "", "all delivery ratios are 0"),
+    "a matrix without a header": ("links", "1,0.5\n0.7,1\n", "", "of a matrix of ratios, its nodes"),
+    "slow kilometres": ("track", "time,id,x,y,speed\n0,a,0,0,8\n1,a,0.008,0,8\n", "", "in kilometres: --unit km"),
     "other options": ("nodes", "id,x,y\na,8,5\n", "--from 3", "--from has no meaning for nodes"),
     "other options of tracks": ("sumo", "t id x y\n0 a 1 2\n", "--angle clockwise-from-north", "no meaning for sumo"),
     "another ending": ("nodes", "id,x,y\na,8,5\n", "--out x.txt", "ends in .csv"),
@@ -398,7 +507,10 @@ BROKEN = {
     "a.xlsx": b"PK\x03\x04", "a.parquet": b"PAR1", "a.mat": b"MATLAB 5.0", "b.mat": b"", "a.json": b"{",
     "b.json": b"[1, 2]", "c.json": b"[" * 100_000,
     "a.geojson": b'{"type": "FeatureCollection", "features": [{"geometry": {"type": "Polygon"}}]}',
-    "a.gpx": b"<gpx>", "b.gpx": ENTITY + b"<gpx/>", "a.csc": ENTITY + b"<simconf/>", "b.csc": b"<simconf>",
+    "b.geojson": b'{"type": "FeatureCollection", "features": 5}',
+    "c.geojson": b'{"type": "FeatureCollection", "features": [{"geometry": null}]}',
+    "d.csv": "time,node,Größe\n".encode("latin-1"), "a.gpx": b"<gpx>",
+    "b.gpx": ENTITY + b"<gpx/>", "a.csc": ENTITY + b"<simconf/>", "b.csc": b"<simconf>",
     "c.csc": b"<simconf/>", "a.csv": "time;node\n".encode("utf-16"), "b.csv": b"\x00" * 50, "a.csv.gz": b"\x1f\x8b\x08",
 }  # fmt: skip
 
@@ -474,5 +586,5 @@ def test_dates_in_a_file_of_a_scenario_are_one_sentence_with_the_remedy(
         build(load(Path("s.yaml")))
     (issue,) = caught.value.issues
     assert re.search(
-        r"w.csv:2: time must be a finite .*\(1 more rows like it\).* wsnsim import readings \(or track\)", issue.message
+        r"w.csv:2: time must be a finite .*\(1 more row like it\).* wsnsim import readings \(or track\)", issue.message
     )

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 import wsnsim
-import wsnsim.interop as traces
 from tests.helpers.commands import run_command
 from wsnsim.base.errors import RunError, UsageError, WsnsimError, printable
-from wsnsim.interop import field_data, ns3, sumo, trajectories
+from wsnsim.interop import field_data, ns3, sumo, traces, trajectories
 from wsnsim.interop.trajectories import Placement
 from wsnsim.models.csvfile import Wanted, read_rows
 from wsnsim.models.k7file import read_links
@@ -175,8 +174,8 @@ def test_the_command_writes_a_track_that_a_scenario_follows(
     monkeypatch.chdir(tmp_path)
     written(tmp_path, "a.tcl", SETDEST)
     answer = run_command(capsys, "import", "ns3", "a.tcl", "--id", "0")
-    assert answer.code == 0 and "0.csv: written" in answer.out
-    rows = list(csv.DictReader(Path("0.csv").read_text().splitlines()))
+    assert answer.code == 0 and "a_ns3.csv: written" in answer.out
+    rows = list(csv.DictReader(Path("a_ns3.csv").read_text().splitlines()))
     assert list(rows[0]) == ["time", "id", "x", "y", "z"] and rows[0]["id"] == "0"
     answer = run_command(capsys, "import", "ns3", "a.tcl", "--id", "0", "--out", "s.yaml", "--json")
     assert answer.code == 0 and json.loads(answer.out)["files"] == ["s_0.csv", "s.yaml"]
@@ -271,8 +270,9 @@ def test_a_file_that_exists_is_replaced_only_if_it_is_named(
     monkeypatch.chdir(tmp_path)
     trace = written(tmp_path, "0.csv", "time;id;x;y\n0;0;1;2\n1;0;3;4\n")
     before = Path(trace).read_bytes()
+    assert run_command(capsys, "import", "sumo", "0.csv").code == 0
     answer = run_command(capsys, "import", "sumo", "0.csv")
-    assert answer.code == 2 and "0.csv exists: --out FILE.csv" in answer.err
+    assert answer.code == 2 and "0_sumo.csv exists: --out FILE.csv names another file" in answer.err
     assert Path(trace).read_bytes() == before
 
 
@@ -282,7 +282,7 @@ def test_nodes_are_listed_with_their_times(
     monkeypatch.chdir(tmp_path)
     written(tmp_path, "a.xml", FCD)
     lines = run_command(capsys, "import", "sumo", "a.xml", "--list").out.splitlines()
-    assert lines[1].split() == ["bus.1", "2", "0", "1"] and lines[2].split() == ["ann", "1", "1", "1"]
+    assert [line.split(maxsplit=2) for line in lines[1:]] == [["bus.1", "2", "0 to 1 s"], ["ann", "1", "1 to 1 s"]]
 
 
 def fcd(*rows: tuple[float, str, str, float, float]) -> str:
@@ -327,6 +327,35 @@ def test_degrees_are_recognised_by_speeds_and_projected_if_asked_for(
     track = np.genfromtxt("s_a.csv", delimiter=",", skip_header=1)[:, 2:]
     assert np.hypot(*np.diff(track, axis=0).T) == pytest.approx(9.98, abs=0.02)
     assert "--origin 13.4,52.5" in Path("s.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows", "said"),
+    [
+        ("track", "time,x,y\n0,500,0\n1,10,0\n2,20,0\n", "'t' jumps by 490 m in 1 s at 1 s: a wrong row"),
+        ("track", "time,id,x,y\n0,7,500,500\n1,7,10,0\n2,7,502,500\n3,7,30,0\n", "several movers in one"),
+        ("track", "time,x,y\n0,0,0\n1,1100,0\n2,2200,0\n", "'t' moves at 1.1e+03 m/s: "),
+        ("sumo", "time,id,x,y\n0,a,13.4,52.5\n1,a,13.4001,52.5\n", "wsnsim import sumo t.csv --crs wgs84"),
+    ],
+)
+def test_places_and_speeds_that_no_track_has_are_said(
+    kind: str, rows: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text(rows)
+    answer = run_command(capsys, "import", kind, "t.csv", "--out", "u.csv")
+    assert answer.code == 0 and said in answer.out, answer
+
+
+def test_speeds_of_a_trace_in_other_units_are_not_questioned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text("time,id,x,y,speed\n0,a,0,0,8\n1,a,0.008,0,8\n")
+    answer = run_command(capsys, "import", "sumo", "t.csv", "--out", "u.csv")
+    assert answer.code == 1 and "--unit km" in answer.err
+    assert run_command(capsys, "import", "sumo", "t.csv", "--unit", "km", "--out", "u.csv").code == 0
+    assert Path("u.csv").read_text().splitlines()[-1] == "1,a,8,0"
 
 
 def test_each_of_several_targets_is_present_when_the_trace_has_it_and_absences_are_said(

@@ -213,13 +213,16 @@ def test_a_battery_too_small_for_any_head_is_an_issue():
         clusters=Appointed(),
         link=Disk(),
         cpu=Processor(),
+        sensor=SENSOR,
         dt=0.04,
     )
     assert [issue.path for issue in Appointed().check(setup)] == [("energy", "battery")]
 
 
 def test_a_horizon_of_more_than_a_thousand_steps_is_an_issue():
-    setup = SimpleNamespace(energy=FirstOrder(), head_threshold=1e-9, clusters=Appointed(threshold=1e-9), dt=0.04)
+    setup = SimpleNamespace(
+        energy=FirstOrder(), head_threshold=1e-9, clusters=Appointed(threshold=1e-9), sensor=SENSOR, dt=0.04
+    )
     assert not [*Appointed(horizon=40.0).check(setup)]
     (issue,) = Appointed(horizon=1e6).check(setup)
     assert issue.path == ("clusters", "horizon")

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from wsnsim.base.batteries import Advance, BatteryState
-from wsnsim.models.batteries import Cells, Diffusion, Kinetic, Linear
+from wsnsim.models.batteries import BatteryFields, Diffusion, Kinetic, Linear
+from wsnsim.models.harvest import Harvester
 
 MINUTE: Final = 60.0
 
 
-def full(battery: Cells, capacity: float, nodes: int = 1) -> BatteryState:
+def full(battery: BatteryFields, capacity: float, nodes: int = 1) -> BatteryState:
     """Full batteries of one capacity in J."""
     each = np.full(nodes, capacity)
     leak = each * battery.leakage
     return BatteryState(each, each * (1.0 - battery.share_drawable), leak, each, np.zeros((battery.rates.size, nodes)))
 
 
-def life(battery: Cells, capacity: float, loads: list[float], starts: list[float]) -> float:
+def life(battery: BatteryFields, capacity: float, loads: list[float], starts: list[float]) -> float:
     """Minutes for which a full battery (W min) supplies loads (W), each from its start (min) until the next."""
     state = full(battery, capacity * MINUTE)
     for load, start, end in zip(loads, starts, [*starts[1:], 1e9], strict=True):
@@ -200,3 +204,49 @@ def test_self_discharge_doubles_in_ten_kelvin_and_cold_takes_capacity() -> None:
 def test_a_capacitor_holds_half_of_the_square_of_its_voltage() -> None:
     battery = Linear(full=2.7, cut_off=1.8)
     assert battery.share_drawable == pytest.approx(1.0 - (1.8 / 2.7) ** 2)
+
+
+@pytest.mark.parametrize("repeats", [False, True])
+def test_the_mean_income_is_that_of_all_its_parts(repeats: bool, tmp_path: Path) -> None:
+    (tmp_path / "sun.csv").write_text("time,irradiance\n1,100\n4,0\n6,50\n")
+    battery = Linear(harvest=Harvester(path=str(tmp_path / "sun.csv"), area=0.1, efficiency=0.2, repeats=repeats))
+    time, joules = 0.5, 0.0
+    while time < 21.0:
+        income = battery.income(time)
+        until = min(income.until, 21.0)
+        joules, time = joules + income.watts * (until - time), until
+    assert joules == pytest.approx(20.5 * battery.mean_income(0.5, 21.0))
+    # 2 W for 3 s, nothing for 2 s, 1 W for 2.5 s: the median of the intervals; from 17 s on the third turn
+    assert joules == pytest.approx(2 * 8.5 + 6.0 if repeats else 8.5)
+
+
+def test_a_store_takes_no_more_than_its_capacity_and_says_so() -> None:
+    battery, state = Linear(harvest=Harvester(path="none", charging=0.8)), full(Linear(), 10.0, 2)
+    state = state._replace(left=np.array([2.0, 9.0]))
+    done = battery.advance(state, np.array([0.1, 0.1]), 10.0, 1.0)
+    assert done.state.left == pytest.approx([9.0, 10.0])
+    assert done.surplus == pytest.approx([0.0, 6.0])
+    assert done.unstored == pytest.approx([2.0, 2.0])
+    assert np.abs(balance(state, done)).max() < 1e-12
+
+
+@given(
+    st.sampled_from([Kinetic(rate=0.01), Diffusion(rate=0.01), Diffusion(rate=1e-4, usable=0.8)]),
+    st.lists(st.tuples(st.floats(0.0, 0.4), st.floats(0.1, 300.0)), min_size=1, max_size=4),
+    st.floats(0.0, 8.0),
+    st.floats(1e-3, 1.0),
+)
+def test_no_battery_is_empty_before_it_dies_whatever_it_gave_before(battery, loads, at_once, last):
+    state = full(battery, 300.0)
+    for load, seconds in loads:  # in the end, some modes grow and others even out
+        state = battery.advance(state, np.array([load]), seconds).state
+    at_once = min(at_once, 0.9 * float(battery.drawable(state)[0]))
+    state = battery.draw_at_once(state, np.array([at_once]))
+    died = float(battery.advance(state, np.array([last]), 1e7).died_after[0])
+    assert np.isfinite(died)
+    times = died * np.append(np.linspace(0.0, 0.999, 200), 1.0 - 1e-6)
+    states = BatteryState(*(np.repeat(column, 201, axis=-1) for column in state))
+    drawable = battery.drawable(battery.advance(states, np.full(201, last), times).state)
+    already = float(battery.drawable(state)[0]) < 1e-9
+    assert already or (drawable[:-1] > 0.0).all()
+    assert drawable[-1] <= 2e-6 * last * died + 1e-9

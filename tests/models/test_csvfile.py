@@ -61,7 +61,7 @@ def test_all_rows_with_a_wrong_cell_are_found_at_once(tmp_path: Path) -> None:
     [
         ("", ":1: the header must name the columns receiver, time and rssi, .*, the file is empty"),
         ("time;receiver;rssi\n0;a;-70\n", ":1: the header must name .*it seems to use semicolons, only commas"),
-        ("time,receiver\n0,a\n", ":1: .* is 'time,receiver'$"),
+        ("time,receiver\n0,a\n", ":1: .* is 'time,receiver'; a table of another form: wsnsim import readings .*csv$"),
         ("time,receiver,rssi\n", ": contains no readings"),
     ],
 )
@@ -88,10 +88,23 @@ def test_bytes_that_are_no_text_are_refused_in_words(tmp_path: Path) -> None:
         read_rows(str(path), WANTED, "readings")
 
 
-def test_at_most_fifty_rows_are_printed() -> None:
-    words = bad_rows_text("b/a.csv", [BadRow(line, "is wrong") for line in range(2, 102)], 500)
-    assert words.startswith("b/a.csv: 100 of 500 rows cannot be used:\n  a.csv:2: is wrong\n")
-    assert len(words.splitlines()) == 52 and words.endswith("\n  and 50 more")
+def test_equal_errors_are_one_line_and_at_most_fifty_kinds_are_printed() -> None:
+    cells = ["'nan'", "'7,02'", '"it\'s"', "-1.5e+07"]
+    bad = [BadRow(line, f"rssi must be a finite number, is {cells[line % 4]}") for line in range(2, 1206)]
+    words = bad_rows_text("b/a.csv", [*bad, BadRow(1300, "node must not be empty")], 5000, "do this")
+    assert words.splitlines() == [
+        "b/a.csv: 1,205 of 5,000 rows cannot be used:",
+        '  a.csv:2: rssi must be a finite number, is "it\'s" (1,203 more rows like it)',
+        "  a.csv:1300: node must not be empty",
+        "  do this",
+    ]
+    kinds = [BadRow(line, f"is wrong {'x' * line}") for line in range(2, 102)]
+    assert bad_rows_text("b/a.csv", kinds, 500).splitlines()[51:] == ["  and 50 other kinds of errors"]
+
+
+def test_a_file_in_which_no_row_may_be_bad_says_how_many_are(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r":3: x must be a finite number, is 'b' \(1 more row like it\)$"):
+        only_rows(written(tmp_path, "x,y\n1,2\nb,2\nc,2\n"), PLACES, "positions")
 
 
 def test_a_file_that_changed_or_is_gone_is_refused_by_its_digest(tmp_path: Path) -> None:
@@ -141,7 +154,7 @@ def test_rows_are_counted_while_they_are_read(tmp_path: Path, monkeypatch: pytes
 def test_bad_rows_are_kept_up_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(row_checks, "MOST_BAD", 2)
     with pytest.raises(
-        RunError, match=r"more than 2 rows cannot be used:\n  data\.csv:2: .*\n.*\n.*:4: .*\n  and more$"
+        RunError, match=r"more than 2 rows cannot be used:\n  data\.csv:2: .* \(2 more rows like it\)\n  and more$"
     ):
         read_rows(written(tmp_path, "x,y\na,2\nb,2\nc,2\n1,2\n"), PLACES, "positions")
 

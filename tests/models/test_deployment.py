@@ -154,7 +154,7 @@ def test_a_faulty_file_is_named_with_its_line(tmp_path, text, said):
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     binary = tmp_path / "nodes.bin"
-    binary.write_bytes(b"\xff\xfe\x00\x01")
+    binary.write_bytes(b"\xff\xff\x00\x01")
     endless = Path("/dev/zero")
     for path, said in (
         (tmp_path / "none.csv", "No such file"), (tmp_path, "is a folder"), (binary, "not a CSV text"),

@@ -12,6 +12,7 @@ from scipy.stats import norm
 
 import wsnsim
 from tests.helpers.scenes import make_scene
+from wsnsim.analysis import setup_notes
 from wsnsim.base.requests import Broadcast, Gather, GatherReadings, Member
 from wsnsim.bounds import bound
 from wsnsim.models.bearing import Bearing
@@ -211,6 +212,26 @@ def test_what_cannot_be_quantised_is_refused(lines: dict[str, Any], words: str) 
     scenario = {"extends": "jiang_field", "name": "x", "sensor": sensor, "tracker": tracker}
     with pytest.raises(wsnsim.ScenarioError, match=words):
         build(wsnsim.load(scenario))
+
+
+@pytest.mark.parametrize(
+    ("law", "ends", "noted"),
+    [
+        ({"kind": "rssi", "reach": "50 m"}, {}, True),
+        ({"kind": "rssi", "reach": "50 m"}, {"low": -90.0, "high": -30.0}, False),
+        ({"kind": "rssi", "reach": "50 m"}, {"thresholds": "lloyd_max"}, False),
+        ({"kind": "range", "reach": "50 m"}, {}, False),
+        ({"kind": "range", "reach": "50 m"}, {"low": 55.0}, True),
+        ({"kind": "bearing", "reach": "50 m"}, {"low": 50.0}, False),
+        ({"kind": "acoustic_energy"}, {"high": 9000.0}, False),
+    ],
+)
+def test_cells_that_hardly_meet_the_readings_of_their_law_are_noted(
+    law: dict[str, Any], ends: dict[str, Any], noted: bool
+) -> None:
+    scenario = {"extends": "jiang_field", "name": "x", "tracker": {"kind": "pf"}}
+    setup = build(wsnsim.load(scenario | {"sensor": {"kind": "quantised", "law": law, **ends}}))
+    assert len([*setup_notes.cells_beside_the_readings(setup)]) == noted
 
 
 def test_a_mean_of_recorded_readings_is_refused_as_it_is_in_no_cell() -> None:

@@ -92,11 +92,10 @@ def test_every_row_that_cannot_be_used_is_named_at_once(tmp_path: Path) -> None:
         sensor(tmp_path, BAD, law=Rssi()).recordings(NAMES, 1, 4, 1.0)
     places = [line.split("readings.csv:")[1] for line in str(caught.value).splitlines()[1:-1]]
     assert places == [
-        "3: reading must be between -200 and 0, is 42",
+        "3: reading must be between -200 and 0, is 42 (1 more row like it)",
         "4: the deployment has no node 'c' (its nodes: a, b)",
         "5: reading must be a finite number, is 'nan'",
         "6: repeats time, node and target of line 2",
-        "7: reading must be between -200 and 0, is -300",
     ]
 
 
@@ -110,8 +109,13 @@ def test_a_target_that_there_is_not_and_one_that_is_no_number_are_named(tmp_path
     with pytest.raises(RunError, match="3 of 4 rows") as caught:
         sensor(tmp_path, rows).recordings(NAMES, 2, 4, 1.0)
     text = str(caught.value)
-    assert ":2: there is no target 2: allowed are 0 to 1" in text and ":5: there is no target -1" in text
+    assert ":2: there is no target 2: allowed are 0 to 1 (1 more row like it)" in text
     assert ":3: target must be a whole number, is 0.5" in text
+
+
+def test_bearings_in_degrees_are_refused_with_the_command_that_converts_them(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"rad; degrees\? Write: wsnsim import readings"):
+        sensor(tmp_path, "0,a,90\n1,a,180\n", law=Bearing()).recordings(NAMES, 1, 4, 1.0)
 
 
 def test_a_range_may_be_negative_by_noise_alone(tmp_path: Path) -> None:

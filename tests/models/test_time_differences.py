@@ -12,6 +12,7 @@ from scipy.stats import multivariate_normal
 import wsnsim
 from tests.helpers.scenes import make_scene
 from wsnsim import fitting
+from wsnsim.analysis.notes import before_a_run
 from wsnsim.base.errors import UsageError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.requests import Compute, Flow, Member
@@ -273,6 +274,15 @@ def test_recorded_times_of_several_emissions_in_a_step_are_refused(tmp_path: Pat
     for several, words in (("mean", "several times of arrival in a step"), ("all", "independent readings")):
         with pytest.raises(wsnsim.ScenarioError, match=words):
             build(wsnsim.load(scenario | {"sensor": scenario["sensor"] | {"several": several}}))
+
+
+@pytest.mark.parametrize(("reach", "noted"), [(40.0, True), (1e3, False)])
+def test_a_check_and_a_run_note_that_few_nodes_measure_a_target(reach: float, noted: bool) -> None:
+    setup = build(
+        wsnsim.load(ALONE | {"name": "x", "tracker": {"kind": "ekf"}, "sensor": {"kind": "tdoa", "reach": reach}})
+    )
+    found = [note for note in before_a_run(setup) if "one reading says nothing of the place" in note]
+    assert len(found) == noted
 
 
 def test_a_fit_says_why_there_is_none() -> None:

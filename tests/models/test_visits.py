@@ -119,8 +119,8 @@ def test_visits_are_those_of_their_motion() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({}, "give one of the rate"),
-        ({"rate": 1e-3, "times": (1.0,)}, "give one of the rate"),
+        ({}, "give one of rate, such as 1/h, times"),
+        ({"rate": 1e-3, "times": (1.0,)}, "give one of rate, such as 1/h, times"),
         ({"rate": 1e-3, "of": object()}, "say how long a visit lasts"),
         ({"rate": 1e-3, "profile": (1.0, 2.0)}, "expected 24 factors"),
         ({"rate": 1e-3, "profile": (0.0,) * 24}, "not all 0"),
@@ -191,3 +191,11 @@ def test_a_track_ends_after_its_target_has_left_and_the_next_visit_is_tracked_ag
 def test_a_file_is_read_when_it_is_needed() -> None:
     with pytest.raises(RunError, match="nowhere"):
         _ = Visits(of=AREA, lasting=1.0, path="nowhere.csv").begins
+
+
+def test_the_frequency_of_listed_visits_counts_those_that_begin_before_the_horizon(tmp_path: Path) -> None:
+    (tmp_path / "times.csv").write_text("time\n0\n100\n200\n")
+    for listed in ({"times": (0.0, 100.0, 200.0)}, {"path": str(tmp_path / "times.csv")}):
+        visits = Visits(of=Crossing(), lasting=20.0, **listed)  # type: ignore[arg-type]
+        assert [visits.frequency(horizon) for horizon in (50.0, 200.0, 400.0)] == [0.02, 0.01, 0.0075]
+    assert Visits(of=Crossing(), lasting=20.0, rate=0.003).frequency(50.0) == 0.003

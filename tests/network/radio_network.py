@@ -39,7 +39,12 @@ class RadioNetwork:
             "clock": PerfectClock(), "sync": NoSync(), "sleep": EventWake(), "battery": Linear(),
         }  # fmt: skip
         setup: Any = SimpleNamespace(
-            **defaults | components, steps=1, dt=horizon, duration=2.0 * horizon, sink_points=()
+            **defaults | components,
+            steps=1,
+            dt=horizon,
+            duration=2.0 * horizon,
+            sink_points=(),
+            plain_batteries=getattr(components.get("battery", Linear()), "plain", False),
         )
         points = np.array(positions, dtype=np.float64)
         traits = np.ones((len(points), 1))

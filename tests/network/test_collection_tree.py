@@ -247,7 +247,7 @@ def test_tables_hold_as_many_neighbours_as_they_may_and_everybody_has_a_route():
     network.run(60.0)
     assert all(network.depth(node) >= 0 for node in range(45))
     members = network.tree._members.values()
-    assert max(len(list(member.route.links)) for member in members) == 5
+    assert max(len(member.route.links._links) for member in members) == 5
     assert max(len(member.places.places) for member in members) == 8
 
 

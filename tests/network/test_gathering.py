@@ -118,6 +118,14 @@ def test_on_an_ideal_radio_everything_arrives_within_the_instant_over_several_ho
     assert [found.journeys.of(node) for node in range(4)] == [(0.0, hops) for hops in range(4)]
 
 
+def test_on_an_ideal_radio_a_deadline_adds_no_event() -> None:
+    events = []
+    for deadline in (None, 1.0):
+        found = Gathering(RadioNetwork(STAR, mac=IdealMac()), [0, 1, 2], deadline)
+        events.append(next(found.net.env._eid))
+    assert events[0] == events[1]
+
+
 @pytest.mark.parametrize("mac", [Csma(), IdealMac(rate=250e3)], ids=["csma", "ideal with a rate"])
 def test_over_several_hops_a_parcel_has_arrived_once_its_last_hop_has(mac) -> None:
     found = Gathering(RadioNetwork(ROW, mac=mac, weight="hop"), [0, 1, 2, 3], one_hop=False)

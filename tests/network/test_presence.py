@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import wsnsim.scenario as scenarios
+from wsnsim.analysis.notes import before_a_run
 from wsnsim.analysis.summary import as_json
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.initial_conditions import sample_initial_conditions
@@ -180,6 +181,23 @@ def test_a_mode_of_a_filter_has_no_presence():
     mode = {"kind": "constant_velocity", "presence": [[0, 1]]}
     with pytest.raises(ScenarioError, match="a mode of a filter has none"):
         scenarios.build(scenarios.load(scenario(tracker={"kind": "imm", "models": [mode, mode]})))
+
+
+@pytest.mark.parametrize(
+    ("presence", "never"),
+    [([], True), ([[100, 200]], True), ([[3.2, 3.8]], True), ([[3, 3.5]], False), ([[0, ".inf"]], False)],
+)
+def test_a_check_notes_a_target_that_never_exists_in_the_run(presence: Any, never: bool) -> None:
+    found = before_a_run(scenarios.build(scenarios.load(scenario(presence))))
+    note = f"motion.presence: the target never exists at an instant of the run, every 1 s up to {STEPS - 1} s"
+    assert (note in found) == never
+
+
+def test_a_summary_says_which_target_never_existed() -> None:
+    motions = {"targets": [DIAGONAL, {**DIAGONAL, "presence": []}]}
+    source = {key: value for key, value in scenario().items() if key != "motion"} | motions
+    figures = as_json(run_in_memory(source, replicates=1)[0])
+    assert "target 1 never existed in 1 of 1 run" in figures["notes"]
 
 
 def test_a_scenario_keeps_its_intervals_and_writes_none_that_nobody_gave():

@@ -269,8 +269,8 @@ class Joining:
         enlist = SimpleNamespace(enlist=lambda nodes, target: self.enlisted.extend(nodes))
         expect = SimpleNamespace(keeps_idle_slots=True, expect=lambda head, nodes: self.expected.extend(nodes))
         protocol._services = SimpleNamespace(processes=enlist, messages=SimpleNamespace(transport=expect))
-        protocol._end_join(track, cluster, 4, True)
-        protocol._end_join(track, cluster, 5, False)
+        protocol._end_join(track, cluster, SimpleNamespace(source=4, arrived=True))
+        protocol._end_join(track, cluster, SimpleNamespace(source=5, arrived=False))
         assert cluster.awaited == 0
 
     def admit(self, nodes: list[int]) -> list[int]:

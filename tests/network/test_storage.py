@@ -12,7 +12,7 @@ from tests.network.radio_network import RadioNetwork
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import CAUSES, KIND, LOSSES, Memory
 from wsnsim.experiment import replicate_of
-from wsnsim.models.batteries import Cells, Diffusion, Kinetic, Linear
+from wsnsim.models.batteries import BatteryFields, Diffusion, Kinetic, Linear
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.harvest import Harvester
 from wsnsim.models.sleep import DutyCycle
@@ -20,7 +20,7 @@ from wsnsim.scenario import build, load
 
 PLACES: Final = [(0.0, 0.0), (30.0, 0.0), (0.0, 30.0)]
 TRACE: Final = "time,power\n0,0\n3,0.05\n5,0.01\n6.5,0.2\n"
-BATTERIES: Final[dict[str, Cells]] = {
+BATTERIES: Final[dict[str, BatteryFields]] = {
     "leaking": Linear(self_discharge=1.0, activation=2e5, temperature=80.0),
     "cut off": Linear(cut_off=2.0),
     "kinetic": Kinetic(rate=0.3, self_discharge=0.1),
@@ -53,6 +53,10 @@ def demand_closed_ledger(memory: Memory) -> None:
     finite = np.isfinite(had)
     np.testing.assert_allclose((booked + nodes["energy_left"])[finite], had[finite], rtol=1e-9, atol=1e-15)
     assert (energy["joules"] > -1e-15).all()
+    by_cause = (
+        np.bincount(rows["cause"], rows["joules"], len(CAUSES)) for rows in (energy, memory.table("energy_steps"))
+    )
+    np.testing.assert_allclose(*by_cause, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", BATTERIES)

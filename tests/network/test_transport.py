@@ -63,6 +63,23 @@ def test_a_datagram_to_its_own_source_costs_nothing_and_arrives():
     assert sent.arrived and sent.mask.all() and books(network.nodes) == {}
 
 
+def test_of_datagrams_sent_at_one_instant_those_of_a_node_that_crashes_in_it_are_lost():
+    network = ideal_network([(0, 0), (10, 0), (20, 7)])
+    first, second = Datagram(1, 0, parcel(2)), Datagram(2, 0, parcel(2))
+    event = network.transport.carry([first, second], 0, 0, one_hop=True)
+    network.nodes.crash(2)
+    network.env.run(until=event)
+    assert first.arrived and first.mask.all() and first.bits == 2 * PACKET_BITS
+    assert not second.arrived and not second.mask.any() and second.bits == 0
+    assert sorted(books(network.nodes)) == [0, 1] and network.counters.frames_sent == 1
+
+
+def test_a_datagram_of_no_packets_is_sent_and_does_not_arrive():
+    network = ideal_network([(0, 0), (10, 0)])
+    (sent,) = network.carry(Datagram(1, 0, parcel(0)))
+    assert not sent.arrived and network.counters.frames_sent == 1
+
+
 def test_paths_are_the_cheapest_by_energy_or_by_hops():
     rng = np.random.default_rng(4)
     positions = rng.uniform(-150, 150, (60, 2))

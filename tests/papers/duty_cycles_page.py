@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.bench.page import spliced
+from tests.bench.page import write_blocks
 from tests.papers.studies import module
 from wsnsim.analysis import statistics
 from wsnsim.base.arrays import Bools
@@ -273,10 +273,7 @@ def main() -> None:
     if "--new" in sys.argv[1:]:
         found = json.loads(json.dumps(content(found), default=float))
         ROWS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    text = PAGE.read_text(encoding="utf-8")
-    for name, block in blocks(found).items():
-        text = spliced(text, name, block)
-    PAGE.write_text(text, encoding="utf-8")
+    write_blocks(PAGE, blocks(found))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.bench.page import spliced
+from tests.bench.page import write_blocks
 from tests.papers.studies import module
 from wsnsim.analysis import statistics
 from wsnsim.papers.measures import Data
@@ -162,10 +162,7 @@ def main() -> None:
     if "--new" in sys.argv[1:]:
         new = content(Data(Folder(CAMPAIGN), study("few_bits")))
         ROWS.write_text(json.dumps(new, indent=1) + "\n", encoding="utf-8")
-    text = PAGE.read_text(encoding="utf-8")
-    for name, block in blocks(json.loads(ROWS.read_text(encoding="utf-8"))).items():
-        text = spliced(text, name, block)
-    PAGE.write_text(text, encoding="utf-8")
+    write_blocks(PAGE, blocks(json.loads(ROWS.read_text(encoding="utf-8"))))
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tests.bench.page import spliced
+from tests.bench.page import write_blocks
 from tests.papers.frontier_merge import merged, merged_strategies, number, of_row
 from tests.papers.frontier_runs import ADDED
 from tests.papers.frontier_table import frontier_table
@@ -376,10 +376,7 @@ def main() -> None:
         before = json.loads(json.dumps(content(before), default=float))
         ROWS.write_text(json.dumps(before, indent=1) + "\n", encoding="utf-8")
         draw(before["frontier"])
-    text = PAGE.read_text(encoding="utf-8")
-    for name, block in blocks(before).items():
-        text = spliced(text, name, block)
-    PAGE.write_text(text, encoding="utf-8")
+    write_blocks(PAGE, blocks(before))
 
 
 if __name__ == "__main__":

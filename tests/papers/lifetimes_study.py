@@ -20,12 +20,12 @@ from scipy import stats
 
 from tests.bench.page import spliced
 from tests.helpers.stored_visits import joined, stored_visit
-from tests.lifetime import validation
+from tests.lifetimes import validation
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.experiment import load
-from wsnsim.lifetime.estimate import Estimation, Lifetime, Plan
-from wsnsim.lifetime.library import Library, Visit, make_visit
-from wsnsim.lifetime.paths import Phase
+from wsnsim.lifetimes.estimate import Estimation, Lifetime, LifetimePlan
+from wsnsim.lifetimes.library import Library, Visit, make_visit
+from wsnsim.lifetimes.paths import Phase
 from wsnsim.models.visits import Visits
 from wsnsim.scenario.build import build
 
@@ -107,7 +107,7 @@ def lives(variant: Variant, seed: int, folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = {"life": {}}
     for rate in RATES:
         visit = Visit(dataclasses.replace(visits, rate=rate / HOUR), 10.0, 14.0, visits.longest)
-        plan = Plan(visit, 200.0 * 365.25 * DAY, VISITS, VISITS, draws=DRAWS, repeats=1, epochs=(0.0,))
+        plan = LifetimePlan(visit, 200.0 * 365.25 * DAY, VISITS, VISITS, draws=DRAWS, repeats=1, epochs=(0.0,))
         life: Lifetime = WithoutEpochs(setup, plan, make).run()
         days = {name: life.criteria[name].median / DAY for name in ("first_death", "half_dead")}
         found["life"][f"{rate:g}"] = {**days, "two_term": life.baseline / DAY}

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import wsnsim
-from tests.bench.page import spliced
+from tests.bench.page import write_blocks
 from tests.papers.studies import module
 from wsnsim.base.tables import Memory
 from wsnsim.papers.measures import Data
@@ -179,10 +179,7 @@ def main() -> None:
     if "--new" in sys.argv[1:]:
         new = content(*(Data(Folder(CAMPAIGNS / name), study("reality")) for name in ("tracks", "trackers")))
         ROWS.write_text(json.dumps(new, indent=1) + "\n", encoding="utf-8")
-    text = PAGE.read_text(encoding="utf-8")
-    for name, block in blocks(json.loads(ROWS.read_text(encoding="utf-8"))).items():
-        text = spliced(text, name, block)
-    PAGE.write_text(text, encoding="utf-8")
+    write_blocks(PAGE, blocks(json.loads(ROWS.read_text(encoding="utf-8"))))
 
 
 if __name__ == "__main__":

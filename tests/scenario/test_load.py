@@ -257,13 +257,24 @@ def test_a_fault_of_the_base_stands_in_the_base() -> None:
         ("extends: nowhere_near.yaml", "x.yaml:1:10: error: extends: there is no scenario 'nowhere_near.yaml'"),
         ("extends: x.yaml", "x.yaml:1:10: error: extends: x.yaml extends itself"),
         ("extends: y.yaml", "y.yaml:1:10: error: extends: x.yaml extends itself"),
-        ("extends: [a]", "x.yaml:1:10: error: extends: expected the name of a scenario"),
+        ("extends: [y.yaml, a]", "x.yaml:1:19: error: extends: there is no scenario 'a'"),
+        ("extends: []", "x.yaml:1:10: error: extends: expected the name of a scenario, or a list"),
     ],
 )
 def test_a_base_that_is_missing_or_goes_round_is_a_fault(line: str, fault: str) -> None:
     write_yaml("x.yaml", f"{line}\nname: x\n")
-    write_yaml("y.yaml", "extends: x.yaml\nname: y\n")
-    assert any(found.startswith(fault) for found in faults_of("x.yaml"))
+    write_yaml("y.yaml", "extends: x.yaml\nname: y\n" if line.split()[-1] == "y.yaml" else "name: y\n")
+    (found,) = faults_of("x.yaml")
+    assert found.startswith(fault)
+
+
+def test_of_several_bases_later_ones_count() -> None:
+    write_yaml("base.yaml", base_scenario())
+    write_yaml("link.yaml", "link: {reach: 60 m}\nseed: 5\n")
+    write_yaml("seeds.yaml", "seed: 6\n")
+    child = write_yaml("child.yaml", "extends: [base.yaml, link.yaml, seeds.yaml]\nname: child\n")
+    loaded = scenario.load(child)
+    assert (loaded.name, loaded.link.reach, loaded.seed) == ("child", 60.0, 6)
 
 
 def test_a_dict_may_extend_a_file() -> None:

@@ -67,6 +67,11 @@ def test_a_written_value_that_contradicts_the_radio_is_refused(key, radio, link,
     assert [path for path, _ in issues(radio, link, mac)] == [key]
 
 
+def test_a_fitted_sensitivity_counts_beside_the_radio():
+    fitted = {"kind": "log_normal", "sensitivity": "-91.7 dBm", "fitted_on": ["0123"]}
+    assert build(scenario("cc2420", fitted)).link.sensitivity == -91.7
+
+
 def test_durations_in_symbols_are_as_many_symbols_at_the_rate_of_the_radio():
     mac = build(scenario("cc1000", mac={"kind": "csma", "cca": "1 ms"})).mac
     assert mac.ack_wait == pytest.approx(216 / 19.2e3), "54 symbols of 4 bits"

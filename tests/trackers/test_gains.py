@@ -234,7 +234,9 @@ def test_gains_are_recovered_and_errors_are_smaller_and_nearer_to_what_is_claime
         ("trilateration", {"kind": "rssi", "gain_spread": 4},
          "trilateration keeps no gains of sensors beside the state; these do: central_pf, pf, gpf, ekf"),
         ("ekf", {"kind": "range"}, "range has no gains that could be unknown"),
-        ("ekf", {"kind": "acoustic_energy"}, "gains of acoustic_energy are factors of the signal, which no filter"),
+        ("ekf", {"kind": "acoustic_energy"}, "of acoustic_energy are factors of the signal, which no filter"),
+        ("pf", {"kind": "quantised", "law": {"kind": "range", "bias_spread": 1}},
+         "off a reading that names a cell, and no filter estimates them"),
     ],
 )  # fmt: skip
 def test_who_cannot_estimate_gains_is_refused_and_who_can_is_named(tracker: str, sensor: Any, why: str) -> None:

@@ -40,7 +40,7 @@ def test_a_run_that_is_looked_at_in_every_step_has_the_same_result(tmp_path, ask
             tab.start()
         try:
             experiment.run(
-                loaded, replicates=2, out=tmp_path / "watched.h5", batch=False, progress=view.report,
+                loaded, replicates=2, out=tmp_path / "watched.h5", batch=False, progress=view.reporting(lambda _: None),
                 watched=view.recorder,
             )  # fmt: skip
         finally:

@@ -17,7 +17,8 @@ import numpy as np
 from wsnsim.analysis.quantities import DECIDED, loss_rule, median_time, time_averaged_rmse
 from wsnsim.analysis.result_facts import ResultFacts, Table, facts_of_file, facts_of_report, facts_of_tables
 from wsnsim.base import metrics
-from wsnsim.base.errors import WsnsimError
+from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import WsnsimError, shortened
 from wsnsim.base.results import Report
 from wsnsim.base.tables import LOSSES, SPENT
 from wsnsim.bounds import Bound, bound, bounds_of_run
@@ -29,6 +30,8 @@ CAUSE_WORDS: Final = {
     "stranded": "charge that could not be drawn", "unstored": "charging", "surplus": "surplus of full batteries",
 }  # fmt: skip
 """What the energy of a cause was spent on; both causes of transmission count as one."""
+PRESENT: Final = "time_present"
+"""The column of `tracks` that results have whose targets may be absent."""
 IDLE: Final = CAUSE_WORDS["idle"]
 DOMINANT: Final = 0.5
 """Share of the energy from which on one use alone is named."""
@@ -215,7 +218,10 @@ def sentence(facts: ResultFacts, crlb: float = np.nan) -> str:
     else:
         known = facts.recorded.errors if facts.recorded.errors.size else facts.column("rmse")
         first = _followed(facts, crlb) if np.isfinite(known).any() else _no_estimate(facts)
-    clauses = (first, sink_clause(facts), energy_clause(facts), losses_clause(facts), lifetime_clause(facts))
+    clauses = (
+        first, absent_clause(facts), sink_clause(facts), energy_clause(facts), losses_clause(facts),
+        lifetime_clause(facts),
+    )  # fmt: skip
     return "; ".join(filter(None, clauses)) + "."
 
 
@@ -246,16 +252,27 @@ def comparable(facts: ResultFacts, crlb: Bound | None) -> float:
 
 
 def _targets(facts: ResultFacts) -> int:
-    """The number of targets."""
+    """The number of targets that exist in some run."""
     if "target" in facts.tracks and facts.tracks["target"].size:
-        return int(np.unique(facts.tracks["target"]).size)
+        targets: Floats = facts.tracks["target"]
+        return int(np.unique(targets[facts.tracks.get(PRESENT, targets + 1.0) > 0.0]).size)
     return int(max(facts.recorded.errors.shape[1], 1))
+
+
+def absent_clause(facts: ResultFacts) -> str:
+    """Which of several targets never existed; empty if all did, or none of them."""
+    if PRESENT not in facts.tracks or not _targets(facts):
+        return ""
+    targets, there = facts.tracks["target"], facts.tracks[PRESENT] > 0.0
+    missing = np.setdiff1d(targets, targets[there]).astype(int).tolist()
+    named = f"target{'s' * (len(missing) > 1)} {shortened(', '.join(map(str, missing)))}"
+    return f"{named} never existed in {runs(facts.count, facts.count)}" if missing else ""
 
 
 def _no_estimate(facts: ResultFacts) -> str:
     subject = "The target was" if _targets(facts) == 1 else "The targets were"
     where = "the run" if facts.count == 1 else f"the {facts.count:,} runs"
-    if not facts.tracks.get("time_present", np.ones(1)).any():
+    if not facts.tracks.get(PRESENT, np.ones(1)).any():
         return f"No target existed: none is present at any step of {where}"
     return f"{subject} never located: no step of {where} has an estimate"
 
@@ -294,11 +311,15 @@ def _never_lost(facts: ResultFacts, poor: bool) -> str:
     """That no track was lost; `poor` if the error or what was measured forbids to say that the target was followed."""
     targets, tracked = _targets(facts), facts.mean("tracked")
     subject = {1: "The target was", 2: "Both targets were"}.get(targets, f"All {targets:,} targets were")
+    if absent_clause(facts):
+        subject = "The target that existed was" if targets == 1 else f"The {targets:,} targets that existed were"
     if not facts.tracked_shares.any():
         return f"{subject} never measured in {runs(facts.count, facts.count)} (all estimates are predictions)"
     rule = _rule(facts) if poor else ""
     share = f" (tracked at {percent(tracked)} of the steps)" if tracked < SEEN else ""
     how = "never lost in" if poor else "followed throughout" if facts.count == 1 else "followed in"
+    if PRESENT in facts.tracks:
+        how = f"{'never lost' if poor else 'followed'} while present in"
     return f"{subject} {how} {runs(facts.count, facts.count)}{rule}{share}"
 
 

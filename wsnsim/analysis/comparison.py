@@ -11,6 +11,8 @@ Points that gave the same runs are named: what they differ in has no effect.
 
 from __future__ import annotations
 
+import contextlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +25,7 @@ from wsnsim.analysis import campaigns, statistics
 from wsnsim.analysis.campaign_info import baseline_point, keys_by_default, label
 from wsnsim.analysis.conclusions import PairWords, hint, pair_columns, sentence, traffic, with_pairs
 from wsnsim.analysis.quantities import loss_rule
-from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.tables import DUTY_CYCLED, METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
 from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
@@ -46,6 +48,23 @@ def same_runs(folder: Folder, manifest: Manifest) -> str:
     differ = [key for key in manifest.keys if any(len({repr(one.get(key)) for one in group}) > 1 for group in groups)]
     shown = [" | ".join(label(one.get(key, "-") for key in manifest.keys) for one in group) for group in groups]
     return f"the same runs, so that {' and '.join(differ)} had no effect there: {'; '.join(shown)}"
+
+
+RECORDED: Final = {"sensor": ("recorded", "readings"), "motion": ("recorded_track", "trajectory"),
+                   "targets": ("recorded_track", "trajectories"), "link": ("recorded", "links")}  # fmt: skip
+"""{role: (kind that replays a file, what every run replays)}."""
+
+
+def shared_recordings(folder: Folder, points: Sequence[PointOnDisk]) -> str:
+    """What all runs of points replay from files, and what this means for tests; '' if they replay nothing."""
+    found: dict[str, None] = {}
+    for point in points:
+        with contextlib.suppress(ResultError):
+            scenario = json.loads(folder.scenario(point.id))
+            found |= {said: None for role, (kind, said) in RECORDED.items()
+                      for block in np.ravel(scenario.get(role, [])) if block.get("kind") == kind}  # fmt: skip
+    said = f"all runs replay the same recorded {' and '.join(found)} and differ in what is sampled beside them alone"
+    return f"{said}: p-values and intervals say nothing of other recordings" if found else ""
 
 
 ENERGY: Final = "energy"
@@ -82,6 +101,7 @@ class Comparison:
         unit: the unit of the metric.
         lost: when a track is lost, in words; empty if it is unknown.
         same: which points gave the same runs, as a sentence.
+        replayed: what all runs replay from files, as a sentence.
     """
 
     name: str
@@ -96,6 +116,7 @@ class Comparison:
     unit: str = "m"
     lost: str = ""
     same: str = ""
+    replayed: str = ""
 
 
 def compare(
@@ -137,6 +158,7 @@ def compare(
         table = _concluded(with_pairs(table, pairs), baselines, folder, (chosen, metric, unit))
         unpaired = unpaired or ("" if first else f"the baseline '{baseline}' has no results")
     words = {"lost": loss_rule(dict(runs), _unit(folder, manifest, "rmse")), "same": same_runs(folder, manifest)}
+    words |= {"replayed": shared_recordings(folder, points) if chosen else ""}
     return Comparison(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit, **words)
 
 
@@ -154,7 +176,7 @@ def as_json(found: Comparison) -> dict[str, Any]:
     rows = found.table.astype(object).where(found.table.notna(), np.nan).to_dict("records")
     values = {key: getattr(found, key) for key in ("name", "metric", "unit", "lost")}
     values |= {"keys": list(found.keys), "by": list(found.by), "points": rows, "conclusions": conclusions_of(found)}
-    return values | {key: getattr(found, key) for key in ("unpaired", "unbounded", "of_bounds", "same")}
+    return values | {key: getattr(found, key) for key in ("unpaired", "unbounded", "of_bounds", "same", "replayed")}
 
 
 def conclusions_of(found: Comparison) -> list[str]:

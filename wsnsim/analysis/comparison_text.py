@@ -22,10 +22,11 @@ from wsnsim.analysis.answer import percent
 from wsnsim.analysis.campaign_info import label
 from wsnsim.analysis.comparison import Comparison
 from wsnsim.analysis.conclusions import ERRORS, number
-from wsnsim.analysis.phrases import aligned, counted, wrapped
+from wsnsim.analysis.phrases import aligned, wrapped
 from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
+from wsnsim.base.errors import counted
 from wsnsim.base.tables import MORE_IS_BETTER, ONE_IS_BEST
 from wsnsim.bounds.least_errors import FAULTLESS
 
@@ -247,6 +248,7 @@ def _notes(found: Comparison) -> list[str]:
         (found.unbounded, f"no bound: {found.unbounded}"),
         (found.of_bounds, f"of the bound: {found.of_bounds}"),
         (found.same, found.same),
+        (found.replayed, found.replayed),
         (found.unpaired, found.unpaired),
     ]  # fmt: skip
     return [f"  {note}" for wanted, note in candidates if wanted]

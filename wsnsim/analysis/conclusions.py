@@ -29,10 +29,9 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
-from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
-from wsnsim.base.errors import ResultError
+from wsnsim.base.errors import ResultError, counted
 from wsnsim.base.metrics import mean_error
 from wsnsim.base.tables import TABLES
 from wsnsim.recording.folder import Folder

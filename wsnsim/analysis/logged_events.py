@@ -13,8 +13,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.analysis.phrases import counted, energy_in_words
+from wsnsim.analysis.phrases import energy_in_words
 from wsnsim.analysis.plot_data import StateLayout, layout
+from wsnsim.base.errors import counted
 from wsnsim.recording import attributes, meanings, read_table, row_count
 
 BLOCK: Final = 1 << 22

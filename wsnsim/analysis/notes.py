@@ -20,14 +20,14 @@ import numpy as np
 
 import wsnsim.scenario as scenarios
 from wsnsim.analysis import recording_notes, setup_notes
-from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.quantities import FIGURES, NETWORK_ONLY
 from wsnsim.analysis.setup_notes import covering_range, named
-from wsnsim.base.arrays import Floats, Ints, planar
-from wsnsim.base.errors import RunError
+from wsnsim.base.arrays import Floats, Ints, is_relative, planar
+from wsnsim.base.errors import RunError, counted
 from wsnsim.base.initial_conditions import InitialConditions, node_names, sample_initial_conditions, sample_positions
 from wsnsim.base.radio import RecordsLinks
 from wsnsim.base.results import COUNTS, ROWS, Report, provenance_of
+from wsnsim.base.sensing import detected
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup, TrackingSetup
 from wsnsim.recording import read_json
 
@@ -38,6 +38,8 @@ UNKNOWN: Final = "it is not known in any run"
 OF_THREE: Final = ("rmse_three", "mean_error_three", "median_error_three")
 """Errors at the steps with three readings or more."""
 ON_REQUEST: Final = "it is computed by `wsnsim run --bound`"
+FEWEST_DIFFERENCES: Final = 3
+"""Nodes whose differences of readings fix a place in the plane, but for a few more places."""
 LEAST_RUNS: Final = 5
 """Runs from which on there are intervals (see `quantities`)."""
 
@@ -84,20 +86,44 @@ def links_that_reach_nobody(setup: RadioSetup) -> Iterator[str]:
             yield f"run 0: {said}"
 
 
+def few_differences(setup: TrackingSetup) -> Iterator[str]:
+    """Steps of the first run at which one or two nodes alone measure a target, by the differences of their readings."""
+    if not is_relative(setup.sensor):
+        return
+    with contextlib.suppress(RunError):  # `first_run` says so
+        conditions = sample_initial_conditions(setup, 0)
+        points = [
+            planar(truth[1:, list(each.position)]) for each, truth in zip(setup.motions, conditions.truths, strict=True)
+        ]
+        seen = [detected(setup.sensor, each, conditions.positions) for each in points]
+        if setup.recorded is not None:
+            found = setup.recorded.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
+            seen = [each.counts[1:] > 0 for each in found]
+        for target, nodes in enumerate(each.sum(axis=1) for each in seen):
+            if few := int(((nodes > 0) & (nodes < FEWEST_DIFFERENCES)).sum()):
+                yield (
+                    f"run 0: one or two nodes alone measure target {target} at {few:,} of {setup.steps:,} steps: one "
+                    "reading says nothing of the place, two that the target is on a hyperbola"
+                )
+
+
 RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]] = (
     (ALWAYS, Setup, setup_notes.keys_without_effect),
     (ALWAYS, Setup, setup_notes.parameters_without_effect),
     (ALWAYS, Setup, setup_notes.faults_that_hit_nobody),
     (ALWAYS, Setup, setup_notes.faults_between_instants),
     (ALWAYS, TrackingSetup, setup_notes.motions_beyond_the_field),
+    (ALWAYS, TrackingSetup, setup_notes.targets_that_never_exist),
     (ALWAYS, TrackingSetup, setup_notes.steps_across_the_field),
     (ALWAYS, TrackingSetup, setup_notes.shadowing_that_filters_ignore),
     (ALWAYS, TrackingSetup, recording_notes.absent_movers),
     (ALWAYS, TrackingSetup, recording_notes.unread_identifiers),
     (ALWAYS, TrackingSetup, recording_notes.unexplained_readings),
     (ALWAYS, TrackingSetup, setup_notes.gaussian_filter_of_cells),
+    (ALWAYS, TrackingSetup, setup_notes.cells_beside_the_readings),
     (ALWAYS, TrackingSetup, setup_notes.places_in_another_unit),
     (ALWAYS, RadioSetup, setup_notes.sink_outside_the_field),
+    (ALWAYS, RadioSetup, setup_notes.sensitivity_beside_a_datasheet),
     (ALWAYS, RadioSetup, setup_notes.links_that_are_left_out),
     (ALWAYS, Setup, setup_notes.longer_than_the_run),
     (ALWAYS, RadioSetup, setup_notes.sleep_that_costs_more),
@@ -106,6 +132,7 @@ RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]
     (ALWAYS, NetworkSetup, setup_notes.messages_after_their_step),
     (ALWAYS, RadioSetup, setup_notes.radios_that_save_nothing),
     (ALWAYS, RadioSetup, setup_notes.beacons_that_fill_the_channel),
+    (ALWAYS, TrackingSetup, few_differences),
     (BEFORE_A_RUN, RadioSetup, links_that_reach_nobody),
     (IN_A_CHECK, TrackingSetup, setup_notes.window_out_of_reach),
     (IN_A_CHECK, Setup, first_run),
@@ -163,13 +190,16 @@ def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
 
 
 def _absences(report: Report) -> list[str]:
-    """In how many runs no target ever existed, and for how long tracks were kept of targets that were absent."""
+    """In how many runs no target existed, or one of several did not, and how long tracks of absent ones were kept."""
     runs = [summary.tracks for summary in report.summaries]
     if "time_present" not in runs[0][0]:
         return []
-    empty = sum(not any(track["time_present"] for track in tracks) for tracks in runs)
+    there = np.array([[track["time_present"] > 0.0 for track in tracks] for tracks in runs])
+    empty, absent = int((~there.any(axis=1)).sum()), (~there).sum(axis=0).tolist()
     kept = float(np.mean([sum(track["false_time"] for track in tracks) for tracks in runs]))
     found = [f"no target in {empty} of {counted(len(runs), 'run')}"] if empty else []
+    each = enumerate(absent if there.shape[1] > 1 else [])
+    found += [f"target {i} never existed in {count} of {counted(len(runs), 'run')}" for i, count in each if count]
     if kept:
         found.append(
             f"tracks were kept for {kept:.4g} s while their target was absent (false time, mean of the runs): "

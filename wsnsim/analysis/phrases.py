@@ -128,11 +128,6 @@ def wrapped(sentence: str) -> list[str]:
     return textwrap.wrap(sentence, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
-def counted(count: int, word: str) -> str:
-    """A number with its noun: '1 packet', '2 packets', '9,024 bits'."""
-    return f"{count:,} {word}{'' if count == 1 else 's'}"
-
-
 def listed(nodes: Sequence[int]) -> str:
     """The nodes as a list, at most `MOST_NODES` of them."""
     shown = ", ".join(str(node) for node in nodes[:MOST_NODES])

@@ -19,12 +19,12 @@ from matplotlib.axes import Axes
 from wsnsim.analysis import error_bounds, figure_style, plot_data
 from wsnsim.analysis.consistency import Statistic, step_consistency
 from wsnsim.analysis.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, YELLOW, quartiles
-from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.plot_data import Columns, StateLayout, bracketed
 from wsnsim.analysis.quantities import loss_rule
 from wsnsim.analysis.result_facts import fault_kinds, position_unit
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import counted
 from wsnsim.base.tables import CAUSES
 from wsnsim.recording import read_table, table_names
 

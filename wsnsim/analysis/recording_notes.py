@@ -14,14 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias, get_type_hints
 
 import numpy as np
 
-from wsnsim.analysis.phrases import counted
 from wsnsim.base.arrays import Floats, Ints, components_of, is_relative, near
-from wsnsim.base.errors import RunError, shortened
-from wsnsim.base.initial_conditions import measured_points, node_names, sample_initial_conditions
+from wsnsim.base.errors import RunError, counted, shortened
+from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names, sample_initial_conditions
+from wsnsim.base.part import Quantity
 from wsnsim.base.sensing import gain_variance, samples_gains
 from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.models.csvfile import identifiers
@@ -41,6 +41,14 @@ FAR: Final = 4.0
 """Median of |residual| / σ above which readings do not follow the law; it should be 0.67 [our choice]."""
 FINER: Final = 4
 """Instants of a trajectory in a step; between them it is interpolated."""
+IMPROBABLE: Final = 0.05
+"""Cells are improbable below this share of the most probable one: of small ones, 2.4 standard deviations off."""
+MANY_IMPROBABLE: Final = 0.1
+"""Share of readings in improbable cells above which readings do not follow the law [our choice]."""
+SAME: Final = 1e-6
+"""Difference by which a recorded reading may be off the value of its cell, which a file may round [our choice]."""
+ROUNDING: Final = 1e-9
+"""Steps by which a reading may be later than the instant to whose step it belongs."""
 LONGEST_LAG: Final = 100
 """Steps by which clocks are thought to be wrong, at most [our choice]."""
 CONVERSIONS: Final = (
@@ -82,27 +90,35 @@ _Path: TypeAlias = tuple[Floats, Floats]
 """Times (n,) and positions (n, P) of a target."""
 
 
-class _Held(NamedTuple):
+class _ReadingsWithLaw(NamedTuple):
     """Readings and what is known of them.
 
     Attributes:
         sensor: the law.
         names: of all nodes.
-        law: (nodes (n,), seconds later, noise) -> (n,) what the law expects of the target at the time of each reading.
+        law: (nodes (n,), seconds later) -> (n,) the mean by the law for the target at the time of each reading.
         nodes, readings: (n,) of each reading.
         sds: (n,) standard deviation of each by the law, with what it does not know of nodes, and shadowing.
+        odds: (n,) of readings that name a cell, its probability over that of the most probable one, NaN for a reading
+            in no cell; none for others.
+        groups: (n,) of readings that are relative, those with a number in common; none for others.
     """
 
     sensor: Any
     names: Sequence[str]
-    law: Callable[[Ints, float, float], Floats]
+    law: Callable[[Ints, float], Floats]
     nodes: Ints
     readings: Floats
     sds: Floats
+    groups: Ints | None
+    odds: Floats | None
 
     def off(self, later: float = 0.0, nodes: Ints | None = None) -> Floats:
         """(n,) readings minus law."""
-        expected = self.law(self.nodes if nodes is None else nodes, later, 0.0)
+        expected = self.law(self.nodes if nodes is None else nodes, later)
+        if self.groups is not None:
+            apart = self.readings - expected
+            return apart - (np.bincount(self.groups, apart) / np.bincount(self.groups))[self.groups]
         return near(self.sensor, self.readings, expected) - expected
 
     def losses(self, off: Floats) -> Floats:
@@ -138,7 +154,7 @@ def _known(times: Floats, points: Floats) -> _Path:
     return times[there], points[there]
 
 
-def _held(setup: TrackingSetup, paths: Sequence[_Path]) -> _Held | None:
+def _readings_with_law(setup: TrackingSetup, paths: Sequence[_Path]) -> _ReadingsWithLaw | None:
     """The recorded readings of the first run; None if there are hardly any, or not of one component each."""
     if not isinstance(setup.recorded, RecordedSensor):
         return None
@@ -150,23 +166,69 @@ def _held(setup: TrackingSetup, paths: Sequence[_Path]) -> _Held | None:
         return None
     spans = np.array([(known[0], known[-1]) if len(known) else (np.inf, np.inf) for known, _ in paths])[rows[3]]
     within = np.flatnonzero((rows[0] >= spans[:, 0]) & (rows[0] <= spans[:, 1]))
-    used = np.random.default_rng(0).permutation(within)[:MOST_READINGS]
-    if len(used) < FEWEST or len(components_of(sensor)) > 1 or is_relative(sensor):
+    used, groups = np.random.default_rng(0).permutation(within)[:MOST_READINGS], None
+    if is_relative(sensor):
+        used, groups = _together(within, np.ceil(rows[0][within] / setup.dt - ROUNDING), rows[3][within])
+    if len(used) < FEWEST or len(components_of(sensor)) > 1:
         return None
     times, nodes, readings, targets = (row[used] for row in rows)
 
-    def law(nodes: Ints, later: float, noise: float) -> Floats:
+    def places_at(later: float) -> Floats:
         points = np.empty((len(nodes), paths[0][1].shape[1]))
         for target in np.unique(targets).tolist():
             known, path = paths[target]
             now = times[targets == target] + later
             points[targets == target] = np.transpose([np.interp(now, known, x) for x in path.T])
-        places, traits = conditions.positions[nodes], conditions.traits[nodes]
-        return sensor.measure(points, places, traits, np.full(len(nodes), noise))
+        return points
 
-    unknown = gain_variance(sensor) * samples_gains(sensor) + getattr(sensor, "shadowing", 0.0) ** 2
-    noise = law(nodes, 0.0, 1.0) - law(nodes, 0.0, 0.0)
-    return _Held(sensor, names, law, nodes, readings, np.sqrt(noise**2 + unknown + 1e-200))  # of a law without noise
+    def law(nodes: Ints, later: float) -> Floats:
+        places, traits = conditions.positions[nodes], conditions.traits[nodes]
+        return shift + sensor.measure(places_at(later), places, traits, np.zeros(len(nodes)))
+
+    means, variances, odds = _moments(sensor, places_at(0.0)[:, :2], nodes, readings, conditions)
+    shift = np.zeros(len(nodes))
+    if groups is None:  # where the median is not the mean, as of blocked lines of sight
+        shift = means - sensor.measure(
+            places_at(0.0)[:, :2], conditions.positions[nodes], conditions.traits[nodes], shift
+        )
+    variances += gain_variance(sensor) * samples_gains(sensor) + getattr(sensor, "shadowing", 0.0) ** 2
+    if groups is not None:
+        variances *= 1.0 - 1.0 / np.bincount(groups)[groups]
+    sds = np.sqrt(variances + 1e-200)  # of a law without noise
+    return _ReadingsWithLaw(sensor, names, law, nodes, readings, sds, groups, odds)
+
+
+def _moments(
+    sensor: Any, points: Floats, nodes: Ints, readings: Floats, conditions: InitialConditions
+) -> tuple[Floats, Floats, Floats | None]:
+    """(n,) mean and variance of each reading by the law at points (n, P) in the plane, and `odds` of readings."""
+    means, variances, odds = np.empty((3, len(nodes)))
+    in_cells = np.size(getattr(sensor, "reading_values", ())) > 0
+    for node in np.unique(nodes).tolist():
+        own, one = nodes == node, slice(node, node + 1)
+        there = np.ascontiguousarray(points[own].T), conditions.positions[one], conditions.traits[one]
+        expected, _, spread = sensor.linearise(*there)
+        means[own], variances[own] = expected[0], spread[0]
+        if in_cells:
+            odds[own] = _odds(sensor, readings[own], *there)
+    return means, variances, odds if in_cells else None
+
+
+def _odds(sensor: Any, readings: Floats, points: Floats, positions: Floats, traits: Floats) -> Floats:
+    """(n,) the probability of the cell of each reading of one node at points (P, n), over that of the greatest."""
+    chances, apart = sensor.cells(points, positions, traits).chances[0], sensor.reading_values[:, None] - readings
+    own = np.abs(apart).argmin(axis=0), np.arange(len(readings))
+    odds: Floats = np.where(np.abs(apart[own]) < SAME, chances[own] / chances.max(axis=0), np.nan)
+    return odds
+
+
+def _together(rows: Ints, steps: Floats, targets: Ints) -> tuple[Ints, Ints]:
+    """The rows of sampled steps, up to `MOST_READINGS`, and the number of the step and target of each; none alone."""
+    _, groups, sizes = np.unique(steps + 1j * targets, return_inverse=True, return_counts=True)
+    order = np.argsort(np.random.default_rng(0).permutation(len(sizes))[groups], kind="stable")
+    order = order[sizes[groups[order]] > 1][:MOST_READINGS]
+    kept = np.bincount(groups[order], minlength=len(sizes))[groups[order]] > 1  # the last step may be cut
+    return rows[order[kept]], np.unique(groups[order[kept]], return_inverse=True)[1]
 
 
 def residuals(setup: Setup, result: str | Path = "") -> Iterator[str]:
@@ -178,17 +240,30 @@ def residuals(setup: Setup, result: str | Path = "") -> Iterator[str]:
         result and any(isinstance(each, RecordedTrack) for each in setup.motions)
     ):
         return
-    if (held := _held(setup, _estimates(setup, result) if result else _trajectories(setup))) is None:
+    if (compared := _readings_with_law(setup, _estimates(setup, result) if result else _trajectories(setup))) is None:
         return
-    off = held.off()
-    middle, medians = np.median(off), held.medians(off)
+    where = "estimates of run 0, which follow the readings and are no truth" if result else "trajectory"
+    if compared.odds is not None:
+        rare = int((compared.odds < IMPROBABLE).sum())
+        yield f"{rare:,} of {len(compared.odds):,} readings are in cells that are improbable by the law at the {where}"
+        return
+    off = compared.off()
+    middle, medians = np.median(off), compared.medians(off)
     low, high = min(medians, key=medians.__getitem__), max(medians, key=medians.__getitem__)
     count = f"{len(off):,} {'sampled ' * (len(off) == MOST_READINGS)}readings"
-    spread = f"{1.4826 * np.median(np.abs(off - middle)):.3g} (law: {np.median(held.sds):.3g})"
-    nodes = f"medians of nodes from {medians[low]:.3g} ({held.names[low]}) to {medians[high]:.3g} ({held.names[high]})"
-    most = f"largest {off[np.abs(off).argmax()]:.3g}"
-    where = "estimates of run 0, which follow the readings and are no truth" if result else "trajectory"
-    yield f"{count} minus law at the {where}: median {middle:.3g}, spread {spread}, {most}; {nodes}"
+    said = _with_unit(compared.sensor)
+    spread = f"{said(1.4826 * np.median(np.abs(off - middle)))} (law: {said(np.median(compared.sds))})"
+    ends = [f"{said(medians[node])} ({compared.names[node]})" for node in (low, high)]
+    nodes = f"medians of nodes from {' to '.join(ends)}"
+    most = f"largest {said(off[np.abs(off).argmax()])}"
+    yield f"{count} minus law at the {where}: median {said(middle)}, spread {spread}, {most}; {nodes}"
+
+
+def _with_unit(sensor: Any) -> Callable[[float], str]:
+    """What says a value in the unit of a sensor's readings, that of its `sd`."""
+    about = getattr(get_type_hints(type(sensor), include_extras=True).get("sd"), "__metadata__", ())
+    unit = next((f" {each.unit}" for each in about if isinstance(each, Quantity)), "")
+    return lambda value: f"{value:.3g}{unit}"
 
 
 def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
@@ -196,47 +271,61 @@ def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
 
     An extreme value stands for something else if 2 % of the readings have it, three times as many as have the next.
     """
-    if (held := _held(setup, _trajectories(setup))) is None:
+    if (compared := _readings_with_law(setup, _trajectories(setup))) is None:
         return
-    values, counts = np.unique(held.readings, return_counts=True)
+    if compared.odds is not None:
+        strange, rare = int(np.isnan(compared.odds).sum()), int((compared.odds < IMPROBABLE).sum())
+        allowed = shortened(", ".join(f"{value:g}" for value in compared.sensor.reading_values))
+        of = f"of {len(compared.odds):,} readings are"
+        if strange:
+            yield f"sensor: {strange:,} {of} none of the values of cells, {allowed}: in full? Give the law of those"
+        elif rare > MANY_IMPROBABLE * len(compared.odds):
+            yield f"sensor: {rare:,} {of} in cells that are improbable by the law: names, targets, times, its values?"
+        return
+    values, counts = np.unique(compared.readings, return_counts=True)
     for end, following, which in ((0, 1, "least"), (-1, -2, "greatest")):
-        if len(values) > FEWEST and counts[end] > max(0.02 * len(held.readings), 3 * counts[following]):
-            share = f"{counts[end]:,} of {len(held.readings):,} readings are {values[end]:g}, the {which}"
+        if (
+            compared.groups is None
+            and len(values) > FEWEST
+            and counts[end] > max(0.02 * len(compared.readings), 3 * counts[following])
+        ):
+            share = f"{counts[end]:,} of {len(compared.readings):,} readings are {values[end]:g}, the {which}"
             yield f"sensor: {share}: a limit of the receiver, or no reading? Leave them out"
-            held = held._replace(sds=np.where(held.readings == values[end], np.inf, held.sds))
-    off = held.off()
-    (loss, said), unexplained = min(_explanations(held, off, setup)), held.losses(off).mean()
+            compared = compared._replace(sds=np.where(compared.readings == values[end], np.inf, compared.sds))
+    off = compared.off()
+    (loss, said), unexplained = min(_explanations(compared, off, setup)), compared.losses(off).mean()
     if loss < min(unexplained / 2.0, unexplained - CLEARLY):
         yield f"sensor: {said}"
-    elif np.median(np.abs(off) / held.sds) > FAR:
+    elif np.median(np.abs(off) / compared.sds) > FAR:
         yield "sensor: readings do not follow the law: units, names, targets, times, values of the law?"
 
 
-def _explanations(held: _Held, off: Floats, setup: TrackingSetup) -> Iterator[tuple[float, str]]:
+def _explanations(compared: _ReadingsWithLaw, off: Floats, setup: TrackingSetup) -> Iterator[tuple[float, str]]:
     """Yield the loss that an explanation of residuals leaves, and the explanation with what to write."""
     for said, factor, summand in CONVERSIONS:
-        converted = held._replace(readings=summand + factor * held.readings)
-        yield held.losses(converted.off()).mean(), f"readings seem to be {said}: convert them"
-    yield _lagging(held, setup)
-    if len(off) < FEWEST * len(held.names):
+        converted = compared._replace(readings=summand + factor * compared.readings)
+        yield compared.losses(converted.off()).mean(), f"readings seem to be {said}: convert them"
+    yield _lagging(compared, setup)
+    if len(off) < FEWEST * len(compared.names):
         return
-    medians = held.medians(off)
-    values = np.array([*medians.values()])
-    most = ", ".join(f"{held.names[node]} {medians[node]:.3g}" for node in medians)
+    medians = compared.medians(off)
+    values, shown = np.array([*medians.values()]), _with_unit(compared.sensor)
+    most = ", ".join(f"{compared.names[node]} {shown(medians[node])}" for node in medians)
     said = f"a constant of each node, {shortened(most)}: give the law its gains, or take it off"
     if np.ptp(values) < abs(np.median(values)):
-        said = f"a constant {np.median(values):.3g} of all nodes, such as a clock offset: take it off"
-    without = held._replace(readings=held.readings - [medians[node] for node in held.nodes.tolist()])
-    yield held.losses(without.off()).mean(), f"readings contain {said}"
-    yield _swapped(held)
+        said = f"a constant {shown(np.median(values))} of all nodes, such as a clock offset: take it off"
+    without = compared._replace(readings=compared.readings - [medians[node] for node in compared.nodes.tolist()])
+    yield compared.losses(without.off()).mean(), f"readings contain {said}"
+    if compared.groups is None:
+        yield _swapped(compared)
 
 
-def _lagging(held: _Held, setup: TrackingSetup) -> tuple[float, str]:
+def _lagging(compared: _ReadingsWithLaw, setup: TrackingSetup) -> tuple[float, str]:
     """The loss at the clock offset that fits best."""
     from scipy.optimize import minimize_scalar
 
     def loss(later: float) -> float:
-        return float(held.losses(held.off(later)).mean())
+        return float(compared.losses(compared.off(later)).mean())
 
     most = min(LONGEST_LAG, setup.steps // 2)
     coarse = min((setup.dt * lag for lag in range(-most, most + 1)), key=loss)
@@ -245,15 +334,15 @@ def _lagging(held: _Held, setup: TrackingSetup) -> tuple[float, str]:
     return float(found.fun), f"readings fit the trajectory {when}: set time_origin of sensor or motion, or the clocks"
 
 
-def _swapped(held: _Held) -> tuple[float, str]:
+def _swapped(compared: _ReadingsWithLaw) -> tuple[float, str]:
     """The loss with the nodes to which the readings of each node fit best, each once."""
     from scipy.optimize import linear_sum_assignment
 
-    count = len(held.names)
-    each = (held.losses(held.off(nodes=np.full_like(held.nodes, node))) for node in range(count))
-    sums = np.array([np.bincount(held.nodes, losses, count) for losses in each]).T
+    count = len(compared.names)
+    each = (compared.losses(compared.off(nodes=np.full_like(compared.nodes, node))) for node in range(count))
+    sums = np.array([np.bincount(compared.nodes, losses, count) for losses in each]).T
     rows, columns = linear_sum_assignment(sums)
     changed = np.flatnonzero((rows != columns) & sums.any(axis=1))
-    pairs = ", ".join(f"{held.names[i]} of {held.names[columns[i]]}" for i in changed.tolist())
+    pairs = ", ".join(f"{compared.names[i]} of {compared.names[columns[i]]}" for i in changed.tolist())
     said = f"readings seem to have the names of other nodes: those of {shortened(pairs)}: check names and positions"
-    return float(sums[rows, columns].sum() / len(held.nodes)), said
+    return float(sums[rows, columns].sum() / len(compared.nodes)), said

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from wsnsim.analysis.answer import answer
-from wsnsim.analysis.phrases import counted, wrapped
+from wsnsim.analysis.phrases import wrapped
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.quantities import QUANTITIES, beside, medians, values, worth_showing
 from wsnsim.analysis.result_facts import ResultFacts, facts_of_file
+from wsnsim.base.errors import counted
 from wsnsim.base.results import COUNTS, FILES, ROWS
 from wsnsim.recording import attributes, read_table, tables
 

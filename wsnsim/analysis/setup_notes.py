@@ -13,16 +13,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis.phrases import counted
+from wsnsim.base.arrays import Floats, periods_of
 from wsnsim.base.cell_grid import CellGrid
-from wsnsim.base.errors import RunError
-from wsnsim.base.initial_conditions import sample_positions
+from wsnsim.base.errors import RunError, counted
+from wsnsim.base.initial_conditions import present_at, sample_positions
 from wsnsim.base.medium_access import CAP_SHARE, is_duty_cycled
 from wsnsim.base.network_ports import FaultEvent, Field
 from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.rng import Streams, derive, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
 from wsnsim.models.node_file import FromFile
+from wsnsim.models.quantised import Quantised
 from wsnsim.models.recorded_links import RecordedLinks
 from wsnsim.models.recorded_track import RecordedTrack
 from wsnsim.models.unit_checks import other_units, too_close
@@ -50,6 +51,17 @@ def motions_beyond_the_field(setup: TrackingSetup) -> Iterator[str]:
             yield (
                 f"{_of_target(setup, i)}.{key}: the target moves up to {beyond:g} m beyond {named(field)}, out of the "
                 f"sensing range of {reach:g} m of every node; keep it within the field, or enlarge the field"
+            )
+
+
+def targets_that_never_exist(setup: TrackingSetup) -> Iterator[str]:
+    """Targets whose intervals of presence hold no instant of the run."""
+    times: Floats = np.arange(setup.steps + 1, dtype=np.float64) * setup.dt
+    for i, intervals in enumerate(setup.presence):
+        if intervals is not None and not present_at(times, intervals).any():
+            yield (
+                f"{_of_target(setup, i)}.presence: the target never exists at an instant of the run, every "
+                f"{setup.dt:g} s up to {times[-1]:g} s"
             )
 
 
@@ -89,6 +101,21 @@ def gaussian_filter_of_cells(setup: TrackingSetup) -> Iterator[str]:
         )
 
 
+def cells_beside_the_readings(setup: TrackingSetup) -> Iterator[str]:
+    """Uniform cells that hold less than a tenth of the readings that the law expects between 0.1 m and its range."""
+    sensor, field = setup.sensor, setup.deploy.field
+    if not isinstance(sensor, Quantised) or sensor.adapts or any(periods_of(sensor)):
+        return
+    points = np.zeros((len(setup.motions[0].position), 2))
+    points[0] = 0.1, min(sensor.law.reach, math.hypot(field.width, field.height))
+    low, high = sorted(sensor.law.linearise(points, np.zeros((1, 2)), np.ones((1, len(sensor.trait_names))))[0][0])
+    if min(high, sensor.high) - max(low, sensor.low) < 0.1 * (high - low):
+        yield (
+            f"sensor: cells from {sensor.low:g} to {sensor.high:g} hardly meet the readings of the law, "
+            f"from {low:.3g} to {high:.3g} at 0.1 m to {points[0, 1]:.4g} m: give sensor.low and sensor.high"
+        )
+
+
 def places_in_another_unit(setup: TrackingSetup) -> Iterator[str]:
     """Nodes and trajectories of files that are so near to each other that they are in degrees or kilometres."""
     sensor = setup.sensor
@@ -118,6 +145,13 @@ def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
                 f"sink: ({x:g}, {y:g}) m is {away:.4g} m outside {named(field)}; the sink is the node nearest to it, "
                 f"at the edge: the nearest point of the field is ({nearest[0]:g}, {nearest[1]:g}) m"
             )
+
+
+def sensitivity_beside_a_datasheet(setup: RadioSetup) -> Iterator[str]:
+    """A fitted sensitivity of the link that is not that of the radio's datasheet."""
+    own, stated = (getattr(part, "sensitivity", None) for part in (setup.link, getattr(setup.energy, "radio", None)))
+    if own is not None and stated is not None and own != stated:
+        yield f"link.sensitivity: {own:g} dBm counts, not the {stated:g} dBm of the radio's datasheet"
 
 
 def links_that_are_left_out(setup: RadioSetup) -> Iterator[str]:

@@ -10,7 +10,8 @@ from collections.abc import Iterable, Sequence
 
 from wsnsim.analysis import phrases
 from wsnsim.analysis.event_groups import LoggedBurst, LoggedMessage, NodeAction
-from wsnsim.analysis.phrases import PARCELS, REASONS, VERBS, Sentence, StepContext, counted, energy_in_words, listed
+from wsnsim.analysis.phrases import PARCELS, REASONS, VERBS, Sentence, StepContext, energy_in_words, listed
+from wsnsim.base.errors import counted
 
 
 def describe(actions: Iterable[NodeAction | LoggedMessage], context: StepContext) -> list[Sentence]:

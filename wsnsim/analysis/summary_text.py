@@ -13,9 +13,10 @@ from typing import Any, Final
 
 from wsnsim.analysis import quantities
 from wsnsim.analysis.notes import OF_THREE
-from wsnsim.analysis.phrases import REASONS, aligned, counted, wrapped
+from wsnsim.analysis.phrases import REASONS, aligned, wrapped
 from wsnsim.analysis.quantities import CONSISTENCY_NOTE, FIGURES, ONLY_IF_NOT_ZERO, QUANTITIES, beside, bound_name
 from wsnsim.analysis.summary import NOT_COMPUTED, RunBounds, as_json, bounds_of_report, clock_figures, without_network
+from wsnsim.base.errors import counted
 from wsnsim.base.results import Report
 from wsnsim.base.tables import ONE_IS_BEST
 from wsnsim.scenario import resolved

@@ -14,10 +14,10 @@ import numpy as np
 
 from wsnsim.analysis.event_groups import LoggedMessage, NodeAction, group_events
 from wsnsim.analysis.logged_events import LoggedEvent, in_other_steps, layout_or_empty, rows_at
-from wsnsim.analysis.phrases import Sentence, StepContext, counted, energy_in_words
+from wsnsim.analysis.phrases import Sentence, StepContext, energy_in_words
 from wsnsim.analysis.plot_data import number_span
 from wsnsim.analysis.step_text import describe
-from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.base.errors import ResultError, UsageError, counted
 from wsnsim.recording import attributes, meanings, read_json, read_table, table_names
 
 Record = Mapping[str, Any]

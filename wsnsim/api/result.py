@@ -18,12 +18,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, final
 
-from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.quantities import ONLY_IF_NOT_ZERO, QUANTITIES, beside, medians
 from wsnsim.analysis.result_facts import facts_of_report
 from wsnsim.api.arguments import file_given, result_file
 from wsnsim.api.result_plots import ResultPlots
-from wsnsim.base.errors import ResultError, UsageError, WsnsimError, did_you_mean, shown_value
+from wsnsim.base.errors import ResultError, UsageError, WsnsimError, counted, did_you_mean, shown_value
 from wsnsim.base.tables import TABLES
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from wsnsim.api.result import Result
 from wsnsim.base.errors import UsageError
 from wsnsim.base.runs import Progress, run_number, run_numbers
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.lifetime.quiet import QuietPower, quiet_power
+from wsnsim.lifetimes.quiet import QuietPower, quiet_power
 from wsnsim.recording.atomic_files import sole_writer
 from wsnsim.scenario import Overrides
 from wsnsim.scenario.build import build

@@ -55,7 +55,8 @@ class ShownComparison(comparison.Comparison):
         body = "".join(f"<tr>{_cells(row, 'td')}</tr>" for row in rows)
         sentences = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in comparison.conclusions_of(self))
         table = f"<table><thead><tr>{_cells(heads, 'th')}</tr></thead><tbody>{body}</tbody></table>"
-        return f"<div>{table}<ul>{sentences}</ul></div>"
+        note = f"<p>{html.escape(self.replayed)}</p>" if self.replayed else ""
+        return f"<div>{table}<ul>{sentences}</ul>{note}</div>"
 
 
 def shown_comparison(found: comparison.Comparison) -> ShownComparison:

@@ -56,7 +56,7 @@ SHAPES: Final[Mapping[str, Callable[[Any, Mapping[str, Any]], Shape | list[Shape
     "draw": lambda part, given: (None, 2),
     "truth": lambda part, given: (given["steps"] + 1, len(part.columns)),
     "propagate": lambda part, given: np.shape(given["states"]),
-    "advance": lambda part, given: np.shape(given.get("states")),
+    "advance": lambda part, given: np.shape(given["states"]) if "states" in given else (),
     "matrices": lambda part, given: [(None, len(part.columns), len(part.columns)), (len(part.columns),) * 2],
     "log_transition": lambda part, given: np.shape(given["after"])[1:],
     "heights": lambda part, given: (given["steps"] + 1,),

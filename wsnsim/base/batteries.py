@@ -60,7 +60,12 @@ class Advance(NamedTuple):
 
 
 class Income(NamedTuple):
-    """The power (W) that a harvester offers from now on, and the time (s) at which it changes; infinite if never."""
+    """What a harvester offers from now on.
+
+    Attributes:
+        watts: its power in W.
+        until: the time in s at which it changes; infinite if never.
+    """
 
     watts: float
     until: float
@@ -110,3 +115,6 @@ class Battery(Protocol):
 
     def income(self, time: float) -> Income:
         """What the harvester offers at a time in s; nothing without one."""
+
+    def mean_income(self, begin: float, end: float) -> float:
+        """Mean power in W that the harvester offers between two times in s."""

@@ -268,3 +268,8 @@ def shown_value(value: Any) -> str:
     if "\n" in text:
         return f"a {type(value).__name__}"
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 3]}..."
+
+
+def counted(count: int, word: str) -> str:
+    """A number with its noun: '1 packet', '2 packets', '9,024 bits'."""
+    return f"{count:,} {word}{'' if count == 1 else 's'}"

@@ -19,7 +19,7 @@ from wsnsim.base.optional_ports import Continuous, MovesInSpace
 from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.rng import derive_all, normals
 from wsnsim.base.sensing import HEIGHT, recorded_traits
-from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
+from wsnsim.base.setups import Intervals, NetworkSetup, Setup, TrackingSetup
 
 ROUNDING: Final = 1e-9
 """s: a target is present this long before and after its intervals, so that instants at their ends are within."""
@@ -110,16 +110,21 @@ def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialCo
 
 def _trajectories(setup: TrackingSetup, steps: int, dt: float, rng: np.random.Generator) -> list[Floats]:
     """The trajectory (steps + 1, D) of each target, NaN where the target is absent."""
-    times = np.arange(steps + 1) * dt
+    times: Floats = np.arange(steps + 1, dtype=np.float64) * dt
     found = []
     for motion, intervals in zip(setup.motions, setup.presence or [None] * len(setup.motions), strict=True):
         states = motion.truth(steps, dt, rng)
         if intervals is not None:
-            begins, ends = np.reshape(intervals, (-1, 2, 1)).swapaxes(0, 1)
-            within: Bools = np.any((times >= begins - ROUNDING) & (times <= ends + ROUNDING), axis=0)
-            states = np.where(within[:, None], states, np.nan)
+            states = np.where(present_at(times, intervals)[:, None], states, np.nan)
         found.append(states)
     return found
+
+
+def present_at(times: Floats, intervals: Intervals) -> Bools:
+    """(n,) whether a target of these intervals of presence is there at each of the times (n,) in s."""
+    begins, ends = np.reshape(intervals, (-1, 2, 1)).swapaxes(0, 1)
+    within: Bools = np.any((times >= begins - ROUNDING) & (times <= ends + ROUNDING), axis=0)
+    return within
 
 
 def held(states: Floats) -> Floats:

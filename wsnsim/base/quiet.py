@@ -45,13 +45,13 @@ class SentFrames(NamedTuple):
     Attributes:
         bits: Length of a frame on the air.
         seconds: For how long the radio is busy with it.
-        count: How many there are.
+        number: How many there are.
         held: Whether the radio is held on meanwhile; otherwise it follows its duty.
     """
 
     bits: int
     seconds: float
-    count: OfLinks = 1.0
+    number: OfLinks = 1.0
     held: bool = False
 
 

@@ -124,10 +124,11 @@ def target(path: Path | None, default: str, read: Sequence[Path]) -> Path | None
 
 def renamed_columns(texts: Sequence[str], option: str = "--column") -> dict[str, str]:
     """The names of columns by ours."""
+    meant = "COLUMN=CELL, such as tag=7" if option == "--where" else "OURS=THEIRS, such as reading=rssi"
     found = {}
     for text in texts:
         ours, sign, theirs = text.partition("=")
         if not (ours and sign and theirs):
-            raise UsageError(f"{option} {text}: must be OURS=THEIRS, such as reading=rssi")
+            raise UsageError(f"{option} {text}: must be {meant}")
         found[ours.strip()] = theirs.strip()
     return found

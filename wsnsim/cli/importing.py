@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,14 +13,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from wsnsim.base.errors import RunError, ScenarioError, UsageError
+from wsnsim.base.errors import RunError, ScenarioError, UsageError, counted
 from wsnsim.cli import shared
 from wsnsim.cli.fitting import renamed_columns, target
 from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, writable
 
 if TYPE_CHECKING:
-    from wsnsim.interop import NodeSummary, Trace, TraceFormat
     from wsnsim.interop.conventions import Conventions
+    from wsnsim.interop.field_data import Imported
+    from wsnsim.interop.traces import NodeSummary, Trace, TraceFormat
     from wsnsim.interop.trajectories import PlacedTracks, Placement
 
 TRACES: Final = ("ns3", "sumo", "track")
@@ -27,6 +29,8 @@ TABLES: Final = ("readings", "nodes", "links")
 ANGLES: Final = (
     "counterclockwise-from-east", "clockwise-from-north", "counterclockwise-from-north", "clockwise-from-east",
 )  # fmt: skip
+DATES, LATEST = 5e8, 1e11
+"""s: times between are taken for dates from 1985 to 5138."""
 MOST_SHOWN: Final = 40
 """Nodes that --list shows."""
 READ: Final = (
@@ -52,7 +56,7 @@ MEANT_FOR: Final = {
 """{option: kinds for which it has a meaning}; others have one for all."""
 
 
-def _finite(_: click.Context | None, option: click.Parameter | str, text: str | None) -> float | None:
+def _finite(option: str, text: str | None) -> float | None:
     """The number that the text of an option gives; refuses texts that are no finite number."""
     try:
         value = None if text is None else float(text)
@@ -60,8 +64,7 @@ def _finite(_: click.Context | None, option: click.Parameter | str, text: str | 
         value = math.nan
     if value is None or math.isfinite(value):
         return value
-    name = option if isinstance(option, str) else option.opts[0]
-    raise UsageError(f"{name} {text}: give a finite number of seconds, such as 12.5")
+    raise UsageError(f"{option} {text}: give a finite number of seconds, such as 12.5")
 
 
 def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tuple[str, ...]:
@@ -76,7 +79,7 @@ def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tup
 @click.option("--list", "listed", is_flag=True, help="Only list the nodes, vehicles or movers of the file.")
 @click.option(
     "--out", "-o", type=PATH, metavar="FILE",
-    help="FILE.csv: the table or track; FILE.yaml: it and a scenario or a block. Default ID.csv, FILE_KIND.csv.",
+    help="FILE.csv: the table or track; FILE.yaml: it and a scenario or a block. Default FILE_KIND.csv.",
 )  # fmt: skip
 @click.option(
     "--nodes",
@@ -97,8 +100,10 @@ def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tup
 )
 @click.option("--time-unit", default="s", show_default=True, metavar="UNIT", help="Unit of the times of a trace.")
 @click.option("--time-origin", metavar="TIME", help="Time that becomes 0: s, or as the table has it.")
-@click.option("--from", "start", callback=_finite, metavar="S", help="Time (s) at which the track begins.")
-@click.option("--until", "end", callback=_finite, metavar="S", help="Time (s) at which the track ends.")
+@click.option(
+    "--from", "start", metavar="TIME", help="Time of the file at which tracks begin: s, or as the table has it."
+)
+@click.option("--until", "end", metavar="TIME", help="Time of the file at which tracks end, in the same way.")
 @click.option("--crs", type=click.Choice(["wgs84"]), help="Positions are longitudes and latitudes: project them.")
 @click.option(
     "--origin", metavar="X,Y|centre", help="Position that becomes (0, 0): X,Y (with --crs LON,LAT), or centre."
@@ -123,12 +128,12 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
     elif not options["listed"]:
         _echo_written(_imported(kind, files, options), as_json)
     else:
-        from wsnsim.interop import summarised
+        from wsnsim.interop.traces import summarised
 
         if options["ids"]:
             raise UsageError("--list shows all nodes: leave out --id")
         if kind == "track":
-            _echo_nodes(_tracks(files, options, None).nodes, as_json)
+            _echo_nodes(_tracks(files, options, None)[0].nodes, as_json)
         else:
             _echo_nodes(summarised(str(files[0]), _format(kind, options)), as_json)
 
@@ -154,7 +159,8 @@ def _conventions(options: dict[str, Any]) -> Conventions:
     none = {text[:-1]: "" for text in options["column"] if text.endswith("=")}
     named = renamed_columns([text for text in options["column"] if not text.endswith("=")])
     where = renamed_columns(options["where"], "--where")
-    return Conventions(**given, names=named | none, where=where, origin=_origin(place, 3))
+    span = options["start"] or "", options["end"] or ""
+    return Conventions(**given, names=named | none, where=where, origin=_origin(place, 3), span=span)
 
 
 def _table(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[str, Any]:
@@ -179,16 +185,15 @@ def _table(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[st
     return {"files": [str(path) for path in written], **facts, "notes": found.notes, "block": found.block(data.name)}
 
 
-def _tracks(files: Sequence[Path], options: dict[str, Any], ids: tuple[str, ...] | None) -> Trace:
-    """The trace of a table of tracks: of the chosen movers, or of all (None)."""
+def _tracks(files: Sequence[Path], options: dict[str, Any], ids: tuple[str, ...] | None) -> tuple[Trace, Imported]:
+    """The trace of a table of tracks: of the chosen movers, or of all (None); and the table."""
     from wsnsim.interop import field_data
 
     how = _conventions(options)
     found = field_data.track([str(file) for file in files], how)
-    options["notes"] = found.notes
     if found.facts["origin"] and options["origin"] and not options["crs"]:
         raise UsageError("--origin: the file has degrees: give --crs wgs84 and --origin LON,LAT")
-    return field_data.trace_of(found, str(files[0]), found.table.id.unique() if ids is None else ids)
+    return field_data.trace_of(found, str(files[0]), found.table.id.unique() if ids is None else ids), found
 
 
 def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[str, Any]:
@@ -204,17 +209,27 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
     how = _placement(kind, options, as_scenario)
     if out is not None:
         not_the_result(writable(out, out), trace, "track") if trace.exists() else writable(out, out)
-    import wsnsim.interop as traces
-    from wsnsim.interop import trajectories
+    import numpy as np
 
-    read = _tracks(files, options, ids) if kind == "track" else traces.read(str(trace), _format(kind, options), ids)
+    from wsnsim.interop import traces, trajectories
+    from wsnsim.models.unit_checks import other_units, too_close
+
+    notes: Sequence[str] = ()
+    if kind == "track":
+        read, found = _tracks(files, options, ids)
+        (start, end), notes = found.facts["span"], found.notes
+        how = replace(how, start=start, end=end)
+    else:
+        read = traces.read(str(trace), _format(kind, options), ids)
+        places = np.concatenate([each[:, 1:3] for each in read.tracks.values()])
+        if not (options["crs"] or options["unit"]) and (said := too_close(places)):
+            notes = [f"{said}; {other_units(str(trace), kind)}"]
     tracks = trajectories.placed(read, how)
-    tracks = replace(tracks, notes=(*options.get("notes", ()), *tracks.notes))
+    tracks = replace(tracks, notes=(*notes, *tracks.notes))
     if out is None:
-        first = next(iter(trajectories.files_of(tracks.tracks, Path("_")).values()))
-        out = Path(f"{first.stem.removeprefix('__')}.csv") if len(tracks.tracks) == 1 else Path("track.csv")
-        if out.exists():
-            raise UsageError(f"{out} exists: --out FILE.csv names another file, or this one to replace it")
+        out = Path(f"{trace.name.split('.')[0]}_{kind}.csv")
+        if taken := [path for path in trajectories.files_of(tracks.tracks, out).values() if path.exists()]:
+            raise UsageError(f"{taken[0]} exists: --out FILE.csv names another file, or --out {out} replaces it")
     _demand_valid(options["nodes"], out, trace, tracks)
     written = _written(options["nodes"], out, trace, tracks)
     known = {
@@ -287,9 +302,12 @@ def _format(kind: str, options: dict[str, Any]) -> TraceFormat:
     """The functions of a format."""
     from wsnsim.interop import ns3, sumo
 
-    if kind == "sumo" and options["crs"]:
-        return SimpleNamespace(entries=partial(sumo.entries, degrees=True), track=partial(sumo.track, degrees=True))
-    return ns3 if kind == "ns3" else sumo
+    if kind == "ns3":
+        return ns3
+    converted = bool(options["crs"] or options["unit"] or options["time_unit"] != "s")
+    return SimpleNamespace(
+        entries=partial(sumo.entries, degrees=bool(options["crs"])), track=partial(sumo.track, converted=converted)
+    )
 
 
 def _placement(kind: str, options: dict[str, Any], as_scenario: bool) -> Placement:
@@ -299,18 +317,18 @@ def _placement(kind: str, options: dict[str, Any], as_scenario: bool) -> Placeme
     from wsnsim.interop.conventions import converted
     from wsnsim.interop.trajectories import CENTRE, Placement
 
-    window, sampled = (options["start"], options["end"]), kind != "ns3"
     if kind == "track" and options["crs"]:
-        return Placement(1.0, 1.0, *window, sampled=True)
+        return Placement(sampled=True)
     origin = _origin(options["origin"], 3 if options["crs"] else 2)
     if origin is None and as_scenario and options["nodes"] is None and not options["crs"]:
         origin = CENTRE
     if kind == "track":
-        return Placement(1.0, 1.0, *window, None, origin, sampled=True)
+        return Placement(origin=origin, sampled=True)
     units = (options["unit"] or "m", "m", "--unit"), (options["time_unit"], "s", "--time-unit")
     metres, seconds = (float(converted(np.ones(1), unit, (base,), option)[0][0]) for unit, base, option in units)
-    zero = _finite(None, "--time-origin", options["time_origin"])
-    return Placement(metres, seconds, *window, zero, origin, bool(options["crs"]), sampled)
+    start, end, zero = (_finite(f"--{name}", options[key])
+             for name, key in (("from", "start"), ("until", "end"), ("time-origin", "time_origin")))  # fmt: skip
+    return Placement(metres, seconds, start, end, zero, origin, bool(options["crs"]), sampled=kind != "ns3")
 
 
 def _origin(text: str | None, most: int) -> Any:
@@ -335,11 +353,18 @@ def _echo_nodes(nodes: dict[str, NodeSummary], as_json: bool) -> None:
         )
         return
     width = max(len("id"), *(min(len(name), MOST_SHOWN) for name in nodes))
-    echo(f"{'id':<{width}}  entries      first       last")
+    echo(f"{'id':<{width}}  entries  times")
     for name, node in list(nodes.items())[:MOST_SHOWN]:
-        echo(f"{name:<{width}}  {node.entries:>7}  {node.first:>9g}  {node.last:>9g}")
+        echo(f"{name:<{width}}  {node.entries:>7}  {_span(node.first, node.last)}")
     if len(nodes) > MOST_SHOWN:
         echo(f"and {len(nodes) - MOST_SHOWN} more (all with --json)")
+
+
+def _span(first: float, last: float) -> str:
+    """First and last time (s); of dates, which count from 1970, the first one and the seconds from it."""
+    if first < DATES or last > LATEST:
+        return f"{first:.12g} to {last:.12g} s"
+    return f"{last - first:.10g} s from {datetime.fromtimestamp(first, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def _echo_written(answer: dict[str, Any], as_json: bool) -> None:
@@ -348,12 +373,12 @@ def _echo_written(answer: dict[str, Any], as_json: bool) -> None:
         echo_json(answer)
         return
     for node, track in answer.get("tracks", {}).items():
-        echo(f"{node}: {track['points']} points, {track['first']:.10g} to {track['last']:.10g} s")
+        echo(f"{node}: {counted(track['points'], 'point')}, {_span(track['first'], track['last'])}")
     if "rows" in answer:
-        known = [f"{answer['nodes']} nodes"] if "nodes" in answer else []
-        known += [f"from {answer['first']:.12g} to {answer['last']:.12g} s"] if "first" in answer else []
+        known = [counted(answer["nodes"], "node")] if "nodes" in answer else []
+        known += [_span(answer["first"], answer["last"])] if "first" in answer else []
         known += [f"{answer['rate']:.4g}/s of a node"] if "rate" in answer else []
-        echo(f"{answer['rows']:,} rows: {', '.join(known)}")
+        echo(f"{counted(answer['rows'], 'row')}: {', '.join(known)}")
     for note in answer["notes"]:
         echo(f"  {note}")
     for file in answer["files"]:

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from wsnsim.analysis.phrases import counted
-from wsnsim.base.errors import ResultError
+from wsnsim.base.errors import ResultError, counted
 from wsnsim.campaign import CampaignOutcome
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import CAMPAIGN, display

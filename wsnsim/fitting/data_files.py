@@ -5,7 +5,6 @@ read_sample(files, nodes, form, options) -> LocatedReadings
 
 from __future__ import annotations
 
-import csv
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +18,7 @@ from wsnsim.base.files import content_digest
 from wsnsim.base.initial_conditions import joined_by_name
 from wsnsim.fitting.fitted_law import LawForm
 from wsnsim.fitting.located_readings import DataFile, LocatedReadings, NodeTable
-from wsnsim.models.csvfile import Wanted, identifiers, open_text, read_rows
+from wsnsim.models.csvfile import Wanted, cells_in, identifiers, open_text, read_rows
 from wsnsim.models.recorded_track import recorded_points
 from wsnsim.models.row_checks import BadRow, Check, CsvRows, first_of_equal
 
@@ -203,7 +202,7 @@ def names_in(path: str, columns: Mapping[str, str], reading: tuple[str, ...], sh
         shared: Our name of a column that another file has as well: the given name may be its alone.
     """
     with open_text(path) as file:
-        header = {name.strip() for name in next(csv.reader(file), [])}
+        header = next(cells_in(file), [])
     columns = {ours: name for ours, name in columns.items() if name in header or ours != shared}
     usual = {**NAMES, "reading": reading or NAMES["reading"]}
     return {

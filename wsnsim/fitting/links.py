@@ -77,7 +77,8 @@ class LinkFit:
     def link(self) -> dict[str, Any]:
         """The block `link` of a scenario."""
         fitted = {key: float(f"{own.value:.5g}") for key, own in self.values.items() if math.isfinite(own.value)}
-        return {"kind": "log_normal", "power": self.power} | fitted
+        digests = [file.digest for file in self.rows.files]
+        return {"kind": "log_normal", "power": self.power} | fitted | {"fitted_on": digests}
 
     def mean_power(self, distances: Floats) -> Floats:
         """(n,) mean received power in dBm over these distances, in m."""
@@ -143,7 +144,9 @@ class LinkFit:
         yield "Intervals come from a bootstrap of nodes: all pairs of a node share its antenna."
         powers, ratios = self.curve
         reached = [(level, powers[np.argmax(ratios >= level)]) for level in STATED_RATIOS if (ratios >= level).any()]
-        yield "Recorded delivery ratio: " + ", ".join(f"{level:g} at {power:.1f} dBm" for level, power in reached) + "."
+        levels = ", ".join(f"{level:g} at {power:.1f} dBm" for level, power in reached)
+        yield f"Recorded delivery ratio: {levels or f'below {STATED_RATIOS[0]:g}, or of too few bursts at each power'}."
+        yield "The sensitivity is that of the links as they are, with noise: it holds beside the datasheet of a radio."
         if "exponent" not in self.values:
             yield "Without positions (--nodes), path loss and shadowing cannot be fitted."
         yield from refused("link", self.link)

@@ -13,11 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.errors import MOST_PRINTED, RunError, ScenarioError, UsageError
+from wsnsim.base.errors import RunError, ScenarioError, UsageError
 from wsnsim.base.version import __version__
 from wsnsim.fitting.data_files import digest_of, names_in
 from wsnsim.fitting.fitted_law import Evaluation, FittedLaw, FittedValue, ResidualFigures
 from wsnsim.fitting.located_readings import DataFile
+from wsnsim.models.row_checks import summarised
 from wsnsim.scenario import load
 
 SKEWED: Final = 0.2
@@ -129,9 +130,7 @@ def bad_row_notes(files: Sequence[DataFile]) -> Iterator[str]:
     skipped = [row for file in files for row in file.bad_rows]
     if skipped:
         yield f"{len(skipped)} bad row{'s were' if len(skipped) > 1 else ' was'} skipped:"
-        yield from (f"  {row}" for row in skipped[:MOST_PRINTED])
-    if len(skipped) > MOST_PRINTED:
-        yield f"  and {len(skipped) - MOST_PRINTED} more"
+        yield from (f"  {row}" for row in summarised(skipped))
 
 
 def block_lines(role: str, block: Mapping[str, Any], values: Mapping[str, FittedValue]) -> Iterator[str]:

@@ -33,7 +33,7 @@ ANGLES: Final = {
     "counterclockwise-from-north": (1.0, TURN / 4.0), "clockwise-from-east": (-1.0, 0.0),
 }  # fmt: skip
 """(sign, angle of zero from the x-axis) of each convention; the x-axis points east."""
-STATED: Final = re.compile(r"\s*[\[(]([^\])]*)[\])]$|(?<=.)_(mm|cm|m|km|s|ms|us|ns|deg|rad|dBm|mW)$")
+STATED: Final = re.compile(r"[\[(]([^\[\]()]*+)[\])]$|(?<=.)_(mm|cm|m|km|s|ms|us|ns|deg|rad|dBm|mW)$")
 """The unit at the end of a header."""
 EPOCH: Final = pd.Timestamp(0, tz="UTC")
 
@@ -48,6 +48,7 @@ class Conventions:
         unit: Unit of readings, of coordinates or of delivery ratios; '': SI, dBm, or what the header says in brackets.
         time_format: '' for s or ISO 8601; a unit such as 'ms'; a format of `strptime` such as '%d.%m.%Y %H:%M:%S'.
         time_origin: Time, written as the file writes it, that becomes 0; '': times stay, dates count from 1970 (UTC).
+        span: First and last time of a track, written as `time_origin`; '': all of it.
         angle: One of `ANGLES`.
         missing: Values that stand for no reading, such as '100' or 'nan'.
         crs: 'wgs84' for longitudes and latitudes in degrees; '': local metres.
@@ -65,6 +66,7 @@ class Conventions:
     unit: str = ""
     time_format: str = ""
     time_origin: str = ""
+    span: tuple[str, str] = ("", "")
     angle: str = ""
     missing: Sequence[str] = ()
     crs: str = ""

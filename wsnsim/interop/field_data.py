@@ -14,14 +14,16 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from wsnsim.base.errors import RunError, UsageError
-from wsnsim.interop import NodeSummary, Trace, demand_choice
+from wsnsim.base.errors import RunError, UsageError, counted
 from wsnsim.interop.conventions import USUALLY, Conventions, column_roles, plain, turned
 from wsnsim.interop.source_rows import SourceRows, columns_of, without
 from wsnsim.interop.tables import RawTable, listed, numeric
+from wsnsim.interop.traces import NodeSummary, Trace, demand_choice
 from wsnsim.models.bearing import TURN
 from wsnsim.models.k7file import HIGHEST_CHANNEL
-from wsnsim.models.unit_checks import slower_than_stated
+from wsnsim.models.recorded_track import movers_said
+from wsnsim.models.row_checks import TextColumn
+from wsnsim.models.unit_checks import other_units, slower_than_stated
 
 DIGITS: Final = "%.15g"
 ANGULAR: Final = ("bearing", "azimuth", "angle")
@@ -81,24 +83,31 @@ def readings(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
         RunError: A file or a row cannot be used; the message names file and line.
     """
     rows = SourceRows(files, how, "readings", ("time", "node", "reading", "target"), _long)
-    values, unit = rows.in_unit("reading", ("m", "dBm", "rad"))
+    (values, unit), positive = rows.in_unit("reading", ("m", "dBm", "rad")), ""
     negative = values[rows.kept] < 0.0
-    if not unit and negative.any() and negative.all():
+    if not unit and {plain(rows.named("reading")), plain(how.node_prefix).strip("_")} & {"rssi", "rss"}:
+        unit = "dBm"
+        positive = ", though they are positive" * bool((values[rows.kept] > 0.0).all())
+        rows.notes.append(f"readings called rssi are taken for levels in dBm{positive}; --unit says otherwise")
+    elif not unit and negative.any() and negative.all():
         unit = "dBm"
         rows.notes.append("all readings are negative: they are taken for levels in dBm; --unit says otherwise")
     elif not unit and negative.any():
-        rows.notes.append(f"{negative.sum():,} readings are negative, which no range is: --unit or --missing says why")
+        count = counted(int(negative.sum()), "negative reading")
+        rows.notes.append(f"{count}, which no range has: --unit or --missing says why")
     if unit == "rad" or how.angle or plain(rows.named("reading")) in ANGULAR:
         rows.notes += [FROM_EAST] * (not how.angle)
         wrong, degrees = np.abs(values) > TURN * (1.0 + 1e-9), rows.remedy("--unit deg")
         rows.refuse(wrong, lambda i: f"a bearing must be within ±2π rad, is {values[i]:g}, degrees? Write: {degrees}")
         values, unit = turned(values, how.angle), "rad"
+    elif not unit and rows.kept.any():
+        rows.notes.append("readings are taken for ranges in m; --unit says otherwise")
     table = pd.DataFrame({"time": rows.times(), "node": rows.texts("node"), "reading": values})
     if "target" in rows.frame:
         codes, known = pd.factorize(rows.texts("target"), sort=True)
         rows.notes.append("targets: " + ", ".join(f"{number} is '{name}'" for number, name in enumerate(known[:10])))
         table["target"] = codes
-    if unit == "dBm":
+    if unit == "dBm" and not positive:
         rows.refuse(values > MOST_POWER, lambda i: f"a level must be below {MOST_POWER:g} dBm, is {values[i]:g}, no "
                     f"reading? Write: {rows.remedy(f'--missing {values[i]:g}')}")  # fmt: skip
     if MANY_NODES < len(table) == table.node.nunique():
@@ -109,7 +118,9 @@ def readings(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
         if how.repeated == "mean" and unit == "rad":
             raise UsageError("--repeated mean: a mean of angles depends on where they wrap: give first or last")
         again = table[rows.kept].duplicated(keys).sum()
-        rows.notes += [f"{again:,} rows repeat time and node: the {how.repeated} of each counts"] * bool(again)
+        rows.notes += [f"{counted(again, 'more row')} of a time and node: the {how.repeated} of each counts"] * bool(
+            again
+        )
         table = table[rows.kept].groupby(keys, as_index=False)["reading"].agg(how.repeated)
     else:
         table = rows.once(table, keys, lambda i: f"repeats time {table.time[i]:.15g} s and node '{table.node[i]}' with "
@@ -124,6 +135,8 @@ def nodes(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
     places, origin = rows.places()
     table = pd.DataFrame({"id": names, **places})
     table = rows.once(table, ["id"], lambda i: f"the node '{names[i]}' stands at another place already")
+    if len(table) > 1 and not np.ptp(table[["x", "y"]].to_numpy(), axis=0).any():
+        rows.notes.append(f"all {len(table)} nodes stand at one place: --column x=NAME names another column")
     return _imported(rows, table, {"nodes": len(table), "origin": origin})
 
 
@@ -136,14 +149,32 @@ def track(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
         rows.numbers("speed", optional=True) if "speed" in rows.frame and not origin else np.full(len(times), np.nan)
     )
     table = pd.DataFrame({"time": times, "id": names, **places, "speed": speeds})
+    _demand_one_mover(rows, table)
     several = "several movers in one track? Name their column: --column id=NAME"
     table = rows.once(
         table, ["id", "time"], lambda i: f"'{names[i]}' is at another place at {times[i]:.15g} s; {several}"
     )
     for name, one in table.groupby("id", sort=False):
         if said := slower_than_stated(*(one[each].to_numpy() for each in ("time", "x", "y", "speed"))):
-            raise RunError(f"{files[0]}: '{name}': {said}, in degrees? Write: {rows.remedy('--crs wgs84')}")
-    return _imported(rows, table.drop(columns="speed"), {"origin": origin, **_rate(table, "id")})
+            raise RunError(f"{files[0]}: '{name}': {said}, {other_units(files[0], 'track')}")
+    span = [rows.moment(*each) - rows.moment("--time-origin", how.time_origin)
+            for each in zip(("--from", "--until"), how.span, (-np.inf, np.inf), strict=True)]  # fmt: skip
+    return _imported(rows, table.drop(columns="speed"), {"origin": origin, "span": span, **_rate(table, "id")})
+
+
+def _demand_one_mover(rows: SourceRows, table: pd.DataFrame) -> None:
+    """Raise UsageError if a column that is not used, or a file without a chosen column, names several movers."""
+    if rows.how.names.get("id") == "":
+        return
+    for number, unused in enumerate(rows.unused):
+        here = (rows.frame.file == number).to_numpy()
+        for column in unused:
+            names = pd.Series(unused[column].astype(str).str.strip().to_numpy(), table.index[here])
+            for _, one in table[here & rows.kept].groupby("id"):
+                codes, known = pd.factorize(names[one.index])
+                column_, points = TextColumn(tuple(known), codes), (one[key].to_numpy() for key in ("time", "x", "y"))
+                if said := movers_said(rows.files[number], column, column_, *points):
+                    raise UsageError(said)
 
 
 def trace_of(imported: Imported, path: str, ids: Collection[str]) -> Trace:
@@ -174,13 +205,16 @@ def links(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
     rows.refuse(~np.isin(channels, range(HIGHEST_CHANNEL + 1)), lambda i: f"a channel must be one of 0 to "
                 f"{HIGHEST_CHANNEL}, is {channels[i]:g}")  # fmt: skip
     known = len({*source[rows.kept], *receiver[rows.kept]})
-    rows.kept &= ratios > 0.0
-    if unknown := int(np.isnan(powers[rows.kept]).sum()):
-        rows.notes.append(f"{unknown:,} received powers are not known: {UNKNOWN_POWER:g} dBm stands for them")
     dates = pd.Series(pd.to_datetime(np.round(times * 1e3), unit="ms")).dt.strftime("%Y-%m-%dT%H:%M:%S.%f")
     table = pd.DataFrame({"datetime": dates, "src": source, "dst": receiver, "channel": channels, "mean_rssi": powers})
-    table = table.fillna({"mean_rssi": UNKNOWN_POWER}).assign(pdr=ratios, tx_count=PACKETS)[rows.kept]
-    table = table.sort_values(["datetime", "src", "dst"]).astype({"channel": np.int64})
+    table = rows.once(table.assign(pdr=ratios, tx_count=PACKETS), ["datetime", "src", "dst", "channel"], lambda i: (
+        f"the link from '{source[i]}' to '{receiver[i]}' has another ratio at this time already: a column time makes "
+        "several rounds"))  # fmt: skip
+    table, all_ = table[table.pdr > 0.0].astype({"channel": np.int64}), len(table)
+    rows.notes += ["all delivery ratios are 0"] * bool(all_ and not len(table))
+    if unknown := int(table.mean_rssi.isna().sum()):
+        rows.notes.append(f"received powers that are not known: {unknown:,}, for which {UNKNOWN_POWER:g} dBm stands")
+    table = table.fillna({"mean_rssi": UNKNOWN_POWER})
     used = sorted(set(table.channel.tolist()))
     header = {"tx_length": PACKETS, "interframe_duration": INTERVAL, "channels": used, "node_count": known}
     return _imported(rows, table, {"nodes": known, "channels": used, "header": header})
@@ -188,6 +222,7 @@ def links(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
 
 def _imported(rows: SourceRows, table: pd.DataFrame, facts: Mapping[str, Any]) -> Imported:
     """What rows became. Raises RunError if none is left."""
+    rows.notes += rows.unseen
     if not len(table):
         raise RunError("\n  ".join([f"{', '.join(rows.files)}: no row can be used", *rows.notes]))
     return Imported(rows.kind, table.reset_index(drop=True), {"rows": len(table), **facts}, rows.notes)
@@ -217,6 +252,12 @@ def _pairs(raw: RawTable, roles: dict[str, str], how: Conventions) -> pd.DataFra
     """A row per link: as it is in the file, or from a square matrix whose rows are senders, columns receivers."""
     if {"src", "dst", "prr"} <= set(roles):
         return columns_of(raw, roles, how)
+    counts = {name: theirs for theirs in raw.frame if (name := plain(theirs)) in ("sent", "received")}
+    if {"src", "dst"} <= set(roles) and len(counts) == 2:
+        part = columns_of(raw, roles, how)
+        part["prr"] = numeric(raw.frame[counts["received"]]) / numeric(raw.frame[counts["sent"]])
+        part.attrs |= {"used": [*counts.values()], "note": "ratios are those of received to sent"}
+        return part
     frame, size = raw.frame, len(raw.frame)
     receivers = list(frame.columns)[-size:]
     if len(frame.columns) not in (size, size + 1):

@@ -21,7 +21,7 @@ from typing import Final
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
-from wsnsim.interop import TraceEntry, ascending, finite_number
+from wsnsim.interop.traces import TraceEntry, ascending, finite_number
 from wsnsim.models.csvfile import LONGEST_SHOWN, open_text
 
 JUMP: Final = 1e-6

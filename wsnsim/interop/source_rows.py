@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.errors import RunError, UsageError, did_you_mean
+from wsnsim.base.errors import RunError, UsageError, counted, did_you_mean
 from wsnsim.interop.conventions import (
     Conventions,
     column_roles,
@@ -25,13 +25,16 @@ from wsnsim.interop.conventions import (
     unit_in,
 )  # fmt: skip
 from wsnsim.interop.tables import RawTable, listed, numeric, read_table
-from wsnsim.models.csvfile import LONGEST_NAME
+from wsnsim.models.csvfile import IDENTIFIER, LONGEST_NAME, number_in
+from wsnsim.models.row_checks import more_like_it
 from wsnsim.models.unit_checks import degrees_said, other_units, remedy, too_close
 
 NO_VALUE: Final = ("", "nan", "na", "n/a", "null", "none", "-", "--", "<na>", "nat")
 """Cells that hold nothing, without case."""
 LATEST: Final = 1e11
 """s: a greater number of seconds since 1970 is beyond the year 5000, and means milliseconds."""
+NAMED_BY: Final = {"readings": "node", "nodes": "id", "track": "id"}
+"""Our name of the column of names, of each kind."""
 DAY: Final = 86400.0
 """s: after a step back by more than half of it, a clock without a date has passed midnight."""
 Layout = Callable[[RawTable, dict[str, str], Conventions], pd.DataFrame]
@@ -57,6 +60,7 @@ class SourceRows:
         kept: (n,) which rows are not left out.
         notes: What was left out and why, and what was assumed.
         kind: The kind of import, for messages.
+        unused: Of each file, the columns that are not used and look like names.
     """
 
     def __init__(
@@ -64,17 +68,26 @@ class SourceRows:
     ) -> None:
         """Read the files; raises UsageError or RunError as `read_table` and `column_roles`."""
         self.files, self.how, self.kind, self.notes = files, how, kind, list[str]()
+        self.unused, self._marks = list[pd.DataFrame](), set[str]()
         self._tables, self._headers, parts = list[RawTable](), dict[str, str](), list[pd.DataFrame]()
         for number, path in enumerate(files):
             raw = read_table(path, how.columns, how.is_text, how.table)
             raw = raw._replace(frame=self._chosen(path, _with_dates(raw.frame)))
             names = list(raw.frame.columns)
             roles = column_roles(path, names, wanted, how.names)
-            if how.rate and "time" not in roles:
+            if how.rate and "time" in roles:
+                raise UsageError(f"{path}: --rate is for files without times, '{roles['time']}' has them; "
+                                 "--column time= does without")  # fmt: skip
+            if how.rate:
                 raw.frame["time"], roles["time"] = np.arange(len(raw.frame)) / how.rate, "time"
             part = layout(raw, roles, how)
-            if unused := [name for name in names if name not in {*roles.values(), *part.attrs.get("used", ())}]:
-                self.notes.append(f"{path}: columns not used: {listed(unused)}")
+            unused = [name for name in names if name not in {*roles.values(), *part.attrs.get("used", ())}]
+            named = [name for name in unused if name not in how.where and names_something(name, raw.frame[name])]
+            self.notes += [f"{path}: columns not used: {listed(unused)}"] * bool(unused)
+            if (ours := NAMED_BY.get(kind)) and (like := [name for name in named if IDENTIFIER.search(plain(name))]):
+                self.notes.append(f"{listed(like)} may name the {ours}: --column '{ours}={like[0]}' uses it")
+            self.unused.append(raw.frame[named])
+            self._demand_same_units(path, roles)
             self.notes += [f"{path}: {part.attrs['note']}"] if "note" in part.attrs else []
             self._headers |= roles
             self._tables.append(raw)
@@ -91,9 +104,15 @@ class SourceRows:
             used = texts == cell
             if not used.any():
                 raise UsageError(f"{path}: no row has the {column} '{cell}' ({did_you_mean(cell, texts.unique())})")
-            self.notes += [f"{path}: {(~used).sum():,} rows have another {column}"] * (not used.all())
+            self.notes += [f"{path}: with another {column}: {counted(int((~used).sum()), 'row')}"] * (not used.all())
             frame = frame[used]
         return frame.copy()
+
+    def _demand_same_units(self, path: str, roles: Mapping[str, str]) -> None:
+        """Raise UsageError if the header of a file states another unit than that of an earlier one."""
+        for ours, theirs in roles.items():
+            if unit_in(known := self._headers.get(ours, theirs)) != unit_in(theirs):
+                raise UsageError(f"{path}: '{theirs}' is '{known}' in another file: import files of one unit together")
 
     def place(self, i: int) -> str:
         """Where a row stands: file and line."""
@@ -107,7 +126,8 @@ class SourceRows:
     def demand(self, ours: str) -> pd.Series:
         """A column. Raises UsageError if a file lacks it."""
         if ours not in self.frame:
-            raise without(self.files[0], self._tables[0].frame, ours)
+            rate = "; without times: --rate HZ" if ours == "time" and self.kind in ("readings", "track") else ""
+            raise UsageError(f"{without(self.files[0], self._tables[0].frame, ours)}{rate}")
         return self.frame[ours]
 
     def stems(self) -> Any:
@@ -118,8 +138,8 @@ class SourceRows:
         """Leave out the rows `where` (n,), and say so."""
         if (found := np.flatnonzero(where & self.kept)).size:
             self.kept &= ~where
-            count = "1 row" if found.size == 1 else f"{found.size:,} rows"
-            self.notes.append(f"left out: {count} {why} ({'the first: ' * (found.size > 1)}{self.place(found[0])})")
+            first = f"{'the first: ' * (found.size > 1)}{self.place(found[0])}"
+            self.notes.append(f"left out: {counted(found.size, 'row')} {why} ({first})")
 
     def refuse(self, where: Bools, reason: Callable[[int], str]) -> None:
         """Refuse the rows `where` (n,) with one sentence for all, or leave them out if that is asked for."""
@@ -128,15 +148,15 @@ class SourceRows:
         said = reason(int(found[0]))
         if self.how.skip_bad_rows:
             return self.leave_out(where, f"that cannot be used: {said}")
-        like = f" ({found.size - 1:,} more rows like it; --skip-bad-rows leaves them out)" if found.size > 1 else ""
-        raise RunError(f"{self.place(int(found[0]))}: {said}{like}")
+        more = more_like_it(found.size - 1, "--skip-bad-rows leaves them out")
+        raise RunError(f"{self.place(int(found[0]))}: {said}{more}")
 
     def once(self, table: pd.DataFrame, keys: list[str], reason: Callable[[int], str]) -> pd.DataFrame:
         """The kept rows of a table (n,) in the order of the keys: copies are left out, contradictions refused."""
         used = table[self.kept]
         again, copies = (pd.Series(found, used.index).reindex(table.index, fill_value=False).to_numpy()
                          for found in (used.duplicated(keys), used.duplicated()))  # fmt: skip
-        self.leave_out(copies, "that repeat another one")
+        self.leave_out(copies, "equal to another one")
         self.refuse(again & ~copies, reason)
         return table[self.kept & ~again].sort_values(keys, kind="stable", ignore_index=True)
 
@@ -149,19 +169,40 @@ class SourceRows:
         else:
             texts = column.astype(str).str.strip()
             values = numeric(texts).to_numpy()
-            lacking = lacking | texts.str.casefold().isin([*NO_VALUE, *marks]).to_numpy()
+            cells = texts.str.casefold()
+            self._marks |= {*marks} & {*cells}
+            lacking = lacking | cells.isin([*NO_VALUE, *marks]).to_numpy()
+        marked = {mark: values == number_in(mark) for mark in marks}
+        self._marks |= {mark for mark, where in marked.items() if where.any() or (mark in NO_VALUE and lacking.any())}
+        lacking = np.any([lacking, *marked.values()], axis=0)
         if not optional:
-            lacking = lacking | np.isin(values, numeric(pd.Series(marks, dtype=object)).dropna())
-            self.leave_out(lacking, f"without a {ours}")
+            self.leave_out(lacking, f"without {ours}")
         name = self.named(ours)
-        self.refuse(~lacking & ~np.isfinite(values), lambda i: f"{name} must be a finite number, is {_cell(column[i])}")
+        self.refuse(~lacking & ~np.isfinite(values), lambda i: f"{name} must be a finite number, is "
+                    f"{_cell(column[i])}{_of_marks(str(column[i]))}")  # fmt: skip
         return np.where(lacking, np.nan, values)
 
-    def in_unit(self, ours: str, bases: Sequence[str]) -> tuple[Floats, str]:
-        """(n,) a column of numbers in SI units or dBm, and its unit; what the header states in brackets counts."""
-        values, unit = converted(self.numbers(ours), self.how.unit or unit_in(self.named(ours)), bases)
+    @property
+    def unseen(self) -> list[str]:
+        """A sentence for each value that stands for no reading, and that no row has."""
+        missing = [text for text in self.how.missing if text.strip().casefold() not in self._marks]
+        return [f"--missing {text}: no row has it" for text in missing]
+
+    def in_unit(self, ours: str, bases: Sequence[str], optional: bool = False) -> tuple[Floats, str]:
+        """(n,) a column of numbers in SI units or dBm, and its unit; what the header states in brackets counts.
+
+        Raises:
+            UsageError: Header and `--unit` contradict each other, or the unit has another dimension than the bases.
+        """
+        stated, name = unit_in(self.named(ours)), self.named(ours)
+        if stated and self.how.unit and stated != self.how.unit:
+            raise UsageError(f"{self.files[0]}: '{name}' states {stated}, --unit {self.how.unit}: leave --unit out, "
+                             "or rename the column")  # fmt: skip
+        numbers = self.numbers(ours, optional)
+        values, unit = converted(numbers, self.how.unit or stated, bases)
         self.refuse(
-            ~np.isfinite(values), lambda i: f"{self.named(ours)} must be a positive power, to have a level in dBm"
+            np.isfinite(numbers) & ~np.isfinite(values),
+            lambda i: f"{name} must be a positive power, to have a level in dBm",
         )
         return values, unit
 
@@ -181,31 +222,40 @@ class SourceRows:
         column, origin, name = self.demand("time"), self.how.time_origin, self.named("time")
         form = self.how.time_format or unit_in(name)
         times, dated = seconds(column, form)
-        allowed = "a time of the format that is given" if form else "a number of seconds or an ISO 8601 date"
+        allowed = ("a time of the format that is given" if form else "a number of seconds or an ISO 8601 date (others: "
+                   "--time-format, such as '%m/%d/%Y %I:%M:%S %p')")  # fmt: skip
         self.refuse(~np.isfinite(times), lambda i: f"{name} must be {allowed}, is {_cell(column[i])}")
         if not (dated or form) and ":" in str(column.iloc[0]):
             back = pd.Series(times).groupby(self.frame.file).diff() < -DAY / 2.0
             times = times + DAY * back.groupby(self.frame.file).cumsum().to_numpy()
             self.notes += [f"{back.sum():,} times the clock passes midnight: a day is added there"] * bool(back.any())
-        late, shorter = np.abs(times) > LATEST, self.remedy("--time-format ms")
-        self.refuse(late, lambda i: f"{times[i]:.15g} s is beyond the year 5000, milliseconds? Write: {shorter}")
+        late = np.abs(times) > LATEST
+        self.refuse(late, lambda i: f"{times[i]:.15g} s is beyond the year 5000, another unit? Write: "
+                    f"{self.remedy(f'--time-format {_shorter(column[i])}')}")  # fmt: skip
         if not origin:
             self.notes += ["times are s since 1970-01-01 UTC; --time-origin DATE makes one of them 0"] * dated
             return times
-        zero = seconds(pd.Series([origin]), form)[0][0]
-        if not np.isfinite(zero):
-            raise UsageError(f"--time-origin {origin}: must be a time as the file writes them, such as {column[0]}")
-        after: Floats = times - zero
+        after: Floats = times - self.moment("--time-origin", origin)
         return after
+
+    def moment(self, option: str, text: str, missing: float = 0.0) -> float:
+        """The time (s) that an option gives, written as the file writes times; `missing` without it."""
+        time = float(seconds(pd.Series([text]), self.how.time_format)[0][0]) if text else missing
+        if text and not np.isfinite(time):
+            such = self.frame.time[0]
+            raise UsageError(f"{option} {text}: must be a time as the file writes them, such as {such}")
+        return time
 
     def places(self) -> tuple[dict[str, Floats], tuple[float, ...]]:
         """{axis: (n,) m}, and the origin in degrees if places were projected."""
         geographic = {"lon", "lat"} <= set(self.frame)
         if not (geographic or self.how.crs):
-            flat = {axis: self.in_unit(axis, ("m",))[0] for axis in "xyz" if axis in ("x", "y", *self.frame)}
+            axes = [axis for axis in "xyz" if axis in ("x", "y", *self.frame)]
+            self._demand_one_unit(axes)
+            flat = {axis: self.in_unit(axis, ("m",), optional=axis == "z")[0] for axis in axes}
             if said := too_close(np.column_stack([flat["x"], flat["y"]])[self.kept]):
                 self.notes.append(f"{said}; {other_units(self.files[0], self.kind)}")
-            return flat, ()
+            return self._with_heights(flat), ()
         if geographic and not self.how.crs and not self._tables[0].degrees:
             raise UsageError(degrees_said(self.files[0], self.kind, self.named("lon"), self.named("lat")))
         lon, lat = (self.numbers(axis) for axis in (("lon", "lat") if geographic else "xy"))
@@ -213,14 +263,47 @@ class SourceRows:
         self.refuse(outside, lambda i: f"a longitude and a latitude are expected, found {lon[i]:g} and {lat[i]:g}")
         x, y, origin = local_metres(lon, lat, self.kept, self.how.origin)
         self.notes.append(origin_note(origin))
-        heights = self.numbers("z", optional=True) if "z" in self.frame else np.full(len(x), np.nan)
-        if np.isfinite(heights[self.kept]).all():
-            return {"x": x, "y": y, "z": heights - (*origin, 0.0)[2]}, origin
-        return {"x": x, "y": y}, origin
+        heights = {"z": self.numbers("z", optional=True) - (*origin, 0.0)[2]} if "z" in self.frame else {}
+        return self._with_heights({"x": x, "y": y, **heights}), origin
+
+    def _demand_one_unit(self, axes: Sequence[str]) -> None:
+        """Raise UsageError if the headers of some axes alone state a unit."""
+        units = {self.named(axis): unit_in(self.named(axis)) for axis in axes if axis in self.frame}
+        known = [unit for unit in units.values() if unit not in ("", "m")]
+        if known and "" in units.values():
+            bare = listed([name for name, unit in units.items() if not unit])
+            raise UsageError(f"{self.files[0]}: {bare} without a unit, others in {known[0]}: name it in the header too")
+
+    def _with_heights(self, places: dict[str, Floats]) -> dict[str, Floats]:
+        """The places (n,), without heights, and a note, where one of them is not known."""
+        lacking = ~np.isfinite(places.get("z", np.zeros(1)))
+        if lacking.size > 1 and (lacking := lacking & self.kept).any():
+            self.notes.append(f"z is left out of all: {counted(int(lacking.sum()), 'row')} without it")
+        return {axis: values for axis, values in places.items() if axis != "z" or not lacking.any()}
 
     def remedy(self, option: str) -> str:
         """The command line that reads the first file with another option."""
         return remedy(self.files[0], self.kind, option)
+
+
+def names_something(name: str, cells: pd.Series) -> bool:
+    """Whether a column looks like names: by its own name if it has whole numbers, and always if it has words."""
+    if pd.api.types.is_bool_dtype(cells) or pd.api.types.is_datetime64_any_dtype(cells):
+        return False
+    if pd.api.types.is_numeric_dtype(cells):
+        return bool(IDENTIFIER.search(plain(name))) and bool((cells.dropna() % 1 == 0).all())
+    return bool(IDENTIFIER.search(plain(name))) or bool(numeric(cells).isna().all())
+
+
+def _of_marks(cell: str) -> str:
+    """What is said of a number with a comma that is not the file's decimal mark."""
+    digits = cell.strip(" +-").replace(",", "").replace(".", "")
+    return "; a file has one decimal mark, and thousands have none" * ("," in cell and digits.isdigit())
+
+
+def _shorter(time: Any) -> str:
+    """The unit in which a number since 1970 is a time before the year 5000."""
+    return next((unit for unit, size in (("ms", 1e3), ("us", 1e6)) if abs(float(time)) <= LATEST * size), "ns")
 
 
 def _cell(value: Any) -> str:

@@ -21,10 +21,10 @@ import pandas as pd
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
-from wsnsim.interop import TraceEntry, ascending, finite_number
 from wsnsim.interop.tables import numeric, read_table
+from wsnsim.interop.traces import TraceEntry, ascending, finite_number
 from wsnsim.models.csvfile import open_text
-from wsnsim.models.unit_checks import remedy, slower_than_stated
+from wsnsim.models.unit_checks import other_units, remedy, slower_than_stated
 
 MOVERS: Final = ("vehicle", "person", "container")
 PIECE: Final = 1 << 16
@@ -59,11 +59,11 @@ def _separated(found: Iterator[TraceEntry]) -> Iterator[TraceEntry]:
         yield entry if kind == entry.word else entry._replace(node=f"{entry.word}:{entry.node}")
 
 
-def track(path: str, kept: Sequence[TraceEntry], end: float, degrees: bool = False) -> Floats:
+def track(path: str, kept: Sequence[TraceEntry], end: float, converted: bool = False) -> Floats:
     """(n, 4) time, x, y, z of one vehicle: its samples; one that was seen once stays there until the end.
 
     Raises:
-        RunError: It is at two places at one time, or is so slow for its speed that its positions must be degrees.
+        RunError: It is at two places at one time; or, unless units are `converted` later, too slow for its speed.
     """
     rows = np.array([(entry.time, *entry.values) for entry in kept])
     order = np.argsort(rows[:, 0], kind="stable")
@@ -72,10 +72,8 @@ def track(path: str, kept: Sequence[TraceEntry], end: float, degrees: bool = Fal
     for row in order[1:][jumps][:1]:
         raise RunError(f"{path}:{kept[row].line}: '{kept[row].node}' is at another place at the same time, "
                        f"{kept[row].time:g} s: remove one, or give one of two movers another id")  # fmt: skip
-    if not degrees and (said := slower_than_stated(*ordered[:, [0, 1, 2, 4]].T)):
-        raise RunError(
-            f"{path}:{kept[0].line}: '{kept[0].node}' {said}, in degrees? Write: {remedy(path, 'sumo', '--crs wgs84')}"
-        )
+    if not converted and (said := slower_than_stated(*ordered[:, [0, 1, 2, 4]].T)):
+        raise RunError(f"{path}:{kept[0].line}: '{kept[0].node}' {said}, {other_units(path, 'sumo')}")
     table = ascending(rows[:, :4])
     if len(table) == 1:
         still = table.copy()

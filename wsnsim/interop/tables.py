@@ -8,7 +8,6 @@ byte order mark, and compressed with gzip. XML with a document type is refused: 
 
 from __future__ import annotations
 
-import csv
 import itertools
 import json
 import re
@@ -23,7 +22,7 @@ import pandas as pd
 
 from wsnsim.base.errors import RunError, UsageError, WsnsimError, shortened
 from wsnsim.base.files import MOST_BYTES, why_not_regular
-from wsnsim.models.csvfile import MOST_ROWS, number_in, open_text
+from wsnsim.models.csvfile import MOST_ROWS, cells_in, number_in, open_text
 
 SAMPLE: Final = 50
 """Lines from which separator, decimal sign and header are recognised."""
@@ -71,7 +70,7 @@ def read_table(
         UsageError: The file has no header and no columns are given, or what reads this format is not installed.
         RunError: The file cannot be read.
     """
-    if irregular := why_not_regular(path):
+    if irregular := why_not_regular(path) or ("" if Path(path).exists() else "No such file or directory"):
         raise RunError(f"{path}: cannot be read: {irregular}")
     reader = READERS.get(Path(path.lower().removesuffix(".gz")).suffix)
     try:
@@ -144,12 +143,14 @@ def _is_headless(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _headless(place: str, rows: Sequence[Sequence[str]]) -> str:
-    such = "such as --columns time,node,reading"
+    such = "such as --columns time,node,reading (links: src,dst,prr; of a matrix of ratios, its nodes)"
     return f"{place}: the file has no header: name its {len(rows[0])} columns in their order, {such}"
 
 
 def _not_a_table(path: str, error: Exception) -> RunError:
     found = WIDTHS.search(str(error))
+    if isinstance(error, pd.errors.EmptyDataError):
+        return RunError(f"{path}: contains no rows, the file is empty")
     if not found:
         return RunError(f"{path}: contains no table ({str(error).strip()[:120]})")
     return RunError(f"{path}:{found[2]}: has {found[3]} columns, the lines above have {found[1]}")
@@ -164,8 +165,7 @@ def _split(lines: Sequence[str], width: int) -> tuple[str, list[list[str]]]:
     """
     best: tuple[tuple[float, float], str, list[list[str]]] = ((0.0, 0.0), ",", [[line] for line in lines])
     for sign in SEPARATORS:
-        rows = [line.split() for line in lines] if sign == r"\s+" else list(csv.reader(lines, delimiter=sign))
-        rows = [[cell.strip() for cell in row] for row in rows]
+        rows = [line.split() for line in lines] if sign == r"\s+" else [*cells_in(lines, sign)]
         counts = [len(row) for row in rows]
         if not counts or (wanted := width or counts[0]) < 2:
             continue
@@ -238,7 +238,10 @@ def _of_json(path: str, columns: Sequence[str], part: str) -> RawTable:
     except json.JSONDecodeError:
         said = [json.loads(line) for line in text.splitlines() if line.strip()]
     if isinstance(said, dict) and str(said.get("type")).startswith("Feature"):
-        return _numbered(path, pd.DataFrame(_features(path, said.get("features", [said]))))._replace(degrees=True)
+        features = said.get("features", [said])
+        if not (isinstance(features, list) and all(isinstance(each, dict) for each in features)):
+            raise RunError(f"{path}: features must be a list of features, is {str(features)[:60]!r}")
+        return _numbered(path, pd.DataFrame(_features(path, features)))._replace(degrees=True)
     if isinstance(said, dict):
         lists = {
             name: each for name, each in said.items() if isinstance(each, list) and each and isinstance(each[0], dict)
@@ -256,6 +259,8 @@ def _features(path: str, features: Sequence[Mapping[str, Any]]) -> Iterator[dict
     for number, feature in enumerate(features, 1):
         shape, own = feature.get("geometry") or {}, dict(feature.get("properties") or {})
         kind, places = shape.get("type"), shape.get("coordinates", [])
+        if kind is None:
+            raise RunError(f"{path}: feature {number} has no geometry: remove it")
         if kind not in ("Point", "MultiPoint", "LineString"):
             raise RunError(f"{path}: feature {number} must be a Point, MultiPoint or LineString, is {str(kind)[:60]}")
         times = own.pop("coordTimes", None) or (own.pop("coordinateProperties", None) or {}).get("times", [])
@@ -268,9 +273,9 @@ def _features(path: str, features: Sequence[Mapping[str, Any]]) -> Iterator[dict
 def _of_gpx(path: str, columns: Sequence[str], part: str) -> RawTable:
     import gpxpy
 
-    found = gpxpy.parse(_xml(path))
+    found, stem = gpxpy.parse(_xml(path)), Path(path).name.split(".")[0]
     points: list[tuple[str, Any]] = [
-        (track.name or str(number), point) for number, track in enumerate(found.tracks)
+        (track.name or f"{stem}_{number}".removesuffix("_0"), point) for number, track in enumerate(found.tracks)
         for segment in track.segments for point in segment.points
     ]  # fmt: skip
     points = points or [(point.name or str(number), point) for number, point in enumerate(found.waypoints)]

@@ -20,11 +20,12 @@ import pandas as pd
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError, UsageError, printable
-from wsnsim.interop import Trace
 from wsnsim.interop.conventions import local_metres, origin_note
+from wsnsim.interop.traces import Trace
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.node_file import FromFile
 from wsnsim.models.recorded_track import LATEST
+from wsnsim.models.unit_checks import unlikely_speeds
 from wsnsim.recording.atomic_files import write_text_atomically
 
 CENTRE: Final = "centre"
@@ -104,7 +105,8 @@ def placed(trace: Trace, how: Placement) -> PlacedTracks:
         whole, about = _projected(whole, how.origin)
         notes.append(about)
     first, last = (min(track[0, 0] for track in whole.values()), max(track[-1, 0] for track in whole.values()))
-    start, end = first if how.start is None else how.start, last if how.end is None else how.end
+    start, end = (own if given is None or math.isinf(given) else given
+                  for given, own in ((how.start, first), (how.end, last)))  # fmt: skip
     tracks = {node: _window(trace.path, node, track, start, end) for node, track in whole.items()}
     origin = (0.0, 0.0) if how.degrees else _origin(tracks, how.origin)
     shift = np.array([how.time_origin or 0.0, *origin, 0.0])
@@ -116,6 +118,8 @@ def placed(trace: Trace, how: Placement) -> PlacedTracks:
             )
         if (np.abs(track[:, 0]) > LATEST).any():
             raise RunError(f"{trace.path}: node {node}: times must be within ±{LATEST:g} s: give --time-unit")
+    doubts = {node: unlikely_speeds(*track[:, :3].T) for node, track in tracks.items() if how.sampled}
+    notes += [f"'{node}' {said}" for node, said in doubts.items() if said]
     presence = _presence(whole, tracks, float(shift[0])) if how.sampled else {}
     return PlacedTracks(tracks, origin, presence, (*notes, *map(_absences, presence.items())))
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.kernels.compilation import inlined, inner, kernel
-from wsnsim.kernels.elementary import exp2, log, log2, normal_pair
+from wsnsim.kernels.elementary import LOG_TWO_PI, close, exp2, log, log2, normal_pair
 
 Drift: TypeAlias = tuple[float, float, float, float]
 Root: TypeAlias = tuple[float, float, float]
@@ -102,8 +102,6 @@ def log_transition(after: Floats, before: Floats, drift: Drift, root: Root) -> F
 
 Law: TypeAlias = tuple[float, float, float, float, float]
 
-LOG_TWO_PI = 1.8378770664093453
-
 
 @inner
 def _set_signals(
@@ -115,18 +113,6 @@ def _set_signals(
         signals[j] = -0.5 * decay * log2(squared if squared > 1.0 else 1.0)
     for j in range(x.size):
         signals[j] = intensity * exp2(signals[j])
-
-
-@inner
-def _close(result: Floats, x: Floats, y: Floats, constant: float) -> None:
-    """From the sum of (z - μ)²/R + log R of readings to their log-likelihood; -inf where nothing is known.
-
-    `constant` is log 2π for each of the readings.
-    """
-    for j in range(x.size):
-        value = -0.5 * (result[j] + constant)
-        known = (value > -np.inf) & (abs(x[j]) < np.inf) & (abs(y[j]) < np.inf)
-        result[j] = value if known else -np.inf
 
 
 @kernel
@@ -153,7 +139,7 @@ def own_log_likelihood(
         mean = noise + gain[j] * signal
         variance = spread * mean * mean + inflation * signal * signal
         result[j] = (reading[j] - mean) ** 2 / variance + log(variance)
-    _close(result, x, y, LOG_TWO_PI)
+    close(result, x, y, LOG_TWO_PI, 1.0)
     return result
 
 
@@ -176,7 +162,7 @@ def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floa
             for j in range(x.size):
                 result[j] += log(product[j])
                 product[j] = 1.0
-    _close(result, x, y, readings.size * LOG_TWO_PI)
+    close(result, x, y, readings.size * LOG_TWO_PI, 1.0)
     return result
 
 

@@ -8,6 +8,7 @@
     normal_pair(key, pair)     two standard normals of a counter key (Box-Muller: its cosine and its sine)
     box_muller(u, turn)        the same of two uniforms
     total(row), dot(row, row)  sums over arrays (n,); give slices, since an index that might be negative is slow
+    close(squares, x, y, constant, variance)               from sums of squares to log-likelihoods, in place
 
 All but `particle_keys` are inlined into the kernels that use them, where Numba's own call the C library. Numba's cache
 does not notice a change in this file: touch the files of the kernels, too.
@@ -24,6 +25,7 @@ GOLDEN = np.uint64(0x9E37_79B9_7F4A_7C15)
 FIRST = np.uint64(0xBF58_476D_1CE4_E5B9)
 SECOND = np.uint64(0x94D0_49BB_1331_11EB)
 ONE = np.uint64(1)
+LOG_TWO_PI = 1.8378770664093453
 S11 = np.uint64(11)
 S27 = np.uint64(27)
 S30 = np.uint64(30)
@@ -204,3 +206,15 @@ def dot(one: Floats, other: Floats) -> float:
     for j in range(one.size):
         result += one[j] * other[j]
     return result
+
+
+@inlined
+def close(result: Floats, x: Floats, y: Floats, constant: float, variance: float) -> None:
+    """From sums of squares to the log-likelihoods -(square / variance + constant) / 2 at points; -inf where unknown.
+
+    The constant has log 2π for each of the readings.
+    """
+    for j in range(x.size):
+        value = -0.5 * (result[j] / variance + constant)
+        known = (value > -np.inf) & (abs(x[j]) < np.inf) & (abs(y[j]) < np.inf)
+        result[j] = value if known else -np.inf

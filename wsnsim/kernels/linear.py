@@ -11,9 +11,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Keys
 from wsnsim.kernels.compilation import inner, kernel
-from wsnsim.kernels.elementary import normal_pair
-
-LOG_TWO_PI = 1.8378770664093453
+from wsnsim.kernels.elementary import LOG_TWO_PI, normal_pair
 
 
 @inner

@@ -17,11 +17,9 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.kernels.compilation import inlined, kernel
-from wsnsim.kernels.elementary import log
+from wsnsim.kernels.elementary import LOG_TWO_PI, close, log
 
 Law: TypeAlias = tuple[float, float, float, float, float, bool]
-
-LOG_TWO_PI = 1.8378770664093453
 
 
 @inlined
@@ -49,16 +47,6 @@ def _lift(squared: Floats, positions: Floats, s: int) -> None:
             squared[j] += positions[s, 2]
 
 
-@inlined
-def _close(result: Floats, x: Floats, y: Floats, count: int, variance: float) -> None:
-    """From the sum of (z - m)² of `count` readings to their log-likelihood; -inf where nothing is known."""
-    constant = count * (LOG_TWO_PI + log(variance))
-    for j in range(x.size):
-        value = -0.5 * (result[j] / variance + constant)
-        known = (value > -np.inf) & (abs(x[j]) < np.inf) & (abs(y[j]) < np.inf)
-        result[j] = value if known else -np.inf
-
-
 @kernel
 def own_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floats, owners: Ints, law: Law) -> Floats:
     """(N,) log p(readings[owners[j]] | target at point j): every particle against its own node's reading.
@@ -82,7 +70,7 @@ def own_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floats
     for j in range(x.size):
         mean = offset + slope * form[j]
         result[j] = (reading[j] - (mean if squared[j] <= within * within else 0.0)) ** 2
-    _close(result, x, y, 1, variance)
+    close(result, x, y, LOG_TWO_PI + log(variance), variance)
     return result
 
 
@@ -100,7 +88,7 @@ def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floa
         for j in range(x.size):
             mean = offset + slope * form[j]
             result[j] += (reading - (mean if squared[j] <= within * within else 0.0)) ** 2
-    _close(result, x, y, readings.size, variance)
+    close(result, x, y, readings.size * (LOG_TWO_PI + log(variance)), variance)
     return result
 
 

@@ -16,11 +16,9 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.kernels.compilation import inlined, kernel
-from wsnsim.kernels.elementary import normal_pair
+from wsnsim.kernels.elementary import LOG_TWO_PI, normal_pair
 
 Law: TypeAlias = tuple[float, float]
-
-LOG_TWO_PI = 1.8378770664093453
 
 
 @inlined

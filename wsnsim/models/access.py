@@ -111,9 +111,9 @@ class Framed:
         """Nothing: nodes that have nothing to send are silent."""
         return ()
 
-    def frames(self, on_air: int, count: OfLinks = 1.0, held: bool = False) -> SentFrames:
+    def frames(self, on_air: int, number: OfLinks = 1.0, held: bool = False) -> SentFrames:
         """Frames of this length on the air."""
-        return SentFrames(on_air, self.airtime(on_air), count, held)
+        return SentFrames(on_air, self.airtime(on_air), number, held)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield issues: frames too small, too short a wait for acknowledgements, a rate that is not the radio's."""

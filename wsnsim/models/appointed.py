@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, is_relative, planar
+from wsnsim.base.arrays import Bools, Floats, is_relative, planar
 from wsnsim.base.errors import Issue
 from wsnsim.base.network_ports import Appointment, NearNodes, Outlook, steps_in
 from wsnsim.base.part import Quantity, part
@@ -62,16 +62,12 @@ class ExpectedInformation:
         """
         shape = self.information.shape
         total = chosen.astype(np.float64) @ self.information.reshape(shape[0], math.prod(shape[1:]))
-        return _trace_of_inverse(total.reshape(-1, *shape[1:]), self.prior)
-
-
-def _trace_of_inverse(total: Floats, prior: float) -> Floats:
-    """(...) the trace of (A + prior I)⁻¹ of symmetric matrices A (..., P, P), P being 1 or 2."""
-    first = total[..., 0, 0] + prior
-    if total.shape[-1] == 1:
-        return 1.0 / first
-    second = total[..., 1, 1] + prior
-    return (first + second) / (first * second - total[..., 0, 1] ** 2)
+        total = total.reshape(-1, *shape[1:])
+        first = total[..., 0, 0] + self.prior
+        if total.shape[-1] == 1:
+            return 1.0 / first
+        second = total[..., 1, 1] + self.prior
+        return (first + second) / (first * second - total[..., 0, 1] ** 2)
 
 
 def _information(sensor: Any, path: Floats, near: NearNodes) -> Floats:
@@ -157,7 +153,8 @@ class Appointed(LeadsByPlace):
         own = spreads[ids == outlook.head]
         if own.size and best >= self.share * own[0]:
             return outlook.head
-        return _nearest_of(ids, places, spreads * ALIKE <= best, planar(path))
+        squared = ((places - planar(path).mean(axis=0)) ** 2).sum(axis=1)
+        return int(ids[np.where(spreads * ALIKE <= best, squared, inf).argmin()])
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue if no battery is large enough for a head, or if the horizon has too many steps."""
@@ -176,9 +173,3 @@ def _spreads(outlook: Outlook, path: Floats, places: Floats) -> Floats:
     squared = ((places[:, None, :] - seen.near.positions[None]) ** 2).sum(axis=2)
     means: Floats = seen.spread(squared <= outlook.reach**2).mean(axis=1)
     return means
-
-
-def _nearest_of(ids: Ints, places: Floats, good: Bools, path: Floats) -> int:
-    """Of the good heads the one nearest to the middle of a path (K, 2)."""
-    squared = ((places - path.mean(axis=0)) ** 2).sum(axis=1)
-    return int(ids[np.where(good, squared, inf).argmin()])

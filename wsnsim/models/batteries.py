@@ -16,7 +16,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 
@@ -43,7 +43,7 @@ PART: Final = Quantity("", ge=0.0, le=1.0)
 
 
 @part
-class Cells:
+class BatteryFields:
     """What batteries of all kinds share: the charge of each node, what of it can be used, mains and self-discharge.
 
     A node has `energy.battery`, or what `capacities` or the file say. Nodes on mains are never empty; their joules are
@@ -81,8 +81,15 @@ class Cells:
         float, Quantity("", ge=0.0, le=5e5, label="J/mol"), "activation energy of the self-discharge"
     ] = 51_200.0
 
-    weights: ClassVar[Floats] = np.zeros(0)
-    rates: ClassVar[Floats] = np.zeros(0)
+    @cached_property
+    def weights(self) -> Floats:
+        """(M,) weight of each mode."""
+        return np.zeros(0)
+
+    @cached_property
+    def rates(self) -> Floats:
+        """(M,) rate of each mode in 1/s."""
+        return np.zeros(0)
 
     @property
     def restart(self) -> float | None:
@@ -96,8 +103,9 @@ class Cells:
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue for the first thing that keeps batteries from being drawn, if the number of nodes is known."""
-        size = number_of_nodes(setup.deploy)
-        if size is not None and isinstance(setup, RadioSetup):
+        if not isinstance(setup, RadioSetup) or setup.plain_batteries:
+            return
+        if (size := number_of_nodes(setup.deploy)) is not None:
             try:
                 self.draw(setup, size, (), np.random.default_rng(0))
             except Misfit as error:
@@ -112,7 +120,7 @@ class Cells:
         """
         capacity, left = np.full(size, self.nominal(setup.energy.battery)), None
         if self.path:
-            capacity, left = self._from_file(setup, size)
+            capacity, left = self._from_file(self.path, setup, size)
         for name in ("capacities", "residual"):
             if len(given := getattr(self, name)) not in (0, size):
                 raise Misfit(name, f"{len(given)} values for {size} nodes: give one for each")
@@ -131,11 +139,11 @@ class Cells:
         lost, leak = finite * (1.0 - self.share_drawable), finite * self.leakage
         return BatteryState(capacity, lost, leak, left, np.zeros((self.rates.size, size)))
 
-    def _from_file(self, setup: RadioSetup, size: int) -> tuple[Floats, Floats | None]:
+    def _from_file(self, path: str, setup: RadioSetup, size: int) -> tuple[Floats, Floats | None]:
         """(N,) capacities and residual energies from the file, the latter None if it has none."""
         try:
             wanted = csvfile.Wanted({"id": "id"}, {"battery": "battery", "residual": "residual"}, ("residual",))
-            rows = csvfile.only_rows(self.path, wanted, "batteries")
+            rows = csvfile.only_rows(path, wanted, "batteries")
         except RunError as error:
             raise Misfit("path", str(error)) from error
         names = [str(node) for node in range(size)]
@@ -146,7 +154,7 @@ class Cells:
             if found.count(name) != 1 or name not in names:
                 said = "is no node" if name not in names else "is missing" if name not in found else "has two rows"
                 hint = f"give each of the {size} nodes a row, by its name, or by its number if it has no name"
-                raise Misfit("path", f"{self.path}: '{shortened(name)}' {said}: {hint}")
+                raise Misfit("path", f"{path}: '{shortened(name)}' {said}: {hint}")
         order = [found.index(name) for name in names]
         given, residual = rows.numbers["battery"][order], rows.numbers.get("residual")
         for name, least in (("battery", np.nextafter(0.0, 1.0)), ("residual", 0.0)):
@@ -168,6 +176,11 @@ class Cells:
     @property
     def share_drawable(self) -> float:
         """The share of the capacity that can be drawn."""
+        return self.share_in_the_cold
+
+    @property
+    def share_in_the_cold(self) -> float:
+        """The share of the capacity that is usable at the temperature."""
         return self.usable * (1.0 - self.cold * max(ROOM - self.temperature, 0.0))
 
     @property
@@ -179,6 +192,10 @@ class Cells:
     def income(self, time: float) -> Income:
         """What the harvester offers at a time in s: nothing, ever, without one."""
         return Income(0.0, np.inf)
+
+    def mean_income(self, begin: float, end: float) -> float:
+        """Mean power in W that the harvester offers between two times in s: nothing without one."""
+        return 0.0
 
     def drawable(self, state: BatteryState) -> Floats:
         """(n,) J that can be drawn at once; infinite on mains."""
@@ -247,7 +264,7 @@ class Cells:
 
 
 @part
-class Linear(Cells):
+class Linear(BatteryFields):
     """A battery that gives all that can be drawn, at any load. It can be charged by a harvester.
 
     With a `cut_off`, its voltage falls linearly with its charge from `full` to `empty`, and what is left at the cut-off
@@ -281,7 +298,7 @@ class Linear(Cells):
     @property
     def restart(self) -> float | None:
         """The share of the capacity at which an empty node starts again; None: it is dead."""
-        return self.harvest and self.harvest.restart
+        return self.harvest.restart if self.harvest else None
 
     @property
     def stored(self) -> float:
@@ -291,18 +308,21 @@ class Linear(Cells):
     @property
     def share_drawable(self) -> float:
         """The share of the capacity that can be drawn."""
-        shares = Cells.share_drawable.fget(self)
         if self.cut_off is None:
-            return shares
-        return shares * (self.full**2 - self.cut_off**2) / (self.full**2 - self.empty**2)
+            return self.share_in_the_cold
+        return self.share_in_the_cold * (self.full**2 - self.cut_off**2) / (self.full**2 - self.empty**2)
 
     def income(self, time: float) -> Income:
         """What the harvester offers at a time in s; nothing without one."""
-        return self.harvest.income(time) if self.harvest else Cells.income(self, time)
+        return self.harvest.income(time) if self.harvest else BatteryFields.income(self, time)
+
+    def mean_income(self, begin: float, end: float) -> float:
+        """Mean power in W that the harvester offers between two times in s."""
+        return self.harvest.mean_income(begin, end) if self.harvest else 0.0
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if batteries cannot be drawn, or the trace of the harvester cannot be read."""
-        yield from Cells.check(self, setup)
+        yield from BatteryFields.check(self, setup)
         try:
             _ = self.harvest and self.harvest.trace
         except RunError as error:
@@ -318,7 +338,7 @@ class Misfit(RunError):
 
 
 @part
-class OfCharge(Cells):
+class OfCharge(BatteryFields):
     """What kinds share whose capacity is a charge at a voltage, which is that of the circuit and stays the same."""
 
     charge: Annotated[

@@ -87,10 +87,10 @@ class OfDirection(OfPosition):
         if not readings.size:
             return np.zeros(points.shape[1])
         if owners is None:
-            lines, headings = _lines(points, positions), self._headings(traits)[:, None]
+            lines, headings = _lines(points, positions[:, None]), self._headings(traits)[:, None]
             measured = readings.reshape(len(readings), len(self.deviations), 1)
         else:
-            lines, headings = _own_lines(points, positions, owners), self._headings(traits)[owners]
+            lines, headings = _lines(points, positions[owners]), self._headings(traits)[owners]
             measured = readings.reshape(len(readings), len(self.deviations))[owners].T[None]
         expected = self._expected(lines, headings)
         total = np.zeros(points.shape[1])
@@ -108,7 +108,7 @@ class OfDirection(OfPosition):
         Nearer than `least`, the gradient of a bearing is that at `least` times the distance over `least`. At the sensor
         itself, and infinitely far away, gradients are 0 (our choice).
         """
-        lines, count = _lines(points, positions), len(self.deviations)
+        lines, count = _lines(points, positions[:, None]), len(self.deviations)
         shape = (len(positions) * count, points.shape[1])
         means = np.stack(self._expected(lines, self._headings(traits)[:, None]), axis=1).reshape(shape)
         gradients = np.stack(self._gradients(lines), axis=1).reshape(shape[0], 2, shape[1])
@@ -228,10 +228,4 @@ def wrapped(angles: Floats) -> Floats:
 def _lines(points: Floats, positions: Floats) -> _Lines:
     """(S, N) the lines from each of the sensors (S, 2) to each of the points (P, N)."""
     x, y = coordinates(points)
-    return _Lines(x - positions[:, :1], y - positions[:, 1:2])
-
-
-def _own_lines(points: Floats, positions: Floats, owners: Ints) -> _Lines:
-    """(N,) the line to point j from sensor owners[j]."""
-    x, y = coordinates(points)
-    return _Lines(x - positions[owners, 0], y - positions[owners, 1])
+    return _Lines(x - positions[..., 0], y - positions[..., 1])

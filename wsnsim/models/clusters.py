@@ -34,7 +34,8 @@ class LeadsByPlace:
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
-        return strongest_able(ids, strengths, able)
+        candidates = [(-strength, i) for i, strength, fit in zip(ids, strengths, able, strict=True) if fit]
+        return min(candidates)[1] if candidates else None
 
     def must_hand_over(self, active: int, members: int) -> bool:
         """Never: the numbers of nodes decide nothing."""
@@ -46,7 +47,14 @@ class LeadsByPlace:
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue if no battery is large enough for a head."""
-        yield from too_little_charge(setup)
+        energy, least, source = setup.energy, setup.head_threshold, "clusters.threshold"
+        if setup.clusters.threshold is None:
+            source = f"a packet sent over {setup.link.reach:g} m, one received, and the computation of a step"
+        if energy.battery <= least and setup.plain_batteries:
+            yield Issue(
+                ("energy", "battery"),
+                f"{energy.battery:g} J is too little for any head: a head must hold more than {least:g} J ({source})",
+            )
 
 
 @part
@@ -171,12 +179,6 @@ class MovingHead(LeadsByPlace):
                 return
 
 
-def strongest_able(ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-    """The able candidate with the greatest strength, of equal ones the lowest id; None if none is able."""
-    candidates = [(-strength, i) for i, strength, fit in zip(ids, strengths, able, strict=True) if fit]
-    return min(candidates)[1] if candidates else None
-
-
 def nearest_able(point: Floats, positions: Floats, able: Bools) -> int | None:
     """The able node nearest to a point; of equally near ones the lowest id.
 
@@ -191,15 +193,3 @@ def nearest_able(point: Floats, positions: Floats, able: Bools) -> int | None:
 def _squared(positions: Floats, point: Floats) -> Floats:
     squared: Floats = ((positions - point) ** 2).sum(axis=1)
     return squared
-
-
-def too_little_charge(setup: NetworkSetup) -> Iterator[Issue]:
-    """Yield an issue if a full battery does not exceed the threshold of heads."""
-    energy, least, source = setup.energy, setup.head_threshold, "clusters.threshold"
-    if setup.clusters.threshold is None:
-        source = f"a packet sent over {setup.link.reach:g} m, one received, and the computation of a step"
-    if energy.battery <= least and getattr(setup.battery, "plain", False):
-        yield Issue(
-            ("energy", "battery"),
-            f"{energy.battery:g} J is too little for any head: a head must hold more than {least:g} J ({source})",
-        )

@@ -2,7 +2,7 @@
 
 read_rows(path, wanted, "readings") -> CsvRows      columns of texts and numbers, bad rows apart
 only_rows(path, wanted, "positions") -> CsvRows     the same, where no row may be bad
-read_cells(path, file, wanted, "links") -> Cells    for formats with checks of their own
+read_cells(path, file, wanted, "links") -> TextCells    for formats with checks of their own
 open_text(path) -> a text file                      for other formats, with the same limits and messages
 
 Rows become arrays while they are read, so that memory is that of the numbers.
@@ -10,6 +10,7 @@ Rows become arrays while they are read, so that memory is that of the numbers.
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import csv
 import functools
@@ -18,6 +19,7 @@ import io
 import itertools
 import math
 import re
+import shlex
 import zlib
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -72,7 +74,7 @@ class Wanted:
     read: Mapping[str, Callable[[str], float]] = field(default_factory=dict)
 
 
-class Cells(NamedTuple):
+class TextCells(NamedTuple):
     """The wanted columns of a file before they are checked, by our names.
 
     Attributes:
@@ -92,7 +94,7 @@ class Cells(NamedTuple):
         return repr(self.odd[name].get(row, f"{self.numbers[name][row]:g}")[:LONGEST_SHOWN])
 
 
-def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) -> Cells:
+def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) -> TextCells:
     """The wanted columns of every line of an open text that is not blank, from its header in the line `first` on.
 
     Raises:
@@ -101,9 +103,9 @@ def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) 
     """
     import pandas as pd  # a run that reads no file does without
 
-    lines = _Lines(path, file, first)
-    header = [name.strip() for name in next(csv.reader([lines.header]), [])]
-    places = _present(f"{path}:{first}", header, wanted)
+    lines = _TextLines(path, file, first)
+    header = next(cells_in([lines.header]), [])
+    places = _present(path, first, header, wanted, what)
     known: dict[str, dict[str, int]] = {name: {} for name in wanted.texts if name in places}
     odd: dict[str, dict[int, str]] = {name: {} for name in places if name not in known}
     parts: dict[str, list[Any]] = {name: [] for name in places}
@@ -129,7 +131,7 @@ def read_cells(path: str, file: Any, wanted: Wanted, what: str, first: int = 1) 
     if any(len(column) != len(lines.numbers) for column in columns.values()):
         raise ValueError("a cell in quotation marks goes over several lines")
     texts = {name: TextColumn(tuple(words), columns.pop(name)) for name, words in known.items()}
-    return Cells(np.array(lines.numbers), texts, columns, odd)
+    return TextCells(np.array(lines.numbers), texts, columns, odd)
 
 
 def read_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
@@ -166,7 +168,7 @@ def only_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
 def demand_good(rows: CsvRows) -> CsvRows:
     """The rows. Raises RunError if one was bad; the message names file and line."""
     if rows.bad:
-        raise RunError(f"{rows.path}:{rows.bad[0].line}: {rows.bad[0].reason}")
+        raise RunError(row_checks.summarised(f"{rows.path}:{row.line}: {row.reason}" for row in rows.bad)[0])
     return rows
 
 
@@ -179,8 +181,7 @@ def identifiers(path: str, read: Collection[str]) -> dict[str, list[str]]:
         RunError: the file cannot be read.
     """
     with open_text(path) as file:
-        rows = itertools.islice(filter(any, csv.reader(file)), LOOKED_AT)
-        columns = [[cell.strip() for cell in column] for column in itertools.zip_longest(*rows, fillvalue="")]
+        columns = [*itertools.zip_longest(*itertools.islice(filter(any, cells_in(file)), LOOKED_AT), fillvalue="")]
     return {
         name: cells
         for name, *cells in columns
@@ -190,6 +191,11 @@ def identifiers(path: str, read: Collection[str]) -> dict[str, list[str]]:
     }
 
 
+def cells_in(lines: Iterable[str], separator: str = ",") -> Iterator[list[str]]:
+    """Yield the stripped cells of each line."""
+    return ([cell.strip() for cell in row] for row in csv.reader(lines, delimiter=separator))
+
+
 def demand_once(place: str, header: Sequence[str], names: Iterable[str]) -> None:
     """Refuse a header that has a column of one of these names twice. Raises RunError with its place."""
     for name in names:
@@ -197,9 +203,13 @@ def demand_once(place: str, header: Sequence[str], names: Iterable[str]) -> None
             raise RunError(f"{place}: the header names the column '{name}' twice: rename one of them, or delete it")
 
 
+IMPORTED: Final = {"readings": "readings", "nodes": "nodes", "positions": "nodes", "points of a trajectory": "track"}
+"""{what a file contains: the kind of `wsnsim import` that makes such files of tables}."""
+
+
 @contextlib.contextmanager
 def open_text(path: str) -> Iterator[Any]:
-    """Open a UTF-8 text that may be compressed with gzip; what cannot be read within the block is a RunError too.
+    """Open a UTF-8 text, or UTF-16 with its mark, perhaps in gzip; what cannot be read in the block is a RunError too.
 
     Raises:
         RunError: the file cannot be read, is no text, is empty, or is not the gzip data that its name promises.
@@ -208,7 +218,11 @@ def open_text(path: str) -> Iterator[Any]:
         raise RunError(f"{path}: cannot be read: {irregular}")
     try:
         with Path(path).open("rb") as file, _decompressed(path, file) as content:
-            yield _LimitedText(content, encoding="utf-8-sig", newline="")
+            wide = content.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+            yield _LimitedText(content, encoding="utf-16" if wide else "utf-8-sig", newline="")
+    except UnicodeDecodeError as error:
+        remedy = f"save it as CSV UTF-8, or write: iconv -f latin1 -t utf-8 {shlex.quote(path)}"
+        raise RunError(f"{path}: cannot be read: not a CSV text in UTF-8 ({error}): {remedy}") from error
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise RunError(f"{path}: cannot be read: its gzip data is damaged or cut off ({error})") from error
     except OSError as error:
@@ -260,7 +274,7 @@ class _LimitedText(io.TextIOWrapper):
         return line
 
 
-class _Lines:
+class _TextLines:
     """The lines of a text that are not blank, as pandas reads them; the header is read first.
 
     Attributes:
@@ -292,13 +306,16 @@ class _Lines:
         return "".join(found)
 
 
-def _present(place: str, header: list[str], wanted: Wanted) -> dict[str, int]:
+def _present(path: str, first: int, header: list[str], wanted: Wanted, what: str) -> dict[str, int]:
     """The index of each wanted column that a file has, by our names."""
     named = {**wanted.texts, **wanted.numbers}
     needed = tuple(theirs for ours, theirs in named.items() if ours not in wanted.optional)
     if not set(needed) <= set(header):
-        raise _without_columns(place, header, needed)
-    demand_once(place, header, named.values())
+        error = _without_columns(f"{path}:{first}", header, needed)
+        if kind := IMPORTED.get(what):
+            raise RunError(f"{error}; a table of another form: wsnsim import {kind} {shlex.quote(path)}")
+        raise error
+    demand_once(f"{path}:{first}", header, named.values())
     return {ours: header.index(theirs) for ours, theirs in named.items() if theirs in header}
 
 

@@ -176,8 +176,7 @@ def mixed_log_density(errors: Floats, sd: float, excess: Excess) -> Floats:
     chance, mean, late = excess.probability, excess.mean, math.hypot(sd, excess.sd)
     direct = math.log1p(-chance) - 0.5 * (errors / sd) ** 2 - math.log(sd)
     other = math.log(chance) - 0.5 * ((errors - mean) / late) ** 2 - math.log(late)
-    result: Floats = np.logaddexp(direct, other) - 0.5 * LOG_TWO_PI
-    return result
+    return np.logaddexp(direct, other) - 0.5 * LOG_TWO_PI
 
 
 def mixed_noise(normals: Floats, sd: float, excess: Excess) -> Floats:

@@ -141,8 +141,7 @@ class Drain(Aimed):
             yield Issue(("faults",), "give either joules or a share")
         if self.duration is not None:
             yield _fault("duration", "a drain happens at once and is not undone: leave out the duration")
-        alike = isinstance(setup, RadioSetup) and getattr(setup.battery, "plain", False)
-        if self.share is not None and alike and isinf(setup.energy.battery):
+        if isinstance(setup, RadioSetup) and setup.plain_batteries and self.share and isinf(setup.energy.battery):
             yield _fault("share", "an infinite battery (energy.battery = .inf) has no share: give joules")
 
 
@@ -178,8 +177,21 @@ class ClockStep(Aimed):
             yield _fault("kind", "has no effect in a network without a target: nothing depends on the time of a clock")
 
 
+class _OfReadings(Aimed):
+    """A fault of readings, or of one of their components."""
+
+    component: str
+
+    def check(self, setup: Setup) -> Iterator[Issue]:
+        """Yield the issues of every fault, and one for a network without readings, or without that component."""
+        yield from Aimed.check(self, setup)
+        if isinstance(setup, BeaconSetup):
+            yield _fault("kind", "has no effect in a network without a target: it has no readings")
+        yield from _wrong_component(self.component, setup, one_unit=getattr(self, "value", 0.0) is None)
+
+
 @part
-class Stuck(Aimed):
+class Stuck(_OfReadings):
     """The readings of a node are stuck: at a value, or at its last reading."""
 
     mechanism: ClassVar[str] = "stuck"
@@ -190,15 +202,9 @@ class Stuck(Aimed):
     ] = None
     component: Annotated[str, COMPONENT] = ""
 
-    def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield the issues of every fault, and one for a network without readings, or without that component."""
-        yield from Aimed.check(self, setup)
-        yield from _without_readings(setup)
-        yield from _wrong_component(self.component, setup, one_unit=self.value is None)
-
 
 @part
-class Bias(Aimed):
+class Bias(_OfReadings):
     """A constant is added to the readings of a node."""
 
     mechanism: ClassVar[str] = "bias"
@@ -206,17 +212,6 @@ class Bias(Aimed):
 
     offset: Annotated[float, READING, "the constant, in the unit of readings"]
     component: Annotated[str, COMPONENT] = ""
-
-    def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield the issues of every fault, and one for a network without readings, or without that component."""
-        yield from Aimed.check(self, setup)
-        yield from _without_readings(setup)
-        yield from _wrong_component(self.component, setup, one_unit=False)
-
-
-def _without_readings(setup: Setup) -> Iterator[Issue]:
-    if isinstance(setup, BeaconSetup):
-        yield _fault("kind", "has no effect in a network without a target: it has no readings")
 
 
 def _wrong_component(component: str, setup: Setup, one_unit: bool) -> Iterator[Issue]:

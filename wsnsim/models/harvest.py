@@ -37,7 +37,7 @@ class Harvester:
         """Times (K + 1,) in s and the power (K,) in W from each to the next. Raises RunError if it cannot be read."""
         names = {name: name for name in ("time", "power", "irradiance")}
         rows = csvfile.only_rows(self.path, csvfile.Wanted(numbers=names, optional=("power", "irradiance")), "powers")
-        times, given = rows.numbers.pop("time"), rows.numbers
+        times, given = rows.numbers["time"], {name: rows.numbers[name] for name in rows.numbers if name != "time"}
         if len(given) != 1:
             raise RunError(f"{self.path}: give one of the columns power (W) and irradiance (W/m²), not {len(given)}")
         wrong = np.flatnonzero((np.diff(times, prepend=-np.inf) <= 0.0) | (times < 0.0))
@@ -59,7 +59,14 @@ class Harvester:
             return Income(0.0, np.inf)
         return Income(float(watts[row]) if row >= 0 else 0.0, turn + float(times[row + 1]))
 
-    def mean_income(self) -> float:
-        """Mean power in W from time 0 to the end of the trace."""
+    def mean_income(self, begin: float, end: float) -> float:
+        """Mean power in W that is offered between two times in s."""
         times, watts = self.trace
-        return float(watts @ np.diff(times) / times[-1])
+        knots = np.concatenate([[0.0], times])
+        joules = np.concatenate([[0.0, 0.0], np.cumsum(watts * np.diff(times))])
+
+        def until(time: float) -> float:
+            turns, rest = divmod(time, times[-1]) if self.repeats else (0.0, time)
+            return float(turns * joules[-1] + np.interp(rest, knots, joules))
+
+        return (until(end) - until(begin)) / (end - begin)

@@ -153,7 +153,7 @@ def _wanted(header: _Header) -> csvfile.Wanted:
     )  # fmt: skip
 
 
-def _rows(cells: csvfile.Cells, header: _Header) -> RecordedRows:
+def _rows(cells: csvfile.TextCells, header: _Header) -> RecordedRows:
     """All rows, in the order of the file."""
     source, receiver = cells.texts["src"], cells.texts["dst"]
     codes = {name: code for code, name in enumerate(dict.fromkeys(source.names + receiver.names))}
@@ -166,7 +166,7 @@ def _rows(cells: csvfile.Cells, header: _Header) -> RecordedRows:
     return RecordedRows(np.rec.fromarrays(columns, dtype=list(TYPES.items())), tuple(codes))
 
 
-def _checks(cells: csvfile.Cells, header: _Header) -> Iterator[row_checks.Check]:
+def _checks(cells: csvfile.TextCells, header: _Header) -> Iterator[row_checks.Check]:
     """Yield which rows cannot be used, and why."""
     (sources, source), (receivers, receiver), values = cells.texts["src"], cells.texts["dst"], cells.numbers
 
@@ -193,7 +193,7 @@ def _checks(cells: csvfile.Cells, header: _Header) -> Iterator[row_checks.Check]
     yield np.isnan(values["datetime"]), lambda row: f"datetime {A_TIME}, is {cells.shown('datetime', row)}"
 
 
-def _beyond(cells: csvfile.Cells, name: str, least: float, most: float, row: int) -> str:
+def _beyond(cells: csvfile.TextCells, name: str, least: float, most: float, row: int) -> str:
     return f"{name} must be a number from {least:g} to {most:g}, is {cells.shown(name, row)}"
 
 

@@ -299,8 +299,7 @@ class ConstantVelocity(InPlane, LinearMotion):
         assert self.room is not None, "__post_init__ requires a room for this course"
         low, high = np.array(self.room[::2])[:, None], np.array(self.room[1::2])[:, None]
         places = states[list(self.position)]
-        result: Bools = (low - self.slack <= places) & (places <= high + self.slack)
-        return result
+        return (low - self.slack <= places) & (places <= high + self.slack)
 
     def _room_in_words(self) -> str:
         assert self.room is not None, "__post_init__ requires a room for this course"

@@ -117,6 +117,9 @@ class LogNormal:
         float, Quantity("dB", ge=0.0, le=60.0), "with `sinr`: how much stronger a later frame must be to take over"
     ] = 3.0
     modulation: Annotated[Modulation, "oqpsk: IEEE 802.15.4 at 2.4 GHz; ncfsk: non-coherent FSK"] = "oqpsk"
+    fitted_on: Annotated[
+        tuple[str, ...], "digests of the recorded links that the values were fitted to, as `wsnsim fit` writes them"
+    ] = ()
 
     perfect: ClassVar[bool] = False
 

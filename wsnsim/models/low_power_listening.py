@@ -218,9 +218,7 @@ class XMac(LowPowerListening):
         between = self.period - self.turnaround
         in_window = between / self.interval
         return RadioUse(
-            frames=(
-                self.frames(self.strobe_bits, heard), self.frames(on_air, expects * frame, held=True)
-            ),
+            frames=(self.frames(self.strobe_bits, heard), self.frames(on_air, expects * frame, held=True)),
             held=expects * (on + np.mean(waits * early)),
             starts=expects * (1.0 - np.mean(early) - in_window),
             listening=-np.nanmean(open_for) * heard - expects * in_window * (self.window - 0.5 * between),

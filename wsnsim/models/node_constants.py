@@ -56,7 +56,7 @@ class OfNodes(OfDistance):
     constant: ClassVar[str]
     reach: float
     target_height: float | None
-    nodes: tuple[int | str, ...]
+    nodes: tuple[int | str, ...] = ()
 
     @property
     def constants(self) -> Constants:

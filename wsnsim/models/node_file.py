@@ -19,6 +19,7 @@ from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import ASSUMED, outside, too_few_for_a_cluster, uncovered
 from wsnsim.models.csvfile import Wanted, demand_good, identifiers, only_rows, read_rows
 from wsnsim.models.deploy import field_around
+from wsnsim.models.row_checks import more_like_it
 from wsnsim.models.unit_checks import degrees_said
 
 MARGIN: Final = Quantity("m", ge=0, le=1e6)
@@ -131,9 +132,11 @@ class FromFile:
         """
         rows = only_rows(self.path, Wanted(numbers={"x": self.columns.x, "y": self.columns.y}), "positions")
         positions = np.column_stack([rows.numbers["x"], rows.numbers["y"]])
-        for row in np.flatnonzero(~field.contains(positions))[:1].tolist():
+        beyond = np.flatnonzero(~field.contains(positions)).tolist()
+        for row in beyond[:1]:
             x, y = positions[row].tolist()
-            raise RunError(f"{self.path}:{rows.lines[row]}: {outside((x, y), field)}")
+            more = more_like_it(len(beyond) - 1)
+            raise RunError(f"{self.path}:{rows.lines[row]}: {outside((x, y), field)}{more}")
         return positions
 
     def check(self, setup: Setup) -> Iterator[Issue]:

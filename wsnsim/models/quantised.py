@@ -352,8 +352,7 @@ class Quantised(OfCells, OfLaw):
 
 def density(z: Floats) -> Floats:
     """The standard normal density."""
-    result: Floats = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
-    return result
+    return np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
 
 
 def log_between(low: Floats, high: Floats) -> Floats:

@@ -159,6 +159,7 @@ class TimeDifference(OfNodes):
     constant: ClassVar[str] = BIAS
     relative: ClassVar[bool] = True
     constants: ClassVar[Constants] = Constants("", (), 0.0)
+    gain_prior: ClassVar[float] = 0.0
     ranges: ClassVar[None] = None  # type: ignore[assignment]
     """No distance follows from a reading."""
     reading_limits: ClassVar[tuple[float, float]] = (-GREATEST_RANGE, GREATEST_RANGE)

@@ -23,8 +23,10 @@ from wsnsim.base.ports import SensorModel
 from wsnsim.base.sensing import recorded_traits
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile, row_checks
+from wsnsim.models.bearing import TURN
 from wsnsim.models.recorded_issues import recorded_issues
 from wsnsim.models.sensing import OfLaw
+from wsnsim.models.unit_checks import remedy
 
 COUNT: Final = "count"
 """The trait of a node that is the number of readings of which its reading is the mean. It may change at each step."""
@@ -261,6 +263,8 @@ class RecordedSensor(OfLaw):
         readings, targets = rows.numbers["reading"], rows.numbers.get("target", np.zeros(len(rows.lines)))
         beyond = (readings < least) | (readings > most)
         between = f"{self.columns.reading} must be between {least:g} and {most:g}"
+        if most == TURN and beyond.any():
+            between = f"{between} rad; degrees? Write: {remedy(self.path, 'readings', '--unit deg')}; it"
         yield beyond, lambda row: f"{between}, is {readings[row]:g}"
         broken = (targets != np.floor(targets)) | (np.abs(targets) > 1e9)
         yield broken, lambda row: f"{self.columns.target} must be a whole number, is {targets[row]:g}"

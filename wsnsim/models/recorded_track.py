@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Final, NamedTuple
@@ -13,7 +14,7 @@ from wsnsim.base.errors import Issue, RunError, shortened
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models import csvfile, row_checks
-from wsnsim.models.unit_checks import degrees_said
+from wsnsim.models.unit_checks import degrees_said, remedy
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
 ROUNDING: Final = 1e-9
@@ -45,21 +46,21 @@ class RecordedPoints(NamedTuple):
     bad: tuple[row_checks.BadRow, ...]
 
 
-def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, remedy: str) -> RecordedPoints:
+def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, skipping: str) -> RecordedPoints:
     """The trajectory of a file, whose rows may stand in any order.
 
     Args:
         path: The file.
         names: Its names of time, x, y and z; it may lack z.
         skip_bad_rows: Whether rows that cannot be used are left out, instead of refused.
-        remedy: What the message says that leaves them out.
+        skipping: What the message says that leaves them out.
 
     Raises:
         RunError: The file cannot be used, or has several movers; the message names file and line, or the movers.
     """
     rows = csvfile.read_rows(path, csvfile.Wanted(numbers=names, optional=("z",)), "points of a trajectory")
     _demand_one_mover(path, names)
-    rows = rows.without(*_conflicts(rows), skip=skip_bad_rows, remedy=remedy)
+    rows = rows.without(*_conflicts(rows), skip=skip_bad_rows, remedy=skipping)
     times, first = np.unique(rows.numbers["time"], return_index=True)
     if len(times) < 2:
         raise RunError(f"{path}: at least two points of different times are needed")
@@ -155,31 +156,37 @@ class RecordedTrack(Straight):
         return recorded_points(self.path, numbers, self.skip_bad_rows, row_checks.SKIPPING)
 
 
-def _demand_one_mover(path: str, names: Mapping[str, str]) -> None:
-    """Refuse a file with a column by which the path becomes less than half as long: its values are several movers.
+def movers_said(path: str, column: str, names: row_checks.TextColumn, times: Floats, x: Floats, y: Floats) -> str:
+    """The message that refuses a path at times (n,), which a column makes less than half as long; '' if it does not.
 
-    Where each value belongs to a part of one path, such as the node that heard the target, the parts together are as
-    long as the path. A column with a value for less than three rows numbers rows (our choices).
-
-    Raises:
-        RunError: it has several movers; the message names them.
+    Its values are several movers. Where each value belongs to a part of one path, such as the node that heard the
+    target, the parts together are as long as the path. A column with a value for less than three rows numbers rows
+    (our choices).
     """
-    for column, cells in csvfile.identifiers(path, names.values()).items():
-        if not 1 < len(set(cells)) <= len(cells) / 3:
-            continue
+    movers, codes = names
+    if not 1 < len(movers) <= len(codes) / 3:
+        return ""
+    places, order = x + 1j * y, np.argsort(times, kind="stable")
+    each = order[np.argsort(codes[order], kind="stable")]
+    with np.errstate(over="ignore", invalid="ignore"):  # places that are too far are refused elsewhere
+        whole, parts = np.abs(np.diff(places[order])), np.abs(np.diff(places[each]))
+    if not parts[np.diff(codes[each]) == 0].sum() < 0.5 * whole.sum():
+        return ""
+    option = f"--column {shlex.quote(f'id={column}')} --id {shlex.quote(movers[0])}"
+    return (
+        f"{path}: the column '{column}' names {len(movers)} movers, {shortened(', '.join(movers))}: give each a file "
+        f"of its own, such as {remedy(path, 'track', option)}"
+    )
+
+
+def _demand_one_mover(path: str, names: Mapping[str, str]) -> None:
+    """Refuse a file with a column that names several movers. Raises RunError that names them."""
+    for column in csvfile.identifiers(path, names.values()):
         rows = csvfile.read_rows(
             path, csvfile.Wanted({"id": column}, {key: names[key] for key in ("time", "x", "y")}), ""
         )
-        places, (movers, codes) = rows.numbers["x"] + 1j * rows.numbers["y"], rows.texts["id"]
-        order = np.argsort(rows.numbers["time"], kind="stable")
-        each = order[np.argsort(codes[order], kind="stable")]
-        with np.errstate(over="ignore", invalid="ignore"):  # places that are too far are refused below
-            whole, parts = np.abs(np.diff(places[order])), np.abs(np.diff(places[each]))
-        if parts[np.diff(codes[each]) == 0].sum() < 0.5 * whole.sum():
-            remedy = f"give each a file of its own, such as wsnsim import track --column id={column} --id {movers[0]}"
-            raise RunError(
-                f"{path}: the column '{column}' names {len(movers)} movers, {shortened(', '.join(movers))}: {remedy}"
-            )
+        if said := movers_said(path, column, rows.texts["id"], *(rows.numbers[key] for key in ("time", "x", "y"))):
+            raise RunError(said)
 
 
 def _conflicts(rows: row_checks.CsvRows) -> Iterator[row_checks.Check]:

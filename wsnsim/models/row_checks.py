@@ -26,6 +26,8 @@ SKIPPING: Final = "skip_bad_rows: true leaves them out, and the result names the
 SkipBadRows: TypeAlias = Annotated[
     bool, "whether rows that cannot be used are left out and counted, instead of refused"
 ]
+VARYING: Final = re.compile(r"""'[^']*+'|"[^"]*+"|[-+]?\d[-+\d.,e]*+|nan|inf""")
+"""What differs between messages on rows with equal errors."""
 DATED: Final = re.compile(r"must be a finite number, is '\d{4}-\d\d-\d\d")
 """What is said of a cell that holds a date."""
 
@@ -128,29 +130,42 @@ def refused(lines: Ints, *checks: Check) -> Iterator[BadRow]:
 
 
 def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int, remedy: str = "") -> str:
-    """A message that names the first bad rows of a file with their lines, of `rows` in all, and what helps."""
+    """A message that names the first row with each error of a file, of `rows` in all, and what helps."""
     if all(DATED.search(row.reason) for row in bad):
-        like = f" ({len(bad) - 1:,} more rows like it)" if len(bad) > 1 else ""
         dates = f"times are seconds; write: wsnsim import readings (or track) {shlex.quote(path)}, which reads dates"
-        return f"{path}:{bad[0].line}: {bad[0].reason}{like}: {dates}"
-    listed = row_texts(path, bad[:MOST_PRINTED])
-    more = len(bad) - len(listed)
-    rest = [words for words in (f"and {more} more" if more else "", remedy) if words]
-    return "\n  ".join([f"{path}: {len(bad)} of {rows} rows cannot be used:", *listed, *rest])
+        return f"{path}:{bad[0].line}: {bad[0].reason}{more_like_it(len(bad) - 1)}: {dates}"
+    said = f"{path}: {len(bad):,} of {rows:,} rows cannot be used:"
+    return "\n  ".join([said, *summarised(row_texts(path, bad)), *([remedy] if remedy else [])])
 
 
 def limited(path: str, bad: Iterable[BadRow]) -> list[BadRow]:
     """The bad rows of a file, ascending. Raises RunError where there are more than `MOST_BAD`."""
     rows = sorted(itertools.islice(bad, MOST_BAD + 1), key=lambda row: row.line)
     if len(rows) > MOST_BAD:
-        listed = row_texts(path, rows[:MOST_PRINTED])
-        raise RunError("\n  ".join([f"{path}: more than {MOST_BAD:,} rows cannot be used:", *listed, "and more"]))
+        said = f"{path}: more than {MOST_BAD:,} rows cannot be used:"
+        raise RunError("\n  ".join([said, *summarised(row_texts(path, rows)), "and more"]))
     return rows
 
 
 def row_texts(path: str, bad: Sequence[BadRow]) -> list[str]:
     """Bad rows, a text each with file, line and reason, without the file's folder."""
     return [f"{Path(path).name}:{row.line}: {row.reason}" for row in bad]
+
+
+def more_like_it(more: int, remedy: str = "") -> str:
+    """What follows a message on a row if so many more rows have the same error; and what helps."""
+    also = f"; {remedy}" if remedy else ""
+    return f" ({more:,} more row{'s' * (more > 1)} like it{also})" if more else ""
+
+
+def summarised(texts: Iterable[str]) -> list[str]:
+    """The first of the texts on rows with equal errors, with the number of the others; of each of `MOST_PRINTED`."""
+    alike: dict[str, list[str]] = {}
+    for text in texts:
+        alike.setdefault(VARYING.sub("", text), []).append(text)
+    said = [each[0] + more_like_it(len(each) - 1) for each in alike.values()]
+    left = len(said) - MOST_PRINTED
+    return [*said[:MOST_PRINTED], *([f"and {left:,} other kinds of errors"] if left > 0 else [])]
 
 
 def first_of_equal(among: Bools, *keys: Floats | Ints) -> Ints:

@@ -79,8 +79,7 @@ class Rssi(OfNodes):
 
     def _means(self, squared: Floats) -> Floats:
         distances = np.maximum(np.sqrt(squared), self.floor)
-        means: Floats = self.z0 - 10.0 * self.eta * np.log10(distances / self.d0)
-        return means
+        return self.z0 - 10.0 * self.eta * np.log10(distances / self.d0)
 
     @property
     def _dof(self) -> float:

@@ -17,6 +17,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Ints, planar
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import SensorModel
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import acoustic as kernels
 from wsnsim.models.bounds import ACCURACY, LENGTH, LOG_TWO_PI, POWER_OF_SOUND
@@ -171,7 +172,7 @@ def coordinates(points: Floats) -> tuple[Floats, Floats]:
 class OfLaw:
     """The base of sensor models whose readings follow those of another one, the `law`: as the law, but for changes."""
 
-    law: Any
+    law: SensorModel
 
     @property
     def reach(self) -> float:
@@ -181,30 +182,25 @@ class OfLaw:
     @property
     def trait_names(self) -> tuple[str, ...]:
         """The law's traits."""
-        names: tuple[str, ...] = self.law.trait_names
-        return names
+        return self.law.trait_names
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
         """(nodes, T) as the law."""
-        traits: Floats = self.law.draw_traits(nodes, rng)
-        return traits
+        return self.law.draw_traits(nodes, rng)
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
         """(n,) readings that the law would give."""
-        readings: Floats = self.law.measure(points, positions, traits, noise)
-        return readings
+        return self.law.measure(points, positions, traits, noise)
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
     ) -> Floats:
         """(N,) as the law."""
-        logs: Floats = self.law.log_likelihood(points, readings, positions, traits, owners)
-        return logs
+        return self.law.log_likelihood(points, readings, positions, traits, owners)
 
     def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
         """Expected readings, gradients and variances, as the law."""
-        linear: tuple[Floats, Floats, Floats] = self.law.linearise(points, positions, traits)
-        return linear
+        return self.law.linearise(points, positions, traits)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield the issues of the law."""

@@ -3,6 +3,7 @@
 degrees_said(path, kind, x, y), remedy   what refuses columns of degrees, and the command that converts them
 too_close(points, reach, least)          what a set of places says of its unit
 slower_than_stated(times, x, y, speeds)  whether a track contradicts its own speeds
+unlikely_speeds(times, x, y)             whether it is too fast for metres, or jumps
 
 Scenarios (`check`) and `wsnsim import` use the same checks. All limits are our choice.
 """
@@ -27,8 +28,12 @@ FAR: Final = 5.0
 """How many times farther from (0, 0) than their extent such places are."""
 LEAST_SPEED: Final = 0.1
 """m/s: slower movers tell nothing of the unit."""
-SLOW: Final = 1e-3
-"""Places that move at less than this part of the speed that the file states: a degree is 111 km."""
+SLOW: Final = 1e-2
+"""Places that move at less than this part of the speed that the file states: a degree is 111 km, a kilometre 1000 m."""
+FAST: Final = 100.0
+"""m/s: movers on the ground whose median speed is greater are several, or in another unit."""
+JUMP, LEAST_JUMP = 10.0, 10.0
+"""How many times faster than 90 % of its steps, and than so many m/s, a jump is."""
 
 
 def degrees_said(path: str, kind: str, x: str, y: str) -> str:
@@ -81,3 +86,23 @@ def slower_than_stated(times: Floats, x: Floats, y: Floats, speeds: Floats) -> s
     found = float(np.median(np.hypot(np.diff(x), np.diff(y))[moving] / passed[moving]))
     stated = float(np.median(speeds[1:][moving]))
     return f"moves by {found:.3g} a second at {stated:.3g} m/s" if found < SLOW * stated else ""
+
+
+def unlikely_speeds(times: Floats, x: Floats, y: Floats) -> str:
+    """What is doubtful in the speeds of a track at ascending times (n,) in s and places (n,) in m; '' if nothing."""
+    passed, steps = np.diff(times), np.hypot(np.diff(x), np.diff(y))
+    speeds = np.divide(steps, passed, out=np.zeros_like(steps), where=passed > 0.0)
+    if not speeds.size:
+        return ""
+    middle, usual = np.quantile(speeds, (0.5, 0.9), method="lower").tolist()
+    if middle > FAST:
+        return f"moves at {middle:.3g} m/s: several movers in one (--column id=NAME), or not in m (--unit mm)?"
+    jumps = np.flatnonzero(speeds > max(JUMP * usual, LEAST_JUMP))
+    if not jumps.size:
+        return ""
+    first = jumps[0]
+    more = f", and {jumps.size - 1:,} more times" if jumps.size > 1 else ""
+    return (
+        f"jumps by {steps[first]:.4g} m in {passed[first]:.3g} s at {times[first + 1]:.10g} s{more}: a wrong row, or "
+        "another mover?"
+    )

@@ -112,9 +112,7 @@ class Visits(InPlane):
     def __post_init__(self) -> None:
         """Raises ValueError for values that contradict each other."""
         if [self.rate, self.times, self.path].count(None) != 2:
-            raise ValueError(
-                "give one of the rate of visits, such as rate: 1/h, the times: [t, ...] at which they begin, and a path"
-            )
+            raise ValueError("give one of rate, such as 1/h, times, at which visits begin, and path, a file of times")
         if self.lasting is None and not isinstance(self.of, Crossing):
             raise ValueError("lasting: of this motion, say how long a visit lasts")
         if self.profile is not None and (self.rate is None or len(self.profile) != HOURS or not sum(self.profile)):
@@ -216,6 +214,25 @@ class Visits(InPlane):
         """The longest possible duration of a visit in s."""
         return self.lasting if self.lasting is not None else self.of.longest  # type: ignore[attr-defined]
 
+    def closeness(self) -> Issue | None:
+        """What is wrong with the listed visits: their file, or that two of them would overlap."""
+        place = ("motion", "path" if self.path else "times")
+        try:
+            closest = float(np.diff(self.begins).min(initial=np.inf))
+        except RunError as error:
+            return Issue(place, str(error))
+        if closest > self.longest:
+            return None
+        return Issue(
+            place,
+            f"visits last up to {self.longest:g} s, and two begin {closest:g} s apart: one target makes one visit "
+            "at a time; leave more time between them, or give several targets",
+        )
+
+    def frequency(self, horizon: float) -> float:
+        """Visits per s in the long run; of listed ones, those that begin before the horizon (s) over the horizon."""
+        return self.rate if self.rate is not None else float((self.begins < horizon).sum()) / horizon
+
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
         """(D, N) each state after one step of a visit, with process noise."""
         return self.of.propagate(states, dt, keys, time)
@@ -241,18 +258,8 @@ class Visits(InPlane):
         if isinstance(self.of, Visits):
             yield Issue(("motion", "of"), "a visit is no series of visits: name the motion of one")
             return
-        key = "path" if self.path else "times"
-        try:
-            closest = float(np.diff(self.begins).min(initial=np.inf))
-        except RunError as error:
-            yield Issue(("motion", key), str(error))
-            closest = math.inf
-        if closest <= self.longest:
-            yield Issue(
-                ("motion", key),
-                f"visits last up to {self.longest:g} s, and two begin {closest:g} s apart: one target makes one visit "
-                "at a time; leave more time between them, or give several targets",
-            )
+        if issue := self.closeness():
+            yield issue
         yield from getattr(self.of, "check", lambda _: ())(setup)
 
 

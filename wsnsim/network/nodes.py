@@ -240,12 +240,6 @@ class Nodes(NodeStates):
             self._watch(node)
         return bits
 
-    def all_outlast(self, nodes: list[int], joules: float) -> bool:
-        """Whether all nodes are up, and none could run out if it spent this much in addition."""
-        limit, alive, spent = self.battery * BELOW_BATTERY - joules - self._tight, self.alive, self._spent
-        below = self.all_listen and self.ledger.ceiling < limit
-        return below or not [node for node in nodes if not alive[node] or spent[node] >= limit]
-
     def can_all_receive(self, nodes: Ints, joules: float) -> bool:
         """Whether none of the nodes (n,) could die of a reception: `receive_all` may book it."""
         limit = self.battery * BELOW_BATTERY - joules - self._reserve
@@ -277,8 +271,8 @@ class Nodes(NodeStates):
                 self._die(node, ())
         for nodes, cause, joules in self.consumption.pending_charges(living[~tight]):
             self.ledger.book_each(nodes, cause, np.maximum(joules, -self.ledger.joules[cause][nodes]))
-        for node in np.flatnonzero(~self.living).tolist() if self._timed is not None else ():
-            if node not in self.died_at:
+        if self._timed is not None:
+            for node in set(np.flatnonzero(~self.living).tolist()) - set(self.died_at):
                 self._timed.elapse(node, 0.0, up=False)
         self.consumption.close()
         self._reserve = self._tight = 0.0

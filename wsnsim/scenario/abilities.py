@@ -99,9 +99,11 @@ def _cannot_estimate_gains(scenario: Scenario, setup: TrackingSetup) -> Iterator
         able = _able(scenario, "tracker", "estimates_gains")
         yield Issue(path, f"{tracker.kind} keeps no gains of sensors beside the state; these do: {able}")
     if not hasattr(setup.filter_sensor, "gain_prior"):
+        why = "are factors of the signal, which no filter estimates"
+        if hasattr(setup.filter_sensor, "reading_bits"):
+            why = "cannot be taken off a reading that names a cell, and no filter estimates them"
         able = _able(scenario, "sensor", "gain_prior")
-        message = f"gains of {sensor.kind} are factors of the signal, which no filter estimates; it can: {able}"
-        yield Issue(path, message)
+        yield Issue(path, f"gains and biases of {sensor.kind} {why}; it can with sensor: {able}")
 
 
 def _able(scenario: Scenario, role: str, ability: str) -> str:

@@ -264,7 +264,7 @@ def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
     """
     data: dict[str, Any] = tree.plain()
     parts = [(path, model.part) for path, model in _chosen_models(chosen)]
-    parts += [((*path, name), inner) for path, part in parts for name, inner in nested_of(part).items()]
+    parts += [((*path, name), inner) for path, part in parts for name, inner in nested_of(cast(Any, part)).items()]
     for path, part in parts:
         names = names_of(part)
         for field in filter(is_path, names):

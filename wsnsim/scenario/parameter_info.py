@@ -176,8 +176,9 @@ def json_schema() -> dict[str, Any]:
     for definition in schema["$defs"].values():
         definition.pop("required", None)
     schema["properties"]["extends"] = {
-        "type": "string",
-        "description": "the scenario (a file or a shipped name) that this one changes",
+        "type": ["string", "array"],
+        "items": {"type": "string"},
+        "description": "the scenario (a file or a shipped name) that this one changes, or several; later ones count",
     }
     whole = {"$schema": DIALECT, **schema, "if": {"required": ["extends"]}, "then": {}, "else": strict}
     plain: dict[str, Any] = plain_json(whole)

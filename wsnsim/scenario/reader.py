@@ -9,6 +9,7 @@ on are text. Duplicate keys are issues; a merge key `<<` may repeat a key.
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Mapping
@@ -71,27 +72,31 @@ def _of_dict(source: Mapping[str, Any], plugins: Plugins) -> ScenarioText:
 
 
 def _extended(text: ScenarioText, folder: Path, extending: tuple[Path, ...]) -> ScenarioText:
-    """Return a text of a folder merged with the file that its key `extends` names, if it has one."""
+    """Return a text of a folder merged with the files that its key `extends` names; later ones count."""
     tree = text.tree
     if tree is None or not isinstance(tree.value, dict) or "extends" not in tree.value:
         return text
     own = LocatedValue({key: entry for key, entry in tree.value.items() if key != "extends"}, tree.spot)
-    node = tree.value["extends"].node
-    named = isinstance(node.value, str)
-    file = text_file(node.value, folder) if named and node.value else TextFile(None, None, [])
-    problem = ""
-    if file.path is None:
-        problem = f"there is no scenario {node.value!r}" if named else "expected the name of a scenario"
-        problem += f" ({_nearest(str(node.value))})"
-    elif file.path.resolve() in extending:
-        problem = f"{file.path} extends itself"
-    if problem:
-        return text._replace(tree=own, issues=[*text.issues, node.spot.issue(("extends",), problem)])
-    if len(extending) > MOST_EXTENDED:
-        raise ScenarioError([node.spot.issue(("extends",), f"more than {MOST_EXTENDED} files extend each other")])
-    base = _of_file(file, tree.spot.origin.plugins, extending)
-    merged = own if base.tree is None else base.tree.merged(own)
-    return text._replace(tree=merged, issues=[*text.issues, *base.issues])
+    entry = tree.value["extends"].node
+    bases = list[ScenarioText]()
+    for node in entry.value if isinstance(entry.value, list) and entry.value else [entry]:
+        named = isinstance(node.value, str)
+        file = text_file(node.value, folder) if named and node.value else TextFile(None, None, [])
+        problem = ""
+        if file.path is None:
+            problem = f"there is no scenario {node.value!r}" if named else "expected the name of a scenario, or a list"
+            problem += f" ({_nearest(str(node.value))})" * named
+        elif file.path.resolve() in extending:
+            problem = f"{file.path} extends itself"
+        if problem:  # what the files lack without their base would follow from it
+            return text._replace(tree=None, issues=[*text.issues, node.spot.issue(("extends",), problem)])
+        if len(extending) > MOST_EXTENDED:
+            raise ScenarioError([node.spot.issue(("extends",), f"more than {MOST_EXTENDED} files extend each other")])
+        bases.append(_of_file(file, tree.spot.origin.plugins, extending))
+    issues = [*text.issues, *(issue for base in bases for issue in base.issues)]
+    trees = [base.tree for base in bases if base.tree is not None]
+    unknown = issues and len(trees) < len(bases)
+    return text._replace(tree=None if unknown else functools.reduce(LocatedValue.merged, [*trees, own]), issues=issues)
 
 
 def _nearest(source: str | Path) -> str:

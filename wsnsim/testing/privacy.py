@@ -19,6 +19,7 @@ from wsnsim.base.ports import MotionModel, SensorModel, Tracker
 from wsnsim.base.requests import Local, Member, Request
 from wsnsim.base.rng import derive
 from wsnsim.testing.table import DT, FIRST, Play, Table, another
+from wsnsim.trackers.shared.moments import stepped
 
 
 def examine(request: Request, members: dict[int, Member]) -> None:
@@ -208,13 +209,8 @@ def demand_missed_steps(tracker: Tracker[Any], motion: MotionModel, sensor: Sens
 
 
 def _advanced(motion: MotionModel, estimate: Estimate, trial: _Trial) -> Estimate:
-    """Return the estimate after the steps of a trial, by the linearised motion model."""
-    mean, cov = estimate.mean[:, None], estimate.cov
-    for step in range(trial.steps):
-        time = (trial.begin + step) * DT
-        transitions, noise = motion.matrices(mean, DT, time)
-        mean, cov = motion.advance(mean, DT, time), transitions[0] @ cov @ transitions[0].T + noise
-    return Estimate(mean[:, 0], cov)
+    """An estimate, predicted by the motion model over the steps of a trial."""
+    return Estimate(*stepped(estimate.mean, estimate.cov, motion, DT, trial.begin * DT, trial.steps))
 
 
 def _near(before: Estimate, found: Estimate, expected: Estimate) -> bool:

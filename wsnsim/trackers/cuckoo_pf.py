@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -59,25 +59,7 @@ class Generation(NamedTuple):
     keep: float
 
 
-@dataclass(frozen=True, slots=True)
-class Search:
-    """What happens in place of a resampling, generation after generation.
-
-    `random_alpha`: α is multiplied by a standard normal, eq. (5); `by_change`: flights by Δk, eq. (10). A hunt ends
-    after a generation in which the best fitness grows by less than `least_gain`, as a share of it.
-    """
-
-    schedule: tuple[Generation, ...]
-    exponent: float
-    random_alpha: bool
-    by_change: bool
-    variant: Variant
-    fitness: Fitness
-    move: Move
-    least_gain: float = 0.0
-
-
-def searched(search: Search, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
+def searched(search: Nests, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
     """The belief after at least one reading, its particles equally weighted.
 
     literal: the predicted particles hunt, and are weighed where they end; mean and covariance are weighted.
@@ -105,11 +87,12 @@ def _summed_up(cloud: Floats, log_weights: Floats, scene: Scene) -> CloudBelief:
     return CloudBelief(mean, cov, scene.head, effective, Pool(cloud, np.zeros(log_weights.size)))
 
 
-def hunt(cloud: Floats, fitness: Floats, score: Score, search: Search, scene: Scene) -> None:
+def hunt(cloud: Floats, fitness: Floats, score: Score, search: Nests, scene: Scene) -> None:
     """Let a cloud (D, N) of known fitness (N,) search, in place: each generation a flight and a replacement.
 
-    A proposal is taken if it is fitter. Δk is the change of fitness over the *previous* generation, and 1 in the first:
-    the paper's, over the one to come, cannot be known. So a nest that did not improve does not fly in the next one.
+    A proposal is taken if it is fitter. The hunt ends after a generation in which the best fitness grows by less than
+    `search.least_gain`, as a share of it. Δk is the change of fitness over the *previous* generation, and 1 in the
+    first: the paper's, over the one to come, cannot be known. So a nest that did not improve does not fly in the next.
     """
     rows, deviation = _rows(search, scene), levy_deviation(search.exponent)
     flights, nests = keys_of(scene, fitness.size, FLIGHT), keys_of(scene, fitness.size, NEST)
@@ -141,7 +124,7 @@ class _Half:
     nests: Keys
 
 
-def walk(cloud: Floats, fitness: Floats, before: Floats, score: Score, search: Search, scene: Scene) -> None:
+def walk(cloud: Floats, fitness: Floats, before: Floats, score: Score, search: Nests, scene: Scene) -> None:
     """Make a cloud (D, N) the state of Markov chains that leave Π_i p(z | x_i) p(x_i | before_i) as it is, in place.
 
     The moves of `hunt`, tested by Metropolis and Hastings. Even and odd columns move in turn, each half with the best
@@ -160,7 +143,7 @@ def walk(cloud: Floats, fitness: Floats, before: Floats, score: Score, search: S
     fitness[0::2], fitness[1::2] = even.fitness, odd.fitness
 
 
-def _advance(mine: _Half, others: _Half, score: Score, search: Search, number: int, scene: Scene) -> None:
+def _advance(mine: _Half, others: _Half, score: Score, search: Nests, number: int, scene: Scene) -> None:
     """One generation of one half, given the other: a flight and a replacement, each accepted or not."""
     rows, (alpha, keep) = _rows(search, scene), search.schedule[number]
     best, draw = others.cloud[:, np.argmax(others.fitness)].copy(), (4 * rows.size + 2) * number
@@ -192,7 +175,7 @@ def absolute_score(seen: Evidence, scene: Scene) -> Score:
     return score
 
 
-def _rows(search: Search, scene: Scene) -> Ints:
+def _rows(search: Nests, scene: Scene) -> Ints:
     """(Q,) the rows of a cloud that move."""
     if search.move == "position":
         return np.array(scene.motion.position, np.int64)
@@ -208,8 +191,11 @@ LENGTH = Quantity("", ge=0, le=1e3)
 
 
 @part
-class Nests:
-    """The parameters of both searches."""
+class Nests(HeadCloud):
+    """What both searches have in common; a subclass gives the `schedule` of the generations."""
+
+    by_change: ClassVar[bool] = False
+    """Whether Δk scales a flight, eq. (10)."""
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles, the nests"] = 100
     generations: Annotated[int, Quantity("", ge=1, le=10_000), "n: generations of the search per step"] = 5
@@ -234,6 +220,20 @@ class Nests:
                 yield Issue(("tracker", "least_gain"), "must be 0 with variant: metropolis, which ends by generations")
 
     @property
+    def random_alpha(self) -> bool:
+        """Whether α is multiplied by a standard normal, eq. (5)."""
+        return False
+
+    @property
+    def schedule(self) -> tuple[Generation, ...]:
+        """α and P of each generation."""
+        raise NotImplementedError
+
+    def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
+        """The belief after the search, with the moments of its result."""
+        return searched(self, prediction, seen, scene)
+
+    @property
     def evaluations(self) -> int:
         """Likelihood evaluations per particle and step."""
         return 1 + 2 * self.generations
@@ -253,7 +253,7 @@ class Nests:
 
 
 @part
-class CuckooPf(Nests, HeadCloud):
+class CuckooPf(Nests):
     """CS-PF: the predicted particles search for states of high likelihood and are weighted there.
 
     The literal search is not a sampler: it climbs the likelihood from the prediction, and the weights use the
@@ -266,22 +266,25 @@ class CuckooPf(Nests, HeadCloud):
     length: Annotated[float, LENGTH, "α: length of a flight, eq. 5"] = 0.01
     keep: Annotated[float, PROBABILITY, "p_a: probability that a nest is kept, eq. 7 as printed"] = 0.25
 
-    def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
-        """The belief after the search, with the moments of its result."""
-        schedule = (Generation(self.length, self.keep),) * self.generations
-        search = Search(
-            schedule, self.exponent, self.alpha == "random", False, self.variant, self.fitness, self.move,
-            self.least_gain,
-        )  # fmt: skip
-        return searched(search, prediction, seen, scene)
+    @property
+    def random_alpha(self) -> bool:
+        """Whether α is multiplied by a standard normal, eq. (5)."""
+        return self.alpha == "random"
+
+    @property
+    def schedule(self) -> tuple[Generation, ...]:
+        """α and P of each generation: always the same."""
+        return (Generation(self.length, self.keep),) * self.generations
 
 
 @part
-class ImprovedCuckooPf(Nests, HeadCloud):
+class ImprovedCuckooPf(Nests):
     """ICS-PF: CS-PF with flights that shorten and nests that are kept less over the generations; Δk scales each flight.
 
     Δk is that of the previous generation, since the printed one needs the fitness after the flight.
     """
+
+    by_change: ClassVar[bool] = True
 
     p_max: Annotated[float, PROBABILITY, "P_max: by how much the probability of keeping decreases, eq. 8"] = 0.3
     p_min: Annotated[float, PROBABILITY, "P_min: probability of keeping in the last generation, eq. 8"] = 0.01
@@ -303,10 +306,3 @@ class ImprovedCuckooPf(Nests, HeadCloud):
             )
             for part in passed
         )
-
-    def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
-        """The belief after the search, with the moments of its result."""
-        search = Search(
-            self.schedule, self.exponent, False, True, self.variant, self.fitness, self.move, self.least_gain
-        )
-        return searched(search, prediction, seen, scene)

@@ -16,7 +16,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Estimate, Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import MotionModel, Scene
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Member, Send
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.grid import WINDOW, spread, weigh
@@ -73,8 +73,7 @@ class GridFilter(HeadFilter):
     @property
     def middles(self) -> Floats:
         """(cells,) the middle of each cell."""
-        middles: Floats = self.low + self.width * (np.arange(self.cells, dtype=np.float64) + 0.5)
-        return middles
+        return self.low + self.width * (np.arange(self.cells, dtype=np.float64) + 0.5)
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[GridBelief]:
         """The prior's Gaussian on the grid. Raises RunError for a state of more than one column."""
@@ -130,21 +129,19 @@ class GridFilter(HeadFilter):
         return spread(np.ones(1), np.asarray(mean, dtype=np.float64), deviation, self.low, self.width, self.cells)
 
     def _moved(self, masses: Floats, scene: Scene, time: float, steps: int) -> Floats:
-        """(cells,) masses `steps` steps after `time`."""
+        """(cells,) masses `steps` steps after `time`.
+
+        They are spread by the process noise, widened to a cell and to its image.
+        """
         points = self.middles[None]
         for step in range(steps):
             now = time + step * scene.dt
             moved = np.ascontiguousarray(scene.motion.advance(points, scene.dt, now)[0])
-            deviations = self._deviations(scene.motion, points, scene.dt, now)
+            transitions, noise = scene.motion.matrices(points, scene.dt, now)
+            least = self.width * np.maximum(np.abs(transitions[:, 0, 0]), 1.0)
+            deviations = np.maximum(least, np.sqrt(noise[0, 0]))
             masses = spread(masses, moved, deviations, self.low, self.width, self.cells)
         return masses
-
-    def _deviations(self, motion: MotionModel, points: Floats, dt: float, time: float) -> Floats:
-        """(cells,) by how much each cell's mass is spread: the process noise, widened to a cell and to its image."""
-        transitions, noise = motion.matrices(points, dt, time)
-        least = self.width * np.maximum(np.abs(transitions[:, 0, 0]), 1.0)
-        widened: Floats = np.maximum(least, np.sqrt(noise[0, 0]))
-        return widened
 
     def _cycles(self, sensors: int, scene: Scene) -> float:
         """Operations of a step: cells times the cells that each is spread over, and cells times readings."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -20,8 +20,7 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Member, Send
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.kernels import gaussian
-from wsnsim.kernels.elementary import particle_keys
-from wsnsim.kernels.particles import moments, weigh
+from wsnsim.kernels.particles import moments
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     Pool,
@@ -32,7 +31,7 @@ from wsnsim.trackers.shared.dealing import (
     restored,
     send_moments,
 )
-from wsnsim.trackers.shared.heads import CloudBelief, HeadFilter
+from wsnsim.trackers.shared.heads import CloudBelief, HeadFilter, keys_of, score_of, summary
 from wsnsim.trackers.shared.moments import noise_issues, predicted, symmetric
 from wsnsim.trackers.shared.readings import Evidence, arrived_groups, covariance_packets, gather_readings, state_packets
 from wsnsim.trackers.shared.stacks import MOVE, Score, propagated_by, snapshot
@@ -46,21 +45,6 @@ class InformationBelief(CloudBelief):
     """
 
     covariances: Floats = field(default_factory=lambda: np.empty((0, 0, 0)))
-
-
-class Proposal(NamedTuple):
-    """Where a step's particles come from, and how their prediction is weighed.
-
-    Attributes:
-        means, covs: (D, N) and (N, D, D) of the Gaussians that they are drawn from; (D, 1), (1, D, D) if it is one.
-        log_prior: (D, N) -> (N,) the log density of the prediction at the particles drawn, up to a constant.
-        log_weights: (N,) log-weights with which they start.
-    """
-
-    means: Floats
-    covs: Floats
-    log_prior: Score
-    log_weights: Floats
 
 
 @part
@@ -165,16 +149,11 @@ class InformationPf(HeadFilter):
 
     def _update(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> InformationBelief:
         """Propose, weigh, and resample if too few particles are effective."""
-        proposal = self._propose(belief, seen, scene)
-        offsets = np.array([0, self.particles])
-        keys = particle_keys(np.array([scene.key], np.uint64), offsets, MOVE)
-        cloud, log_proposal = gaussian.sample(proposal.means, proposal.covs, keys)
-        points = cloud[list(scene.motion.position)]
-        fitness = scene.sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
-        log_weights = proposal.log_weights + fitness + proposal.log_prior(cloud) - log_proposal
-        effective = float(weigh(log_weights, offsets)[0])
-        mean, cov = (moment[0] for moment in moments(cloud, log_weights, offsets))
-        covariances = proposal.covs if self.proposal == "per_particle" else belief.covariances
+        means, covs, log_prior, log_before = self._propose(belief, seen, scene)
+        cloud, log_proposal = gaussian.sample(means, covs, keys_of(scene, self.particles, MOVE))
+        log_weights = log_before + score_of(seen, scene)(cloud) + log_prior(cloud) - log_proposal
+        mean, cov, effective = summary(cloud, log_weights)
+        covariances = covs if self.proposal == "per_particle" else belief.covariances
         pool = Pool(cloud, log_weights)
         if effective < self.threshold * self.particles:
             chosen = resampled(log_weights, self.particles, scene.key)
@@ -182,8 +161,12 @@ class InformationPf(HeadFilter):
             covariances = covariances[chosen] if len(covariances) else covariances
         return InformationBelief(mean, symmetric(cov), scene.head, effective, pool, covariances)
 
-    def _propose(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> Proposal:
-        """The proposal of a step: predicted Gaussians, updated with the readings."""
+    def _propose(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> tuple[Floats, Floats, Score, Floats]:
+        """The proposal of a step: predicted Gaussians, updated with the readings; and how the prediction is weighed.
+
+        Means (D, N) and covariances (N, D, D), or (D, 1), (1, D, D) if it is one Gaussian; the log density of the
+        prediction at points (D, N), up to a constant; the log-weights (N,) with which the particles start.
+        """
         motion, pool = scene.motion, belief.pool
         before, covs, log_weights = pool.cloud, belief.covariances, pool.log_weights
         if self.proposal == "cloud":
@@ -202,7 +185,7 @@ class InformationPf(HeadFilter):
         measured = rows(scene.sensor, seen.readings)
         expected = near(scene.sensor, expected, measured[:, None])
         gaussian.update(means, covs, expected, gradients, variances, measured, columns)
-        return Proposal(means, covs, log_prior, log_weights)
+        return means, covs, log_prior, log_weights
 
 
 def _log_transition(before: Floats, scene: Scene) -> Score:

@@ -21,10 +21,9 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Parcel, Send
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.trackers.shared.fixes import fix_cycles, fixed, usable
-from wsnsim.trackers.shared.heads import HeadFilter
+from wsnsim.trackers.shared.fixes import OfRanges, fix_cycles, fixed, usable
 from wsnsim.trackers.shared.kalman import PLACE, updated_by_fix, updated_by_readings
-from wsnsim.trackers.shared.moments import symmetric
+from wsnsim.trackers.shared.moments import mixed
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
 
 COLUMNS: Final = ("px", "vx", "py", "vy")
@@ -75,7 +74,7 @@ class Mixture:
 
 
 @part
-class MixturePf(HeadFilter):
+class MixturePf(OfRanges):
     """A filter whose particles sample at each step whether the target turns, with probability 1 - exp(-dt/τ).
 
     Without a turn the target keeps near-constant velocity; with one it has a new velocity, N(0, turn_sd²) on each axis.
@@ -90,12 +89,7 @@ class MixturePf(HeadFilter):
     are resampled if their effective number is below half of their number (our choice).
     """
 
-    needs: ClassVar[tuple[str, ...]] = ("ranges",)
-    angles: ClassVar[bool] = False
     assumes_gaussian: ClassVar[bool] = True
-    vector_readings: ClassVar[bool] = False
-    relative_readings: ClassVar[bool] = False
-    """Methods that its sensor must have in addition to the port's."""
 
     particles: Annotated[int, Quantity("", ge=1, le=1_000_000), "N_p: particles"] = 1500
     q: Annotated[float, Quantity("m2/s3", ge=0.0, le=1e9), "intensity of the noise in a kept velocity"] = 0.05
@@ -208,10 +202,8 @@ class MixturePf(HeadFilter):
         weights = belief.counts * each
         effective = float(weights.sum() ** 2 / (weights * each).sum())
         weights = weights / weights.sum()
-        mean = weights @ belief.means
-        apart = belief.means - mean
-        cov = np.einsum("k,kij->ij", weights, belief.covs) + (apart * weights[:, None]).T @ apart
-        return replace(belief, mean=mean, cov=symmetric(cov), head=head, effective=effective)
+        mean, cov = mixed(weights, belief.means, belief.covs)
+        return replace(belief, mean=mean, cov=cov, head=head, effective=effective)
 
     def _resampled(self, belief: Mixture, scene: Scene) -> Mixture:
         """The mixture, resampled systematically if the effective number is below half of the particles."""
@@ -234,10 +226,7 @@ class MixturePf(HeadFilter):
         kept = kept_course(mean[None], cov[None], dt, self.q)
         turned = new_course(mean[None], cov[None], dt, self.turn_sd)
         means, covs = (np.concatenate(pair) for pair in zip(kept, turned, strict=True))
-        weights = np.array([1.0 - turn, turn])
-        middle = weights @ means
-        apart = means - middle
-        return middle, symmetric(np.einsum("k,kij->ij", weights, covs) + (apart * weights[:, None]).T @ apart)
+        return mixed(np.array([1.0 - turn, turn]), means, covs)
 
 
 def _other_state(columns: tuple[str, ...]) -> str:
@@ -259,10 +248,5 @@ def new_course(means: Floats, covs: Floats, dt: float, sd: float) -> tuple[Float
     for p, v in zip(PLACE, MOVING, strict=True):
         spread[:, p, v] = spread[:, v, p] = sd * sd * dt
         spread[:, v, v] = sd * sd
-    spread[np.ix_(each, place, place)] = _of_place(covs) + sd * sd * dt * dt * np.eye(2)
+    spread[np.ix_(each, place, place)] = covs[:, PLACE][:, :, PLACE] + sd * sd * dt * dt * np.eye(2)
     return later, spread
-
-
-def _of_place(covs: Floats) -> Floats:
-    """(K, 2, 2) the position's block of each covariance (K, 4, 4)."""
-    return covs[:, PLACE][:, :, PLACE]

@@ -63,22 +63,6 @@ class Predicted(NamedTuple):
     fitness: Floats
 
 
-class Filtered(NamedTuple):
-    """The results of a step, per member.
-
-    Attributes:
-        means: (M, D) the members' own estimates.
-        covs: (M, D, D) their covariances.
-        effective: (M,) the effective number of particles before the move.
-        moving: (M,) whether the member's swarm moved.
-    """
-
-    means: Floats
-    covs: Floats
-    effective: Floats
-    moving: Bools
-
-
 @part
 class PsoMhpf(SpreadFilter[Spread]):
     """PSO-MHPF: members predict, weigh and move their own particles, and send only their local estimates.
@@ -158,12 +142,10 @@ class PsoMhpf(SpreadFilter[Spread]):
         stack, heard = shares.stacked(members, len(scene.motion.columns))
         likelihood = likelihood_of(self.measurements, members, heard, scene)
         before, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)  # eq. 12
-        filtered = self._filtered(stack, before, likelihood, scene)
+        means, covs, effective, moving = self._filtered(stack, before, likelihood, scene)
         shares.store(stack)
-        cycles = self._cycles(stack.counts.tolist(), likelihood.sensors, filtered.moving.tolist(), scene.steps)
-        results = map(
-            local_estimate, zip(filtered.means, filtered.covs, cycles, filtered.effective.tolist(), strict=True)
-        )
+        cycles = self._cycles(stack.counts.tolist(), likelihood.sensors, moving.tolist(), scene.steps)
+        results = map(local_estimate, zip(means, covs, cycles, effective.tolist(), strict=True))
         for member, result in zip(members, results, strict=True):
             member.memory[LOCAL] = result
 
@@ -176,10 +158,13 @@ class PsoMhpf(SpreadFilter[Spread]):
             yield from feed_back(after, scene)
         return after
 
-    def _filtered(self, stack: Stack, before: Floats, likelihood: Likelihood, scene: Scene) -> Filtered:
+    def _filtered(
+        self, stack: Stack, before: Floats, likelihood: Likelihood, scene: Scene
+    ) -> tuple[Floats, Floats, Floats, Bools]:
         """Weigh a stack of predicted particles in place, and move the swarms of those who have few effective ones.
 
-        Eqs. (13)-(24). `before` (D, N) are the particles one step ago.
+        Eqs. (13)-(24). `before` (D, N) are the particles one step ago. Returns the members' own estimates (M, D), their
+        covariances (M, D, D), the effective numbers of particles (M,) before the move, and whose swarms moved (M,).
         """
         carried, fitness = stack.log_weights, likelihood.score(stack)(stack.cloud)
         stack.log_weights = carried + fitness  # eq. 13
@@ -191,7 +176,7 @@ class PsoMhpf(SpreadFilter[Spread]):
             self._move(stack, Predicted(before, carried, fitness), moving, likelihood, scene)
         if self.estimate_when == "after":
             means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
-        return Filtered(means, covs, effective, moving)
+        return means, covs, effective, moving
 
     def _move(self, stack: Stack, predicted: Predicted, moving: Bools, likelihood: Likelihood, scene: Scene) -> None:
         """Move the swarms of those who are `moving` (M,) in place of a resampling, and give them equal weights.

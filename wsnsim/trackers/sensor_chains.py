@@ -246,7 +246,9 @@ class InteractingKalman(SensorChain):
         ids = tuple(node for node, arrived in zip(belief.ids, whole, strict=True) if arrived)
         chances = carried(belief.ids, chances, ids)
         means, covs = (np.ascontiguousarray(moments[..., whole]) for moments in (belief.means, belief.covs))
-        mean, cov = _mixture(means, covs, chances)
+        mean = means @ chances  # eqs. 24, 25
+        around = means - mean[:, None]
+        cov = covs @ chances + (around * chances) @ around.T
         return InteractingBelief(mean, cov, successor, ids=ids, means=means, covs=covs, probabilities=chances)
 
     def _cycles(self, size: int, place: int, sensors: int, steps: int) -> float:
@@ -278,13 +280,6 @@ def _with_filters(belief: InteractingBelief, scene: Scene) -> InteractingBelief:
     return InteractingBelief(
         belief.mean, belief.cov, scene.head, ids=scene.ids, means=means, covs=covs, probabilities=chances
     )
-
-
-def _mixture(means: Floats, covs: Floats, chances: Floats) -> tuple[Floats, Floats]:
-    """Mean (D,) and covariance (D, D) of all filters, eqs. 24, 25."""
-    mean: Floats = means @ chances
-    around = means - mean[:, None]
-    return mean, covs @ chances + (around * chances) @ around.T
 
 
 def chain_readings(scene: Scene) -> Flow[Floats]:

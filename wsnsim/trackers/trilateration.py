@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -23,8 +23,8 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
-from wsnsim.trackers.shared.fixes import usable
-from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter, only_predicted
+from wsnsim.trackers.shared.fixes import OfRanges, usable
+from wsnsim.trackers.shared.heads import GaussianBelief, only_predicted
 from wsnsim.trackers.shared.readings import gather_readings
 
 PAIR_CYCLES = 40.0
@@ -38,7 +38,7 @@ EQUAL_FIT: Final = 1e-9
 
 
 @part
-class Trilateration(HeadFilter):
+class Trilateration(OfRanges):
     """The weighted centroid of the points where circles about the nodes intersect; each pair of circles gives one.
 
     Of two intersections it is the one with the smaller misfit, the sum of its distances from all circles. If both fit
@@ -51,12 +51,6 @@ class Trilateration(HeadFilter):
     fewer than two distances the whole belief is predicted. How an intersection is chosen, the covariance
     and the prediction are our choice: the paper gives only the centroid.
     """
-
-    needs: ClassVar[tuple[str, ...]] = ("ranges",)
-    angles: ClassVar[bool] = False
-    vector_readings: ClassVar[bool] = False
-    relative_readings: ClassVar[bool] = False
-    """Methods that its sensor must have in addition to the port's."""
 
     floor: Annotated[
         float, Quantity("m", ge=1e-6, le=1e7), "standard deviation that the position has if all pairs agree"

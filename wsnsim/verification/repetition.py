@@ -201,7 +201,7 @@ def _base_of(tree: LocatedValue, resolved: Mapping[str, Any]) -> tuple[LocatedVa
         return None, tree, []
     own = LocatedValue({key: value for key, value in tree.value.items() if key != "extends"}, tree.spot)
     root = next(iter(shipped().values())).parent
-    name = str(entry.node.value)
+    name = str(entry.node.plain())
     for folder in (root, root / "bases"):
         path = folder / name
         if path.suffix and path.is_file() and path.resolve().is_relative_to(root):

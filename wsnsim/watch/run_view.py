@@ -1,7 +1,7 @@
 """The live view of a run: its page, and what the page asks for while the run computes.
 
     with RunView(title, runs, port) as view:
-        report = experiment.run(scenario, out=path, progress=view.report, watched=view.recorder)
+        report = experiment.run(scenario, out=path, progress=view.reporting(print), watched=view.recorder)
         view.finish(page)
 
 The thread of the simulation only puts pieces into a queue. A thread of the view encodes them, and the server's threads

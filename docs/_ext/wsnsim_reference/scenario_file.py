@@ -12,7 +12,14 @@ from wsnsim.scenario.texts import template
 from wsnsim.scenario.units import PREFIXES, SYMBOLS, WORDS
 from wsnsim_reference.markdown import code, escaped, fence, generated, table
 
-TYPES = {"integer": "whole number", "number": "number", "string": "text", "boolean": "true or false", "null": "none"}
+TYPES = {
+    "array": "list",
+    "integer": "whole number",
+    "number": "number",
+    "string": "text",
+    "boolean": "true or false",
+    "null": "none",
+}
 BOUNDS = {"minimum": "≥\u00a0", "exclusiveMinimum": ">\u00a0", "maximum": "≤\u00a0", "exclusiveMaximum": "<\u00a0"}
 
 EXTENDS = """
@@ -103,7 +110,8 @@ def _takes(field: dict[str, Any]) -> str:
         return str(choice["const"])
     unit = re.search(r" \[([^]]*)\]$", field.get("description", ""))
     bounds = [f"{sign}{short_number(choice[name])}" for name, sign in BOUNDS.items() if name in choice]
-    kind = TYPES[choice["type"]] + (f" in {unit[1]}" if unit else "")
+    types = choice["type"] if isinstance(choice["type"], list) else [choice["type"]]
+    kind = " or ".join(TYPES[name] for name in types) + (f" in {unit[1]}" if unit else "")
     return ", ".join([kind, *bounds])
 
 

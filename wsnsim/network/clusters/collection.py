@@ -8,18 +8,16 @@ What arrives after the head has gone on is ignored by it, and paid for all the s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import compress
 from typing import Final, TypeAlias
 
 import simpy
 from simpy.events import EventPriority
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.requests import Journeys, Parcel, all_arrived
+from wsnsim.base.requests import Journeys, Parcel
 from wsnsim.network.event_log import Acting, then
-from wsnsim.network.radio.datagrams import Datagram, Unicasts
+from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
 
 Masks: TypeAlias = list[Bools | None]
@@ -71,10 +69,6 @@ class Collection:
             Which packets of each arrived within `deadline` s, None where nothing did, and how they came.
         """
         began, head = self._env.now, self._head
-        if self._window is None and not self._transport.keeps_idle_slots:
-            masks = yield from self._exchange_unicasts(nodes, [head] * len(nodes), parcels)
-            if masks is not None:
-                return masks, Journeys(head, self._env.now - began)
         datagrams = [Datagram(node, head, parcel) for node, parcel in zip(nodes, parcels, strict=True)]
         yield from self.collect(datagrams, deadline)
         if deadline is None:
@@ -90,31 +84,9 @@ class Collection:
 
     def exchange(self, sources: list[int], destinations: list[int], parcels: list[Parcel]) -> Acting[Masks]:
         """Send parcels between the head and members, and wait until all have ended; the masks as in `gather`."""
-        masks = yield from self._exchange_unicasts(sources, destinations, parcels)
-        if masks is None:
-            datagrams = list(map(Datagram, sources, destinations, parcels))
-            yield from self.carry(datagrams, self._head)
-            masks = [datagram.mask if datagram.arrived else None for datagram in datagrams]
-        return masks
-
-    def _exchange_unicasts(
-        self, sources: list[int], destinations: list[int], parcels: list[Parcel]
-    ) -> Acting[Masks | None]:
-        """As `exchange`, where all arrive within the instant; None, and nothing is sent, where they may not."""
-        away = [source != to for source, to in zip(sources, destinations, strict=True)]
-        arrived: Iterator[Bools | None] = iter(())
-        if any(away):
-            unicasts = Unicasts(*_chosen(away, sources, destinations, parcels), self._target)
-            event = self._transport.carry_unicasts(unicasts, self._one_hop)
-            if event is None:
-                return None
-            yield event
-            self.bits += unicasts.bits
-            arrived = iter(unicasts.masks())
-        return [
-            next(arrived) if outside else all_arrived(parcel.packets)
-            for outside, parcel in zip(away, parcels, strict=True)
-        ]
+        datagrams = list(map(Datagram, sources, destinations, parcels))
+        yield from self.carry(datagrams, self._head if sources != destinations else None)
+        return [datagram.mask if datagram.arrived else None for datagram in datagrams]
 
     def collect(self, datagrams: list[Datagram], deadline: float | None = None) -> Acting[None]:
         """Send datagrams to the head; wait until all have ended, for the window, or for `deadline` s if less."""
@@ -125,7 +97,7 @@ class Collection:
             yield from self.carry(datagrams, self._head)
         elif self._takes_time(datagrams, self._head):
             ended = self._transport.carry(datagrams, self._target, self._head, self._one_hop)
-            yield ended | Deadline(self._env, deadline)
+            yield ended if ended.triggered else ended | Deadline(self._env, deadline)
             self.overdue = not ended.triggered
             self.bits += sum(datagram.bits for datagram in datagrams)
         else:
@@ -165,12 +137,6 @@ class Collection:
 
     def _takes_time(self, datagrams: list[Datagram], hub: int | None) -> bool:
         """Whether a node sends to another one, or the head must wait for a round of slots to know that none does."""
-        away = any(datagram.source != datagram.to for datagram in datagrams)
-        return away or (hub is not None and self._transport.keeps_idle_slots)
-
-
-def _chosen(
-    which: list[bool], sources: list[int], destinations: list[int], parcels: list[Parcel]
-) -> tuple[list[int], list[int], list[Parcel]]:
-    """Those of the parcels, with their ends, that `which` names."""
-    return list(compress(sources, which)), list(compress(destinations, which)), list(compress(parcels, which))
+        if hub is not None and self._transport.keeps_idle_slots:
+            return True
+        return any(datagram.source != datagram.to for datagram in datagrams)

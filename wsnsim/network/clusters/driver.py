@@ -34,7 +34,7 @@ from wsnsim.base.requests import (
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.clusters.collection import Collection
 from wsnsim.network.clusters.network_view import NetworkView, WakeIntervals
-from wsnsim.network.event_log import Acting, EventLog, StepClock, event
+from wsnsim.network.event_log import Acting, EventLog, StepClock
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
@@ -55,25 +55,6 @@ class Processors:
     _cpu: Cpu
     operations: float = 0.0
 
-    def compute_all(self, nodes: list[int], operations: Sequence[float], target: int) -> float:
-        """Book a computation at each of several nodes; return the simulated seconds of the longest, 0 for none."""
-        cycles = {each: each * self._cpu.cycles_per_flop for each in set(operations)}
-        joules = {each: self._energy.compute(count) for each, count in cycles.items()}
-        spent = [joules[each] for each in operations]
-        if not nodes or min(spent) <= 0 or not self._nodes.all_outlast(nodes, sum(spent)):
-            seconds = [self.compute(node, each, target) for node, each in zip(nodes, operations, strict=True)]
-            return max(seconds, default=0.0)
-        for count in operations:
-            self.operations += count
-        self._nodes.consumption.mark_all_computing(nodes, [cycles[each] for each in operations])
-        self._nodes.ledger.book_cause(nodes, CPU_CAUSE, spent)
-        now, step = self._clock.env.now, self._clock.step
-        self._event_log.extend(
-            [(now, step, target, node, COMPUTE, 0, 0, 0, -1, 0, 0, each, CPU_EVENT_CAUSE)
-             for node, each in zip(nodes, spent, strict=True)]
-        )  # fmt: skip
-        return max([self._cpu.seconds(count) for count in cycles.values()])
-
     def compute(self, node: int, operations: float, target: int) -> float:
         """Book a computation and return the simulated seconds that it takes; free computations are not logged."""
         self.operations += operations
@@ -82,10 +63,8 @@ class Processors:
         self._nodes.consumption.mark_computing(node, cycles)
         if joules > 0:
             spent = self._nodes.spend(node, CPU_CAUSE, joules)
-            clock = self._clock
-            self._event_log.add(
-                event(clock.env.now, clock.step, target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU_EVENT_CAUSE)
-            )
+            now, step = self._clock.env.now, self._clock.step
+            self._event_log.add((now, step, target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU_EVENT_CAUSE))
         return self._cpu.seconds(cycles)
 
 
@@ -201,7 +180,7 @@ class Driver:
         cycles = request.cycles
         ids = [member.id for member in addressed]
         operations = [cycles(member) for member in addressed] if callable(cycles) else [cycles] * len(ids)
-        seconds = self._services.processors.compute_all(ids, operations, self._target)
+        seconds = max(map(self._compute, ids, operations), default=0.0)
         alive = self._alive
         return tuple([node for node in ids if alive[node]]), seconds
 

@@ -12,7 +12,7 @@ follows a *duty*, which is a duty cycle of its MAC.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import simpy
@@ -24,7 +24,7 @@ from wsnsim.network.energy.battery_watch import LOAD_ALONE, BatteryWatch
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals
 from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable, RadioLevels
-from wsnsim.network.energy.storage import Supply
+from wsnsim.network.energy.storage import BatteryRates
 from wsnsim.network.node_states import SleepStates
 
 
@@ -160,17 +160,12 @@ class BackgroundConsumption:
 
     def mark_computing(self, node: int, cycles: float) -> None:
         """Exclude the time in which the processor of a node computes a number of cycles."""
+        if self._free:
+            return
         seconds = self._table.model.seconds(cycles)
         state = self._state[node]
         self._network_joules[self._processor_cause[state]] -= self._processor[state] * seconds
         self._computed_of[node] += seconds
-
-    def mark_all_computing(self, nodes: Sequence[int], cycles: Sequence[float]) -> None:
-        """`mark_computing` for several nodes in turn, each for cycles of its own."""
-        if self._free:
-            return
-        for node, count in zip(nodes, cycles, strict=True):
-            self.mark_computing(node, count)
 
     def sleep_radio(self, node: int, seconds: float) -> Charges:
         """Return the charges of a radio that sleeps for this time, which the caller has marked as busy."""
@@ -286,7 +281,7 @@ class BackgroundConsumption:
         """Seconds for which nodes with schedules were awake, by the level of their radios."""
         return self._levels.awake(self._sleep_states, self._settled_at, self._env.now)
 
-    def watch(self, node: int, left: float, supply: Supply = LOAD_ALONE) -> None:
+    def watch(self, node: int, left: float, supply: BatteryRates = LOAD_ALONE) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""
         self._watch.watch(node, self._state[node], left, supply)
 
@@ -294,6 +289,6 @@ class BackgroundConsumption:
         """Set a timer for a node."""
         self._watch.timers.set(time, node)
 
-    def runs_out(self, node: int, left: float, supply: Supply = LOAD_ALONE) -> bool:
+    def runs_out(self, node: int, left: float, supply: BatteryRates = LOAD_ALONE) -> bool:
         """Whether `left` joules of a node are only rounding error, so that its battery is empty."""
         return self._watch.runs_out(node, self._state[node], left, supply)

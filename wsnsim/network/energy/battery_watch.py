@@ -11,7 +11,7 @@ import simpy
 
 from wsnsim.base.radio import Mode
 from wsnsim.network.energy.power_table import ASLEEP, AWAKE, MODES, PowerTable
-from wsnsim.network.energy.storage import Supply
+from wsnsim.network.energy.storage import BatteryRates
 from wsnsim.network.event_log import then
 from wsnsim.network.node_states import SleepStates
 
@@ -23,7 +23,7 @@ SHORTEST: Final = 5e-3
 """Mean time (s) between changes of the fastest schedule: two in its period of 10 ms."""
 EVERYBODY = -1
 """Stands for a node: every node is to be checked."""
-LOAD_ALONE: Final = Supply()
+LOAD_ALONE: Final = BatteryRates()
 """A battery that nothing but the load changes."""
 
 
@@ -109,7 +109,7 @@ class BatteryWatch:
         if (resting > 0 or not battery) and battery <= self.most:
             self.timers.set(battery / resting if battery > self._changes else 0.0, EVERYBODY)
 
-    def watch(self, node: int, state: int, left: float, supply: Supply = LOAD_ALONE) -> None:
+    def watch(self, node: int, state: int, left: float, supply: BatteryRates = LOAD_ALONE) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""
         if left > self.most + supply.leak * self._horizon:
             return
@@ -125,7 +125,7 @@ class BatteryWatch:
         if self.timers.due(node) > min(now + lasts, supply.until):
             self.timers.set(min(due, supply.until), node)
 
-    def _watch_schedule(self, node: int, power: float, left: float, supply: Supply) -> None:
+    def _watch_schedule(self, node: int, power: float, left: float, supply: BatteryRates) -> None:
         """Check again when its schedule or its supply changes, or earlier if the charge may not last until then."""
         now, most = self._env.now, self._most_by_schedule + supply.leak
         due = min(self._sleep_states.next_change(node), supply.until)
@@ -137,7 +137,7 @@ class BatteryWatch:
         if due <= self._horizon and self.timers.due(node) > due:
             self.timers.set(due, node)
 
-    def runs_out(self, node: int, state: int, left: float, supply: Supply = LOAD_ALONE) -> bool:
+    def runs_out(self, node: int, state: int, left: float, supply: BatteryRates = LOAD_ALONE) -> bool:
         """Whether `left` joules of a node are only what rounding leaves."""
         return left <= (self._power(node, state) + supply.leak) * SOON
 

@@ -13,10 +13,8 @@ from wsnsim.kernels.nodes import book
 
 Charges: TypeAlias = Sequence[tuple[int, float]]
 """Pairs of cause and joules."""
-UnicastCost: TypeAlias = tuple[int, float, float, float, float]
-"""Bits of a unicast, and joules: the sender's electronics and amplifier, their sum, and the receiver's."""
 ELECTRONICS, AMPLIFIER, IDLE = CAUSE["tx_electronics"], CAUSE["tx_amplifier"], CAUSE["idle"]
-SWITCH, RECEIVED = CAUSE["switch"], CAUSE["rx"]
+SWITCH = CAUSE["switch"]
 
 
 def affordable(charges: Charges, left: float) -> Charges:
@@ -60,16 +58,6 @@ class EnergyLedger:
             self.ceiling = spent
         self.totals[cause] += joules
 
-    def book_cause(self, nodes: list[int], cause: int, joules: list[float]) -> None:
-        """`book` for several nodes in turn, each with joules of its own."""
-        spent, booked, total = self.spent_by, self._by_cause[cause], self.totals[cause]
-        for node, each in zip(nodes, joules, strict=True):
-            booked[node] += each
-            spent[node] += each
-            total += each
-        self.totals[cause] = total
-        self.ceiling = max(self.ceiling, *[spent[node] for node in nodes])
-
     def book_transmission(self, node: int, electronics: float, amplifier: float) -> None:
         """Book a transmission on its two causes."""
         self._by_cause[ELECTRONICS][node] += electronics
@@ -79,25 +67,6 @@ class EnergyLedger:
             self.ceiling = spent
         self.totals[ELECTRONICS] += electronics
         self.totals[AMPLIFIER] += amplifier
-
-    def book_unicasts(self, sources: list[int], destinations: list[int], costs: Sequence[UnicastCost]) -> None:
-        """`book_transmission` and `book` of a reception for unicasts in turn, in one loop since they are frequent."""
-        causes = ELECTRONICS, AMPLIFIER, RECEIVED
-        by_electronics, by_amplifier, by_reception = (self._by_cause[cause] for cause in causes)
-        all_electronics, all_amplifier, all_received = (self.totals[cause] for cause in causes)
-        spent = self.spent_by
-        for source, to, (_, electronics, amplifier, sent, received) in zip(sources, destinations, costs, strict=True):
-            by_electronics[source] += electronics
-            by_amplifier[source] += amplifier
-            spent[source] += sent
-            by_reception[to] += received
-            spent[to] += received
-            all_electronics += electronics
-            all_amplifier += amplifier
-            all_received += received
-        self.totals[ELECTRONICS], self.totals[AMPLIFIER] = all_electronics, all_amplifier
-        self.totals[RECEIVED] = all_received
-        self.ceiling = max(self.ceiling, *[spent[node] for node in {*sources, *destinations}])
 
     def book_charges(self, node: int, charges: Charges) -> None:
         """Book joules on several causes of one node."""

@@ -24,7 +24,7 @@ ROUNDING: Final = 1e-12
 """Share of a charge that is rounding error."""
 
 
-class Supply(NamedTuple):
+class BatteryRates(NamedTuple):
     """What changes a battery beside the load: self-discharge and what is stored, in W, and when the latter changes."""
 
     leak: float = 0.0
@@ -107,7 +107,8 @@ class Storage:
         """(n,) J by which what can be drawn is less than the full charge; on mains infinitely much more is there."""
         drawable = self._battery.drawable(state)
         lacks = np.full(drawable.shape, -math.inf if self.full < math.inf else 0.0)
-        return np.subtract(self.full, drawable, where=np.isfinite(drawable), out=lacks)
+        np.subtract(self.full, drawable, where=np.isfinite(drawable), out=lacks)
+        return lacks
 
     def _now(self, nodes: Ints | slice) -> BatteryState:
         """The state of nodes after what they spent at once since they were settled."""
@@ -119,9 +120,10 @@ class Storage:
     def left(self, nodes: Ints, pending: Floats) -> Floats:
         """(n,) J in the batteries of nodes that have consumed `pending` J since they were settled. Changes nothing."""
         if not self.timed:
-            return self.initial[nodes] - self._ledger.joules[:, nodes].sum(axis=0) - pending
+            left: Floats = self.initial[nodes] - self._ledger.joules[:, nodes].sum(axis=0) - pending
+            return left
         seconds = self._env.now - self._at[nodes]
-        watts = np.divide(pending, seconds, where=seconds > 0.0, out=np.zeros(len(nodes)))
+        watts: Floats = np.divide(pending, seconds, where=seconds > 0.0, out=np.zeros(len(nodes)))
         income = self._battery.income(self._env.now).watts
         return self._battery.advance(self._now(nodes), watts, seconds, income).state.left
 
@@ -134,10 +136,10 @@ class Storage:
             self._ledger.totals[STRANDED] += rest
         self._state.left[node], self._known[node] = 0.0, self._ledger.spent[node]
 
-    def supply(self, node: int) -> Supply:
+    def supply(self, node: int) -> BatteryRates:
         """What changes the battery of a node from now on, beside its load."""
         income = self._battery.income(self._env.now)
-        return Supply(float(self._state.leak[node]), income.watts * self._battery.stored, income.until)
+        return BatteryRates(float(self._state.leak[node]), income.watts * self._battery.stored, income.until)
 
     def needs(self, node: int) -> float:
         """J that an empty node lacks to start again; none if it may start."""

@@ -6,7 +6,6 @@ The mechanism decides when a burst is sent, and calls `IdealMedium.carry(burst)`
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Final
 
 import numpy as np
 import simpy
@@ -17,17 +16,13 @@ from wsnsim.base.requests import Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.models.access import IdealMac
-from wsnsim.network.energy.ledger import UnicastCost
-from wsnsim.network.event_log import Acting, Event, event, then
-from wsnsim.network.radio.datagrams import Unicasts
+from wsnsim.network.event_log import Acting, event, then
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.topology import RadioServices
 from wsnsim.network.radio.transmission import UseCounter
 
 RELAY, RECEIVE, DROP = KIND["relay"], KIND["receive"], KIND["drop"]
 TX, RX = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
-MOST_HOP_COSTS: Final = 20_000
-"""Costs of hops that are kept."""
 
 
 class IdealMedium:
@@ -43,7 +38,6 @@ class IdealMedium:
         self._env, self._nodes, self._topology, self._energy, self._log, self._counters = radio
         self._seconds_per_bit = 0.0 if rate is None else 1.0 / rate
         self._uses = UseCounter(key)
-        self._hop_costs: dict[tuple[int, int, int], UnicastCost] = {}
 
     def carry(self, burst: Burst) -> None:
         """Perform a burst: charge and log it, and write into it what arrived. A dead node sends nothing."""
@@ -61,56 +55,6 @@ class IdealMedium:
             self._broadcast(burst, number, code)
         else:
             self._unicast(burst, number, code)
-
-    def carry_all(self, unicasts: Unicasts) -> None:
-        """Perform unicasts in turn: at once if distance alone decides and nobody may die, otherwise burst by burst."""
-        costs = self._unicast_costs(unicasts)
-        if not costs:
-            for burst in unicasts.split():
-                self.carry(burst)
-            return
-        counters, log, target = self._counters, self._log, unicasts.target
-        self._nodes.ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
-        now, step, rows = self._env.now, log.step, list[Event]()
-        packets = [parcel.packets for parcel in unicasts.parcels]
-        codes = [log.code(parcel.what) for parcel in unicasts.parcels]
-        sends = zip(unicasts.sources, unicasts.destinations, packets, codes, costs, strict=True)
-        first = counters.frames_sent + 1
-        for number, (source, to, count, code, (bits, _, _, sent, received)) in enumerate(sends, first):
-            rows.append((now, step, target, source, SEND, code, number, number, to, count, bits, sent, TX))
-            rows.append((now, step, target, to, RECEIVE, code, number, number, source, count, bits, received, RX))
-        log.extend(rows)
-        counters.packets_sent += sum(packets)
-        counters.frames_sent += len(costs)
-        counters.in_range += len(costs)
-        counters.delivered += len(costs)
-
-    def _unicast_costs(self, unicasts: Unicasts) -> list[UnicastCost] | None:
-        """What each unicast costs; None unless all of them arrive and nobody may die of them."""
-        nodes = self._nodes
-        if not self._topology.distance_only or nodes.disturbed:
-            return None
-        if nodes.follows_schedules and not all(map(nodes.is_awake, unicasts.destinations)):
-            return None
-        known, costs, joules = self._hop_costs, [], 0.0
-        for source, to, parcel in zip(unicasts.sources, unicasts.destinations, unicasts.parcels, strict=True):
-            bits = parcel.packets * parcel.packet_bits
-            cost = known.get((source, to, bits)) or self._hop_cost(source, to, bits)
-            costs.append(cost)
-            joules += cost[3] + cost[4]
-            if not bits:
-                return None
-        outlast = nodes.all_outlast(unicasts.sources, joules) and nodes.all_outlast(unicasts.destinations, joules)
-        return costs if outlast else None
-
-    def _hop_cost(self, source: int, to: int, bits: int) -> UnicastCost:
-        """What it costs to send and to receive some bits; kept, since nodes stand still."""
-        if len(self._hop_costs) >= MOST_HOP_COSTS:
-            self._hop_costs.clear()
-        electronics, amplifier = self._energy.transmit(bits, self._nodes.distance(source, to))
-        cost = (bits, electronics, amplifier, electronics + amplifier, self._energy.receive(bits))
-        self._hop_costs[source, to, bits] = cost
-        return cost
 
     def _unicast(self, burst: Burst, number: int, code: int) -> None:
         to, packets, counters = burst.to, burst.packets, self._counters
@@ -168,8 +112,8 @@ class IdealMedium:
             joules *= burst.sent / bits
         kind = RELAY if burst.relayed else SEND
         self._log.add(
-            event(self._env.now, self._log.step, burst.target, source, kind, code, number, burst.sequence, burst.to,
-                  burst.packets, burst.sent, joules, TX)
+            (self._env.now, self._log.step, burst.target, source, kind, code, number, burst.sequence, burst.to,
+             burst.packets, burst.sent, joules, TX)
         )  # fmt: skip
         result: bool = nodes.alive[source]
         return result
@@ -188,8 +132,8 @@ class IdealMedium:
         if not nodes.alive[node]:
             kind, packets, joules, bits, got = DROP, burst.packets, joules * paid / bits, paid, 0
         self._log.add(
-            event(self._env.now, self._log.step, burst.target, node, kind, code, number, burst.sequence, burst.source,
-                  packets, bits, joules, RX)
+            (self._env.now, self._log.step, burst.target, node, kind, code, number, burst.sequence, burst.source,
+             packets, bits, joules, RX)
         )  # fmt: skip
         return mask, got
 
@@ -242,17 +186,12 @@ class IdealMechanism:
         if self._rate is not None:
             return self._env.process(self._one_by_one(bursts, self._rate))
         event = self._env.event()
-        for burst in bursts:
-            then(event, self._medium.carry, burst)
+        then(event, self._carry_all, bursts)
         return event.succeed()
 
-    def send_unicasts(self, unicasts: Unicasts) -> simpy.Event | None:
-        """Send unicasts at this instant, by one event; None if sending takes time."""
-        if self._rate is not None:
-            return None
-        event = self._env.event()
-        event.callbacks.append(lambda _: self._medium.carry_all(unicasts))
-        return event.succeed()
+    def _carry_all(self, bursts: Sequence[Burst]) -> None:
+        for burst in bursts:
+            self._medium.carry(burst)
 
     def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
         """Broadcast one payload, now or after its airtime."""

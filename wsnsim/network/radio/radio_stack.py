@@ -87,7 +87,7 @@ def make_nodes(
     sleep_states = SleepStates(setup.sleep.rest, env, schedules)
     table = make_power_table(setup)
     battery, reach = setup.energy.battery, setup.link.reach
-    storage = None if getattr(setup.battery, "plain", False) else make_storage(env, setup, positions, streams)
+    storage = None if setup.plain_batteries else make_storage(env, setup, positions, streams)
     nodes = Nodes(positions, traits, battery, reach, sleep_states, env, table, setup.duration, storage)
     if nodes.follows_schedules:
         clocks.on_step.append(nodes.note_clock)

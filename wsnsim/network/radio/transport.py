@@ -7,17 +7,14 @@ transport.broadcast(sources, parcels, target) -> (event, bursts)
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import cast
 
 import simpy
 
 from wsnsim.base.frames import EVERYONE, Burst, full_burst
 from wsnsim.base.mac_mechanisms import ExpectsMembers, KeepsIdleSlots, MacMechanism
-from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.requests import Parcel
 from wsnsim.network.event_log import then
-from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops, Unicasts
-from wsnsim.network.radio.ideal_medium import IdealMechanism
+from wsnsim.network.radio.datagrams import A_SINK, Datagram, Forwarding, Hops
 from wsnsim.network.radio.topology import RadioServices
 
 
@@ -43,8 +40,6 @@ class Transport:
         self.topology = radio.topology
         self._forwarding = forwarding
         self.hops = hops
-        as_lists = defined_together(type(mac), "send_unicasts", "send")
-        self._send_unicasts = cast(IdealMechanism, mac).send_unicasts if as_lists else None
         self.keeps_idle_slots = isinstance(mac, KeepsIdleSlots) and mac.keeps_idle_slots
         self.expect: Callable[[int, Sequence[int]], None] = (
             mac.expect if isinstance(mac, ExpectsMembers) else (lambda head, members: None)
@@ -83,25 +78,6 @@ class Transport:
         if direct or not relayed:
             events.append(self._one_hop(direct, target, head))
         return events[0] if len(events) == 1 else self._env.all_of(events)
-
-    def carry_unicasts(self, unicasts: Unicasts, one_hop: bool) -> simpy.Event | None:
-        """Send parcels over one hop each and without a datagram.
-
-        Args:
-            unicasts: The parcels, none of them from a node to itself; afterwards with what arrived.
-            one_hop: As for `carry`.
-
-        Returns:
-            An event that fires when the last has ended. None, and nothing is sent, where they need a datagram each: the
-            MAC takes time, or some node is several hops away.
-        """
-        if self._send_unicasts is None:
-            return None
-        ends = [*zip(unicasts.sources, unicasts.destinations, strict=True)]
-        near = one_hop and self.hops.wake_neighbour is None and self._pairs.issuperset(ends)
-        if not near and not all(self._goes_directly(source, to, one_hop) for source, to in ends):
-            return None
-        return self._send_unicasts(unicasts)
 
     def broadcast(
         self, sources: Sequence[int], parcels: Sequence[Parcel], target: int, sequence: int = 0, relayed: bool = False

@@ -210,8 +210,18 @@ class Fixes:
     effective: float = float("nan")
 
 
+class OfRanges(HeadFilter):
+    """The base of filters that take distances, one from each reading."""
+
+    needs: ClassVar[tuple[str, ...]] = ("ranges",)
+    """Methods that its sensor must have in addition to the port's."""
+    angles: ClassVar[bool] = False
+    vector_readings: ClassVar[bool] = False
+    relative_readings: ClassVar[bool] = False
+
+
 @part
-class RangeFix(HeadFilter):
+class RangeFix(OfRanges):
     """Base of trackers that compute a fix at each step by least squares on the ranges that arrived.
 
     A subclass defines the expected position (`_at`), the start of the search (`_start_of`), the number of fixes that it
@@ -219,12 +229,6 @@ class RangeFix(HeadFilter):
     than the position are the velocity, from the last two fixes, if they are named vx and vy, and else unknown: 0 with
     the prior's spread. The position that a track starts with counts as its first fix (our choice).
     """
-
-    needs: ClassVar[tuple[str, ...]] = ("ranges",)
-    """Methods that its sensor must have in addition to the port's."""
-    angles: ClassVar[bool] = False
-    vector_readings: ClassVar[bool] = False
-    relative_readings: ClassVar[bool] = False
 
     reading_bits: Annotated[int, Quantity("", ge=1, le=100_000, label="bit"), "bits of a reading on the air"] = 88
 

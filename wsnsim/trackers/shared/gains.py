@@ -133,8 +133,7 @@ class GainsOfParticles:
 
 def gain_prior(sensor: object) -> float:
     """The variance in dB² of a gain that filters estimate, before its first reading; 0 if they estimate none."""
-    prior: float = getattr(sensor, "gain_prior", 0.0)
-    return prior
+    return getattr(sensor, "gain_prior", 0.0)
 
 
 def gains_of(belief: Any, scene: Scene, ids: Iterable[int]) -> Gains:

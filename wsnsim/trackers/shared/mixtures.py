@@ -18,7 +18,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.ports import Scene
-from wsnsim.trackers.shared.moments import stepped, symmetric
+from wsnsim.trackers.shared.moments import mixed, stepped, symmetric
 from wsnsim.trackers.shared.posteriors import updated
 from wsnsim.trackers.shared.readings import Evidence
 
@@ -56,10 +56,7 @@ def moments_of(mixture: Hypotheses) -> tuple[Floats, Floats]:
         return mixture[0].mean, mixture[0].cov
     weights = np.exp([each.log_weight for each in mixture])
     means = np.stack([each.mean for each in mixture])
-    mean = weights @ means
-    around = means - mean
-    within = np.einsum("k,kij->ij", weights, np.stack([each.cov for each in mixture]))
-    return mean, symmetric(within + (around.T * weights) @ around)
+    return mixed(weights, means, np.stack([each.cov for each in mixture]))
 
 
 def predicted_mixture(mixture: Hypotheses, scene: Scene, since: float, steps: int) -> Hypotheses:
@@ -135,8 +132,7 @@ def _moved(one: Hypothesis, scene: Scene, now: float) -> list[Hypothesis]:
         for axis in place:
             parts = [part for each in parts for part in _cut(each, axis, scene, now)]
         if len(parts) > 1:
-            each = [stepped(part.mean, part.cov, motion, scene.dt, now, 1) for part in parts]
-            return [Hypothesis(part.log_weight, *later) for part, later in zip(parts, each, strict=True)]
+            return [Hypothesis(part.log_weight, *stepped(part.mean, part.cov, motion, scene.dt, now)) for part in parts]
     return [Hypothesis(one.log_weight, moved[:, 0], symmetric(laws[0] @ one.cov @ laws[0].T + noise))]
 
 

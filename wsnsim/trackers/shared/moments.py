@@ -41,9 +41,9 @@ def forecast(estimate: Estimate, scene: Scene, ahead: int) -> Estimate:
 
 
 def stepped(
-    mean: Floats, cov: Floats, motion: MotionModel, dt: float, time: float, steps: int
+    mean: Floats, cov: Floats, motion: MotionModel, dt: float, time: float, steps: int = 1
 ) -> tuple[Floats, Floats]:
-    """Mean (D,) and covariance (D, D) at a time in s, predicted by a motion model over some steps."""
+    """Mean and covariance `steps` steps of `dt` after `time`, by a motion model."""
     for step in range(steps):
         point, now = np.ascontiguousarray(mean[:, None]), time + step * dt
         transitions, noise = motion.matrices(point, dt, now)
@@ -59,6 +59,13 @@ def symmetric(cov: Floats) -> Floats:
         cov: (..., D, D).
     """
     return 0.5 * (cov + cov.swapaxes(-1, -2))
+
+
+def mixed(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats, Floats]:
+    """Mean and covariance of a mixture of Gaussians (K, D), (K, D, D), whose weights (K,) have the sum 1."""
+    mean = weights @ means
+    around = means - mean
+    return mean, symmetric(np.einsum("k,kij->ij", weights, covs) + (around.T * weights) @ around)
 
 
 def fused_by_variance(means: Floats, variances: Floats) -> tuple[Floats, Floats, Floats]:

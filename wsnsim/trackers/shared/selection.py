@@ -195,8 +195,7 @@ def asks(
     """
     point = expected[list(scene.motion.position), 0]
     weighted = weighed(_informations_at(point, positions, traits, scene), plan.weights)
-    asked: Bools = weighted >= plan.least * joules * (1.0 if due else PROMPT)
-    return asked
+    return weighted >= plan.least * joules * (1.0 if due else PROMPT)
 
 
 def senders(plan: SelectionPlan, expected: Expected, steps: int, scene: Scene) -> tuple[NodeId, ...]:

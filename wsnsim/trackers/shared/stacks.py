@@ -120,7 +120,11 @@ class Shares:
 
         Kernels may write into the arrays of the stack.
         """
-        gifts = {row: _gifts(member) for row, member in enumerate(members) if member.inbox and _only_particles(member)}
+        gifts = {
+            row: [arrived_particles(each.payload, each.mask) for each in member.take_inbox()]
+            for row, member in enumerate(members)
+            if member.inbox and all(each.what == PARTICLES and is_whole(each.mask) for each in member.inbox)
+        }
         heard = [settle(member) if member.inbox else [] for member in members]
         clouds = [member.memory.get(CLOUD) for member in members]
         weights = [member.memory.get(LOG_WEIGHTS) for member in members]
@@ -160,16 +164,6 @@ class Shares:
 def _same(arrays: Sequence[Floats | None], others: Sequence[Floats]) -> bool:
     """Whether these are the very same arrays."""
     return len(arrays) == len(others) and all(map(is_, arrays, others))
-
-
-def _only_particles(member: Member) -> bool:
-    """Whether the inbox holds nothing but dealt particles that arrived completely."""
-    return all(delivery.what == PARTICLES and is_whole(delivery.mask) for delivery in member.inbox)
-
-
-def _gifts(member: Member) -> list[tuple[Floats, Floats]]:
-    """Take such particles from the inbox; `settle` would put each with those that the member holds."""
-    return [arrived_particles(delivery.payload, delivery.mask) for delivery in member.take_inbox()]
 
 
 def settle(member: Member) -> list[Delivery]:

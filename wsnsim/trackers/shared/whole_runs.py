@@ -116,7 +116,9 @@ def cloud_runs(block: StandaloneBlock, particles: int, threshold: float) -> Outc
     outcome = Outcome(block)
     for first, last in _stacks(len(block.runs), particles):
         stack = _StackedRuns(block, outcome, first, last, particles)
-        stack.cloud = np.concatenate([_start(run, particles) for run in block.runs[first:last]], axis=1)
+        stack.cloud = np.concatenate([
+            drawn_from(run.prior.mean, run.prior.cov, int(run.keys[0]), particles) for run in block.runs[first:last]
+        ], axis=1)  # fmt: skip
         for step in range(1, block.steps + 1):
             stack.cloud = stack.moved(stack.cloud, step)
             stack.score(step)
@@ -261,11 +263,6 @@ def predicted(means: Floats, covs: Floats, motion: MotionModel, dt: float, time:
     transitions, noise = motion.matrices(points, dt, time)
     moved = np.ascontiguousarray(motion.advance(points, dt, time).T)
     return moved, symmetric(transitions @ covs @ transitions.transpose(0, 2, 1) + noise)
-
-
-def _start(run: StandaloneRun, particles: int) -> Floats:
-    """The particles (D, N) that a run starts with, drawn from its prior."""
-    return drawn_from(run.prior.mean, run.prior.cov, int(run.keys[0]), particles)
 
 
 def _stacks(runs: int, particles: int) -> Iterator[tuple[int, int]]:

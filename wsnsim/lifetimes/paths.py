@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.lifetime.stores import Stores
+from wsnsim.lifetimes.stores import Stores
 from wsnsim.models.visits import Visits
 
 CHUNK: Final = 0.004

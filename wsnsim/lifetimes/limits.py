@@ -9,9 +9,9 @@ import numpy as np
 
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE
-from wsnsim.lifetime.library import Library, Visit
-from wsnsim.lifetime.quiet import QuietPower
-from wsnsim.lifetime.stores import Stores
+from wsnsim.lifetimes.library import Library, Visit
+from wsnsim.lifetimes.quiet import QuietPower
+from wsnsim.lifetimes.stores import Stores
 
 
 def overlap(visit: Visit) -> float:
@@ -20,8 +20,22 @@ def overlap(visit: Visit) -> float:
     return 0.0 if rate is None else -math.expm1(-rate * visit.visits.duration())
 
 
+def missed(reached: float, asked: float, count: int) -> str:
+    """The note that visits did not suffice for the error that was asked for."""
+    return (
+        f"the mean first death is known to {reached:.1%} with {count} visits, {asked:.1%} was asked for: allow more "
+        "episodes"
+    )
+
+
 def not_modelled(
-    setup: NetworkSetup, quiet: QuietPower, library: Library, stores: Stores, visit: Visit, strays: Sequence[float]
+    setup: NetworkSetup,
+    quiet: QuietPower,
+    library: Library,
+    stores: Stores,
+    visit: Visit,
+    strays: Sequence[float],
+    horizon: float,
 ) -> tuple[str, ...]:
     """What is left out, each with its size.
 
@@ -32,11 +46,12 @@ def not_modelled(
         stores: their batteries.
         visit: the window of a visit.
         strays: mean share of the nodes that are dead in a path, but not in the library, at the begin of each epoch.
+        horizon: end of the paths in s.
     """
     found, visits = [], visit.visits
     nodes = np.flatnonzero(stores.alive & np.isfinite(stores.joules))
     if nodes.size:
-        power = quiet.watts.sum(axis=0) + (visits.rate or 0.0) * library.added.mean(axis=0)
+        power = quiet.watts.sum(axis=0) + visits.frequency(horizon) * library.added.mean(axis=0)
         uneven = float(power[nodes].std() / max(float(power[nodes].max()), 1e-300))
         found.append(
             "choices that depend on residual energy: batteries are full in simulated visits; at the first death those "
@@ -75,8 +90,8 @@ def notes(quiet: QuietPower, library: Library, stores: Stores, visit: Visit, hor
     living = np.flatnonzero(stores.alive)
     mortal = living[np.isfinite(stores.joules[living])]
     most = library.added.max(axis=0)
-    if visits.rate is None and not visits.begins.size:
-        found.append("no target ever comes: the network is quiet")
+    if not visits.frequency(horizon):
+        found.append("no target comes before the horizon: the network is quiet")
     elif visits.rate is None and visits.begins[-1] < horizon:
         found.append(f"the last visit begins at {visits.begins[-1]:g} s; the network is quiet from then on")
     if not mortal.size:

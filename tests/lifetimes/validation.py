@@ -1,6 +1,6 @@
 """The lifetime of a network against full simulations of it, with batteries that are small enough for these.
 
-python -m tests.lifetime.validation FOLDER    make what the folder lacks of the registered runs, and write the outcomes
+python -m tests.lifetimes.validation FOLDER    make what the folder lacks of the registered runs, and write the outcomes
                                               into validation.json beside this file
 
 A full run and the engine have the same list of visits: when each begins, and which of a few chords the target takes.
@@ -35,10 +35,10 @@ from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import load, replicate_of
-from wsnsim.lifetime.estimate import Estimation, Plan
-from wsnsim.lifetime.library import PLENTY, RECORDED, Library, Visit, joules_of, make_visit
-from wsnsim.lifetime.paths import Paths, Phase
-from wsnsim.lifetime.quiet import quiet_power
+from wsnsim.lifetimes.estimate import Estimation, LifetimePlan
+from wsnsim.lifetimes.library import PLENTY, RECORDED, Library, Visit, joules_of, make_visit
+from wsnsim.lifetimes.paths import Paths, Phase
+from wsnsim.lifetimes.quiet import quiet_power
 from wsnsim.models.visits import Visits
 from wsnsim.scenario.build import build
 
@@ -50,10 +50,11 @@ PILOT: Final = 3
 CHORDS: Final = 12
 EACH, PARTS, LATER = 6, 3, 2
 """Simulated visits of each chord; parts into which these are cut; visits of each chord when nodes have died."""
-GAP: Final = 20.0
-"""Mean time (s) from the end of a visit to the begin of the next."""
+REST, GAP = 24.0, 20.0
+"""Least time (s) from the end of a visit to the begin of the next, in which the network comes to rest; mean of what is
+added to it."""
 BATTERY: Final = 1.0
-HORIZON: Final = 2000.0
+HORIZON: Final = 2800.0
 UNLIMITED: Final = 1600.0
 """Duration (s) of a run in which no battery is ever empty."""
 LISTED: Final = 80
@@ -120,7 +121,7 @@ class ListedEstimation(Estimation):
 
     def __init__(self, deployment: Deployment, runs: Sequence[int], epochs: Sequence[float]) -> None:
         visit, count = deployment.visit, deployment.visits
-        plan = Plan(
+        plan = LifetimePlan(
             visit, HORIZON, count, count, draws=len(runs), repeats=1, epochs=tuple(epochs), later=LATER * CHORDS
         )
         super().__init__(deployment.setup, plan, deployment.make)
@@ -151,6 +152,8 @@ class Deployment:
     folder: Path
     part: int | None = None
     """The number of the part of the library that is used alone; None: all are."""
+    rest: float = REST
+    """Least time (s) from a visit to the next."""
 
     @property
     def setup(self) -> NetworkSetup:
@@ -174,7 +177,7 @@ class Deployment:
         rng, setup, times, now = np.random.default_rng([self.seed, run]), self.setup, [], 0.0
         numbers = rng.integers(CHORDS, size=LISTED).tolist()
         for number in numbers:
-            now += setup.dt * np.ceil(rng.exponential(GAP) / setup.dt)
+            now += setup.dt * np.ceil((self.rest + rng.exponential(GAP)) / setup.dt)
             times.append(float(now))
             one = self.motion(setup, (0.0,), (number,)).truth(100, setup.dt, rng)
             now += setup.dt * np.isfinite(one[:, 0]).sum()

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from tests.helpers.thorough import THOROUGH
-from tests.lifetime.test_rates import visits_of
+from tests.lifetimes.test_rates import visits_of
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE, CAUSES
-from wsnsim.lifetime import estimate
-from wsnsim.lifetime.estimate import Estimation, Lifetime, Plan, make_serially
-from wsnsim.lifetime.library import Library, Visit, make_visit, window_setup
-from wsnsim.lifetime.paths import Paths, Phase
-from wsnsim.lifetime.quiet import Quiet
+from wsnsim.lifetimes import estimate
+from wsnsim.lifetimes.estimate import Estimation, Lifetime, LifetimePlan, make_serially
+from wsnsim.lifetimes.library import Library, Visit, make_visit, window_setup
+from wsnsim.lifetimes.paths import Paths, Phase
+from wsnsim.lifetimes.quiet import QuietPower
 from wsnsim.models.batteries import Linear
 from wsnsim.models.faults import Crash
 from wsnsim.models.visits import Crossing, Visits
@@ -27,7 +27,7 @@ HOUR, YEAR = 3600.0, 365.25 * 86_400.0
 NODES, QUIET, RATE, STAY = 40, 2.75e-4, 10 / HOUR, 20.0
 AREA: Final = Crossing(width=100.0, height=100.0)
 VISIT: Final = Visit(Visits(of=AREA, lasting=STAY, rate=RATE), 4.0, 30.0, STAY)
-PLAN: Final = Plan(VISIT, horizon=20 * YEAR, least=12, most=12, draws=50, repeats=2, epochs=(0.0,))
+PLAN: Final = LifetimePlan(VISIT, horizon=20 * YEAR, least=12, most=12, draws=50, repeats=2, epochs=(0.0,))
 
 
 def setup_of(**values: Any) -> NetworkSetup:
@@ -47,7 +47,7 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> NetworkSetup:
     watts = np.zeros((len(CAUSES), NODES))
     watts[CAUSE["sleep"]] = QUIET
     monkeypatch.setattr(estimate, "inspect_network", lambda setup, replicate: facts)
-    monkeypatch.setattr(estimate, "quiet_power", lambda *_: Quiet(watts.copy(), np.zeros_like(watts)))
+    monkeypatch.setattr(estimate, "quiet_power", lambda *_: QuietPower(watts.copy(), np.zeros_like(watts)))
     return setup_of()
 
 
@@ -103,8 +103,11 @@ def test_the_library_grows_until_the_first_death_is_known(synthetic: NetworkSetu
     theta = np.full(NODES, 0.0127)
     plans = [dataclasses.replace(PLAN, most=96, error=error) for error in (0.5, 0.001)]
     coarse, fine = (Estimation(synthetic, plan, Synthetic(theta, np.random.default_rng(1))) for plan in plans)
-    assert len(coarse.run().epochs[0].library.tracked) == 12
-    assert len(fine.run().epochs[0].library.tracked) == 96
+    known, unknown = coarse.run(), fine.run()
+    assert len(known.epochs[0].library.tracked) == 12
+    assert len(unknown.epochs[0].library.tracked) == 96
+    assert not any("was asked for" in note for note in known.notes)
+    assert any("with 96 visits, 0.1% was asked for" in note for note in unknown.notes)
 
 
 def test_visits_are_simulated_anew_when_nodes_have_died_and_when_the_sink_is_cut_off(
@@ -128,7 +131,7 @@ def test_visits_are_simulated_anew_when_nodes_have_died_and_when_the_sink_is_cut
 @pytest.mark.parametrize(
     ("values", "motion", "words"),
     [
-        ({}, Visits(of=AREA, lasting=STAY, times=()), "no target ever comes"),
+        ({}, Visits(of=AREA, lasting=STAY, times=()), "no target comes before the horizon"),
         ({}, Visits(of=AREA, lasting=STAY, times=(5.0, 100.0)), "quiet from then on"),
         ({"joules": 0.01}, VISIT.visits, "one visit can empty the batteries"),
         ({"battery": Linear(residual=(0.0, *(9.0,) * (NODES - 1)))}, VISIT.visits, "dead, and are no first"),
@@ -164,13 +167,13 @@ def simulated() -> Lifetime:
     setup = setup_of()
     visits: Any = setup.motions[0]
     visit = Visit(visits, 4.0, 12.0, float(2 * np.ceil(visits.longest / 2)))
-    plan = Plan(visit, horizon=10 * YEAR, least=2, most=2, later=2, draws=10, repeats=2, epochs=(0.0, 0.3))
+    plan = LifetimePlan(visit, horizon=10 * YEAR, least=2, most=2, later=2, draws=10, repeats=2, epochs=(0.0, 0.3))
     return Estimation(setup, plan, make_serially).run()
 
 
 def test_a_small_network_is_simulated_and_estimated_the_same_way_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     quiet = np.full((len(CAUSES), 12), QUIET / len(CAUSES))
-    monkeypatch.setattr(estimate, "quiet_power", lambda *_: Quiet(quiet, np.zeros_like(quiet)))
+    monkeypatch.setattr(estimate, "quiet_power", lambda *_: QuietPower(quiet, np.zeros_like(quiet)))
     first, second = simulated(), simulated()
     assert first.criteria == second.criteria
     np.testing.assert_array_equal(first.events, second.events)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.lifetime import validation
-from tests.lifetime.validation import LIMITS, Deployment
+from tests.lifetimes import validation
+from tests.lifetimes.validation import LIMITS, Deployment
 
 
 def test_a_limit_holds_only_if_the_whole_interval_lies_within_it():

@@ -19,13 +19,13 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSES
-from wsnsim.lifetime import limits
-from wsnsim.lifetime.criteria import LATTICE, Criteria
-from wsnsim.lifetime.library import Library, Visit, make_visit
-from wsnsim.lifetime.paths import Paths, Phase
-from wsnsim.lifetime.quiet import QuietPower, quiet_power
-from wsnsim.lifetime.rates import Loads, fit_loads
-from wsnsim.lifetime.stores import draw_stores
+from wsnsim.lifetimes import limits
+from wsnsim.lifetimes.criteria import LATTICE, Criteria
+from wsnsim.lifetimes.library import Library, Visit, make_visit
+from wsnsim.lifetimes.paths import Paths, Phase
+from wsnsim.lifetimes.quiet import QuietPower, quiet_power
+from wsnsim.lifetimes.rates import Loads, fit_loads
+from wsnsim.lifetimes.stores import draw_stores
 from wsnsim.network.inspection import NetworkFacts, inspect_network
 
 YEAR: Final = 365.25 * 86_400.0
@@ -41,7 +41,7 @@ FURTHER: Final = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
-class Plan:
+class LifetimePlan:
     """How a lifetime is estimated.
 
     Attributes:
@@ -71,14 +71,14 @@ class Plan:
     tracked: float = 0.9
 
 
-class Interval(NamedTuple):
+class TimeSpan(NamedTuple):
     """Two ends, in s."""
 
     low: float
     high: float
 
 
-class Estimate(NamedTuple):
+class CriterionTime(NamedTuple):
     """When a criterion is met.
 
     Attributes:
@@ -91,8 +91,8 @@ class Estimate(NamedTuple):
 
     median: float
     mean: float
-    prediction: Interval
-    confidence: Interval
+    prediction: TimeSpan
+    confidence: TimeSpan
     met: float
 
 
@@ -122,9 +122,9 @@ class Lifetime:
         notes: what is special about this network.
     """
 
-    plan: Plan
+    plan: LifetimePlan
     facts: NetworkFacts
-    criteria: dict[str, Estimate]
+    criteria: dict[str, CriterionTime]
     times: dict[str, Floats]
     events: Floats
     epochs: tuple[Epoch, ...]
@@ -146,7 +146,7 @@ def make_serially(setup: NetworkSetup, visit: Visit, numbers: Sequence[int], dea
 class Estimation:
     """One estimate of a lifetime, in the making."""
 
-    def __init__(self, setup: NetworkSetup, plan: Plan, make: Make) -> None:
+    def __init__(self, setup: NetworkSetup, plan: LifetimePlan, make: Make) -> None:
         self._setup = dataclasses.replace(setup, network=0) if setup.network is None else setup
         self._plan, self._make = plan, make
         self._facts = inspect_network(self._setup, 0)
@@ -164,16 +164,18 @@ class Estimation:
             RunError: batteries do not fit the network, or a simulation failed.
         """
         self._begin()
-        first = self._phase(self._epochs[0])
-        goals = self._goals(first)
+        phase = self._phase(self._epochs[0])
+        goals = self._goals(phase)
         paths = self._new_paths()
-        paths.advance(first, goals[0])
+        paths.advance(phase, goals[0])
         for goal, following in itertools.pairwise(goals):
             dead = self._dead(paths)
             if dead is None:
                 break
-            self._epochs.append(self._epoch(dead, self._plan.later, first=1_000_000 * goal))
-            paths.advance(self._phase(self._epochs[-1]), following)
+            if dead != self._epochs[-1].dead:  # else several goals were passed at once
+                self._epochs.append(self._epoch(dead, self._plan.later, first=1_000_000 * goal))
+                phase = self._phase(self._epochs[-1])
+            paths.advance(phase, following)
         return self._result(paths)
 
     def _new_paths(self, horizons: float = 1.0) -> Paths:
@@ -197,9 +199,13 @@ class Estimation:
         first = np.full(self._paths, np.inf)
         events = paths.noted()
         np.minimum.at(first, events[:, 0].astype(int), events[:, 2])
-        known = self._estimated(first)
-        width = known.confidence.high - known.confidence.low
-        return known.met < 1.0 or width / 2.0 <= self._plan.error * known.mean
+        return self._error(self._estimated(first)) <= self._plan.error
+
+    def _error(self, known: CriterionTime) -> float:
+        """Half the 95 % interval of a mean, as a share of it; 0 where some paths have none."""
+        return (
+            0.0 if known.met < 1.0 else (known.confidence.high - known.confidence.low) / 2.0 / max(known.mean, 1e-300)
+        )
 
     def _goals(self, phase: Phase) -> list[int]:
         """Numbers of dead nodes at which visits are simulated anew, and the last: that at which paths end.
@@ -221,7 +227,7 @@ class Estimation:
 
     def _epoch(self, dead: frozenset[int], count: int, first: int) -> Epoch:
         plan, size = self._plan, self._size
-        if plan.visit.visits.rate is None and not plan.visit.visits.begins.size:
+        if not plan.visit.visits.frequency(plan.horizon):
             library = Library(np.zeros((1, len(CAUSES), size)), np.full(1, np.nan), np.ones(1), dead)
         else:
             library = self._make(self._setup, plan.visit, range(first, first + count), dead)
@@ -274,24 +280,27 @@ class Estimation:
         criteria = {name: self._estimated(each) for name, each in times.items()}
         first, visit = self._epochs[0], plan.visit
         spoken = (first.quiet, first.library, self._stores, visit)
+        notes = limits.notes(*spoken, plan.horizon)
+        if (reached := self._error(criteria["first_death"])) > plan.error:
+            notes += (limits.missed(reached, plan.error, len(first.library.tracked)),)
         return Lifetime(
             plan, self._facts, criteria, times, events, tuple(self._epochs), self._baseline(), limits.overlap(visit),
-            limits.not_modelled(self._setup, *spoken, self._strays), limits.notes(*spoken, plan.horizon),
+            limits.not_modelled(self._setup, *spoken, self._strays, plan.horizon), notes,
         )  # fmt: skip
 
-    def _estimated(self, times: Floats) -> Estimate:
+    def _estimated(self, times: Floats) -> CriterionTime:
         """The estimate of a criterion from the times (R,) at which paths meet it."""
         median = float(np.quantile(times, 0.5, method="nearest"))
         met = float(np.isfinite(times).mean())
         if met < 1.0:
-            return Estimate(median, np.nan, _interval(times), Interval(np.nan, np.nan), met)
+            return CriterionTime(median, np.nan, _interval(times), TimeSpan(np.nan, np.nan), met)
         draws = times.reshape(self._plan.draws, self._plan.repeats)
         within = draws.var(axis=1, ddof=1).mean() / draws.shape[1] if draws.shape[1] > 1 else 0.0
         means, mean = draws.mean(axis=1), float(times.mean())
         # means of few paths spread more than those of many
         total = float(means.var(ddof=1)) if means.size > 1 else 0.0
         shrunk = np.sqrt(max(total - within, 0.0) / total) if total else 0.0
-        return Estimate(median, mean, _interval(times), _interval(mean + shrunk * (means - mean)), met)
+        return CriterionTime(median, mean, _interval(times), _interval(mean + shrunk * (means - mean)), met)
 
     def _near(self) -> Bools:
         field = self._setup.deploy.field
@@ -304,14 +313,14 @@ class Estimation:
     def _baseline(self) -> float:
         """Two terms: quiet power, and visits; of the nodes that live at the start and are not on mains."""
         first, visits, nodes = self._epochs[0], self._plan.visit.visits, self._mortal(self._epochs[0].dead)
-        rate = visits.rate or visits.begins.size / self._plan.horizon
+        rate = visits.frequency(self._plan.horizon)
         power = first.quiet.watts.sum(axis=0)[nodes].mean() + rate * first.library.added[:, nodes].mean()
         with np.errstate(divide="ignore"):
             return float(self._stores.joules[nodes].mean() / np.float64(power))
 
 
-def _interval(values: Floats) -> Interval:
+def _interval(values: Floats) -> TimeSpan:
     """Where a further value lies with 95 %: two of the values in their order."""
     ordered = np.sort(values, axis=None)
     first = max(int((1.0 - LEVEL) / 2.0 * (ordered.size + 1)), 1)
-    return Interval(float(ordered[first - 1]), float(ordered[-first]))
+    return TimeSpan(float(ordered[first - 1]), float(ordered[-first]))

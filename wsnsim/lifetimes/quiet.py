@@ -171,11 +171,10 @@ def _background(setup: NetworkSetup, stack: RadioStack) -> Floats:
 
 def _by_cause(powers: list[tuple[int, float]]) -> Floats:
     """(causes,) sums of pairs of cause and W."""
-    watts = np.zeros(len(CAUSES))
+    watts = np.zeros(ON + 1)
     for cause, each in powers:
-        if cause != ON:
-            watts[cause] += each
-    return watts
+        watts[cause] += each
+    return watts[:ON]
 
 
 def _of_broadcasts(setup: NetworkSetup, stack: RadioStack, living: Bools, upkeep: list[Upkeep]) -> Floats:
@@ -207,7 +206,8 @@ def _of_broadcasts(setup: NetworkSetup, stack: RadioStack, living: Bools, upkeep
 
 def _alone(heard: Any, sent: Floats) -> Floats:
     """(N,) the share of broadcasts that a node pays for. In the time in which several cost as one, it has this many."""
-    return -np.expm1(-heard) / np.where(heard > 0.0, heard, -1.0) * (1.0 - sent) + (heard == 0.0)
+    share: Floats = -np.expm1(-heard) / np.where(heard > 0.0, heard, -1.0) * (1.0 - sent) + (heard == 0.0)
+    return share
 
 
 def _joules(setup: NetworkSetup, use: RadioUse, sends: bool) -> Iterator[tuple[int, Any]]:
@@ -216,23 +216,23 @@ def _joules(setup: NetworkSetup, use: RadioUse, sends: bool) -> Iterator[tuple[i
     rest = int(setup.sleep.rest)
     held = HELD * MODES + rest if table.duties else rest
     turnaround = 2.0 * model.turnaround() if model is not None and sends and hasattr(setup.mac, "turnaround") else 0.0
-    for bits, seconds, count, is_held in use.frames:
-        busy: Any = seconds * count
+    for bits, seconds, number, is_held in use.frames:
+        busy: Any = seconds * number
         state = held if is_held else rest
         if sends:
             electronics, amplifier = energy.transmit(bits, setup.link.reach)
-            yield ELECTRONICS, electronics * count
-            yield AMPLIFIER, amplifier * count
-            yield SWITCH, turnaround * count
-            busy = busy + (2.0 * setup.mac.turnaround * count if turnaround else 0.0)  # type: ignore[attr-defined]
+            yield ELECTRONICS, electronics * number
+            yield AMPLIFIER, amplifier * number
+            yield SWITCH, turnaround * number
+            busy = busy + (2.0 * setup.mac.turnaround * number if turnaround else 0.0)  # type: ignore[attr-defined]
         else:
-            yield RECEIVED, energy.receive(bits) * count
+            yield RECEIVED, energy.receive(bits) * number
         yield table.radio_cause[state], -table.radio[state] * busy
     if table.duties:
-        for state, seconds in ((held, use.held), (rest, -use.held)):
-            yield table.radio_cause[state], table.radio[state] * table.share[state] * seconds
-            yield IDLE, table.listening[state] * seconds
-            yield SWITCH, table.switching[state] * seconds
+        for state, spell in ((held, use.held), (rest, -use.held)):
+            yield table.radio_cause[state], table.radio[state] * table.share[state] * spell
+            yield IDLE, table.listening[state] * spell
+            yield SWITCH, table.switching[state] * spell
         yield SWITCH, (table.start + table.stop) * use.starts
         yield IDLE, table.listen * use.listening
         yield table.radio_cause[rest], -table.off[rest] * table.radio[rest] * use.listening

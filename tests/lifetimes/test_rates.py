@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.thorough import THOROUGH
-from wsnsim.lifetime.rates import fit_loads
+from wsnsim.lifetimes.rates import fit_loads
 
 NODES, MEAN, QUIET = 100, 0.0127, 2.75e-4
 BUSY: Final = {1: 0.01, 40: 0.26}

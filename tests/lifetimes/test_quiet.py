@@ -14,7 +14,7 @@ from wsnsim.base.errors import UsageError
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSES, Memory
 from wsnsim.experiment import replicate_of
-from wsnsim.lifetime.quiet import QuietPower, quiet_power
+from wsnsim.lifetimes.quiet import QuietPower, quiet_power
 from wsnsim.scenario.build import build
 
 FEW: dict[str, Any] = {
