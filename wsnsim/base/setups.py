@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from wsnsim.base import medium_access
 from wsnsim.base.arrays import Estimate, components_of
 from wsnsim.base.batteries import Battery
@@ -23,7 +25,7 @@ from wsnsim.base.optional_ports import ForecastsSuccession, LinearGaussian, MayB
 from wsnsim.base.ports import Acquire, Detection, MotionModel, PriorModel, Scene, SensorModel, Tracker
 from wsnsim.base.radio import Clock, Cpu, EnergyModel, LinkModel, PacketJoules
 from wsnsim.base.requests import PACKET_BITS
-from wsnsim.base.rng import Streams
+from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.sensing import is_perfect
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
 
@@ -154,6 +156,11 @@ class RadioSetup(Setup):
     cpu: Cpu
     clock: Clock
     sync: TimeSync
+
+    def streams(self, replicate: int) -> Streams:
+        """The random streams of a run; nodes whose clocks do not drift wake up at the same phases for ever."""
+        drifting = bool((self.clock.rates(derive_all(0, np.arange(2))) != 1.0).any())
+        return Streams(self.seed, replicate, self.network, drifting)
 
     @property
     def sink_points(self) -> tuple[tuple[float, float], ...]:
