@@ -14,11 +14,11 @@ compared with the sum of its parts.
 
 This is the second registration. In the first, of 19 runs, 9 pilot runs and the 8 that had been made gave a first death
 5 to 8 % late and coverage 7 to 9 % early. Two causes were found in runs with infinite batteries, and the design was
-changed: (1) nodes wake up at fixed phases if clocks do not drift, while each visit of the library had phases of its own;
-now the phases are part of a network. (2) Visits followed each other so soon that half of them began before the network
-had come to rest; now they are at least `REST` apart, as all but some at one an hour are. A visit costs the same then,
-whether it is the first or comes after others (96 pairs in each deployment: -2.0 ± 2.3, -0.2 ± 2.0, +0.2 ± 2.1 %). With six
-visits of each chord, the mean of a library is uncertain by 2 %, as much as a limit: now there are 24.
+changed. (1) Nodes wake up at fixed phases if clocks do not drift, while each visit of the library had phases of its
+own; now the phases are part of a network. (2) Visits followed each other so soon that half of them began before the
+network had come to rest; now they are at least `REST` apart, as nearly all are at one an hour. A visit costs the same
+then, whether it is the first or comes later (96 pairs in each deployment: -2.0 ± 2.3, -0.2 ± 2.0, +0.2 ± 2.1 %). With
+six visits of each chord, the mean of a library is uncertain by 2 %, as much as a limit: now there are 24.
 """
 
 from __future__ import annotations
