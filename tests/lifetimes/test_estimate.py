@@ -8,12 +8,13 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
+from tests.helpers.stored_visits import joined
 from tests.helpers.thorough import THOROUGH
 from tests.lifetimes.test_rates import visits_of
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.lifetimes import estimate
-from wsnsim.lifetimes.estimate import Estimation, Lifetime, LifetimePlan, make_serially
+from wsnsim.lifetimes.estimate import Estimation, Lifetime, LifetimePlan
 from wsnsim.lifetimes.library import Library, Visit, make_visit, window_setup
 from wsnsim.lifetimes.paths import Paths, Phase
 from wsnsim.lifetimes.quiet import QuietPower
@@ -128,6 +129,16 @@ def test_visits_are_simulated_anew_when_nodes_have_died_and_when_the_sink_is_cut
     assert found.criteria["tracked"].met == 1.0
 
 
+def test_epochs_that_paths_reach_at_once_are_simulated_once(synthetic: NetworkSetup) -> None:
+    make = Synthetic(np.full(NODES, 1e-9), np.random.default_rng(1))
+    weak = Linear(residual=(1e-6,) * 16 + (10.0,) * (NODES - 16))  # 16 nodes die in the first chunk
+    plan = dataclasses.replace(PLAN, epochs=(0.0, 0.1, 0.2, 0.3))
+    found = Estimation(dataclasses.replace(synthetic, battery=weak), plan, make).run()
+    dead = [epoch.dead for epoch in found.epochs]
+    assert len(set(dead)) == len(dead)
+    assert all(len({number // 1_000_000 for number, which in make.asked if which == each}) == 1 for each in dead)
+
+
 @pytest.mark.parametrize(
     ("values", "motion", "words"),
     [
@@ -168,7 +179,7 @@ def simulated() -> Lifetime:
     visits: Any = setup.motions[0]
     visit = Visit(visits, 4.0, 12.0, float(2 * np.ceil(visits.longest / 2)))
     plan = LifetimePlan(visit, horizon=10 * YEAR, least=2, most=2, later=2, draws=10, repeats=2, epochs=(0.0, 0.3))
-    return Estimation(setup, plan, make_serially).run()
+    return Estimation(setup, plan, lambda *given: joined([make_visit(*given[:2], n, given[3]) for n in given[2]])).run()
 
 
 def test_a_small_network_is_simulated_and_estimated_the_same_way_twice(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,8 +44,8 @@ def estimate_lifetime(scenario: Any, folder: Path, engine: Callable[[], Engine],
         UsageError: the scenario has no lifetime. ScenarioError: it is invalid. RunError: a visit failed.
     """
     setup, plan = lifetime_plan(scenario)
-    make = VisitsInWorkers(scenario, folder, engine, **options)
-    return outcome_of(Estimation(setup, plan, make).run(), setup, scenario)
+    make = VisitsInWorkers(scenario, folder, engine, most=plan.visits_at_most, **options)
+    return outcome_of(Estimation(setup, plan, make).run(), scenario)
 
 
 @final
@@ -56,17 +56,18 @@ class VisitsInWorkers:
         scenario: the scenario, with its block `lifetime`.
         folder: where visits are kept; those of other scenarios, or of other code, may be there.
         engine: makes what runs the tasks.
-        report: called with the progress over all visits that were asked for so far.
+        report: called with the progress; its total is `most`, or what was asked for so far if that is more.
+        most: largest number of visits.
         stopping: while visits are simulated, this context gives a function that is asked whether to stop.
     """
 
     def __init__(
         self, scenario: Any, folder: Path, engine: Callable[[], Engine],
-        report: Callable[[CampaignProgress], object] = lambda progress: None,
+        report: Callable[[CampaignProgress], object] = lambda progress: None, most: int = 0,
         stopping: Stopping = lambda: nullcontext(lambda: False),
     ) -> None:  # fmt: skip
         self._folder, self._engine = Folder(folder), engine
-        self._report, self._stopping = report, stopping
+        self._report, self._stopping, self._most = report, stopping, most
         self._scenario = of_visits(scenario)
         self._code = code_of_resolved([json.loads(self._scenario)])
         self._first: dict[frozenset[int], int] = {}
@@ -95,8 +96,8 @@ class VisitsInWorkers:
         def report(now: CampaignProgress) -> None:
             nonlocal last
             last = now
-            done, total = self._before + now.done, self._before + now.total
-            self._report(replace(now, done=done, total=total, wall=self._wall + now.wall))
+            total = max(self._most, self._before + now.total)
+            self._report(replace(now, done=self._before + now.done, total=total, wall=self._wall + now.wall))
 
         with self._stopping() as should_stop:
             outcome = run_campaign(self._folder, self._engine(), WHOLE, report, should_stop, access=access(Plugins.ANY))

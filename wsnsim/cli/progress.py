@@ -184,8 +184,8 @@ CAMPAIGN: Final = ProgressFormat(
 )
 VISITS: Final = replace(
     CAMPAIGN,
-    bar=CAMPAIGN.bar.replace("runs", "visits"),
-    line=lambda p: _campaign_line(p).replace("runs done", "visits done"),
+    bar=CAMPAIGN.bar.replace("{total:.0f} runs", "at most {total:.0f} visits"),
+    line=lambda p: _campaign_line(p).replace(" of ", " of at most ").replace("runs done", "visits done"),
 )
 
 

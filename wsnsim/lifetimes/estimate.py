@@ -9,7 +9,6 @@ anew in the network that is left, the one of the median path.
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
@@ -20,8 +19,8 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSES
 from wsnsim.lifetimes import limits
-from wsnsim.lifetimes.criteria import LATTICE, Criteria
-from wsnsim.lifetimes.library import Library, Visit, make_visit
+from wsnsim.lifetimes.criteria import CRITERIA, LATTICE, Criteria
+from wsnsim.lifetimes.library import Library, Visit
 from wsnsim.lifetimes.paths import Paths, Phase
 from wsnsim.lifetimes.quiet import QuietPower, quiet_power
 from wsnsim.lifetimes.rates import Loads, fit_loads
@@ -31,8 +30,6 @@ from wsnsim.network.inspection import NetworkFacts, inspect_network
 YEAR: Final = 365.25 * 86_400.0
 EPOCHS: Final = (0.0, 0.1, 0.3, 0.5)
 """Shares of dead nodes at which visits are simulated anew."""
-LAST: Final = 0.6
-"""Share of dead nodes at which paths end."""
 ROUTES: Final = 0.9
 """Share of the living nodes with a path to a sink, below which routes have changed: visits are simulated anew."""
 LEVEL: Final = 0.95
@@ -53,6 +50,9 @@ class LifetimePlan:
         draws: draws of the nodes' loads, each with `repeats` paths.
         epochs: shares of dead nodes at which visits are simulated anew.
         later: visits that are simulated in each later epoch.
+        last: share of dead nodes at which paths end.
+        known: criteria that are known by then.
+        tolerance, coverage, connected, tracked: see `criteria.Criteria`.
     """
 
     visit: Visit
@@ -64,11 +64,18 @@ class LifetimePlan:
     repeats: int = 4
     epochs: tuple[float, ...] = EPOCHS
     later: int = 12
+    last: float = 0.6
+    known: tuple[str, ...] = CRITERIA
     seed: int = 0
     tolerance: float = 0.0
     coverage: float = 0.9
     connected: float = 0.5
     tracked: float = 0.9
+
+    @property
+    def visits_at_most(self) -> int:
+        """How many visits are simulated at most: epochs begin at shares of dead nodes, and where routes change."""
+        return self.most + self.later * len(self.epochs)
 
 
 class TimeSpan(NamedTuple):
@@ -116,6 +123,7 @@ class Lifetime:
         times: {criterion: (draws × repeats,) s of each path; the paths of a draw of loads follow each other}.
         events: (E, 4) deaths and returns: path, node, time in s, whether it is back.
         epochs: the networks that were simulated.
+        rules: what decides when a path meets a criterion.
         baseline: s that the mean node lives by its battery / (quiet power + rate of visits × joules of a visit).
         overlap: share of Poisson visits at this rate that would begin while another lasts; here none does.
         not_modelled: what is left out, each with its size.
@@ -128,6 +136,7 @@ class Lifetime:
     times: dict[str, Floats]
     events: Floats
     epochs: tuple[Epoch, ...]
+    rules: Criteria
     baseline: float
     overlap: float = 0.0
     not_modelled: tuple[str, ...] = ()
@@ -136,11 +145,6 @@ class Lifetime:
 
 Make = Callable[[NetworkSetup, Visit, Sequence[int], frozenset[int]], Library]
 """Simulates the visits of some numbers."""
-
-
-def make_serially(setup: NetworkSetup, visit: Visit, numbers: Sequence[int], dead: frozenset[int]) -> Library:
-    """The library of several visits, simulated one after the other."""
-    return functools.reduce(Library.joined, (make_visit(setup, visit, number, dead) for number in numbers))
 
 
 class Estimation:
@@ -212,7 +216,8 @@ class Estimation:
 
         Where routes to the sinks change in the median path, if visits stay the same, is one of them.
         """
-        last = int(np.ceil(LAST * self._size))
+        begun = int((~self._stores.alive).sum())
+        last = max(int(np.ceil(self._plan.last * self._size)), begun + 1)
         goals = {int(np.ceil(share * self._size)) for share in self._plan.epochs} | {last}
         if self._facts.sinks:
             paths = self._new_paths()
@@ -222,8 +227,7 @@ class Estimation:
             now = self._criteria().series(rows[np.argsort(rows[:, 2])], self._stores.alive)[1]
             changed = np.flatnonzero((now["connected"] < ROUTES) & (now["connected"][0] >= ROUTES))
             goals |= set(np.rint(now["dead"][changed[:1]] * self._size).astype(int).tolist())
-        begun = int((~self._stores.alive).sum())
-        return sorted(goal for goal in goals if begun < goal <= last) or [begun + 1]
+        return sorted(goal for goal in goals if begun < goal <= last)
 
     def _epoch(self, dead: frozenset[int], count: int, first: int) -> Epoch:
         plan, size = self._plan, self._size
@@ -276,7 +280,8 @@ class Estimation:
     def _result(self, paths: Paths) -> Lifetime:
         plan, events = self._plan, paths.noted()
         events = events[events[:, 2] <= plan.horizon]
-        times = self._criteria().times(events, self._stores.alive, self._paths)
+        rules = self._criteria()
+        times = rules.times(events, self._stores.alive, self._paths)
         criteria = {name: self._estimated(each) for name, each in times.items()}
         first, visit = self._epochs[0], plan.visit
         spoken = (first.quiet, first.library, self._stores, visit)
@@ -284,8 +289,8 @@ class Estimation:
         if (reached := self._error(criteria["first_death"])) > plan.error:
             notes += (limits.missed(reached, plan.error, len(first.library.tracked)),)
         return Lifetime(
-            plan, self._facts, criteria, times, events, tuple(self._epochs), self._baseline(), limits.overlap(visit),
-            limits.not_modelled(self._setup, *spoken, self._strays, plan.horizon), notes,
+            plan, self._facts, criteria, times, events, tuple(self._epochs), rules, self._baseline(),
+            limits.overlap(visit), limits.not_modelled(self._setup, *spoken, self._strays, plan.horizon), notes,
         )  # fmt: skip
 
     def _estimated(self, times: Floats) -> CriterionTime:

@@ -1,6 +1,6 @@
 """A library of simulated visits: what a visit adds to the energy of each node, and how well it is tracked.
 
-    visit_of(setup) -> Visit                  make_library(setup, visit, numbers, dead) -> Library
+    make_visit(setup, visit, number, dead) -> Library
 
 Each visit is simulated twice with the same seed and run number: with the target, and without it. The difference is what
 the visit adds. A window begins with a time in which the network settles, and ends when it has come to rest again.

@@ -1,6 +1,6 @@
 """What an estimate of a lifetime tells, as plain values: what is written to a file, printed, and drawn.
 
-outcome_of(lifetime, setup, scenario) -> {key: value}; see `analysis.lifetime_result`
+outcome_of(lifetime, scenario) -> {key: value}; see `analysis.lifetime_result`
 """
 
 from __future__ import annotations
@@ -13,9 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSES
-from wsnsim.lifetimes.criteria import CRITERIA, LATTICE, Criteria
 from wsnsim.lifetimes.estimate import Lifetime
 from wsnsim.scenario.build import resolved
 
@@ -23,24 +21,19 @@ POINTS: Final = 200
 """Points of the curves over time."""
 NAMED: Final = 3
 """Nodes that are named as the first to die."""
-ENDS_WITH: Final = {"first_death": (1, 0.0), "dead_10": (2, 0.1)}
-"""Criteria after which no path goes on: how many are known then, and the share of nodes that are dead."""
-LAST: Final = 0.6
-"""Share of dead nodes at which paths end otherwise."""
 
 
-def outcome_of(lifetime: Lifetime, setup: NetworkSetup, scenario: Any) -> dict[str, Any]:
+def outcome_of(lifetime: Lifetime, scenario: Any) -> dict[str, Any]:
     """The plain values of an estimate."""
     plan, first = lifetime.plan, lifetime.epochs[0]
-    asked = scenario.lifetime.until if scenario.lifetime else None
-    count, last = ENDS_WITH.get(asked or "", (len(CRITERIA), LAST))
-    known, paths, size = CRITERIA[:count], plan.draws * plan.repeats, len(lifetime.facts.positions)
+    paths, size = plan.draws * plan.repeats, len(lifetime.facts.positions)
     alive = np.array([node not in first.dead for node in range(size)])
-    most = max(int(np.ceil(last * size)), int((~alive).sum()) + 1)
+    most = max(int(np.ceil(plan.last * size)), int((~alive).sum()) + 1)
     lifetime = dataclasses.replace(lifetime, events=_until(lifetime.events, most, alive, paths))
-    series = _series(lifetime, setup, alive, paths)
+    bounds = np.searchsorted(lifetime.events[:, 0], np.arange(paths + 1))
+    series = [lifetime.rules.series(lifetime.events[a:b], alive) for a, b in itertools.pairwise(bounds)]
     ends = np.array([ts[-1] if round(now["dead"][-1] * size) >= most else plan.horizon for ts, now in series])
-    times = {name: np.ravel(lifetime.times[name]) for name in known}
+    times = {name: np.ravel(lifetime.times[name]) for name in plan.known}
     quiet, added = first.quiet.watts, first.library.joules.mean(axis=0)
     visits = plan.visit.visits
     rate = visits.frequency(plan.horizon)
@@ -52,7 +45,7 @@ def outcome_of(lifetime: Lifetime, setup: NetworkSetup, scenario: Any) -> dict[s
             {"dead": len(each.dead), "visits": len(each.library.tracked), "tracked": float(each.library.tracked.mean())}
             for each in lifetime.epochs
         ],
-        "criteria": [_criterion(name, lifetime, times[name], series) for name in known],
+        "criteria": [_criterion(name, lifetime, times[name], series) for name in plan.known],
         "end": float(np.median(ends)), "baseline": lifetime.baseline,
         "nodes": {
             "x": lifetime.facts.positions[:, 0], "y": lifetime.facts.positions[:, 1],
@@ -63,7 +56,7 @@ def outcome_of(lifetime: Lifetime, setup: NetworkSetup, scenario: Any) -> dict[s
         "causes": _by_cause(quiet[:, alive].mean(axis=1), rate * added[:, alive].mean(axis=1)),
         "first": _first(lifetime.events, quiet, rate * added),
         "curves": _curves(series, float(np.median(ends))),
-        "not_modelled": list(getattr(lifetime, "not_modelled", ())), "notes": list(getattr(lifetime, "notes", ())),
+        "not_modelled": list(lifetime.not_modelled), "notes": list(lifetime.notes),
         "lifetimes": {
             "path": np.tile(np.arange(paths), len(times)), "criterion": np.repeat(list(times), paths),
             "time": np.concatenate(list(times.values())),
@@ -75,17 +68,6 @@ def outcome_of(lifetime: Lifetime, setup: NetworkSetup, scenario: Any) -> dict[s
 
 Series = list[tuple[Floats, dict[str, Floats]]]
 """Of each path: times of its changes, and quantities from each of them on."""
-
-
-def _series(lifetime: Lifetime, setup: NetworkSetup, alive: Bools, paths: int) -> Series:
-    field, facts = setup.deploy.field, lifetime.facts
-    x, y = (length * ((np.arange(LATTICE) + 0.5) / LATTICE - 0.5) for length in (field.width, field.height))
-    cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + field.centre
-    near = np.linalg.norm(cells[:, None] - facts.positions, axis=2) <= setup.sensor.reach
-    knots = np.array([(len(e.dead) / len(alive), e.library.tracked.mean()) for e in lifetime.epochs]).T
-    criteria = Criteria(near, facts.links, np.array(facts.sinks, dtype=int), knots)
-    bounds = np.searchsorted(lifetime.events[:, 0], np.arange(paths + 1))
-    return [criteria.series(lifetime.events[a:b], alive) for a, b in itertools.pairwise(bounds)]
 
 
 def _until(events: Floats, most: int, alive: Bools, paths: int) -> Floats:

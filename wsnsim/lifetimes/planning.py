@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from wsnsim.base.errors import UsageError
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
+from wsnsim.lifetimes.criteria import CRITERIA
 from wsnsim.lifetimes.estimate import EPOCHS, LifetimePlan
 from wsnsim.lifetimes.library import Visit
 from wsnsim.models.visits import Crossing, Visits
@@ -26,6 +27,8 @@ LEAST: Final = 12
 """Visits that are simulated first."""
 REPEATS: Final = 4
 """Paths of each draw of the loads."""
+EARLY: Final = {"first_death": 0.0, "dead_10": 0.1}
+"""Criteria that end an estimate early, and the share of nodes that are dead then."""
 
 
 def lifetime_plan(scenario: Any) -> tuple[NetworkSetup, LifetimePlan]:
@@ -44,13 +47,18 @@ def lifetime_plan(scenario: Any) -> tuple[NetworkSetup, LifetimePlan]:
         raise UsageError(f"{scenario.name}: {'lifetime.times' if asked.times else 'motion'}: {issue.message}")
     longest = visits.lasting if visits.lasting is not None else visits.of.longest  # type: ignore[attr-defined]
     window = Visit(visits, *(_stepped(time, setup.dt) for time in (asked.lead, asked.tail, longest)))
-    shares = {
+    shares: dict[str, Any] = {
         name: getattr(asked, name) for name in ("horizon", "error", "tolerance", "coverage", "connected", "tracked")
     }
+    if asked.until in EARLY:
+        shares |= {
+            "last": EARLY[asked.until],
+            "epochs": EPOCHS[:1],
+            "known": CRITERIA[: CRITERIA.index(asked.until) + 1],
+        }
     plan = LifetimePlan(
         window, least=min(LEAST, asked.episodes), most=asked.episodes, draws=math.ceil(asked.paths / REPEATS),
-        repeats=REPEATS, epochs=EPOCHS[:1] if asked.until in ("first_death", "dead_10") else EPOCHS,
-        later=min(LEAST, asked.episodes), **shares,
+        repeats=REPEATS, later=min(LEAST, asked.episodes), **shares,
     )  # fmt: skip
     return dataclasses.replace(setup, network=0), plan
 
