@@ -126,9 +126,9 @@ def test_visits_that_are_kept_are_not_simulated_again(tmp_path: Path, monkeypatc
         (["--plot", "a.gif"], "a figure cannot have the suffix '.gif'"),
         (["--set", "lifetime.times=[3,2]"], "times: must ascend"),
         (["--set", "lifetime.times=[0,10]"], "lifetime.times: visits last up to 20 s, and two begin 10 s apart"),
-        (["--intrusions", "close.csv"], "lifetime.times: visits last up to 20 s, and two begin 10 s apart"),
-        (["--intrusions", "0", "--profile", ",".join(["1"] * 24)], "lifetime.profile: needs visits at a rate"),
-        ([*LISTED, "--profile", ",".join(["1"] * 24)], "lifetime.profile: needs visits at a rate"),
+        (["--intrusions", "close.csv"], "--intrusions close.csv: visits last up to 20 s, and two begin 10 s apart"),
+        (["--intrusions", "0", "--profile", ",".join(["1"] * 24)], "--profile: needs visits at a rate"),
+        ([*LISTED, "--profile", ",".join(["1"] * 24)], "--profile: needs visits at a rate"),
     ],
 )
 def test_a_bad_value_is_one_message_before_anything_is_simulated(

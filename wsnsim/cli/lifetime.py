@@ -21,6 +21,7 @@ BLOCK: Final = (
     "tracked",
 )  # fmt: skip
 """Options that stand for keys of the scenario's block `lifetime`."""
+TABLES: Final = (".csv", ".gz")
 LABEL: Final = 20
 """Characters by which a scenario is named in a table."""
 
@@ -118,7 +119,7 @@ def _estimated(
 
     if given["jobs"] and given["scheduler"]:
         raise UsageError("--jobs cannot be combined with --scheduler: the scheduler sets the number of workers")
-    with _named_as_options():
+    with _named_as_options(given):
         scenarios = _scenarios(sources, given)
         for scenario in scenarios.values():
             lifetime_plan(scenario)  # all are checked before one is simulated
@@ -171,7 +172,7 @@ def _of_block(given: Mapping[str, Any]) -> Iterator[Any]:
         value = given[name]
         if name == "profile" and value is not None:
             value = f"[{value}]"
-        if name == "intrusions" and value is not None and value.endswith((".csv", ".gz")):
+        if name == "intrusions" and value is not None and value.endswith(TABLES):
             yield "lifetime.times", _times(value)
         elif value is not None:
             yield f"lifetime.{name}={value}"
@@ -189,7 +190,7 @@ def _times(file: str) -> list[float]:
 
 
 @contextlib.contextmanager
-def _named_as_options() -> Iterator[None]:
+def _named_as_options(given: Mapping[str, Any]) -> Iterator[None]:
     """Name the options of this command where an issue names the key that they stand for."""
     try:
         yield
@@ -201,6 +202,14 @@ def _named_as_options() -> Iterator[None]:
             for issue in error.issues
         ]  # fmt: skip
         raise ScenarioError(issues) from error.__cause__
+    except UsageError as error:
+        keys = {f"lifetime.{name}": f"--{name}" for name in BLOCK if given[name] is not None}
+        if str(given["intrusions"]).endswith(TABLES):
+            keys["lifetime.times"] = f"--intrusions {given['intrusions']}"
+        words = str(error)
+        for key, option in keys.items():
+            words = words.replace(key, option)
+        raise UsageError(words) from error
 
 
 def _engine(folder: Path, given: Mapping[str, Any]) -> Callable[[], Any]:

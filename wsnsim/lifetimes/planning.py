@@ -98,7 +98,7 @@ def _visits(scenario: Any, setup: NetworkSetup, asked: AskedLifetime) -> Visits:
         lasting = None if isinstance(motion, Crossing) else scenario.duration
         return Visits(of=motion, lasting=lasting, **timing)
     except ValueError as error:
-        raise UsageError(f"{scenario.name}: lifetime.intrusions: {error}") from None
+        raise UsageError(f"{scenario.name}: lifetime.intrusions: {str(error).removeprefix('rate: ')}") from None
 
 
 def _stepped(seconds: float, step: float) -> float:
