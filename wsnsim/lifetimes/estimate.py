@@ -266,7 +266,7 @@ class Estimation:
             return None
         gone = ~paths.alive[going]
         dead = gone[np.argsort(paths.time[going])[going.size // 2]]
-        self._strays.append(float((gone & ~dead).sum(axis=1).mean() / max(dead.sum(), 1)))
+        self._strays.append(float(((gone & ~dead).sum(axis=1) / gone.sum(axis=1)).mean()))
         return frozenset(np.flatnonzero(dead).tolist())
 
     def _criteria(self) -> Criteria:

@@ -25,7 +25,7 @@ HOURLY: Final = 1.0 / 3600.0
 """Visits per second where nobody says how many."""
 LEAST: Final = 12
 """Visits that are simulated first."""
-REPEATS: Final = 4
+REPEATS: Final = 2
 """Paths of each draw of the loads."""
 EARLY: Final = {"first_death": 0.0, "dead_10": 0.1}
 """Criteria that end an estimate early, and the share of nodes that are dead then."""

@@ -58,7 +58,7 @@ class AskedLifetime(BaseModel):
         192, description="largest number of visits simulated before the first death"
     )
     paths: Annotated[int, Number(Quantity("", ge=8, le=100_000), whole=True)] = Field(
-        200, description="number of sample paths, rounded up to a multiple of 4"
+        200, description="number of sample paths, rounded up to an even number"
     )
     lead: _Time = Field(60.0, description="simulated time before a visit, in which the network settles [s]")
     tail: _Time = Field(60.0, description="simulated time after a visit, in which the network comes to rest [s]")
