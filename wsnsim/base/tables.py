@@ -21,7 +21,10 @@ KINDS: Final = (
     "estimate", "handover", "relay", "lost", "reacquire", "crash", "restart", "death", "overhear", "fault", "report",
     "acquire", "call", "called", "leave", "return", "stay", "resume",
 )  # fmt: skip
-CAUSES: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
+SPENT: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
+LOSSES: Final = ("self_discharge", "stranded", "unstored", "surplus")
+"""What batteries lose without spending it; stranded: what cannot be drawn from one that is empty."""
+CAUSES: Final = SPENT + LOSSES
 EVENT_CAUSES: Final = ("none", "tx", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
 STATUSES: Final = ("complete", "partial", "failed")
 KIND: Final = {name: code for code, name in enumerate(KINDS)}
@@ -96,6 +99,7 @@ def columns_of(
     components: int = 1,
     duty_cycled: bool = False,
     absences: bool = False,
+    harvests: bool = False,
 ) -> tuple[Column, ...]:
     """The columns of a table for one motion model and one sensor model.
 
@@ -107,6 +111,7 @@ def columns_of(
         components: Number of components of a reading. If it is one, `readings` has no column `component`.
         duty_cycled: Whether a MAC switches radios off. If not, `runs` has none of the columns of `DUTY_CYCLED`.
         absences: Whether a target may be absent. If not, `tracks` has none of the columns of `ABSENCES`.
+        harvests: Whether nodes harvest energy. If not, `nodes` has no column `harvested`.
     """
     columns = TABLES[table]
     if table == "readings" and components == 1:
@@ -115,6 +120,8 @@ def columns_of(
         columns = tuple(column for column in columns if column.name not in DUTY_CYCLED)
     if table == "tracks" and not absences:
         columns = tuple(column for column in columns if column.name not in ABSENCES)
+    if table == "nodes" and not harvests:
+        columns = tuple(column for column in columns if column.name != "harvested")
     if table == "covariances":
         return columns + covariance_columns(states)
     if position is not None:
