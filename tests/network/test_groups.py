@@ -78,7 +78,7 @@ def test_a_merge_or_a_split_is_paid_for_and_a_track_keeps_its_number() -> None:
 def test_a_group_whose_head_crashes_ends_and_another_begins_from_detections() -> None:
     memory = recorded(
         targets=[{"kind": "waypoints", "points": [[0, -60, -45], [STEPS, 60, 45]]}],
-        faults=[{"kind": "crash", "at": "8.5 s", "region": [-30, -22, 25]}],
+        faults=[{"kind": "crash", "at": "8.5 s", "head": 0}],
     )
     assert (events(memory, "lost")["time"] >= 8.5).any()
     assert (events(memory, "begin")["time"] > 8.5).any()

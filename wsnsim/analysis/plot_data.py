@@ -268,7 +268,9 @@ class ReplicateTables:
     @property
     def last(self) -> int:
         """The last recorded step."""
-        return max((int(t["step"].max()) for t in (self.truth, self.guess, self.events, self.unlabelled) if t), default=0)
+        return max(
+            (int(t["step"].max()) for t in (self.truth, self.guess, self.events, self.unlabelled) if t), default=0
+        )
 
     @property
     def targets(self) -> list[int]:

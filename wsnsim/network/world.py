@@ -167,8 +167,8 @@ class World(BaseNetwork):
         self._coordination.fill_vacancy(track, 0)
         tick.succeed()
 
-    def _log_death(self, node: int) -> None:
-        self._log.add("death", -1, node)
+    def _log_change(self, kind: str, node: int) -> None:
+        self._log.add(kind, -1, node)
 
     def _crash(self, node: int) -> None:
         super()._crash(node)
