@@ -122,6 +122,7 @@ def test_visits_that_are_kept_are_not_simulated_again(tmp_path: Path, monkeypatc
         (["--coverage", "0"], "--coverage: error: must be greater than 0"),
         (["--profile", "1,2"], "expected 24 factors"),
         (["--set", "network=none"], "network: none has no batteries"),
+        (["--set", "detection={kind: unlabelled}", "--set", "tracker={kind: gnn, filter: {kind: ekf}}"], "name theirs"),
         (["--jobs", "2", "--scheduler", "tcp://x:1"], "--jobs cannot be combined with --scheduler"),
         (["--plot", "a.gif"], "a figure cannot have the suffix '.gif'"),
         (["--set", "lifetime.times=[3,2]"], "times: must ascend"),

@@ -350,7 +350,7 @@ def read_replicate(path: str | Path, replicate: int) -> ReplicateTables:
     words = recording.meanings(path, "events", "what") if rows["events"] else ()
     tables = (rows[name] for name in wanted)
     step = float(stored_json(path, "scenario/resolved_json").get("step", "nan"))  # it may hold no scenario
-    return ReplicateTables(step, plan, words, frozenset(wanted) - sizes.keys(), *tables, unlabelled=unlabelled)
+    return ReplicateTables(step, plan, words, frozenset(wanted) - sizes.keys(), *tables, unlabelled)
 
 
 def first_replicate(path: str | Path) -> int:
