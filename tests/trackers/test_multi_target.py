@@ -180,7 +180,10 @@ def test_the_order_of_detections_and_of_scans_changes_no_bit(method) -> None:
 
 
 def test_the_order_of_the_sensors_matters_little() -> None:
-    """Probabilities of a scan depend on the ones before; measured: 0.04 standard deviations in the mean."""
+    """Probabilities of a scan depend on the ones before.
+
+    Over 20 such runs, the median of the mean difference is 0.07 standard deviations, the greatest 1.3.
+    """
     nodes, facts = ring(6), facts_of(Range(sd=1.0, reach=200.0), clutter=4.0)
     truth = crossing(8)
     every = by_step(facts, truth, nodes, 9)
