@@ -65,6 +65,22 @@ def followed_runs(path: str | Path, replicates: Sequence[int] | None = None) -> 
         yield FollowedRun.of(number, positions, tracks, limit, round(window / dt), dt)
 
 
+def followed_estimates(path: str | Path, replicate: int) -> dict[str, np.ndarray]:
+    """Columns of the table `estimates` of one run as where readings name their target: of the tracks that follow one.
+
+    There are no rows of steps at which no track follows a target; `target` and `error` are as there.
+    """
+    held = read_table(path, "estimates")
+    if not {"truth", "runs"} <= tables(path).keys():
+        return {name: values[:0] for name, values in held.items()} | {"target": np.empty(0, int), "error": np.empty(0)}
+    run = next(followed_runs(path, [replicate]))
+    own = np.flatnonzero(held["replicate"] == replicate)
+    own = own[np.lexsort((held["track"][own], held["step"][own]))]
+    target, step = np.nonzero(run.followed >= 0)
+    rows = own[run.followed[target, step]]
+    return {name: values[rows] for name, values in held.items()} | {"target": target, "error": run.errors[target, step]}
+
+
 def _duration(*found: dict[str, np.ndarray]) -> float:
     """The duration of a step in s, from tables with steps and their times; 1 s if they have no step after the start."""
     pairs = ((table["step"][at], table["time"][at]) for table in found for at in np.flatnonzero(table["step"])[:1])

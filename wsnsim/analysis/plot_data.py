@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.recording as recording
-from wsnsim.analysis.multi_target import followed_runs, is_unlabelled
+from wsnsim.analysis.multi_target import followed_estimates, followed_runs, is_unlabelled
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.tables import CAUSES
@@ -232,6 +232,7 @@ class ReplicateTables:
         nodes: the nodes.
         events: the event log.
         cloud: the particles.
+        unlabelled: all tracks where readings name no target, and `guess` has those that follow a target; else None.
     """
 
     dt: float
@@ -243,6 +244,16 @@ class ReplicateTables:
     nodes: Columns
     events: Columns
     cloud: Columns
+    unlabelled: Columns | None = None
+
+    @property
+    def groups(self) -> list[int]:
+        """What events are of: the targets, or where readings name none, the groups of tracks."""
+        if self.unlabelled is None:
+            return self.targets
+        return sorted(
+            {int(number) for number in np.unique(self.events["target"]) if number >= 0} if self.events else ()
+        )
 
     @property
     def flat(self) -> bool:
@@ -257,7 +268,9 @@ class ReplicateTables:
     @property
     def last(self) -> int:
         """The last recorded step."""
-        return max((int(t["step"].max()) for t in (self.truth, self.guess, self.events) if t), default=0)
+        return max(
+            (int(t["step"].max()) for t in (self.truth, self.guess, self.events, self.unlabelled) if t), default=0
+        )
 
     @property
     def targets(self) -> list[int]:
@@ -321,13 +334,23 @@ def read_replicate(path: str | Path, replicate: int) -> ReplicateTables:
         "events": EVENTS,
         "particles": ("target", "step", *place, "weight"),
     }
-    rows = {name: _rows(path, name, columns, replicate, sizes) for name, columns in wanted.items()}
+    named = not is_unlabelled(path)
+    rows = {
+        name: _rows(path, name, columns, replicate, sizes)
+        for name, columns in wanted.items()
+        if named or name != "estimates"
+    }
+    if not named:
+        followed = followed_estimates(path, replicate)
+        rows["estimates"] = {name: followed[name] for name in wanted["estimates"]} if followed["step"].size else {}
+        columns = ("step", "time", "track", *place, "confirmed")
+    unlabelled = None if named else _rows(path, "estimates", columns, replicate, sizes)
     if not any(rows.values()):
         check_replicate(path, replicate)
     words = recording.meanings(path, "events", "what") if rows["events"] else ()
     tables = (rows[name] for name in wanted)
     step = float(stored_json(path, "scenario/resolved_json").get("step", "nan"))  # it may hold no scenario
-    return ReplicateTables(step, plan, words, frozenset(wanted) - sizes.keys(), *tables)
+    return ReplicateTables(step, plan, words, frozenset(wanted) - sizes.keys(), *tables, unlabelled=unlabelled)
 
 
 def first_replicate(path: str | Path) -> int:

@@ -57,8 +57,8 @@ def tracks(axes: Axes, path: str | Path, plan: StateLayout, replicate: int) -> A
         place = _across(plan, run.tracks.step[~confirmed] * run.rule.dt, run.tracks.position[~confirmed])
         axes.plot(*place, ".", color=GREY, markersize=2, label="tentative tracks")
     if len(switched := run.switches):
-        step, target = switched[:, 0], switched[:, 1]
-        place = _across(plan, step * run.rule.dt, run.truth[target, step])
+        steps, targets = switched[:, 0], switched[:, 1]
+        place = _across(plan, steps * run.rule.dt, run.truth[targets, steps])
         label = f"{len(switched)} identity switch{'es' * (len(switched) > 1)}"
         axes.plot(*place, linestyle="none", label=label, **SWAP)
     return axes
@@ -69,7 +69,7 @@ def _is_flat(plan: StateLayout) -> bool:
     return len(plan.position) == 1
 
 
-def _across(plan: StateLayout, times: Floats, places: Floats) -> tuple[Floats, Floats]:
+def _across(plan: StateLayout, times: Any, places: Any) -> tuple[Any, Any]:
     """The values on the two axes of positions (n, P): the plane, or time and position."""
     return (times, places[:, 0]) if _is_flat(plan) else (places[:, 0], places[:, 1])
 

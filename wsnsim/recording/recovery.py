@@ -47,9 +47,10 @@ def _copy(content: Content, tmp: Path, final: Path) -> None:
     components = 2 if "readings" in held and "component" in column_names(content, held["readings"]) else 1
     duty_cycled = "runs" in held and "radio_on" in column_names(content, held["runs"])
     absences = "tracks" in held and "time_present" in column_names(content, held["tracks"])
+    harvests = "nodes" in held and "harvested" in column_names(content, held["nodes"])
     file = ResultFile(
         final, states_of(content), wanted, position=position_of(content), components=components,
-        duty_cycled=duty_cycled, absences=absences, status=PARTIAL,
+        duty_cycled=duty_cycled, absences=absences, harvests=harvests, status=PARTIAL,
     )  # fmt: skip
     with file as result:
         if words := _words(content, held, "events", "what"):
