@@ -249,6 +249,21 @@ def global_score(leaves, scores, histories):
     return (-1, 0.0) if len(taken) > len(set(taken)) else (len(leaves), sum(scores[leaf] for leaf in leaves))
 
 
+def test_hypotheses_remember_no_more_steps_than_the_depth_and_are_no_more_than_allowed() -> None:
+    nodes, facts = ring(4), facts_of(Range(sd=1.0, reach=200.0), probability=0.7, clutter=5.0)
+    truth = crossing(8)
+    tracker = Mht(filter=ExtendedKalman(), management=KnownTargets(), depth=2, hypotheses=7)
+    begun = tracker.begin([prior_of(state) for state in truth[0]], 0.0, facts)
+    silent = tracker.step(begun, 5.0, [], nodes, facts, 2).belief
+    later = [[replace(scan, time=scan.time + 5.0) for scan in scans] for scans in by_step(facts, truth, nodes, 3)]
+    for outcome in driven(tracker, silent, later, nodes, facts):
+        for track in outcome.belief.tracks:
+            assert len(track.histories) == len(track.weights) == len(track.bank.means) <= 7
+            assert len(set(track.histories)) == len(track.histories)
+            assert {len(history) for history in track.histories} <= {1, 2}
+    assert max(len(track.weights) for track in outcome.belief.tracks) > 1
+
+
 @pytest.mark.parametrize("method", METHODS, **NAMED)
 def test_two_that_cross_keep_one_track_each(method) -> None:
     nodes, facts = ring(5), facts_of(Range(sd=1.0, reach=200.0), probability=0.95, clutter=1.0)
