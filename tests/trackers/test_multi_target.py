@@ -180,7 +180,10 @@ def test_the_order_of_detections_and_of_scans_changes_no_bit(method) -> None:
 
 
 def test_the_order_of_the_sensors_matters_little() -> None:
-    """Probabilities of a scan depend on the ones before; measured: 0.04 standard deviations in the mean."""
+    """Probabilities of a scan depend on the ones before.
+
+    Over 20 such runs, the median of the mean difference is 0.07 standard deviations, the greatest 1.3.
+    """
     nodes, facts = ring(6), facts_of(Range(sd=1.0, reach=200.0), clutter=4.0)
     truth = crossing(8)
     every = by_step(facts, truth, nodes, 9)
@@ -244,6 +247,21 @@ def global_score(leaves, scores, histories):
     leaves = [leaf for leaf in leaves if leaf >= 0]
     taken = [(ago, key) for leaf in leaves for ago, step in enumerate(reversed(histories[leaf])) for key in step]
     return (-1, 0.0) if len(taken) > len(set(taken)) else (len(leaves), sum(scores[leaf] for leaf in leaves))
+
+
+def test_hypotheses_remember_no_more_steps_than_the_depth_and_are_no_more_than_allowed() -> None:
+    nodes, facts = ring(4), facts_of(Range(sd=1.0, reach=200.0), probability=0.7, clutter=5.0)
+    truth = crossing(8)
+    tracker = Mht(filter=ExtendedKalman(), management=KnownTargets(), depth=2, hypotheses=7)
+    begun = tracker.begin([prior_of(state) for state in truth[0]], 0.0, facts)
+    silent = tracker.step(begun, 5.0, [], nodes, facts, 2).belief
+    later = [[replace(scan, time=scan.time + 5.0) for scan in scans] for scans in by_step(facts, truth, nodes, 3)]
+    for outcome in driven(tracker, silent, later, nodes, facts):
+        for track in outcome.belief.tracks:
+            assert len(track.histories) == len(track.weights) == len(track.bank.means) <= 7
+            assert len(set(track.histories)) == len(track.histories)
+            assert {len(history) for history in track.histories} <= {1, 2}
+    assert max(len(track.weights) for track in outcome.belief.tracks) > 1
 
 
 @pytest.mark.parametrize("method", METHODS, **NAMED)

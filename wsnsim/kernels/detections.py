@@ -98,7 +98,7 @@ def condition(
 
     The moments become those of the mixture over the origins: x + G Σ β ν and P + G (V - β̄ S) Gᵀ, where β̄ is the sum of
     the probabilities β, V = Σ β ν νᵀ - (Σ β ν) (Σ β ν)ᵀ, S the covariance of the innovations and G the gain.
-    Bar-Shalom, Li (1995), section 3.4.
+    Bar-Shalom, Li (1995).
     """
     size = periods.size
     apart, gain = np.empty(size), np.empty((means.shape[1], size))

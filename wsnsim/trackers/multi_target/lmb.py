@@ -24,7 +24,7 @@ class Lmb(MultiTargetTracker):
     the paper's grouping is that of the sums. Components of less weight than `prune` are left out, and beyond the
     heaviest `components`. The estimate is the heaviest component. New tracks are those of the management.
 
-    Source: Reuter, Vo, Vo, Dietmayer (2014); Kropfreiter, Meyer, Hlawatsch (2019) for belief propagation.
+    Source: Reuter, Vo, Vo, Dietmayer (2014); Kropfreiter, Meyer, Hlawatsch (2020) for belief propagation.
     """
 
     estimates_existence: ClassVar[bool] = True

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.scans import TrackEstimate, TrackEvent
@@ -69,7 +69,7 @@ class TrackRules:
 class MOfN(TrackRules):
     """Confirm a track with `hits` hits in its last `window` steps; end it when that is out of reach, or by coasting.
 
-    Source: Blackman, Popoli (1999), section 6.2, for the rule M of N.
+    Source: Blackman, Popoli (1999) for the rule M of N.
     """
 
     hits: Annotated[int, Quantity("", ge=1, le=100), "hits that confirm a track: M"] = 3
@@ -138,11 +138,11 @@ class KnownTargets(TrackRules):
         return "stay"
 
 
-def with_hit(track: Track, assigned: float, expected: float, window: int) -> Track:
-    """The track after a step in which it got a number of detections, where so many were expected."""
+def with_hit(track: Track, assigned: float, expected: float, window: int, **changes: Any) -> Track:
+    """The track after a step in which it got a number of detections, where so many were expected, and other changes."""
     hit = assigned >= 0.5 * max(expected, 1.0)
     hits = track.hits if expected < RARELY and not hit else (*track.hits, hit)
-    return replace(track, hits=hits[-window:], misses=0 if hit else track.misses + 1)
+    return replace(track, hits=hits[-window:], misses=0 if hit else track.misses + 1, **changes)
 
 
 def without_duplicates(

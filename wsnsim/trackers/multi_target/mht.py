@@ -31,11 +31,11 @@ BONUS: Final = 1e3
 class Mht(MultiTargetTracker):
     """Track-oriented multiple hypothesis tracking with N-scan pruning.
 
-    Each track is a tree of hypotheses: which detection, or none, it took in each scan. Their scores are log-odds, by
-    Blackman (2004), eqs. 3-9. The best global hypothesis has one hypothesis of as many tracks as possible, none with a
-    detection in common, and the greatest sum of scores. Of each track, hypotheses are left out that differ from the
-    one in it more than `depth` steps ago. New tracks are those of the management, from detections that the best global
-    hypothesis does not use, whereas in the paper each detection starts one.
+    Each track is a tree of hypotheses: which detection, or none, it took in each scan. Their scores are log-odds. The
+    best global hypothesis has one hypothesis of as many tracks as possible, none with a detection in common, and the
+    greatest sum of scores. Of each track, hypotheses are left out that differ from the one in it more than `depth`
+    steps ago. New tracks are those of the management, from detections that the best global hypothesis does not use,
+    whereas in the paper each detection starts one.
 
     Source: Blackman (2004); the global hypothesis as an integer programme: Morefield (1977).
     """
@@ -84,19 +84,20 @@ class Mht(MultiTargetTracker):
             mine = np.flatnonzero(frame.owners == row)
             leaf = best if best >= 0 else int(mine[frame.weights[mine].argmax()])
             history = frame.histories[leaf]
-            old = len(history) > self.depth
-            if old:
-                mine = np.array([each for each in mine.tolist() if frame.histories[each][0] == history[0]])
+            old = max(len(history) - self.depth, 0)
+            mine = np.array([each for each in mine.tolist() if frame.histories[each][:old] == history[:old]])
             mine = np.concatenate([[leaf], mine[mine != leaf]])
             weights = frame.weights[mine]
             weights = weights - max(weights[0] - CERTAIN, 0.0)
             existence = 1.0 / (1.0 + math.exp(-max(weights[0], -700.0))) if best >= 0 else 0.0
             histories = tuple(frame.histories[each][old:] for each in mine.tolist())
-            after = replace(track, weights=weights, bank=picked(bank, mine), existence=existence, histories=histories)
             used = history[-1] if best >= 0 else ()
             for node, taken in used:
                 explained[places[node]][taken] = 1.0
-            result.append(with_hit(after, len(used), expected[row], self.management.window))
+            result.append(with_hit(
+                track, len(used), expected[row], self.management.window, weights=weights, bank=picked(bank, mine),
+                existence=existence, histories=histories,
+            ))  # fmt: skip
         return result
 
 

@@ -33,21 +33,20 @@ class SingleGaussian(MultiTargetTracker):
 
     def _scan(self, frame: Frame, sensor: int, values: Floats, limit: float, facts: Facts) -> Floats:
         modes, whole = frame.likelihoods(sensor, values, limit)
-        tests, seen = self.management.tests_existence, frame.seen[:, sensor]
-        existence = frame.existence if tests else np.ones(len(seen))
-        likelihoods, miss = (existence * seen)[:, None] * whole, 1.0 - existence * seen * self.gate
-        clutter = np.full(len(values), facts.clutter / facts.volume)
-        shares = self.associated(likelihoods, miss, clutter)
-        after, _ = alive(shares, existence, seen * self.gate)
-        if self.decides:  # the pair's own odds: its detection may be clutter
-            own = (shares[:, 1:] * likelihoods).sum(axis=1)
-            false = (1.0 - existence) * facts.clutter / facts.volume
-            after = np.where(own > 0.0, own / np.maximum(own + false, 1e-300), after)
-            taken = shares[:, 1:]
-        else:
-            taken = shares[:, 1:] / np.maximum(after, 1e-300)[:, None]
-        if tests:
-            frame.existence = after
+        seen, false = frame.seen[:, sensor], facts.clutter / facts.volume
+        made = frame.existence * seen if self.management.tests_existence else seen
+        likelihoods = made[:, None] * whole
+        shares = self.associated(likelihoods, 1.0 - made * self.gate, np.full(len(values), false))
+        taken = shares[:, 1:]
+        if self.management.tests_existence:
+            before = frame.existence
+            frame.existence, _ = alive(shares, before, seen * self.gate)
+            if self.decides:  # the pair's own odds: its detection may be clutter
+                own = (taken * likelihoods).sum(axis=1)
+                certain = own / np.maximum(own + (1.0 - before) * false, 1e-300)
+                frame.existence = np.where(own > 0.0, certain, frame.existence)
+            else:
+                taken = taken / np.maximum(frame.existence, 1e-300)[:, None]
         frame.condition(sensor, values, modes, whole, taken)
         frame.assigned += taken.sum(axis=1)
         return np.minimum(shares[:, 1:].sum(axis=0), 1.0)
@@ -57,7 +56,7 @@ class SingleGaussian(MultiTargetTracker):
 class LocalNearestNeighbour(SingleGaussian):
     """Each track takes the most likely detection in its gate, whatever the others take.
 
-    Source: Bar-Shalom, Li (1995), section 3.1.
+    Source: Bar-Shalom, Li (1995).
     """
 
     decides: ClassVar[bool] = True
@@ -75,7 +74,7 @@ class LocalNearestNeighbour(SingleGaussian):
 class Gnn(SingleGaussian):
     """Global nearest neighbour: the most probable joint event decides which detection each track takes.
 
-    Source: Blackman, Popoli (1999), section 6.4; the assignment is that of Crouse (2016), as SciPy has it.
+    Source: Blackman, Popoli (1999); the assignment is that of Crouse (2016), as SciPy has it.
     """
 
     decides: ClassVar[bool] = True
@@ -83,8 +82,9 @@ class Gnn(SingleGaussian):
     def associated(self, likelihoods: Floats, miss: Floats, clutter: Floats) -> Floats:
         """1 at the detection of each track in the most probable joint event, or at none."""
         tracks, count = likelihoods.shape
-        false = np.maximum(clutter, LEAST * likelihoods.max(axis=0, initial=LEAST))
-        ratios = np.column_stack([np.maximum(miss, LEAST), likelihoods / false])
+        ratios = np.empty((tracks, count + 1))
+        ratios[:, 0] = np.maximum(miss, LEAST)
+        ratios[:, 1:] = likelihoods / np.maximum(clutter, LEAST * likelihoods.max(axis=0, initial=LEAST))
         best = ratios.argmax(axis=1)
         taken = best[best > 0]
         if len(set(taken.tolist())) < taken.size:  # two tracks have the same detection as their best

@@ -183,10 +183,10 @@ class MultiTargetTracker:
         for row, track in enumerate(tracks):
             mine = np.flatnonzero(frame.owners == row)
             mine = mine[np.argsort(-frame.weights[mine], kind="stable")]
-            after = replace(
-                track, weights=frame.weights[mine], bank=picked(bank, mine), existence=float(frame.existence[row])
-            )
-            result.append(with_hit(after, frame.assigned[row], expected[row], self.management.window))
+            result.append(with_hit(
+                track, frame.assigned[row], expected[row], self.management.window, weights=frame.weights[mine],
+                bank=picked(bank, mine), existence=float(frame.existence[row]),
+            ))  # fmt: skip
         return result
 
     def _judged(self, tracks: list[Track], time: float, facts: Facts) -> tuple[list[Track], list[TrackEvent]]:
