@@ -44,12 +44,15 @@ def recover(tmp: str | Path, out: str | Path | None = None) -> Path:
 def _copy(content: Content, tmp: Path, final: Path) -> None:
     held, copied = {table: content.group(table) for table in TABLES if table in content.names}, 0
     wanted = dict.fromkeys(held, True)
-    components = 2 if "readings" in held and "component" in column_names(content, held["readings"]) else 1
+    of_readings = [held[name] for name in ("readings", "detections") if name in held]
+    components = 2 if any("component" in column_names(content, group) for group in of_readings) else 1
     duty_cycled = "runs" in held and "radio_on" in column_names(content, held["runs"])
     absences = "tracks" in held and "time_present" in column_names(content, held["tracks"])
+    unlabelled = any("track" in column_names(content, held[name]) for name in ("estimates",) if name in held)
+    unlabelled |= any("gospa" in column_names(content, held[name]) for name in ("runs",) if name in held)
     file = ResultFile(
         final, states_of(content), wanted, position=position_of(content), components=components,
-        duty_cycled=duty_cycled, absences=absences, status=PARTIAL,
+        duty_cycled=duty_cycled, absences=absences, unlabelled=unlabelled, status=PARTIAL,
     )  # fmt: skip
     with file as result:
         if words := _words(content, held, "events", "what"):
