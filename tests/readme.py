@@ -6,6 +6,7 @@ python -m tests.readme commercial_radio         these blocks only: one of BLOCKS
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -16,7 +17,7 @@ from pathlib import Path
 import wsnsim
 from tests.readme_results import PAPERS, frontier_opening, opening, outcome_table, results
 from tests.readme_tables import TABLES
-from wsnsim.papers.study import PAGES
+from wsnsim.papers.study import PAGES, study
 
 HOME = Path(__file__).parents[1]
 README, DOCS = HOME / "README.md", HOME / "docs"
@@ -25,6 +26,8 @@ REGISTERED = "- registered "
 """How lines with answers to hypotheses begin: docs/frontier.md and docs/duty_cycles.md have these."""
 CAMPAIGNS = HOME / "results/reproduce/full"
 FIGURES = HOME / "results/figures"
+OTHER = "other commits"
+"""What is said of experiments whose runs are not here, or were made by several commits."""
 PICTURES = ("jiang2013_figure_9.png",)
 Made = Callable[[str], str]
 
@@ -46,7 +49,7 @@ def table(name: str) -> str:
 
 
 def run_times(_: str = "") -> str:
-    """A row per paper: the command that reproduces it, its runs, and the processor time that they took.
+    """A row per paper: the command that reproduces it, its runs, and the processor time that they took; then `commits`.
 
     What has not been run again keeps its row.
     """
@@ -61,7 +64,27 @@ def run_times(_: str = "") -> str:
         minutes = sum(run["cpu_seconds"].sum() for run in runs) / 60.0
         command = f"`wsnsim reproduce {page} --full`"
         rows.append(f"| {command} | {len(folders)} | {sum(map(len, runs)):,} | {minutes:.1f} min |")
-    return "\n".join(rows)
+    return "\n".join([*rows, "", *commits()])
+
+
+def commits() -> list[str]:
+    """A line for each commit that made runs: papers and studies, with their experiments where those differ in it."""
+    made: dict[str, list[str]] = {}
+    for page in PAGES:
+        of: dict[str, list[str]] = {}
+        for experiment in study(page).experiments:
+            of.setdefault(_commit(CAMPAIGNS / page / experiment.name / "campaign.json"), []).append(experiment.name)
+        for commit, names in of.items():
+            made.setdefault(commit, []).append(f"`{page}`" + (f" ({', '.join(names)})" if len(of) > 1 else ""))
+    return [
+        f"- {commit}: {', '.join(names)}" for commit, names in sorted(made.items(), key=lambda each: each[0] == OTHER)
+    ]
+
+
+def _commit(place: Path) -> str:
+    """The commit that made all runs of a campaign, or OTHER."""
+    found = json.loads(place.read_text(encoding="utf-8")) if place.exists() else {"code_changes": ["not here"]}
+    return OTHER if found["code_changes"] else f"commit {found['provenance']['git']['commit'][:7]}"
 
 
 BLOCKS: dict[str, tuple[Path, Made]] = {

@@ -107,6 +107,7 @@ OF_OTHERS = {
     "fit": ("lab.h5 --nodes lab.yaml", 1, False),
     "import": ("ns3 lab.yaml", 1, False),
     "info": ("lab.yaml", 2, True),
+    "lifetime": ("lab.h5", 2, True),
     "plot": ("lab.h5 --out lab.png", 0, True),
     "report": ("lab.h5 --out lab.html", 0, True),
     "trace": ("lab.h5 --step 1", None, False),

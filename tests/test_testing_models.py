@@ -19,7 +19,7 @@ from wsnsim.scenario.kind_info import TRACK
 from wsnsim.scenario.registry import ROLES, load_class
 from wsnsim.testing import check_motion, check_sensor
 
-MOTIONS = [row for row in ROLES["motion"].kinds if row.kind not in ("waypoints", "recorded_track")]
+MOTIONS = [row for row in ROLES["motion"].kinds if row.kind not in ("waypoints", "recorded_track", "visits")]
 SENSORS = [row for row in ROLES["sensor"].kinds if row.kind not in ("recorded", "quantised")]
 
 

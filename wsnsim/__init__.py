@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     # fmt: off
     # isort: off
     from wsnsim.analysis.frames import read as read
+    from wsnsim.api.lifetime import lifetime as lifetime, LifetimeResult as LifetimeResult
     from wsnsim.api.result import plot as plot, Result as Result
-    from wsnsim.api.running import run as run, simulate as simulate
+    from wsnsim.api.running import quiet as quiet, run as run, simulate as simulate
     from wsnsim.api.sweeping import compare as compare, sweep as sweep, SweepResult as SweepResult
     from wsnsim.base.arrays import Estimate as Estimate
     from wsnsim.base.errors import (
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from wsnsim.fitting import fit as fit
     from wsnsim.scenario.build import build as build
     from wsnsim.testing import (
+        check_battery as check_battery,
         check_fault as check_fault, check_mac as check_mac, check_motion as check_motion, check_sensor as check_sensor,
         check_sync as check_sync, check_tracker as check_tracker, check_wakeup as check_wakeup,
         check_workload as check_workload,

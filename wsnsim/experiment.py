@@ -31,7 +31,6 @@ from wsnsim.base.initial_conditions import (
 from wsnsim.base.plugin_code import plugin_classes
 from wsnsim.base.process import contained, gc_frozen, limited, time_limit
 from wsnsim.base.results import Report, RunResult, Summary, provenance_of, summarise
-from wsnsim.base.rng import Streams
 from wsnsim.base.rows import RunStart, follower_of
 from wsnsim.base.runs import OnTime, Progress, run_numbers, throttled
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TableLayout, TrackingSetup, table_layout
@@ -143,7 +142,7 @@ def _without_targets(setup: BeaconSetup, replicate: int, recorder: Recorder, pro
 
     positions = sample_positions(setup, setup.link.reach, replicate)
     follower_of(recorder).begin(RunStart(setup, replicate, positions, ()))
-    outcome = WorkloadWorld(setup, replicate, positions, Streams(setup.seed, replicate), recorder).run(progress)
+    outcome = WorkloadWorld(setup, replicate, positions, setup.streams(replicate), recorder).run(progress)
     write_tables(outcome, replicate, setup, recorder)
     return network_result(outcome, setup)
 
@@ -153,7 +152,7 @@ def _in_network(
 ) -> RunResult:
     """A run of a network that tracks targets."""
     paths = sample_paths(setup, conditions.truths, replicate)
-    outcome = World(setup, replicate, conditions, paths, Streams(setup.seed, replicate), recorder).run(progress)
+    outcome = World(setup, replicate, conditions, paths, setup.streams(replicate), recorder).run(progress)
     write_tables(outcome, replicate, setup, recorder)
     covered = coverage_of_living(setup.deploy, setup.sensor.reach, outcome.nodes.positions, outcome.nodes.living)
     return network_result(outcome, setup, covered)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
         Bools as Bools, Estimate as Estimate, Floats as Floats, Innovation as Innovation, Ints as Ints, Keys as Keys,
         near as near, rows as rows,
     )
+    from wsnsim.base.batteries import (
+        Advance as Advance, Battery as Battery, BatteryState as BatteryState, Income as Income,
+    )
     from wsnsim.base.errors import Issue as Issue
     from wsnsim.base.frames import Burst as Burst, MacFrame as MacFrame, OfferedFrame as OfferedFrame
     from wsnsim.base.initial_conditions import (
@@ -61,6 +64,10 @@ if TYPE_CHECKING:
         Acquire as Acquire, Detection as Detection, KnownNodes as KnownNodes, MotionModel as MotionModel,
         PriorModel as PriorModel, Scene as Scene, SensorModel as SensorModel, Tracker as Tracker,
     )
+    from wsnsim.base.quiet import (
+        Hearing as Hearing, KnowsLongRun as KnowsLongRun, RadioUse as RadioUse, SendsUpkeep as SendsUpkeep,
+        SentFrames as SentFrames, Upkeep as Upkeep, UsesRadios as UsesRadios,
+    )
     from wsnsim.base.radio import (
         BurstyLosses as BurstyLosses, Clock as Clock, ContinuousPower as ContinuousPower, Cpu as Cpu,
         EnergyModel as EnergyModel, HeardLinks as HeardLinks, LinkModel as LinkModel, Mode as Mode,
@@ -85,6 +92,7 @@ if TYPE_CHECKING:
     from wsnsim.base.tables import Recorder as Recorder, Words as Words
     from wsnsim.models.access import Framed as Framed
     from wsnsim.models.appointed import Appointed as Appointed
+    from wsnsim.models.batteries import BatteryFields as BatteryFields
     from wsnsim.models.csvfile import demand_digest as demand_digest
     from wsnsim.models.faults import Aimed as Aimed
     from wsnsim.models.wakeup import Region as Region

@@ -102,7 +102,7 @@ def test_an_unknown_command_suggests_by_meaning(capsys: pytest.CaptureFixture[st
 
 @pytest.mark.parametrize(
     ("word", "role"),
-    [("filters", "trackers"), ("mobility", "motions"), ("channel", "links"), ("battery", "energies")],
+    [("filters", "trackers"), ("mobility", "motions"), ("channel", "links")],
 )
 def test_an_unknown_role_suggests_by_meaning(word: str, role: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", word]) == 2

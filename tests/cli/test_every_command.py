@@ -33,6 +33,7 @@ LINES: Final[dict[str, tuple[list[str], str]]] = {
     "fit": ([f"fit {RECORDED}/straight_01.csv.gz --nodes {RECORDED}/receivers.csv"], "exponent"),
     "import": (["import ns3 walk.tcl --id 0"], "walk_ns3.csv"),
     "info": (["info pso_mhpf", "info reach", "info small.yaml", "info results/small.h5"], "small"),
+    "lifetime": (["lifetime --help"], "how long a network lives"),
     "list": (["list", "list scenarios", "list sweeps", "list parts"], "cc2420"),
     "new": (["new mine"], "mine.yaml"),
     "plot": (["plot results/small.h5"], "small.png"),

@@ -36,6 +36,11 @@ def test_the_time_that_a_reproduction_takes_is_given_for_each_paper_and_study():
     assert re.findall(r"reproduce (\w+) --full", "\n".join(rows)) == list(PAGES)
 
 
+def test_all_experiments_of_all_papers_were_run_by_one_commit():
+    lines = re.findall("^- commit .*", block("docs/papers/index.md", "run_times"), re.MULTILINE)
+    assert any({*re.findall(r"`(\w+)`(?! \()", line)} >= {*PAPERS} for line in lines)
+
+
 def test_tables_of_the_commercial_radio_and_of_sleeping_networks_have_a_row_for_each_scenario():
     sleepers = [*SLEEPERS.values()]
     for page, name, labels in (

@@ -20,6 +20,7 @@ SCENARIOS = dict(re.findall(r"```yml\n(.*?kind: \"(\w+):.*?)```", PAGE, re.DOTAL
 CHECKS = {
     "punctual": ("Punctual", {}, testing.check_tracker),
     "overheating": ("Overheating", {"at": 0.1}, testing.check_fault),
+    "shelf": ("Shelf", {}, testing.check_battery),
     "convergecast": ("Convergecast", {}, testing.check_workload),
     "reference": ("Reference", {}, testing.check_sync),
     "neighbourhood": ("Neighbourhood", {}, testing.check_wakeup),

@@ -16,6 +16,7 @@ from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import Memory
 from wsnsim.models.access import IdealMac
 from wsnsim.models.acquire import AroundTruth, FromReadings
+from wsnsim.models.batteries import Linear
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.deploy import Uniform
 from wsnsim.models.energy import FirstOrder
@@ -103,6 +104,7 @@ def network_setup(**changes: Any) -> NetworkSetup:
         "cpu": Processor(),
         "clock": PerfectClock(),
         "sync": NoSync(),
+        "battery": Linear(),
         "detection": PerfectDetection(),
         "sink": NoSink(),
         "tracker": Centroid(),

@@ -47,7 +47,7 @@ def straight(starts: Any, steps: int) -> np.ndarray:
 def scans_of(
     truth: np.ndarray, step: int, nodes: KnownNodes, facts: Facts, rng: np.random.Generator, low: Any, high: Any
 ) -> list[Scan]:
-    """The scans of all nodes at a step, of targets (steps, T, 4), NaN where absent; clutter is between `low` and `high`."""
+    """The scans of all nodes at a step, of targets (steps, T, 4), NaN where absent; clutter is from `low` to `high`."""
     points, size = truth[step][:, [0, 2]], len(components_of(facts.sensor))
     points = points[np.isfinite(points).all(axis=1)]
     within = detected(facts.sensor, points, nodes.positions) if len(points) else np.zeros((0, len(nodes.ids)))

@@ -336,6 +336,15 @@ def test_degrees_are_recognised_by_speeds_and_projected_if_asked_for(
         ("track", "time,id,x,y\n0,7,500,500\n1,7,10,0\n2,7,502,500\n3,7,30,0\n", "several movers in one"),
         ("track", "time,x,y\n0,0,0\n1,1100,0\n2,2200,0\n", "'t' moves at 1.1e+03 m/s: "),
         ("sumo", "time,id,x,y\n0,a,13.4,52.5\n1,a,13.4001,52.5\n", "wsnsim import sumo t.csv --crs wgs84"),
+        *(
+            (
+                kind,
+                f"time,id,x,y,speed\n0,a,0,0,{v}\n1,a,9,9,{v}\n2,a,18,18,{v}\n",
+                f"'a' moves by 12.7 m a second, and its speeds are {v:.3g} m/s: ",
+            )
+            for kind in ("track", "sumo")
+            for v in (1.0, 45.8)
+        ),
     ],
 )
 def test_places_and_speeds_that_no_track_has_are_said(
@@ -345,6 +354,16 @@ def test_places_and_speeds_that_no_track_has_are_said(
     Path("t.csv").write_text(rows)
     answer = run_command(capsys, "import", kind, "t.csv", "--out", "u.csv")
     assert answer.code == 0 and said in answer.out, answer
+
+
+@pytest.mark.parametrize("kind", ["track", "sumo"])
+def test_speeds_that_fit_places_within_a_factor_of_two_are_not_questioned(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text("time,id,x,y,speed\n0,a,0,0,0\n1,a,9,9,7\n2,a,18,18,7\n3,a,18,18,0\n")
+    answer = run_command(capsys, "import", kind, "t.csv", "--out", "u.csv")
+    assert answer.code == 0 and "a second" not in answer.out, answer
 
 
 def test_speeds_of_a_trace_in_other_units_are_not_questioned(

@@ -209,6 +209,7 @@ def test_an_announcement_is_billed_by_what_it_carries():
 def test_a_battery_too_small_for_any_head_is_an_issue():
     setup = SimpleNamespace(
         energy=FirstOrder(battery=1e-9),
+        plain_batteries=True,
         head_threshold=1e-6,
         clusters=Appointed(),
         link=Disk(),

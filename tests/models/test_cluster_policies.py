@@ -10,6 +10,7 @@ from tests.helpers.late_mac import LateCsma
 from wsnsim.base.medium_access import head_waits, window_of
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.access import Csma, IdealMac
+from wsnsim.models.batteries import Linear
 from wsnsim.models.clusters import Central, MovingHead, StrongestSignal
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.hardware import Processor
@@ -201,7 +202,7 @@ def test_a_battery_below_the_threshold_of_heads_is_an_issue(policy):
     def found(battery, operations=0.0, per_flop=1.0, **given):
         names = dict.fromkeys(field.name for field in fields(NetworkSetup))
         company = NetworkSetup(**names | {
-            "energy": FirstOrder(battery=battery), "link": Disk(), "clusters": policy(**given),
+            "energy": FirstOrder(battery=battery), "battery": Linear(), "link": Disk(), "clusters": policy(**given),
             "tracker": SimpleNamespace(member_cycles=operations), "cpu": Processor(cycles_per_flop=per_flop),
             "wakeup": DirectedFlood(), "dt": 1.0,
         })  # fmt: skip

@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 
 from wsnsim.base.setups import BeaconSetup, NetworkSetup
+from wsnsim.models.batteries import Linear
 from wsnsim.models.deploy import Anchors, Uniform
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.faults import Bias, Blackout, ClockStep, Crash, Drain, LinkLoss, Restart, Stuck
@@ -94,7 +95,7 @@ def test_without_a_target_nobody_leads_and_nothing_is_read():
 
 
 def test_a_battery_without_limit_has_no_share():
-    endless = company(energy=FirstOrder(battery=float("inf")))
+    endless = company(energy=FirstOrder(battery=float("inf")), battery=Linear())
     assert issues(Drain(at=1.0, head=0, joules=1.0), endless) == []
     ((path, message),) = issues(Drain(at=1.0, head=0, share=0.5), endless)
     assert (path, "give joules" in message) == ("faults.share", True)

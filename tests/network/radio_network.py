@@ -13,6 +13,7 @@ from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.models.access import Csma
+from wsnsim.models.batteries import Linear
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.hardware import NoPacking, NoSync, PerfectClock
 from wsnsim.models.links import Disk
@@ -35,10 +36,15 @@ class RadioNetwork:
         self.log = EventLog(self.memory, 0)
         defaults = {
             "mac": Csma(), "link": Disk(reach=75.0), "energy": FirstOrder(), "packing": NoPacking(),
-            "clock": PerfectClock(), "sync": NoSync(), "sleep": EventWake(),
+            "clock": PerfectClock(), "sync": NoSync(), "sleep": EventWake(), "battery": Linear(),
         }  # fmt: skip
         setup: Any = SimpleNamespace(
-            **defaults | components, steps=1, dt=horizon, duration=2.0 * horizon, sink_points=()
+            **defaults | components,
+            steps=1,
+            dt=horizon,
+            duration=2.0 * horizon,
+            sink_points=(),
+            plain_batteries=getattr(components.get("battery", Linear()), "plain", False),
         )
         points = np.array(positions, dtype=np.float64)
         traits = np.ones((len(points), 1))

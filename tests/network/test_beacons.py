@@ -12,6 +12,7 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import CAUSE, KIND, RECORDED_BY_DEFAULT, Memory
 from wsnsim.models.access import Csma, IdealMac
+from wsnsim.models.batteries import Linear
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.deploy import Uniform
 from wsnsim.models.energy import FirstOrder, States
@@ -49,6 +50,7 @@ def beacon_setup(**changes):
         "cpu": Processor(),
         "clock": PerfectClock(),
         "sync": NoSync(),
+        "battery": Linear(),
         "workload": Periodic(),
     }
     return BeaconSetup(**{**values, **changes})

@@ -59,6 +59,9 @@ ENRICHED: Final[dict[tuple[str, str], dict[str, Any]]] = {
     ("sensor", "range"): {"blocked": 0.3},
     ("detection", "imperfect"): {"stuck": 0.3},
     ("link", "log_normal"): {"interference": "sinr"},
+    ("battery", "linear"): {"cut_off": 1.5, "empty": 0.5},
+    ("battery", "kinetic"): {"charge": 0.01 / 3.0},
+    ("battery", "diffusion"): {"charge": 0.01 / 3.0},
 }
 """Values with which other parameters of a kind have an effect."""
 REASONS: Final[dict[str, dict[str, str]]] = {
@@ -102,6 +105,7 @@ REASONS: Final[dict[str, dict[str, str]]] = {
         "workload * switch": "nodes do not sleep",
         "* sleep": "nodes do not sleep",
     },
+    "battery": {"* sink_on_mains": "there is no sink"},
     "link": {
         "* carrier_sense": "nodes within it hear each other anyway",
         "* cca_mode": "no frame is sensed by its energy alone",
@@ -192,6 +196,14 @@ def base_of(folder: Path, mode: str, role: str, kind: str) -> dict[str, Any]:
     if role == "mac" and mode == "network":
         values["link"]["loss"] = 0.1
         values["duration"] = min(values["duration"], 6.0)
+    if role == "battery":  # small ones, that nodes empty at once or nearly
+        values["energy"]["battery"], count = 0.01, values["deploy"]["nodes"]
+        values["battery"] |= {
+            "residual": [0.0 if node % 5 == 0 else 0.003 + 1e-5 * (node % 50) for node in range(count)],
+            "spread": 0.1, "self_discharge": 0.5, "temperature": 0.0, "usable": 0.9,
+        }  # fmt: skip
+        if values["battery"].get("harvest"):
+            values["battery"]["harvest"]["restart"] = 0.5
     if role == "energy" and mode == "network":
         values["sleep"] = SLEEP
     for name, value in ENRICHED.get((role, kind), {}).items():

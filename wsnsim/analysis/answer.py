@@ -8,7 +8,7 @@ Each function of a clause returns it without a full stop, empty where there is n
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,12 +21,14 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import WsnsimError, shortened
 from wsnsim.base.results import Report
+from wsnsim.base.tables import LOSSES, SPENT
 from wsnsim.bounds import Bound, bound, bounds_of_run
 
 CAUSE_WORDS: Final = {
     "tx_electronics": "transmission", "tx_amplifier": "transmission", "rx": "reception", "overhear": "overhearing",
     "cpu": "computation", "sense": "sensing", "idle": "idle listening", "sleep": "sleep",
-    "switch": "switching between states", "leak": "leakage",
+    "switch": "switching between states", "leak": "leakage", "self_discharge": "self-discharge",
+    "stranded": "charge that could not be drawn", "unstored": "charging", "surplus": "surplus of full batteries",
 }  # fmt: skip
 """What the energy of a cause was spent on; both causes of transmission count as one."""
 PRESENT: Final = "time_present"
@@ -48,7 +50,7 @@ def energy_clause(facts: ResultFacts) -> str:
         return "the network spent no energy"
     size, unit = next(((size, unit) for size, unit in PREFIXES if total >= size), PREFIXES[-1])
     spent = f"the network spent {figure(total / size)} {unit}{' a run' if facts.count > 1 else ''}"
-    uses = _uses(facts)
+    uses = _uses(facts, SPENT)
     if not uses or not math.isclose(sum(uses.values()), total, rel_tol=0.01):
         return spent
     named = list(uses.items())[: 1 if next(iter(uses.values())) >= DOMINANT * total else 2]
@@ -65,10 +67,17 @@ def energy_clause(facts: ResultFacts) -> str:
     return f"{spent}, {parts}" + ": trackers hardly differ in energy here" * idle
 
 
-def _uses(facts: ResultFacts) -> dict[str, float]:
-    """The energy (J) by what it was spent on, the largest first."""
+def losses_clause(facts: ResultFacts) -> str:
+    """How many joules batteries lost beside what was spent, and to what; empty if none."""
+    lost = {use: joules for use, joules in _uses(facts, LOSSES).items() if joules > 0.0}
+    named = ", ".join(f"{figure(joules)} J to {use}" for use, joules in lost.items())
+    return f"batteries lost {named}" if lost else ""
+
+
+def _uses(facts: ResultFacts, causes: Collection[str]) -> dict[str, float]:
+    """The energy (J) by what it was spent on or lost to, of some causes, the largest first."""
     found: dict[str, float] = {}
-    for cause, joules in facts.joules.items():
+    for cause, joules in ((cause, joules) for cause, joules in facts.joules.items() if cause in causes):
         use = CAUSE_WORDS.get(cause, cause.replace("_", " "))
         found[use] = found.get(use, 0.0) + joules
     return dict(sorted(found.items(), key=lambda item: -item[1]))
@@ -211,7 +220,10 @@ def sentence(facts: ResultFacts, crlb: float = np.nan) -> str:
         known = facts.recorded.errors if facts.recorded.errors.size else facts.column("rmse")
         followed = tracks_clause if facts.unlabelled else _followed
         first = followed(facts, crlb) if facts.unlabelled or np.isfinite(known).any() else _no_estimate(facts)
-    clauses = (first, absent_clause(facts), sink_clause(facts), energy_clause(facts), lifetime_clause(facts))
+    clauses = (
+        first, absent_clause(facts), sink_clause(facts), energy_clause(facts), losses_clause(facts),
+        lifetime_clause(facts),
+    )  # fmt: skip
     return "; ".join(filter(None, clauses)) + "."
 
 

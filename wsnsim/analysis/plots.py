@@ -41,9 +41,9 @@ from wsnsim.base.errors import counted
 from wsnsim.base.tables import CAUSES
 from wsnsim.recording import read_table, table_names
 
-CAUSE_COLOURS: Final = dict(
-    zip(CAUSES, (ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, figure_style.PALE, PURPLE, BLACK), strict=True)
-)
+OF_SPENT: Final = ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, figure_style.PALE, PURPLE, BLACK
+OF_LOSSES: Final = "#B0A060", "#705030", "#C08080", "#A0C0A0"
+CAUSE_COLOURS: Final = dict(zip(CAUSES, OF_SPENT + OF_LOSSES, strict=True))
 LOG_FROM: Final = 100.0
 """Ratio of the largest to the smallest error from which on the axis is logarithmic (our choice)."""
 CONSISTENCY: Final[tuple[tuple[str, Statistic, str], ...]] = (("NEES", "nees", BLUE), ("NIS", "nis", ORANGE))

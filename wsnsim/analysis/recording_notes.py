@@ -123,8 +123,7 @@ class _ReadingsWithLaw(NamedTuple):
 
     def losses(self, off: Floats) -> Floats:
         """(n,) losses of residuals."""
-        result: Floats = 2.0 * np.log(np.hypot(1.0, off / self.sds))
-        return result
+        return 2.0 * np.log(np.hypot(1.0, off / self.sds))
 
     def medians(self, off: Floats) -> dict[int, float]:
         """The median residual of each node with readings."""
@@ -218,8 +217,7 @@ def _odds(sensor: Any, readings: Floats, points: Floats, positions: Floats, trai
     """(n,) the probability of the cell of each reading of one node at points (P, n), over that of the greatest."""
     chances, apart = sensor.cells(points, positions, traits).chances[0], sensor.reading_values[:, None] - readings
     own = np.abs(apart).argmin(axis=0), np.arange(len(readings))
-    odds: Floats = np.where(np.abs(apart[own]) < SAME, chances[own] / chances.max(axis=0), np.nan)
-    return odds
+    return np.where(np.abs(apart[own]) < SAME, chances[own] / chances.max(axis=0), np.nan)
 
 
 def _together(rows: Ints, steps: Floats, targets: Ints) -> tuple[Ints, Ints]:

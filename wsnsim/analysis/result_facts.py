@@ -117,8 +117,7 @@ class ResultFacts:
     @property
     def lost_at_the_end(self) -> Bools:
         """(R,) the runs with a track lost at its last step."""
-        lost: Bools = self.column("lost") > 0
-        return lost
+        return self.column("lost") > 0
 
     @property
     def tracked_shares(self) -> Floats:

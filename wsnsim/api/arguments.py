@@ -154,6 +154,7 @@ class Changes(TypedDict, total=False):
     lost: Mapping[str, Any]
     until: Mapping[str, Any]
     record: Mapping[str, bool]
+    lifetime: Mapping[str, Any]
 
 
 KEYS: Final = frozenset(Changes.__annotations__)
@@ -178,7 +179,7 @@ def overrides_of(
 
 def _arguments_of(function: str) -> list[str]:
     """The arguments that a function of this package names itself, without those that change a scenario."""
-    modules = map(importlib.import_module, ("wsnsim.api.running", "wsnsim.api.sweeping"))
+    modules = map(importlib.import_module, ("wsnsim.api.running", "wsnsim.api.sweeping", "wsnsim.api.lifetime"))
     called = next(getattr(module, function) for module in modules if hasattr(module, function))
     parameters = inspect.signature(called).parameters.values()
     return [each.name for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]

@@ -1,4 +1,7 @@
-"""Scenarios run from Python: `simulate` makes one run in memory, `run` many, in memory or in a file."""
+"""Scenarios run from Python: `simulate` makes one run in memory, `run` many, in memory or in a file.
+
+`quiet` tells what a network spends without a target.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,13 @@ from typing import Any, TypeAlias, Unpack
 import wsnsim.experiment as experiment
 from wsnsim.api.arguments import Changes, named_as_in_python, overrides_of, result_file, shown
 from wsnsim.api.result import Result
+from wsnsim.base.errors import UsageError
 from wsnsim.base.runs import Progress, run_number, run_numbers
+from wsnsim.base.setups import NetworkSetup
+from wsnsim.lifetimes.quiet import QuietPower, quiet_power
 from wsnsim.recording.atomic_files import sole_writer
 from wsnsim.scenario import Overrides
+from wsnsim.scenario.build import build
 from wsnsim.scenario.load import demand_scenario
 
 Source: TypeAlias = Any
@@ -126,6 +133,51 @@ def run(  # noqa: PLR0913
         with sole_writer(target):
             report = experiment.run(loaded, replicates=replicates, out=target, **options)
         return Result(report)
+
+
+def quiet(
+    scenario: Source,
+    *,
+    dead: Iterable[int] = (),
+    run: bool = False,
+    replicate: int = 0,
+    seed: int | None = None,
+    overrides: Overrides | None = (),
+    plugins: bool = False,
+    **changes: Unpack[Changes],
+) -> QuietPower:
+    """The power of a network without a target, once it has settled, by node and cause.
+
+    In closed form where the components have one, which takes milliseconds; else from a run of an hour or more. Faults
+    of the scenario do not happen, and batteries last.
+
+    Example::
+
+        quiet("li_xmac", overrides={"mac.interval": "0.5 s"}).frame().mean()
+
+    Args:
+        scenario: what `simulate` takes, with a network.
+        dead: numbers of nodes that are dead: they spend nothing, and others do not hear them.
+        run: measure it in a run even where there is a closed form.
+        replicate: number of the run whose network it is.
+        seed: the seed, if not that of the scenario.
+        overrides: values to change, as in `simulate`.
+        plugins: whether a result file may name any plug-in, as in `load`.
+        changes: roles and other keys of the scenario, as in `simulate`.
+
+    Returns:
+        `watts` and their standard `error`, (causes, N) each, why it was `measured`, and `frame()`.
+
+    Raises:
+        ScenarioError: the scenario is invalid.
+        RunError: the simulation failed.
+        UsageError: there is no such argument or node, or the scenario has no network that tracks targets.
+    """
+    loaded = _loaded(scenario, overrides_of("quiet", changes, overrides, seed, ()), plugins)
+    setup = build(loaded)
+    if not isinstance(setup, NetworkSetup):
+        raise UsageError(f"quiet: '{loaded.name}' has no network that waits for targets: it has no quiet power")
+    return quiet_power(setup, frozenset(dead), run_number(replicate), run)
 
 
 def _loaded(scenario: Source, chosen: Sequence[Any], plugins: bool) -> Any:

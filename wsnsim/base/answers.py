@@ -38,7 +38,9 @@ ROUNDING: Final = 1e-9
 """Of a covariance, relative to its trace."""
 _ARRAYS: Final = {"Floats": ("fiu", "real numbers"), "Ints": ("iu", "integers"), "Bools": ("b", "truth values")}
 _PLAIN: Final = {"bool": ((bool, np.bool_), "True or False"), "str": (str, "a text")}
-INFINITE: Final = frozenset({"powers", "log_likelihood", "log_transition", "state", "round_end", "reading_limits"})
+INFINITE: Final = frozenset(
+    {"powers", "log_likelihood", "log_transition", "state", "round_end", "reading_limits", "drawable"}
+)
 """Methods whose answers may be infinite."""
 SIGNED: Final = frozenset({"strength", "reading_limits", "points", "point", "region", "losses"})
 """Members whose numbers may be negative."""
@@ -54,7 +56,7 @@ SHAPES: Final[Mapping[str, Callable[[Any, Mapping[str, Any]], Shape | list[Shape
     "draw": lambda part, given: (None, 2),
     "truth": lambda part, given: (given["steps"] + 1, len(part.columns)),
     "propagate": lambda part, given: np.shape(given["states"]),
-    "advance": lambda part, given: np.shape(given["states"]),
+    "advance": lambda part, given: np.shape(given["states"]) if "states" in given else (),
     "matrices": lambda part, given: [(None, len(part.columns), len(part.columns)), (len(part.columns),) * 2],
     "log_transition": lambda part, given: np.shape(given["after"])[1:],
     "heights": lambda part, given: (given["steps"] + 1,),

@@ -24,6 +24,7 @@ import numpy as np
 
 from wsnsim.base import (
     answers,
+    batteries,
     detections,
     initial_conditions,
     mac_mechanisms,
@@ -103,7 +104,7 @@ Component = TypeVar("Component")
 SetupKind = TypeVar("SetupKind", bound=Setup)
 _MODULES: Final = (
     ports, optional_ports, network_ports, radio, medium_access, sleeping, mechanisms, mac_mechanisms,
-    initial_conditions, detections,
+    initial_conditions, batteries, detections,
 )  # fmt: skip
 NAMES: Final[Mapping[str, Any]] = {name: value for module in _MODULES for name, value in vars(module).items()}
 """What the annotations of ports may name."""

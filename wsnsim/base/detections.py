@@ -75,9 +75,13 @@ def volume_of(sensor: Any, window: tuple[Interval, ...] = ()) -> float:
 
 
 class Management(Protocol):
-    """How tracks begin, are confirmed and are deleted. `known_start`: tracks begin from the targets' priors."""
+    """How tracks begin, are confirmed and are deleted.
+
+    `known_start`: tracks begin from the priors of targets; `starts`: tracks begin from detections.
+    """
 
     known_start: ClassVar[bool]
+    starts: ClassVar[bool]
 
 
 class MultiTracker(Protocol):

@@ -32,6 +32,7 @@ _IMPORT: Final = re.compile(r"^    from (wsnsim\.[\w.]+) import (\([^()]+\)|[^()
 
 NOUNS: Final = {
     "prior": "Prior", "deploy": "Deployment", "motion": "Motion", "sensor": "Sensor", "energy": "Energy",
+    "battery": "Battery",
     "link": "Link", "mac": "Mac", "packing": "Packing", "routing": "Routing", "sleep": "Sleep", "cpu": "Cpu",
     "clock": "Clock", "sync": "Sync", "detection": "Detection", "sink": "Sink", "workload": "Workload",
     "fault": "Fault", "wakeup": "WakeUp", "clusters": "Clusters", "acquire": "Acquire", "management": "Management",

@@ -17,7 +17,7 @@ from wsnsim.base.arrays import Bools, Estimate, Floats, Ints, Keys, planar
 from wsnsim.base.errors import RunError, plugin_faults_of_run, shortened
 from wsnsim.base.optional_ports import Continuous, MovesInSpace
 from wsnsim.base.ports import MotionModel, SensorModel
-from wsnsim.base.rng import Streams, derive_all, normals
+from wsnsim.base.rng import derive_all, normals
 from wsnsim.base.sensing import HEIGHT, recorded_traits
 from wsnsim.base.setups import Intervals, NetworkSetup, Setup, TrackingSetup
 
@@ -40,7 +40,7 @@ def node_names(setup: Any, nodes: int | None = None) -> tuple[str, ...]:
         return named
     if nodes is None:
         reach = setup.sensor.reach if hasattr(setup, "sensor") else setup.link.reach
-        nodes = len(setup.deploy.draw(reach, Streams(setup.seed, 0)("deploy")))
+        nodes = len(setup.deploy.draw(reach, setup.streams(0)("deploy")))
     return tuple(map(str, range(nodes)))
 
 
@@ -98,7 +98,7 @@ def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialCo
     Raises:
         RunError: The deployment did not succeed, or a plug-in failed; names seed and replicate.
     """
-    streams = Streams(setup.seed, replicate)
+    streams = setup.streams(replicate)
     truth, prior = streams("truth"), streams("prior")
     with plugin_faults_of_run(setup.seed, replicate):
         positions = sample_positions(setup, setup.sensor.reach, replicate)
@@ -151,7 +151,7 @@ def sample_positions(setup: Setup, reach: float, replicate: int) -> Floats:
         RunError: The deployment did not succeed; names seed and replicate.
     """
     try:
-        return setup.deploy.draw(reach, Streams(setup.seed, replicate)("deploy"))
+        return setup.deploy.draw(reach, setup.streams(replicate)("deploy"))
     except RunError as reason:
         raise RunError(f"{reason} (seed {setup.seed}, replicate {replicate})") from reason
 
@@ -194,7 +194,7 @@ def assumed_positions(setup: Setup, positions: Floats, replicate: int) -> Floats
     """
     if not setup.position_error:
         return positions
-    keys = derive_all(Streams(setup.seed, replicate).key("position_error"), np.arange(len(positions)))
+    keys = derive_all(setup.streams(replicate).key("position_error"), np.arange(len(positions)))
     errors = np.column_stack([normals(keys, axis) for axis in range(2)])
     return positions + setup.position_error * errors
 
@@ -208,7 +208,7 @@ def sample_paths(setup: NetworkSetup, truths: Sequence[Floats], replicate: int) 
     if polls == 1:
         return truths
     if all(isinstance(motion, Continuous) for motion in setup.motions):
-        return _trajectories(setup, steps * polls, setup.dt / polls, Streams(setup.seed, replicate)("truth"))
+        return _trajectories(setup, steps * polls, setup.dt / polls, setup.streams(replicate)("truth"))
     fine, coarse = np.arange(steps * polls + 1) / polls, np.arange(steps + 1)
     return [np.column_stack([np.interp(fine, coarse, column) for column in truth.T]) for truth in truths]
 

@@ -29,20 +29,31 @@ def name_hash(name: str) -> int:
     return int.from_bytes(hashlib.blake2b(name.encode(), digest_size=4).digest(), "little")
 
 
+OF_NETWORK: Final = frozenset({"deploy", "gains", "position_error", "shadowing", "clock", "battery"})
+"""The streams of what makes a network: where its nodes stand, and the constants of its nodes and links."""
+PHASES: Final = frozenset({"wake_up"})
+"""The streams of what else makes a network whose clocks do not drift: when nodes wake up."""
+
+
 class Streams:
     """Random streams by purpose. They depend on seed and run, not on the tracker or the order of the calls.
 
     Args:
         seed: The seed of the scenario.
         replicate: The number of the Monte Carlo run.
+        network: The number of the run whose network this one has, too; None: it has its own.
+        drifting: Whether clocks drift, so that the phases of wake-ups are not part of a network.
     """
 
-    def __init__(self, seed: int, replicate: int) -> None:
+    def __init__(self, seed: int, replicate: int, network: int | None = None, drifting: bool = False) -> None:
         self.seed = seed
         self.replicate = replicate
+        self._network = replicate if network is None else network
+        self._kept = OF_NETWORK if drifting else OF_NETWORK | PHASES
 
     def _sequence(self, name: str) -> np.random.SeedSequence:
-        return np.random.SeedSequence(self.seed, spawn_key=(self.replicate, name_hash(name)))
+        run = self._network if name in self._kept else self.replicate
+        return np.random.SeedSequence(self.seed, spawn_key=(run, name_hash(name)))
 
     def __call__(self, name: str) -> np.random.Generator:
         """A fresh Generator at the start of the named stream."""

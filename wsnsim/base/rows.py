@@ -280,6 +280,7 @@ class RunNow(NamedTuple):
         tracks: The tracks; of a run without a network, the one that is computed.
         joules: Energy in J that the network has spent so far, by cause; empty without a network.
         residual: (N,) residual energies of the nodes in J, None without a network.
+        spent: (causes, N) energy in J that each node has spent so far, None without a network.
     """
 
     step: int
@@ -287,6 +288,7 @@ class RunNow(NamedTuple):
     tracks: Sequence[TrackNow]
     joules: Sequence[float] = ()
     residual: Floats | None = None
+    spent: Floats | None = None
 
 
 @runtime_checkable

@@ -13,8 +13,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from wsnsim.base import medium_access
 from wsnsim.base.arrays import Estimate, components_of
+from wsnsim.base.batteries import Battery
 from wsnsim.base.detections import ReportsScans
 from wsnsim.base.mechanisms import TimeSync
 from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
@@ -23,6 +26,7 @@ from wsnsim.base.optional_ports import ForecastsSuccession, LinearGaussian, MayB
 from wsnsim.base.ports import Acquire, Detection, MotionModel, PriorModel, Scene, SensorModel, Tracker
 from wsnsim.base.radio import Clock, Cpu, EnergyModel, LinkModel, PacketJoules
 from wsnsim.base.requests import PACKET_BITS
+from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.sensing import is_perfect
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
 
@@ -43,6 +47,7 @@ class Setup:
         record: {table: whether it is recorded}.
         faults: what fails; without a network, of sensors.
         unused: keys of the scenario that have no effect on this run.
+        network: number of the run whose network all runs have; None: each has its own.
     """
 
     name: str
@@ -53,6 +58,11 @@ class Setup:
     record: Mapping[str, bool] = field(default_factory=dict)
     faults: tuple[FaultEvent, ...] = ()
     unused: tuple[str, ...] = ()
+    network: int | None = None
+
+    def streams(self, replicate: int) -> Streams:
+        """The random streams of a run."""
+        return Streams(self.seed, replicate, self.network)
 
     @property
     def duration(self) -> float:
@@ -135,6 +145,7 @@ class RadioSetup(Setup):
 
     Attributes:
         energy: what acts and modes of a node cost.
+        battery: what nodes are supplied from.
         link: which nodes receive each other's frames.
         mac: when a frame gets the channel.
         packing: how many packets travel in a frame.
@@ -146,6 +157,7 @@ class RadioSetup(Setup):
     """
 
     energy: EnergyModel
+    battery: Battery
     link: LinkModel
     mac: medium_access.Mac
     packing: medium_access.Packing
@@ -155,10 +167,20 @@ class RadioSetup(Setup):
     clock: Clock
     sync: TimeSync
 
+    def streams(self, replicate: int) -> Streams:
+        """The random streams of a run; nodes whose clocks do not drift wake up at the same phases for ever."""
+        drifting = bool((self.clock.rates(derive_all(0, np.arange(2))) != 1.0).any())
+        return Streams(self.seed, replicate, self.network, drifting)
+
     @property
     def sink_points(self) -> tuple[tuple[float, float], ...]:
         """(x, y) in m of each sink, which is the node nearest to it; empty: there is no sink."""
         return ()
+
+    @property
+    def plain_batteries(self) -> bool:
+        """Whether all nodes have `energy.battery` at the start, and nothing but their load changes it."""
+        return getattr(self.battery, "plain", False)
 
     @cached_property
     def hop(self) -> medium_access.Latency:
@@ -289,6 +311,7 @@ class TableLayout(NamedTuple):
         duty_cycled: Whether a MAC switches radios off.
         absences: Whether a target may be absent.
         unlabelled: Whether readings name no target.
+        harvests: Whether nodes harvest energy.
     """
 
     states: tuple[tuple[str, str], ...] = ()
@@ -297,6 +320,7 @@ class TableLayout(NamedTuple):
     duty_cycled: bool = False
     absences: bool = False
     unlabelled: bool = False
+    harvests: bool = False
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -307,15 +331,17 @@ class TableLayout(NamedTuple):
             "duty_cycled": self.duty_cycled,
             "absences": self.absences,
             "unlabelled": self.unlabelled,
+            "harvests": self.harvests,
         }
 
 
 def table_layout(setup: Setup) -> TableLayout:
     """The layout of the tables of a scenario's runs."""
     duty_cycled = isinstance(setup, RadioSetup) and isinstance(setup.mac, medium_access.DutyCycledMac)
+    harvests = isinstance(setup, RadioSetup) and setup.battery.restart is not None
     if not isinstance(setup, TrackingSetup):
-        return TableLayout(duty_cycled=duty_cycled)
+        return TableLayout(duty_cycled=duty_cycled, harvests=harvests)
     motion = setup.motions[0]
     states = tuple(zip(motion.columns, motion.units, strict=True))
-    count = len(components_of(setup.sensor))
-    return TableLayout(states, motion.position, count, duty_cycled, setup.has_absences, setup.unlabelled)
+    components, absences = len(components_of(setup.sensor)), setup.has_absences
+    return TableLayout(states, motion.position, components, duty_cycled, absences, setup.unlabelled, harvests)

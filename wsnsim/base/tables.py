@@ -22,7 +22,10 @@ KINDS: Final = (
     "acquire", "call", "called", "leave", "return", "stay", "resume", "begin", "end", "merge", "split", "initiate",
     "confirm", "delete",
 )  # fmt: skip
-CAUSES: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
+SPENT: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
+LOSSES: Final = ("self_discharge", "stranded", "unstored", "surplus")
+"""What batteries lose without spending it; stranded: what cannot be drawn from one that is empty."""
+CAUSES: Final = SPENT + LOSSES
 EVENT_CAUSES: Final = ("none", "tx", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
 STATUSES: Final = ("complete", "partial", "failed")
 KIND: Final = {name: code for code, name in enumerate(KINDS)}
@@ -103,7 +106,7 @@ UNLABELLED: Final = (
 """Columns of `runs` about tracks of which no reading says whose they are."""
 
 
-def columns_of(
+def columns_of(  # noqa: PLR0913
     table: str,
     states: Sequence[tuple[str, str]] = (),
     position: Sequence[int] | None = None,
@@ -111,6 +114,7 @@ def columns_of(
     duty_cycled: bool = False,
     absences: bool = False,
     unlabelled: bool = False,
+    harvests: bool = False,
 ) -> tuple[Column, ...]:
     """The columns of a table for one motion model and one sensor model.
 
@@ -124,6 +128,7 @@ def columns_of(
         absences: Whether a target may be absent. If not, `tracks` has none of the columns of `ABSENCES`.
         unlabelled: Whether readings name no target: rows of `estimates` are then of tracks. If not, `runs` has none of
             the columns of `UNLABELLED`.
+        harvests: Whether nodes harvest energy. If not, `nodes` has no column `harvested`.
     """
     columns = TABLES[table]
     if table == "estimates":
@@ -137,6 +142,8 @@ def columns_of(
         columns = tuple(column for column in columns if column.name not in UNLABELLED)
     if table == "tracks" and not absences:
         columns = tuple(column for column in columns if column.name not in ABSENCES)
+    if table == "nodes" and not harvests:
+        columns = tuple(column for column in columns if column.name != "harvested")
     if table == "covariances":
         return columns + covariance_columns(states)
     if position is not None:

@@ -32,7 +32,11 @@ HOW_TO_ACCEPT: Final = (
 
 def code_of_plan(plan: Plan) -> Code:
     """The digests of the code that makes the runs of a sweep, which was checked in this process."""
-    scenarios = (json.loads(point.resolved) for point in plan.points)
+    return code_of_resolved(json.loads(point.resolved) for point in plan.points)
+
+
+def code_of_resolved(scenarios: Iterable[Mapping[str, Any]]) -> Code:
+    """The digests of the code that makes the runs of resolved scenarios."""
     return code_of({module for resolved in scenarios for module in _plugin_modules(resolved)})
 
 

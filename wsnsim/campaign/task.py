@@ -216,6 +216,11 @@ def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> float:
 
     scenario = _scenario(folder.scenario(task.point), task.access)
     _demand_code(task.folder, task.code)
+    if (folder.path / task.point / "visits.json").is_file():
+        from wsnsim.lifetimes.stored_visits import simulate_visit
+
+        simulate_visit(scenario, folder.path / task.point, task.first, path)
+        return compilation_wall() - before
     current = -1
 
     def restart_timeout(progress: experiment.Progress) -> None:

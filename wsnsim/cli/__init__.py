@@ -1,7 +1,7 @@
 """The command line: arguments become calls, and errors become one message and an exit code.
 
-    wsnsim run | watch | sweep | compare | collect | reproduce | report | check | fit | list | schema | new | info |
-           export | import | trace | diff | plot | verify | recover
+    wsnsim run | watch | lifetime | sweep | compare | collect | reproduce | report | check | fit | list | schema | new |
+           info | export | import | trace | diff | plot | verify | recover
 
 Only click is imported here. A command is imported when it is asked for, and imports what it needs, so that
 `wsnsim --help` and `wsnsim list` answer at once. Results go to stdout, progress and errors to stderr. Exit codes: 0
@@ -31,7 +31,7 @@ from wsnsim.cli.progress import WorkBar
 from wsnsim.cli.shared import echo, group
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
-CAMPAIGNS: Final = ("sweep", "compare", "reproduce")
+CAMPAIGNS: Final = ("lifetime", "sweep", "compare", "reproduce")
 """Commands whose runs, in other processes, import plug-ins again and again."""
 
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from wsnsim.analysis import campaign_info
+from wsnsim.analysis import campaign_info, lifetime_result, lifetime_text
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLE_MEANINGS, TABLES, Column
 from wsnsim.cli import component_info
@@ -43,6 +43,9 @@ def _what(word: str, plugins: bool, as_json: bool, only_files: bool) -> Answer:
 
         with reading(path := Path(word)):
             return result_info.info(path, plugins) if as_json else result_info.info_text(path, plugins)
+    if lifetime_result.is_lifetime(word):
+        points = lifetime_result.read(Path(word))
+        return {"points": points} if as_json else "\n\n".join(map(lifetime_text.text, points))
     kinds_found = None if only_files else _kinds((word,), as_json)
     return _file(word, plugins, as_json, only_files) if kinds_found is None else kinds_found
 

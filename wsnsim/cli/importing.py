@@ -135,7 +135,7 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
         if kind == "track":
             _echo_nodes(_tracks(files, options, None)[0].nodes, as_json)
         else:
-            _echo_nodes(summarised(str(files[0]), _format(kind, options)), as_json)
+            _echo_nodes(summarised(str(files[0]), _format(kind, options, [])), as_json)
 
 
 def _demand_meaning(kind: str, files: Sequence[Path]) -> None:
@@ -214,16 +214,16 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
     from wsnsim.interop import traces, trajectories
     from wsnsim.models.unit_checks import other_units, too_close
 
-    notes: Sequence[str] = ()
+    notes: list[str] = []
     if kind == "track":
         read, found = _tracks(files, options, ids)
-        (start, end), notes = found.facts["span"], found.notes
+        (start, end), notes = found.facts["span"], [*found.notes]
         how = replace(how, start=start, end=end)
     else:
-        read = traces.read(str(trace), _format(kind, options), ids)
+        read = traces.read(str(trace), _format(kind, options, notes), ids)
         places = np.concatenate([each[:, 1:3] for each in read.tracks.values()])
         if not (options["crs"] or options["unit"]) and (said := too_close(places)):
-            notes = [f"{said}; {other_units(str(trace), kind)}"]
+            notes.append(f"{said}; {other_units(str(trace), kind)}")
     tracks = trajectories.placed(read, how)
     tracks = replace(tracks, notes=(*notes, *tracks.notes))
     if out is None:
@@ -298,15 +298,16 @@ def _nodes(nodes: Path | None, out: Path, trace: Path, tracks: PlacedTracks) -> 
     return Path(copy.name), [copy]
 
 
-def _format(kind: str, options: dict[str, Any]) -> TraceFormat:
-    """The functions of a format."""
+def _format(kind: str, options: dict[str, Any], notes: list[str]) -> TraceFormat:
+    """The functions of a format; `notes` gets what is doubtful in it."""
     from wsnsim.interop import ns3, sumo
 
     if kind == "ns3":
         return ns3
     converted = bool(options["crs"] or options["unit"] or options["time_unit"] != "s")
     return SimpleNamespace(
-        entries=partial(sumo.entries, degrees=bool(options["crs"])), track=partial(sumo.track, converted=converted)
+        entries=partial(sumo.entries, degrees=bool(options["crs"])),
+        track=partial(sumo.track, notes=None if converted else notes),
     )
 
 

@@ -13,7 +13,7 @@ import contextlib
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, final
 
 import click
@@ -181,6 +181,11 @@ CAMPAIGN: Final = ProgressFormat(
     bar="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} runs [{elapsed}{postfix}]",
     fields=("done", "failed", "total", "wall", "left"),
     line=_campaign_line,
+)
+VISITS: Final = replace(
+    CAMPAIGN,
+    bar=CAMPAIGN.bar.replace("{total:.0f} runs", "at most {total:.0f} visits"),
+    line=lambda p: _campaign_line(p).replace(" of ", " of at most ").replace("runs done", "visits done"),
 )
 
 

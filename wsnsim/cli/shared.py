@@ -36,6 +36,7 @@ COMMANDS: Final = {
     "exporting": ("export", "plot", "report"),
     "fitting": ("fit",),
     "importing": ("import",),
+    "lifetime": ("lifetime",),
     "reproducing": ("reproduce",),
     "running": ("run", "watch"),
 }

@@ -23,7 +23,7 @@ from wsnsim.models.bearing import TURN
 from wsnsim.models.k7file import HIGHEST_CHANNEL
 from wsnsim.models.recorded_track import movers_said
 from wsnsim.models.row_checks import TextColumn
-from wsnsim.models.unit_checks import other_units, slower_than_stated
+from wsnsim.models.unit_checks import other_than_stated, other_units, slower_than_stated
 
 DIGITS: Final = "%.15g"
 ANGULAR: Final = ("bearing", "azimuth", "angle")
@@ -155,8 +155,10 @@ def track(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
         table, ["id", "time"], lambda i: f"'{names[i]}' is at another place at {times[i]:.15g} s; {several}"
     )
     for name, one in table.groupby("id", sort=False):
-        if said := slower_than_stated(*(one[each].to_numpy() for each in ("time", "x", "y", "speed"))):
+        moves = [one[each].to_numpy() for each in ("time", "x", "y", "speed")]
+        if said := slower_than_stated(*moves):
             raise RunError(f"{files[0]}: '{name}': {said}, {other_units(files[0], 'track')}")
+        rows.notes += [f"'{name}' {said}" for said in [other_than_stated(*moves)] if said]
     span = [rows.moment(*each) - rows.moment("--time-origin", how.time_origin)
             for each in zip(("--from", "--until"), how.span, (-np.inf, np.inf), strict=True)]  # fmt: skip
     return _imported(rows, table.drop(columns="speed"), {"origin": origin, "span": span, **_rate(table, "id")})

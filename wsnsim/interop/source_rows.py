@@ -235,8 +235,7 @@ class SourceRows:
         if not origin:
             self.notes += ["times are s since 1970-01-01 UTC; --time-origin DATE makes one of them 0"] * dated
             return times
-        after: Floats = times - self.moment("--time-origin", origin)
-        return after
+        return times - self.moment("--time-origin", origin)
 
     def moment(self, option: str, text: str, missing: float = 0.0) -> float:
         """The time (s) that an option gives, written as the file writes times; `missing` without it."""

@@ -24,7 +24,7 @@ from wsnsim.base.errors import RunError
 from wsnsim.interop.tables import numeric, read_table
 from wsnsim.interop.traces import TraceEntry, ascending, finite_number
 from wsnsim.models.csvfile import open_text
-from wsnsim.models.unit_checks import other_units, remedy, slower_than_stated
+from wsnsim.models.unit_checks import other_than_stated, other_units, remedy, slower_than_stated
 
 MOVERS: Final = ("vehicle", "person", "container")
 PIECE: Final = 1 << 16
@@ -59,11 +59,17 @@ def _separated(found: Iterator[TraceEntry]) -> Iterator[TraceEntry]:
         yield entry if kind == entry.word else entry._replace(node=f"{entry.word}:{entry.node}")
 
 
-def track(path: str, kept: Sequence[TraceEntry], end: float, converted: bool = False) -> Floats:
+def track(path: str, kept: Sequence[TraceEntry], end: float, notes: list[str] | None = None) -> Floats:
     """(n, 4) time, x, y, z of one vehicle: its samples; one that was seen once stays there until the end.
 
+    Args:
+        path: The file.
+        kept: The entries of the vehicle.
+        end: The last time of the file.
+        notes: Gets a sentence if places hardly fit the vehicle's speed; None: units are converted later.
+
     Raises:
-        RunError: It is at two places at one time; or, unless units are `converted` later, too slow for its speed.
+        RunError: It is at two places at one time, or, with `notes`, too slow for its speed.
     """
     rows = np.array([(entry.time, *entry.values) for entry in kept])
     order = np.argsort(rows[:, 0], kind="stable")
@@ -72,8 +78,11 @@ def track(path: str, kept: Sequence[TraceEntry], end: float, converted: bool = F
     for row in order[1:][jumps][:1]:
         raise RunError(f"{path}:{kept[row].line}: '{kept[row].node}' is at another place at the same time, "
                        f"{kept[row].time:g} s: remove one, or give one of two movers another id")  # fmt: skip
-    if not converted and (said := slower_than_stated(*ordered[:, [0, 1, 2, 4]].T)):
+    moves = ordered[:, [0, 1, 2, 4]].T
+    if notes is not None and (said := slower_than_stated(*moves)):
         raise RunError(f"{path}:{kept[0].line}: '{kept[0].node}' {said}, {other_units(path, 'sumo')}")
+    if notes is not None and (said := other_than_stated(*moves)):
+        notes.append(f"'{kept[0].node}' {said}")
     table = ascending(rows[:, :4])
     if len(table) == 1:
         still = table.copy()

@@ -7,6 +7,9 @@ from wsnsim.models.access import Tdma as Tdma
 from wsnsim.models.acquire import AroundTruth as AroundTruth
 from wsnsim.models.acquire import FromReadings as FromReadings
 from wsnsim.models.appointed import Appointed as Appointed
+from wsnsim.models.batteries import Diffusion as Diffusion
+from wsnsim.models.batteries import Kinetic as Kinetic
+from wsnsim.models.batteries import Linear as Linear
 from wsnsim.models.bearing import Bearing as Bearing
 from wsnsim.models.bearing import RangeBearing as RangeBearing
 from wsnsim.models.clusters import Central as Central
@@ -58,6 +61,7 @@ from wsnsim.models.recorded_links import RecordedLinks as RecordedLinks
 from wsnsim.models.recorded_readings import RecordedSensor as RecordedSensor
 from wsnsim.models.recorded_track import RecordedTrack as RecordedTrack
 from wsnsim.models.rssi import Rssi as Rssi
+from wsnsim.models.scans import UnlabelledDetection as UnlabelledDetection
 from wsnsim.models.sensing import AcousticEnergy as AcousticEnergy
 from wsnsim.models.sensing import Coordinate as Coordinate
 from wsnsim.models.sleep import AlwaysOn as AlwaysOn
@@ -67,6 +71,8 @@ from wsnsim.models.sleep import RandomIndependent as RandomIndependent
 from wsnsim.models.tsch import Tsch as Tsch
 from wsnsim.models.ungm import Squared as Squared
 from wsnsim.models.ungm import Ungm as Ungm
+from wsnsim.models.visits import Crossing as Crossing
+from wsnsim.models.visits import Visits as Visits
 from wsnsim.models.wakeup import DirectedFlood as DirectedFlood
 from wsnsim.models.wakeup import ExperienceZones as ExperienceZones
 from wsnsim.models.wakeup import NoWakeUp as NoWakeUp
@@ -87,6 +93,9 @@ TdmaMac = Tdma
 Readings = FromReadings
 ReadingsAcquire = FromReadings
 AppointedClusters = Appointed
+DiffusionBattery = Diffusion
+KineticBattery = Kinetic
+LinearBattery = Linear
 BearingSensor = Bearing
 CentralClusters = Central
 AnchorsDeployment = Anchors
@@ -116,12 +125,15 @@ Tdoa = TimeDifference
 TdoaSensor = TimeDifference
 RecordedLink = RecordedLinks
 RssiSensor = Rssi
+Unlabelled = UnlabelledDetection
 CoordinateSensor = Coordinate
 Ris = RandomIndependent
 RisSleep = RandomIndependent
 TschMac = Tsch
 SquaredSensor = Squared
 UngmMotion = Ungm
+CrossingMotion = Crossing
+VisitsMotion = Visits
 RegionWakeUp = Region
 WaypointsMotion = Waypoints
 Ctp = CollectionTreeProtocol

@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar, Literal
 from wsnsim.base.errors import Issue
 from wsnsim.base.medium_access import Latency, off_time
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.quiet import Hearing, OfLinks, RadioUse, SentFrames, Upkeep
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, RadioSetup, Setup
 from wsnsim.models.bounds import BACKOFF_EXPONENT, BIT_RATE, BYTES, FRAME_BYTES, REPEATS, SPAN, TICK
@@ -32,6 +33,16 @@ class IdealMac:
     rate: Annotated[
         float | None, Quantity("bit/s", ge=1e-3), "bit rate on the air; left out: sending takes no time"
     ] = None
+
+    def upkeep(self, setup: RadioSetup) -> tuple[Upkeep, ...]:
+        """Nothing: nodes that have nothing to send are silent."""
+        return ()
+
+    def broadcast_use(self, bits: int, hearing: Hearing) -> tuple[RadioUse, RadioUse]:
+        """What a broadcast takes of its sender, and at the other end of each link."""
+        seconds = 0.0 if self.rate is None else bits / self.rate
+        heard = SentFrames(bits, seconds, hearing.arrives(PACKET_BITS))
+        return RadioUse((SentFrames(bits, seconds),)), RadioUse((heard,))
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if the rate differs from that of the radio."""
@@ -95,6 +106,14 @@ class Framed:
     def spacing(self, bits: float) -> float:
         """Seconds that a sender waits after a frame of this length on the air: SIFS or LIFS, by its PSDU."""
         return self.sifs if bits / 8 - self.phy_overhead <= self.sifs_bytes else self.lifs
+
+    def upkeep(self, setup: RadioSetup) -> tuple[Upkeep, ...]:
+        """Nothing: nodes that have nothing to send are silent."""
+        return ()
+
+    def frames(self, on_air: int, number: OfLinks = 1.0, held: bool = False) -> SentFrames:
+        """Frames of this length on the air."""
+        return SentFrames(on_air, self.airtime(on_air), number, held)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield issues: frames too small, too short a wait for acknowledgements, a rate that is not the radio's."""
@@ -163,6 +182,11 @@ class Csma(Framed):
         waits = (2**self.min_be - 1) * self.backoff + self.cca
         sent = waits + self.turnaround + self.airtime(self.bits(bits))
         return Latency(sent + self.turnaround + self.airtime(self.ack_bits), sent)
+
+    def broadcast_use(self, bits: int, hearing: Hearing) -> tuple[RadioUse, RadioUse]:
+        """What a broadcast takes of its sender, and at the other end of each link."""
+        on_air = self.bits(bits)
+        return RadioUse((self.frames(on_air),)), RadioUse((self.frames(on_air, hearing.arrives(on_air)),))
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield the issues of `Framed`, and one if the backoff exponents decrease."""

@@ -50,7 +50,7 @@ class LeadsByPlace:
         energy, least, source = setup.energy, setup.head_threshold, "clusters.threshold"
         if setup.clusters.threshold is None:
             source = f"a packet sent over {setup.link.reach:g} m, one received, and the computation of a step"
-        if energy.battery <= least:
+        if energy.battery <= least and setup.plain_batteries:
             yield Issue(
                 ("energy", "battery"),
                 f"{energy.battery:g} J is too little for any head: a head must hold more than {least:g} J ({source})",

@@ -141,7 +141,7 @@ class Drain(Aimed):
             yield Issue(("faults",), "give either joules or a share")
         if self.duration is not None:
             yield _fault("duration", "a drain happens at once and is not undone: leave out the duration")
-        if self.share is not None and isinstance(setup, RadioSetup) and isinf(setup.energy.battery):
+        if isinstance(setup, RadioSetup) and setup.plain_batteries and self.share and isinf(setup.energy.battery):
             yield _fault("share", "an infinite battery (energy.battery = .inf) has no share: give joules")
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Keys
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.quiet import Upkeep
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import derive_each, normals, uniforms
 from wsnsim.base.setups import RadioSetup, Setup
@@ -163,6 +164,14 @@ class NoSync:
 
     mechanism: ClassVar[str] = "none"
 
+    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...]:
+        """Nothing."""
+        return ()
+
+
+SETTLING: Final = 20
+"""Periods after which nodes agree on a root and send regularly: its time-out, and points for some hops (ours)."""
+
 
 @part
 class Ftsp:
@@ -202,6 +211,10 @@ class Ftsp:
     outlier: Annotated[
         float, Quantity("s", gt=0.0, le=1e6), "error from which on a reference point is not used; four in a row reset"
     ] = 500e-6
+
+    def upkeep(self, setup: Setup) -> tuple[Upkeep, ...]:
+        """A message of every node in each period."""
+        return (Upkeep(self.bits, self.period, SETTLING * self.period),)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue for clocks that need no synchronisation, and for limits or messages that cannot be kept."""

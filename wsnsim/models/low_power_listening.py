@@ -12,9 +12,13 @@ from functools import cached_property
 from math import ceil, floor, log2
 from typing import Annotated, ClassVar, Final
 
+import numpy as np
+
+from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue
 from wsnsim.base.medium_access import Latency, RadioDuty, off_time
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.quiet import Hearing, RadioUse
 from wsnsim.base.setups import Setup
 from wsnsim.models.access import Framed
 from wsnsim.models.bounds import AIR_BYTES, REPEATS, TICK
@@ -23,6 +27,8 @@ INTERVAL: Final = Quantity("s", ge=1e-3, le=60.0)
 SHORT: Final = Quantity("s", ge=0.0, le=1.0)
 ROUNDING: Final = 1e-12
 """Rounding may change the number of periods in an interval by this."""
+PHASES: Final = 4096
+"""Phases of the wake-ups of a node over which what it hears of a broadcast is averaged."""
 
 
 @part
@@ -56,6 +62,12 @@ class LowPowerListening(Framed):
     def congestion(self) -> float:
         """The longest random wait after a busy channel or a missing acknowledgement, in s."""
         return self.interval if self.backoff is None else self.backoff
+
+    def wake_ups(self, first: float, last: float) -> Floats:
+        """(P, W) s at which nodes of P phases wake from `first` to `last`; NaN for what comes after."""
+        phases = first + self.interval * (np.arange(PHASES) + 0.5) / PHASES
+        found = phases[:, None] + self.interval * np.arange(ceil((last - first) / self.interval))
+        return np.where(found <= last, found, np.nan)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield the issues of `Framed`; also missing acknowledgements and a `near` that is no part of the interval."""
@@ -174,6 +186,44 @@ class XMac(LowPowerListening):
         unicast = begin + self.airtime(self.strobe_bits) + answer + self.turnaround + frame + answer
         return Latency(unicast, begin + self.period + frame)
 
+    def broadcast_use(self, bits: int, hearing: Hearing) -> tuple[RadioUse, RadioUse]:
+        """What a broadcast takes of its sender, and at the other end of each link.
+
+        A sender that is in a listening window needs no start, and does not pay for the rest of the window. A receiver
+        that hears a strobe in a window closes it; it is held on for the frame.
+        """
+        on_air, in_window = self.bits(bits), self.window / self.interval
+        train = self.strobes * self.period
+        sender = RadioUse(
+            frames=(self.frames(self.strobe_bits, self.strobes, held=True), self.frames(on_air, held=True)),
+            held=self.assessment + train + self.turnaround + self.airtime(on_air),
+            starts=1.0 - in_window, listening=-0.5 * in_window * self.window,
+        )  # fmt: skip
+        return sender, self._reception_use(on_air, hearing)
+
+    def _reception_use(self, on_air: int, hearing: Hearing) -> RadioUse:
+        """What a train and its frame take of a node that hears the strobes that begin at 0, `period`, ..."""
+        strobe, longest = self.airtime(self.strobe_bits), self.airtime(self.bits(self.payload_bits))
+        last = (self.strobes - 1) * self.period
+        begin = self.wake_ups(strobe - self.window, last)
+        first = np.ceil(np.maximum(begin, 0.0) / self.period - ROUNDING) * self.period
+        open_for = begin + self.window - first
+        whole = np.floor((np.minimum(open_for - strobe, last - first)) / self.period + ROUNDING) + 1.0
+        waits = last - first[:, 0] + self.ack_wait
+        early = waits < hearing.off_time
+        lost, frame = 1.0 - hearing.arrives(self.strobe_bits), hearing.arrives(on_air)
+        heard = _caught(whole, lost) * whole.shape[1]
+        expects = _caught(np.nansum(whole, axis=1), lost)
+        on = self.turnaround + frame * self.airtime(on_air) + (1.0 - frame) * (longest + self.turnaround)
+        between = self.period - self.turnaround
+        in_window = between / self.interval
+        return RadioUse(
+            frames=(self.frames(self.strobe_bits, heard), self.frames(on_air, expects * frame, held=True)),
+            held=expects * (on + np.mean(waits * early)),
+            starts=expects * (1.0 - np.mean(early) - in_window),
+            listening=-np.nanmean(open_for) * heard - expects * in_window * (self.window - 0.5 * between),
+        )  # fmt: skip
+
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield issues, also of a listening window that misses strobes, and of one or a CCA that fills the interval."""
         yield from LowPowerListening.check(self, setup)
@@ -279,6 +329,34 @@ class ContikiMac(LowPowerListening):
         broadcast = self.first_backoff + self.assessment + self.turnaround + train
         return Latency(broadcast + self.turnaround + self.airtime(self.ack_bits), broadcast)
 
+    def broadcast_use(self, bits: int, hearing: Hearing) -> tuple[RadioUse, RadioUse]:
+        """What a broadcast takes of its sender, and at the other end of each link.
+
+        A receiver is woken by the first of its assessments that ends during a copy. If the assessment began before the
+        copy, it receives that; otherwise it listens to its end, and receives the next one, or hears silence.
+        """
+        on_air = self.bits(bits)
+        copies, period, airtime = self.copies(on_air), self.period(on_air), self.airtime(on_air)
+        train = copies * period
+        sender = RadioUse((self.frames(on_air, copies, held=True),), self.assessment + train, starts=1.0)
+        begin = self.wake_ups(-self.assessment, train)
+        ends = np.stack([begin + self.cca, begin + self.assessment])
+        hits = (ends >= 0.0) & (ends % period < airtime) & (ends < train)
+        first = hits[0]
+        hit, end = hits.any(axis=0), np.where(first, ends[0], ends[1])
+        since, is_last = end % period, end >= train - period
+        whole = hit & (since <= self.cca)
+        waits = hit & ~whole
+        listening = np.where(whole, -since, airtime - since) * hit - self.cca * first
+        held = waits * (self.frame_gap + np.where(is_last, self.cca, airtime))
+        heard, senses = _mean(waits & ~is_last), hearing.senses
+        arrives = senses * hearing.arrives(on_air)
+        receiver = RadioUse(
+            (self.frames(on_air, _mean(whole) * arrives), self.frames(on_air, heard * arrives, held=True)),
+            held=_mean(held) * senses, starts=-_mean(first) * senses, listening=_mean(listening) * senses,
+        )  # fmt: skip
+        return sender, receiver
+
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield issues, also of timings that violate the inequality of the protocol."""
         yield from LowPowerListening.check(self, setup)
@@ -324,3 +402,14 @@ class ContikiMac(LowPowerListening):
         if shortest <= longest:
             return f"; {shortest} bytes suffice"
         return f"; no frame is so long (at most {longest} bytes on the air): shorten cca_gap or cca"
+
+
+def _mean(of_wake_ups: Floats) -> float:
+    """The mean over phases of a sum over wake-ups (P, W); NaN are left out."""
+    return float(np.nansum(of_wake_ups, axis=1).mean())
+
+
+def _caught(counts: Floats, lost: Floats) -> Floats:
+    """(E,) the probability, over the counts, that of as many frames one arrives; `lost` (E,): that one does not."""
+    numbers, times = np.unique(counts[np.isfinite(counts)], return_counts=True)
+    return (1.0 - lost[:, None] ** numbers) @ (times / counts.size)

@@ -68,6 +68,8 @@ class UnlabelledDetection:
             yield from self._bad_space(sensor)
         if not isinstance(setup, NetworkSetup):
             yield Issue(("detection", "kind"), "scans are gathered by heads: unlabelled readings need a network")
+        elif setup.until_clusters is not None:
+            yield Issue(("until",), "groups begin and end: no number of clusters ends a run of unlabelled readings")
         elif setup.head_protocol not in PROTOCOLS:
             yield Issue(
                 ("clusters", "kind"),

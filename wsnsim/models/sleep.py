@@ -171,6 +171,13 @@ class _PeriodicSchedule:
         raise NotImplementedError
 
     @property
+    def long_run(self) -> tuple[float, float]:
+        """The share of the time in which a node is awake, and its switches per second."""
+        period, awake_part, probability, _ = self._law
+        changes = probability if awake_part < period else probability * (1.0 - probability)
+        return probability * awake_part / period, 2.0 * changes / period
+
+    @property
     def shortest_sleep(self) -> float:
         """The shortest time (s) for which a node sleeps: a whole period if it is awake for whole periods."""
         return self.period - self.awake_part or self.period

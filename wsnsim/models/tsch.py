@@ -14,9 +14,11 @@ from typing import Annotated, ClassVar, Final
 from wsnsim.base.errors import Issue
 from wsnsim.base.medium_access import Latency, RadioDuty
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.quiet import Hearing, RadioUse, Upkeep
 from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.access import Framed
 from wsnsim.models.bounds import BACKOFF_EXPONENT, FRAME_BYTES, LONG_PERIOD, MANY, SPAN, TICK
+from wsnsim.models.hardware import PerfectClock
 
 HOPPING: Final = (16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21)
 """The default hopping sequence of IEEE 802.15.4 for the 16 channels at 2.4 GHz."""
@@ -145,6 +147,23 @@ class Tsch(Framed):
         on_air = self.tx_offset + self.airtime(self.bits(bits))
         exchange = self.slot_needed(self.bits(bits))
         return Latency(waiting + exchange, waiting + on_air, waiting + on_air + self.interval + exchange)
+
+    def upkeep(self, setup: RadioSetup) -> tuple[Upkeep, ...]:
+        """Beacons where clocks err. Keep-alives are sent beside them, as depends on who heard which beacon."""
+        if isinstance(setup.clock, PerfectClock):
+            return ()
+        period = self.eb_period or self.keep_alive or self.interval
+        return (Upkeep(8 * self.eb_bytes, period, 2.0 * period, steady=False),)
+
+    def broadcast_use(self, bits: int, hearing: Hearing) -> tuple[RadioUse, RadioUse]:
+        """What a broadcast takes of its sender, and at the other end of each link, where no other is in its cell."""
+        on_air = self.bits(bits)
+        arrives = hearing.arrives(on_air)
+        sender = RadioUse((self.frames(on_air),), listening=-self.rx_wait)
+        heard = RadioUse(
+            (self.frames(on_air, arrives),), listening=-self.guard * arrives, together=self.interval / self.shared
+        )
+        return sender, heard
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield the issues of `Framed`; and of channels, cells, the times in a slot, and drift beyond the guard."""

@@ -2,7 +2,7 @@
 
 degrees_said(path, kind, x, y), remedy   what refuses columns of degrees, and the command that converts them
 too_close(points, reach, least)          what a set of places says of its unit
-slower_than_stated(times, x, y, speeds)  whether a track contradicts its own speeds
+slower_than_stated, other_than_stated(times, x, y, speeds)      whether a track contradicts its own speeds
 unlikely_speeds(times, x, y)             whether it is too fast for metres, or jumps
 
 Scenarios (`check`) and `wsnsim import` use the same checks. All limits are our choice.
@@ -30,6 +30,8 @@ LEAST_SPEED: Final = 0.1
 """m/s: slower movers tell nothing of the unit."""
 SLOW: Final = 1e-2
 """Places that move at less than this part of the speed that the file states: a degree is 111 km, a kilometre 1000 m."""
+OTHER: Final = 2.0
+"""Places that move faster or slower than stated by more than this factor: km/h are 3.6 times as many as m/s."""
 FAST: Final = 100.0
 """m/s: movers on the ground whose median speed is greater are several, or in another unit."""
 JUMP, LEAST_JUMP = 10.0, 10.0
@@ -79,13 +81,27 @@ def too_close(points: Floats, reach: float = math.inf, least: float = 0.0) -> st
 
 def slower_than_stated(times: Floats, x: Floats, y: Floats, speeds: Floats) -> str:
     """Why a track is not in metres: places at times (n,) contradict its own speeds (n,) in m/s; '' if not."""
+    found, stated = _usual_speeds(times, x, y, speeds)
+    return f"moves by {found:.3g} a second at {stated:.3g} m/s" if found < SLOW * stated else ""
+
+
+def other_than_stated(times: Floats, x: Floats, y: Floats, speeds: Floats) -> str:
+    """What is doubtful where places at times (n,) hardly fit its own speeds (n,) in m/s; '' if nothing."""
+    found, stated = _usual_speeds(times, x, y, speeds)
+    if stated / OTHER <= found <= OTHER * stated:
+        return ""
+    said = f"moves by {found:.3g} m a second, and its speeds are {stated:.3g} m/s"
+    return f"{said}: places (--unit), times or speeds in another unit, or several movers in one (--column id=NAME)?"
+
+
+def _usual_speeds(times: Floats, x: Floats, y: Floats, speeds: Floats) -> tuple[float, float]:
+    """The median speed by the places of a track, and that of its own speeds, where it moves; 0 if it never does."""
     passed = np.diff(times)
     moving = (passed > 0.0) & (speeds[1:] > LEAST_SPEED)
     if not moving.any():
-        return ""
-    found = float(np.median(np.hypot(np.diff(x), np.diff(y))[moving] / passed[moving]))
-    stated = float(np.median(speeds[1:][moving]))
-    return f"moves by {found:.3g} a second at {stated:.3g} m/s" if found < SLOW * stated else ""
+        return 0.0, 0.0
+    found = np.hypot(np.diff(x), np.diff(y))[moving] / passed[moving]
+    return float(np.median(found)), float(np.median(speeds[1:][moving]))
 
 
 def unlikely_speeds(times: Floats, x: Floats, y: Floats) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.quiet import Upkeep
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.access import Framed, IdealMac
@@ -18,6 +19,11 @@ from wsnsim.models.bounds import COUNT, DURATION, PAYLOAD, PERIOD, PLACE, SECOND
 SinkPoints: TypeAlias = Annotated[
     tuple[tuple[float, float], ...], PLACE, "x and y: each sink is the node nearest to one"
 ]
+BEACON_BITS: Final = 88
+"""Bits of a routing beacon: options 8, parent 16, cost 16 (TEP 123); link estimation: flags 8, number 8; position 32
+(ours)."""
+SETTLING: Final = 4.0
+"""Longest intervals after which a collection tree has settled: the shorter ones before take one (our choice)."""
 MOST_NODES: Final = 20_000
 """Nodes above which no sink is looked at."""
 
@@ -209,6 +215,10 @@ class CollectionTreeProtocol:
     patience: Annotated[float, SECONDS, "how long a datagram waits for a route"] = 10.0
     places: Annotated[int, COUNT, "neighbours whose positions a node keeps"] = 40
     candidates: Annotated[int, Quantity("", ge=1, le=100), "bursts of a node for a datagram that goes by position"] = 3
+
+    def upkeep(self, setup: RadioSetup) -> tuple[Upkeep, ...]:
+        """A beacon of every node in each of the longest intervals, which lost beacons shorten again and again."""
+        return (Upkeep(BEACON_BITS, self.i_max, SETTLING * self.i_max, steady=setup.link.perfect),)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue for intervals in the wrong order, and for a MAC whose senders learn nothing of arrivals."""

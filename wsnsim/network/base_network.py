@@ -64,8 +64,8 @@ class BaseNetwork(ABC):
         """Take down the nodes that died while the network was built, and begin with the faults."""
         actions = self._crash, self._restart, self._head_of
         site = FaultSite(self._env, self._nodes, self._event_log, self._stack.clocks, *actions, self._defects)
-        faults = FaultSchedule(self._setup.faults, site, self._fault_key, self._setup.dt)
-        self._nodes.on_death = self._handle_death
+        self._faults = faults = FaultSchedule(self._setup.faults, site, self._fault_key, self._setup.dt)
+        self._nodes.on_death, self._nodes.on_recharge = self._handle_death, self._handle_recharge
         for node in self._nodes.died_early:
             self._handle_death(node)
         faults.start()
@@ -111,8 +111,10 @@ class BaseNetwork(ABC):
         if is_due:
             now = self._env.now
             scheduled = self._nodes.consumption.network.scheduled(np.array([now]))[0]
-            joules = [float(sum(each)) for each in zip(self._nodes.totals_now(), scheduled, strict=True)]
-            self._follower.follow(RunNow(step, now, self._tracks_now(), joules, self._nodes.residual_energies()))
+            nodes = self._nodes
+            joules = [float(sum(each)) for each in zip(nodes.totals_now(), scheduled, strict=True)]
+            left, spent = nodes.residual_energies(), nodes.spent_now()
+            self._follower.follow(RunNow(step, now, self._tracks_now(), joules, left, spent))
 
     def _head_of(self, target: int) -> int | None:
         """The cluster head of a target; None in a network without targets."""
@@ -123,13 +125,23 @@ class BaseNetwork(ABC):
         return []
 
     def _handle_death(self, node: int) -> None:
-        """Take down a node whose battery is empty, whatever it is doing."""
+        """Take down a node whose battery is empty, whatever it is doing: as in a crash if it can be charged again."""
+        if self._nodes.is_empty(node):
+            self._log_change("crash", node)
+            self._crash(node)
+            return
         self._nodes.died_at[node] = self._env.now
-        self._log_death(node)
+        self._log_change("death", node)
         self._take_down(node)
 
+    def _handle_recharge(self, node: int) -> None:
+        """Bring back a node whose battery was empty, unless a fault holds it down."""
+        if not self._faults.holds(node):
+            self._log_change("restart", node)
+            self._restart(node)
+
     @abstractmethod
-    def _log_death(self, node: int) -> None: ...
+    def _log_change(self, kind: str, node: int) -> None: ...
 
     def _crash(self, node: int) -> None:
         """Take down a node: end what it does, and forget what it knows."""

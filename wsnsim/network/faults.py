@@ -110,7 +110,9 @@ class SiteServices(NetworkServices):
                 self._site.restart(node)
 
     def drain(self, node: int, joules: float) -> float:
-        """Take charge from a node; returns the joules taken. Infinity empties the battery."""
+        """Take charge from a node; returns the joules taken. Infinity empties the battery, but not that of mains."""
+        if math.isinf(joules) and math.isinf(self.residual_energy(node)):
+            return 0.0
         return self._nodes.spend(node, LEAK, joules)
 
     def jam(self, nodes: Ints) -> None:
@@ -264,6 +266,10 @@ class FaultSchedule:
         for time, order, number in sorted(changes):
             act = self._begin if order == 1 else self._end
             self.call_at(time, partial(act, number))
+
+    def holds(self, node: int) -> bool:
+        """Whether a fault holds a node down."""
+        return any(node in nodes for nodes in self.held.values())
 
     def _begin(self, number: int) -> None:
         dead = self.site.nodes.died_at

@@ -36,7 +36,7 @@ class NetworkServices:
 
     def is_dead(self, node: int) -> bool:
         """Whether the battery of a node is empty."""
-        return node in self._nodes.died_at
+        return self._nodes.is_empty(node)
 
     def clock(self, node: int) -> float:
         """What the clock of a node shows now, in s."""

@@ -19,6 +19,7 @@ from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.battery_watch import EVERYBODY
 from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger, affordable
 from wsnsim.network.energy.power_table import PowerTable
+from wsnsim.network.energy.storage import Storage
 from wsnsim.network.node_states import NodeStates, SleepStates
 
 RECEIVE, SWITCH = CAUSE["rx"], CAUSE["switch"]
@@ -30,29 +31,53 @@ class Nodes(NodeStates):
     """The nodes of a network. Where they stand and which of them listen is inherited.
 
     Attributes:
-        battery: Initial charge of a node in J.
+        battery: Initial charge of a node in J, or the greatest of what nodes can draw at the start.
+        storage: The batteries of nodes that do not all have `battery`, or that time changes; None: there are none.
         on_death: Called with a node whose battery is empty (since `died_at`); until set, `died_early` collects them.
+        on_recharge: Called with a node whose battery was empty, and is charged so that the node can start again.
     """
 
     def __init__(  # noqa: PLR0913
         self, positions: Floats, traits: Floats, battery: float, reach: float,
         sleep_states: SleepStates | None = None, env: simpy.Environment | None = None, table: PowerTable | None = None,
-        horizon: float = 0.0,
+        horizon: float = 0.0, storage: Storage | None = None,
     ) -> None:  # fmt: skip
-        """By default time costs nothing. `table`: the power of a node in each state; `horizon`: end of the run in s."""
+        """By default time costs nothing.
+
+        Args:
+            positions: (N, 2) in m.
+            traits: (N, T) constants of the sensors.
+            battery: Initial charge of a node in J; not used with a storage.
+            reach: Communication range in m.
+            sleep_states: Which nodes are awake; by default all.
+            env: The clock.
+            table: The power of a node in each state.
+            horizon: End of the run in s.
+            storage: The batteries, if they are not all of `battery` and nothing else.
+        """
         super().__init__(positions, traits, reach, SleepStates() if sleep_states is None else sleep_states)
-        self.battery = battery
+        self.battery = battery if storage is None else storage.full
+        self.storage = storage
         self.died_at: dict[int, float] = {}
         self.ledger = EnergyLedger(self.size)
         self.died_early: list[int] = []
         self.on_death: Callable[[int], None] = self.died_early.append
+        self.on_recharge: Callable[[int], None] = lambda node: None
         self._spent = self.ledger.spent_by
+        self._timed = storage if storage is not None and storage.timed else None
+        if storage is not None:
+            storage.begin(self.ledger)
         self.consumption = BackgroundConsumption(
-            env or simpy.Environment(), table or PowerTable(NoPower()), self.sleep_states, self.size, horizon, battery,
-            self._check,
+            env or simpy.Environment(), table or PowerTable(NoPower()), self.sleep_states, self.size, horizon,
+            battery if storage is None else storage.least, self._check,
         )  # fmt: skip
         # A node owes at most `most` until it is settled, and may still consume as much: below twice that, settle first.
         self._reserve, self._tight = self.consumption.most, 2.0 * self.consumption.most
+        if self._timed is not None:  # what is left is known only when a node is settled
+            self._reserve = self._tight = np.inf
+        if storage is not None:
+            for node in np.flatnonzero(self.ledger.spent >= self.battery).tolist():
+                self._die(node, ())
 
     def note_clock(self, node: int) -> None:
         """The clock of a node has been stepped or corrected: its schedule changes at other times than expected."""
@@ -154,7 +179,7 @@ class Nodes(NodeStates):
 
     def restart(self, node: int, now: float) -> None:
         """A node that crashed comes back, with nothing to do. What is on the air has begun without it."""
-        if node not in self.died_at and not self.alive[node]:
+        if not self.alive[node] and not self.is_empty(node):
             self._mark_up(node, now)
             self._settle(node)
             self._enter(node, self.rest_of(node))
@@ -242,18 +267,39 @@ class Nodes(NodeStates):
         living = np.flatnonzero(self.living)
         tight = self.battery - self.ledger.spent[living] <= self._reserve
         for node in living[tight].tolist():
-            if self._settle(node) and self.consumption.runs_out(node, self.battery - self._spent[node]):
+            if self._settle(node) and self._runs_out(node):
                 self._die(node, ())
         for nodes, cause, joules in self.consumption.pending_charges(living[~tight]):
             self.ledger.book_each(nodes, cause, np.maximum(joules, -self.ledger.joules[cause][nodes]))
+        if self._timed is not None:
+            for node in set(np.flatnonzero(~self.living).tolist()) - set(self.died_at):
+                self._timed.elapse(node, 0.0, up=False)
         self.consumption.close()
         self._reserve = self._tight = 0.0
 
     def _settle(self, node: int) -> bool:
         """Book what a node has consumed until now; return whether it is up, as it may have run out of it."""
-        if charges := self.consumption.settle(node):
+        charges = self.consumption.settle(node)
+        if self._timed is not None:
+            self._book_over_time(node, charges, self._timed)
+        elif charges:
             self._book_consumed(node, charges)
         return bool(self.alive[node])
+
+    def _book_over_time(self, node: int, charges: Charges, storage: Storage) -> None:
+        """Book what a node has consumed evenly since it was settled, and what its battery lost and gained meanwhile."""
+        if not self.alive[node]:
+            return
+        joules = sum(amount for _, amount in charges)
+        given = storage.elapse(node, joules)
+        if (spent := self._spent[node]) < self.battery:
+            self.ledger.book_charges(node, charges)
+            self._spent[node] = spent  # with the charges, which the storage has counted
+            return
+        paid = affordable(charges, given)
+        self._spent[node] = self.battery - sum(amount for _, amount in paid)
+        self._die(node, paid)
+        self._correct(charges, paid)
 
     def _book_consumed(self, node: int, charges: Charges) -> None:
         joules = sum(amount for _, amount in charges)
@@ -263,18 +309,58 @@ class Nodes(NodeStates):
             return
         paid = affordable(charges, left)
         self._die(node, paid)
+        self._correct(charges, paid)
+
+    def _correct(self, charges: Charges, paid: Charges) -> None:
+        """Correct the totals of the network for charges that a node that died of them paid in part."""
         for (cause, amount), (_, part) in zip(charges, paid, strict=True):
             self.consumption.network.correct(cause, part - amount)
 
     def _die(self, node: int, charges: Charges) -> None:
         """Book the last charges of a node. What remains, less than the price of a bit, is lost: booked as idle."""
         self.consumption.network.correct(IDLE, self.ledger.book_last(node, charges, self.battery))
+        storage = self.storage
+        if storage is not None and storage.restarts:
+            storage.empty.add(node)
+        elif storage is not None:
+            storage.lose_rest(node)
         self._go_down(node)
         self.on_death(node)
+        if storage is not None and storage.restarts:
+            self._await_charge(node, storage)
+
+    def is_empty(self, node: int) -> bool:
+        """Whether the battery of a node is empty: the node is dead, or down until it is charged."""
+        return node in self.died_at or (self.storage is not None and node in self.storage.empty)
+
+    def _await_charge(self, node: int, storage: Storage) -> None:
+        """Set a timer for an empty node that may start again."""
+        if (due := storage.charged_at(node)) < np.inf:
+            self.consumption.check_at(due, node)
+
+    def _charge(self, node: int, storage: Storage) -> None:
+        """The timer of an empty node has fired: it starts again, or gets its next timer."""
+        storage.elapse(node, 0.0, up=False)
+        if storage.needs(node):
+            self._await_charge(node, storage)
+        else:
+            storage.empty.discard(node)
+            self.on_recharge(node)
 
     def _watch(self, node: int) -> None:
         """Set a timer for a node that may run out before the end."""
-        self.consumption.watch(node, self.battery - self._spent[node])
+        left = self.battery - self._spent[node]
+        if self._timed is None:
+            self.consumption.watch(node, left)
+        else:
+            self.consumption.watch(node, left, self._timed.supply(node))
+
+    def _runs_out(self, node: int) -> bool:
+        """Whether what a node can draw is only rounding error."""
+        left = self.battery - self._spent[node]
+        if self._timed is None:
+            return self.consumption.runs_out(node, left)
+        return self.consumption.runs_out(node, left, self._timed.supply(node))
 
     def _check(self, node: int) -> None:
         """The timer of a node, or of EVERYBODY, has fired: the node is dead, or gets its next timer."""
@@ -284,21 +370,33 @@ class Nodes(NodeStates):
             return
         if self.alive[node]:
             self._settle(node)
-        if self.alive[node] and self.consumption.runs_out(node, self.battery - self._spent[node]):
+        if self.alive[node] and self._runs_out(node):
             self._die(node, ())
         elif self.alive[node]:
             self._watch(node)
+        elif self.storage is not None and node in self.storage.empty:
+            self._charge(node, self.storage)
+
+    def initial_energies(self) -> Floats:
+        """(N,) joules in the batteries at the start."""
+        return np.broadcast_to(float(self.battery), self.size) if self.storage is None else self.storage.initial
 
     def residual_energy(self, node: int) -> float:
-        """Joules left in a node now."""
+        """Joules left in a node now, drawable or not."""
+        if self.storage is not None:
+            pending = np.array([self.consumption.pending(node)])
+            return max(float(self.storage.left(np.array([node]), pending)[0]), 0.0)
         return max(float(self.battery - self._spent[node] - self.consumption.pending(node)), 0.0)
 
     def residual_energies(self) -> Floats:
-        """(N,) joules left now."""
-        pending, left = np.zeros(self.size), self.battery - self.ledger.spent
+        """(N,) joules left now, drawable or not."""
+        pending = np.zeros(self.size)
         for nodes, _, joules in self.consumption.pending_charges(np.arange(self.size)):
             pending[nodes] += np.maximum(joules, 0.0)
-        left -= pending
+        if self.storage is None:
+            left = self.battery - self.ledger.spent - pending
+        else:
+            left = self.storage.left(np.arange(self.size), pending)
         return np.maximum(left, 0.0, out=left)
 
     def holds_more(self, node: int, joules: float) -> bool:
@@ -307,9 +405,16 @@ class Nodes(NodeStates):
 
     def able(self, threshold: float) -> Bools:
         """(N,) which nodes are up and have more than `threshold` joules left."""
-        if bool((self.battery - self.ledger.spent - self._reserve > threshold).all()):
+        if self._timed is None and bool((self.battery - self.ledger.spent - self._reserve > threshold).all()):
             return self.living.copy()
         return self.living & (self.residual_energies() > threshold)
+
+    def spent_now(self) -> Floats:
+        """(causes, N) joules that each node has spent on each cause until now."""
+        spent = self.ledger.joules.copy()
+        for nodes, cause, joules in self.consumption.pending_charges(np.flatnonzero(self.living)):
+            spent[cause, nodes] += joules
+        return spent
 
     def totals_now(self) -> list[float]:
         """Joules that the network has spent on each cause until now, without `consumption.network.scheduled`."""

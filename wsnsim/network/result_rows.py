@@ -20,7 +20,7 @@ from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResul
 from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
-from wsnsim.base.tables import CAUSES, KIND, Recorder
+from wsnsim.base.tables import CAUSES, KIND, SPENT, Recorder
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.clusters.track import ClusterRecord, Track
 from wsnsim.network.clusters.track_book import TrackBook
@@ -123,7 +123,7 @@ def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:
     return RunTotals(
         event_fingerprint=outcome.event_fingerprint,
         alive=sum(nodes.alive),
-        energy=float(sum(nodes.ledger.totals)),
+        energy=float(sum(nodes.ledger.totals[: len(SPENT)])),
         handovers=sum(track.handovers for track in outcome.tracks),
         cycles=outcome.cycles,
         awake=outcome.awake,
@@ -153,14 +153,16 @@ def _nodes(nodes: Nodes, trait_names: tuple[str, ...]) -> dict[str, Any]:
         "x_assumed": nodes.assumed.positions[:, 0],
         "y_assumed": nodes.assumed.positions[:, 1],
         "gain": gain,
-        "energy_initial": np.broadcast_to(float(nodes.battery), nodes.size),
+        "energy_initial": nodes.initial_energies(),
         "energy_left": nodes.residual_energies(),
+        **({} if nodes.storage is None or not nodes.storage.restarts else {"harvested": nodes.storage.harvested}),
         "died_at": died,
     }
 
 
 def _energy(nodes: Nodes) -> dict[str, Any]:
-    consumers = np.flatnonzero(nodes.ledger.spent)
+    plain = nodes.storage is None  # otherwise `spent` is what a node lacks of a full charge
+    consumers = np.flatnonzero(nodes.ledger.spent if plain else nodes.ledger.joules.any(axis=0))
     joules = nodes.ledger.joules[:, consumers].T
     row, cause = np.nonzero(joules)
     return {"node": consumers[row], "cause": cause, "joules": joules[row, cause]}

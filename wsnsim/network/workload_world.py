@@ -144,6 +144,6 @@ class WorkloadWorld(BaseNetwork):
                 progress(self._env.now)
             yield self._env.timeout((step + 1) * self._setup.dt - self._env.now)
 
-    def _log_death(self, node: int) -> None:
+    def _log_change(self, kind: str, node: int) -> None:
         log = self._event_log
-        log.add(event(self._env.now, log.step, -1, node, KIND["death"]))
+        log.add(event(self._env.now, log.step, -1, node, KIND[kind]))

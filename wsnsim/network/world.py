@@ -150,7 +150,8 @@ class World(BaseNetwork):
         return self._coordination.head_of(target)
 
     def _tracks_now(self) -> list[TrackNow]:
-        return [TrackNow(track.target, track.estimates, track.heads) for track in self._tracks]
+        tracks = [] if self._book else self._tracks
+        return [TrackNow(track.target, track.estimates, track.heads) for track in tracks]
 
     def _log_crossing(self, target: int, step: int) -> None:
         """Log that a target left the field or came back."""
@@ -166,8 +167,8 @@ class World(BaseNetwork):
         self._coordination.fill_vacancy(track, 0)
         tick.succeed()
 
-    def _log_death(self, node: int) -> None:
-        self._log.add("death", -1, node)
+    def _log_change(self, kind: str, node: int) -> None:
+        self._log.add(kind, -1, node)
 
     def _crash(self, node: int) -> None:
         super()._crash(node)

@@ -179,7 +179,9 @@ class ReplayPortions:
         self._last = run.last if run.truth else setup.steps
         detail = DetailLevel(stride, particles=400, levels=LEVELS)
         self._whole = replace(ReplayEncoder.empty(run, detail), frames=-(-self._last // stride) + 1)
-        self._battery = float(setup.energy.battery) if isinstance(setup, RadioSetup) else np.inf
+        self._battery = np.inf  # the levels of batteries that are not alike are shown at the end
+        if isinstance(setup, RadioSetup) and setup.plain_batteries:
+            self._battery = float(setup.energy.battery)
         self._span = SMALLEST_SPAN
         self._levels = np.full(self._whole.drawn.size, LEVELS, np.uint8)
         self._states = StateHistory(self._whole.drawn.size)

@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, create_model
 from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.base.files import file_digest
 from wsnsim.scenario.datasheets import with_fields
-from wsnsim.scenario.fields import Inner, PartError, PartModel, names_of, part_model, roles_of
+from wsnsim.scenario.fields import Inner, PartError, PartModel, names_of, nested_of, part_model, roles_of
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.registry import AT_TOP, ROLES, Role, Scope, demand_class, kinds
 from wsnsim.scenario.schema import Chosen, Scenario, is_without_target, scenario_model, with_radio
@@ -268,8 +268,10 @@ def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
     A component with a field `digest` gets the digest of its file, unless the text gives one.
     """
     data: dict[str, Any] = tree.plain()
-    for path, model in _chosen_models(chosen):
-        names = names_of(model.part)
+    parts = [(path, model.part) for path, model in _chosen_models(chosen)]
+    parts += [((*path, name), inner) for path, part in parts for name, inner in nested_of(cast(Any, part)).items()]
+    for path, part in parts:
+        names = names_of(part)
         for field in filter(is_path, names):
             node = tree.at((*path, field))
             if node is not None and isinstance(node.value, str) and node.value:

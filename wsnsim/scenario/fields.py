@@ -37,7 +37,7 @@ from typing import (
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_serializer, model_validator
 from pydantic.types import Strict
 
-from wsnsim.base import detections, mechanisms, medium_access, network_ports, ports, radio, sleeping
+from wsnsim.base import batteries, detections, mechanisms, medium_access, network_ports, ports, radio, sleeping
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.scenario.registry import ROLES, find, load_class
@@ -202,7 +202,7 @@ def _field(field: dataclasses.Field[Any], hint: Any) -> tuple[Any, Any]:
     return annotation, Field(description=" ".join(piece for piece in (words.words, unit) if piece) or None, **default)
 
 
-PORT_MODULES: Final = (ports, network_ports, radio, medium_access, sleeping, mechanisms, detections)
+PORT_MODULES: Final = (ports, network_ports, radio, medium_access, sleeping, mechanisms, batteries, detections)
 
 
 def demand_port(part: type[Any], role: str) -> None:

@@ -61,7 +61,8 @@ LINKS: Final = (
 )
 """A recording of three rounds in the K7 format."""
 
-FILES: Final = {"nodes.csv": NODES, "track.csv": TRACK, "readings.csv": READINGS, "links.k7": LINKS}
+SUN: Final = "time,irradiance\n0,800\n0.1,0\n0.2,300\n"
+FILES: Final = {"sun.csv": SUN, "nodes.csv": NODES, "track.csv": TRACK, "readings.csv": READINGS, "links.k7": LINKS}
 
 
 @functools.cache

@@ -106,7 +106,8 @@ class Role(NamedTuple):
     @property
     def plural(self) -> str:
         """The plural of the role's name: trackers, energies, clusters."""
-        return "energies" if self.name == "energy" else self.name.removesuffix("s") + "s"
+        special = {"energy": "energies", "battery": "batteries"}
+        return special.get(self.name) or self.name.removesuffix("s") + "s"
 
     @property
     def group(self) -> str:

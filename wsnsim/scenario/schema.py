@@ -24,6 +24,7 @@ from wsnsim.base.files import LARGEST_NAME, LONGEST_ADDITION, is_too_long
 from wsnsim.base.part import Quantity
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
 from wsnsim.scenario.fields import FROZEN, PartModel, names_of
+from wsnsim.scenario.lifetime import AskedLifetime
 from wsnsim.scenario.registry import AT_TOP, Role, Scope
 from wsnsim.scenario.texts import Keys, LocatedValue, Spot
 from wsnsim.scenario.units import Number, refusal, shown
@@ -159,6 +160,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     lost: Lost = Field(Lost.model_construct(), description="when a track counts as lost")
     until: Until | None = Field(None, description="a condition that ends a run before its duration")
     record: Record = Field(Record.model_construct(), description="which tables are recorded")  # type: ignore[valid-type]
+    lifetime: AskedLifetime | None = Field(None, description="what `wsnsim lifetime` asks; a run ignores it")
 
     _tree: LocatedValue = PrivateAttr()
     _source: tuple[str, str] = PrivateAttr(("", ""))

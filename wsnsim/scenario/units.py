@@ -72,7 +72,8 @@ def si(text: str, unit: str) -> float:
     elif not unit_text:
         raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}: remove the quotes, or name a unit")
     with localcontext(EXACT):
-        value = float(_convert(Decimal(number), (unit_text or "").strip(), unit))
+        written = (unit_text or "").strip()  # "2/h" is 2 1/h
+        value = float(_convert(Decimal(number), f"1{written}" if written.startswith("/") else written, unit))
     if math.isnan(value) or (math.isinf(value) and "Inf" not in number):
         raise UnitError(f"{shown(text)} is outside the range of numbers")
     return value

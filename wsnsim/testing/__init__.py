@@ -20,6 +20,7 @@ from wsnsim.base.requests import Local, Member, Parcel, Request
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import Lose, perfect, silent
+from wsnsim.testing.batteries import check_battery
 from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac, check_wakeup
 from wsnsim.testing.mechanisms import check_fault, check_sync, check_workload
@@ -30,6 +31,7 @@ from wsnsim.testing.whole_runs import demand_angles, demand_whole_runs
 
 __all__ = [
     "Table",
+    "check_battery",
     "check_fault",
     "check_mac",
     "check_motion",

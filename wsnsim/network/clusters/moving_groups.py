@@ -69,10 +69,11 @@ class MovingGroups(Groups):
     def begin(self) -> None:
         """Close groups whose head has gone, and begin new ones from detections that no group explains."""
         book, step = self._book, self._clock.step
+        self._forget_old()
         book.groups[:] = [group for group in book.groups if group.head is not None or group.election is not None]
         for prior in self._known(step):
             self._begin_with(prior)
-        free = self._unexplained()
+        free = self._unexplained() if self._tracker.management.starts else {}
         sensor, positions = self._setup.sensor, self._network.nodes.assumed.positions
         while free:
             first = max(free, key=lambda node: (strength_of(sensor, free[node]), -node))
@@ -81,6 +82,15 @@ class MovingGroups(Groups):
             free = {node: reading for node, reading in free.items() if node not in electorate}
             if len(electorate) >= LEAST_NODES:
                 self._services.elections.fill_vacancy(book.open_group(), electorate)
+
+    def _forget_old(self) -> None:
+        """Forget what nodes were told more than some steps ago."""
+        since = self._clock.step - FRESH
+        kept = {
+            node: {group: each for group, each in told.items() if each.step >= since}
+            for node, told in self._told.items()
+        }
+        self._told = {node: told for node, told in kept.items() if told}
 
     def _begin_with(self, prior: Estimate) -> None:
         """Appoint the node nearest to a known target, with its track."""

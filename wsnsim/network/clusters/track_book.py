@@ -20,6 +20,8 @@ EVENTS = {"start": "initiate", "confirm": "confirm", "delete": "delete", "merge"
 """The kinds of events in the log, by what trackers say of tracks."""
 
 
+MOST_GROUPS = 2**15
+"""Numbers of groups that the column `target` of events holds."""
 UNKNOWN = Estimate(np.empty(0), np.empty((0, 0)))
 """The prior of a group: there is none."""
 
@@ -52,8 +54,8 @@ class TrackBook:
     rows: list[TrackRow] = field(default_factory=list)
 
     def open_group(self) -> Track:
-        """A new group, which has no head yet."""
-        group = Track(len(self.all_groups), UNKNOWN, self.env.event())
+        """A new group, which has no head yet. Numbers start again after `MOST_GROUPS`."""
+        group = Track(len(self.all_groups) % MOST_GROUPS, UNKNOWN, self.env.event())
         self.groups.append(group)
         self.all_groups.append(group)
         return group

@@ -20,10 +20,11 @@ import simpy
 from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.radio import Mode
 from wsnsim.kernels.nodes import mark_busy
-from wsnsim.network.energy.battery_watch import BatteryWatch
+from wsnsim.network.energy.battery_watch import LOAD_ALONE, BatteryWatch
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals
 from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable, RadioLevels
+from wsnsim.network.energy.storage import BatteryRates
 from wsnsim.network.node_states import SleepStates
 
 
@@ -50,7 +51,7 @@ class BackgroundConsumption:
             sleep_states: Which nodes are awake; all are in its mode `rest`.
             size: Number of nodes.
             horizon: End of the run in s.
-            battery: Initial charge of a node in J.
+            battery: J that every node has at the start; 0: all are looked at when the run begins.
             check: Called with a node that may have run out, or with EVERYBODY.
         """
         self._env = env
@@ -280,10 +281,14 @@ class BackgroundConsumption:
         """Seconds for which nodes with schedules were awake, by the level of their radios."""
         return self._levels.awake(self._sleep_states, self._settled_at, self._env.now)
 
-    def watch(self, node: int, left: float) -> None:
+    def watch(self, node: int, left: float, supply: BatteryRates = LOAD_ALONE) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""
-        self._watch.watch(node, self._state[node], left)
+        self._watch.watch(node, self._state[node], left, supply)
 
-    def runs_out(self, node: int, left: float) -> bool:
+    def check_at(self, time: float, node: int) -> None:
+        """Set a timer for a node."""
+        self._watch.timers.set(time, node)
+
+    def runs_out(self, node: int, left: float, supply: BatteryRates = LOAD_ALONE) -> bool:
         """Whether `left` joules of a node are only rounding error, so that its battery is empty."""
-        return self._watch.runs_out(node, self._state[node], left)
+        return self._watch.runs_out(node, self._state[node], left, supply)

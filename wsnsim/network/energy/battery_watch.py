@@ -11,6 +11,7 @@ import simpy
 
 from wsnsim.base.radio import Mode
 from wsnsim.network.energy.power_table import ASLEEP, AWAKE, MODES, PowerTable
+from wsnsim.network.energy.storage import BatteryRates
 from wsnsim.network.event_log import then
 from wsnsim.network.node_states import SleepStates
 
@@ -22,6 +23,8 @@ SHORTEST: Final = 5e-3
 """Mean time (s) between changes of the fastest schedule: two in its period of 10 ms."""
 EVERYBODY = -1
 """Stands for a node: every node is to be checked."""
+LOAD_ALONE: Final = BatteryRates()
+"""A battery that nothing but the load changes."""
 
 
 class BatteryTimers:
@@ -87,7 +90,7 @@ class BatteryWatch:
             sleep_states: Which nodes are awake.
             per_switch: Mean joules of a change between awake and asleep.
             horizon: End of the run in s.
-            battery: Initial charge of a node in J.
+            battery: J that every node has at the start; 0: all are looked at when the run begins.
             check: Called with a node that may have run out, or with EVERYBODY.
         """
         self._env = env
@@ -103,28 +106,29 @@ class BatteryWatch:
         self.timers = BatteryTimers(env, check)
         rest = sleep_states.rest
         resting = 2.0 * self._most_by_schedule if rest is Mode.SCHEDULED else table.total(int(rest))
-        if resting > 0 and battery <= self.most:
+        if (resting > 0 or not battery) and battery <= self.most:
             self.timers.set(battery / resting if battery > self._changes else 0.0, EVERYBODY)
 
-    def watch(self, node: int, state: int, left: float) -> None:
+    def watch(self, node: int, state: int, left: float, supply: BatteryRates = LOAD_ALONE) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""
-        if left > self.most:
+        if left > self.most + supply.leak * self._horizon:
             return
-        power, now = self._power(node, state), self._env.now
+        power, now = self._power(node, state) + supply.leak, self._env.now
         if self._table.scheduled[state]:
-            self._watch_schedule(node, power, left)
+            self._watch_schedule(node, power - supply.stored, left, supply)
             return
         if power <= 0 or now + left / power > self._horizon:
             return
-        lasts = left / power
+        net = power - supply.stored
+        lasts = left / net if net > 0 else math.inf
         due = now + (lasts if lasts < NEAR else lasts / 2)
-        if self.timers.due(node) > now + lasts:
-            self.timers.set(due, node)
+        if self.timers.due(node) > min(now + lasts, supply.until):
+            self.timers.set(min(due, supply.until), node)
 
-    def _watch_schedule(self, node: int, power: float, left: float) -> None:
-        """Check again when its schedule changes, or earlier if the charge may not last until then."""
-        now, most = self._env.now, self._most_by_schedule
-        due = self._sleep_states.next_change(node)
+    def _watch_schedule(self, node: int, power: float, left: float, supply: BatteryRates) -> None:
+        """Check again when its schedule or its supply changes, or earlier if the charge may not last until then."""
+        now, most = self._env.now, self._most_by_schedule + supply.leak
+        due = min(self._sleep_states.next_change(node), supply.until)
         lasts = left / power if power > 0 else math.inf
         if now + lasts < due:
             due = now + (lasts if lasts < NEAR else lasts / 2)
@@ -133,9 +137,9 @@ class BatteryWatch:
         if due <= self._horizon and self.timers.due(node) > due:
             self.timers.set(due, node)
 
-    def runs_out(self, node: int, state: int, left: float) -> bool:
+    def runs_out(self, node: int, state: int, left: float, supply: BatteryRates = LOAD_ALONE) -> bool:
         """Whether `left` joules of a node are only what rounding leaves."""
-        return left <= self._power(node, state) * SOON
+        return left <= (self._power(node, state) + supply.leak) * SOON
 
     def _power(self, node: int, state: int) -> float:
         """Power in W of a node now."""

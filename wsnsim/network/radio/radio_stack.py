@@ -8,6 +8,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.frames import Counters
 from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.base.medium_access import DutyCycledMac
@@ -19,6 +20,7 @@ from wsnsim.base.sleeping import WakeUpRadio
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.energy.local_schedules import LocalSchedules
 from wsnsim.network.energy.power_table import PowerTable
+from wsnsim.network.energy.storage import Storage
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.mechanisms import make_mechanism
 from wsnsim.network.node_states import SleepStates
@@ -56,18 +58,18 @@ def make_radio_stack(
     """
     env = simpy.Environment()
     clocks = Clocks(setup.clock, streams.key("clock"), len(positions), env)
-    nodes = make_nodes(env, setup, positions, traits, streams.key("sleep"), clocks)
+    nodes = make_nodes(env, setup, positions, traits, streams, clocks)
     topology = Topology(nodes, setup.link, streams.key("shadowing"), PACKET_BITS)
     topology.follow_rounds(env)
     links = LinkCounters(nodes.positions, topology) if count_links else None
     radio = RadioServices(env, nodes, topology, setup.energy, log, Counters())
-    sinks = tuple(dict.fromkeys(nodes.grid.nearest(np.array(point)) for point in setup.sink_points))
+    sinks = _sinks(setup, nodes.grid)
     services = NetworkMacServices(radio, setup.packing, clocks, streams, links, sinks)
     return RadioStack(radio, clocks, make_mechanism("mac", setup.mac, services), links, sinks)
 
 
 def make_nodes(
-    env: simpy.Environment, setup: RadioSetup, positions: Floats, traits: Floats, key: int, clocks: Clocks
+    env: simpy.Environment, setup: RadioSetup, positions: Floats, traits: Floats, streams: Streams, clocks: Clocks
 ) -> Nodes:
     """Return the nodes of a scenario with their sleep states and background consumption.
 
@@ -76,23 +78,39 @@ def make_nodes(
         setup: The scenario.
         positions: (N, 2) in m.
         traits: (N, T) constants of the sensors.
-        key: The random key of sleep schedules.
+        streams: The random streams of the run, of which sleep schedules and batteries have one each.
         clocks: The clocks of the nodes, by which their schedules go.
     """
     schedules = None
     if setup.sleep.rest is Mode.SCHEDULED:
-        schedules = LocalSchedules(setup.sleep, derive_all(key, np.arange(len(positions))), clocks)
+        schedules = LocalSchedules(setup.sleep, derive_all(streams.key("sleep"), np.arange(len(positions))), clocks)
     sleep_states = SleepStates(setup.sleep.rest, env, schedules)
+    table = make_power_table(setup)
+    battery, reach = setup.energy.battery, setup.link.reach
+    storage = None if setup.plain_batteries else make_storage(env, setup, positions, streams)
+    nodes = Nodes(positions, traits, battery, reach, sleep_states, env, table, setup.duration, storage)
+    if nodes.follows_schedules:
+        clocks.on_step.append(nodes.note_clock)
+    return nodes
+
+
+def make_power_table(setup: RadioSetup) -> PowerTable:
+    """Return the power of a node in each of its states."""
     duties = setup.mac.duties if isinstance(setup.mac, DutyCycledMac) else ()
     model = continuous_power(setup.energy)
     searching = 0.0 if model is None and not duties else _search_power(setup)
     model = NoPower() if model is None else model
-    table = PowerTable(model, duties, searching, _standby_power(setup, model))
-    battery, reach = setup.energy.battery, setup.link.reach
-    nodes = Nodes(positions, traits, battery, reach, sleep_states, env, table, setup.duration)
-    if nodes.follows_schedules:
-        clocks.on_step.append(nodes.note_clock)
-    return nodes
+    return PowerTable(model, duties, searching, _standby_power(setup, model))
+
+
+def make_storage(env: simpy.Environment, setup: RadioSetup, positions: Floats, streams: Streams) -> Storage:
+    """Return the batteries of a scenario at the start of a run."""
+    sinks = _sinks(setup, CellGrid(positions)) if setup.sink_points else ()
+    return Storage(setup.battery, setup.battery.draw(setup, len(positions), sinks, streams("battery")), env)
+
+
+def _sinks(setup: RadioSetup, grid: CellGrid) -> tuple[int, ...]:
+    return tuple(dict.fromkeys(grid.nearest(np.array(point)) for point in setup.sink_points))
 
 
 def _search_power(setup: RadioSetup) -> float:

@@ -20,6 +20,7 @@ from typing import Final, NamedTuple
 
 from wsnsim.base.frames import Received
 from wsnsim.base.mac_mechanisms import MacMechanism
+from wsnsim.models.workloads import BEACON_BITS
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import then
 from wsnsim.network.radio.link_estimator import LinkTable
@@ -30,8 +31,6 @@ WORST_LINK: Final = 5.0
 """ETX from which on a link is not used: one frame in five is acknowledged."""
 LARGE_DROP: Final = 2.0
 """After a drop of the cost by more than this the node beacons soon."""
-BEACON_BITS: Final = 88
-"""Bits of a beacon: options 8, parent 16, cost 16 (TEP 123); link estimation: flags 8, number 8; position 32 (ours)."""
 NUMBERS: Final = 256
 
 

@@ -10,7 +10,7 @@ const EXPLANATIONS = {
   estimate: "mean of the position that a tracker reports for a step; hollow: outside the drawing",
   particles: "samples of the state; the belief of the tracker",
   node: "one sensor node: sensor, processor, radio, battery; small: asleep, dormant or on its schedule; crossed: dead",
-  energy: "what is left in a battery: initial less spent; as a share of the initial energy",
+  energy: "what is left in a battery, drawable or not: initial and harvested less spent and lost; as a share of the initial energy",
   head: "the node that runs the tracker and collects from the members",
   member: "a node that joined a cluster, the head included",
   sensing: "a node that takes a measurement of the target in this step",

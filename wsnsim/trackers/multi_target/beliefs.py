@@ -101,17 +101,27 @@ def clusters(estimates: Sequence[TrackEstimate], facts: Facts, distance: float) 
         facts: What the head assumes.
         distance: In standard deviations of the difference of two estimated positions.
     """
-    place = list(facts.motion.position)
-    groups: list[list[TrackEstimate]] = []
-    for one in estimates:
-        meets = [group for group in groups if any(apart(one, other, place) <= distance for other in group)]
+    near = distances(estimates, list(facts.motion.position)) <= distance
+    groups: list[set[int]] = []
+    for row in range(len(estimates)):
+        meets = [group for group in groups if near[row, sorted(group)].any()]
         groups = [group for group in groups if group not in meets]
-        groups.append([one, *(each for group in meets for each in group)])
-    return sorted(sorted(each.number for each in group) for group in groups)
+        groups.append({row}.union(*meets))
+    return sorted(sorted(estimates[row].number for row in group) for group in groups)
 
 
-def apart(one: TrackEstimate, other: TrackEstimate, columns: list[int]) -> float:
-    """The Mahalanobis distance of two estimates, as if their errors were independent."""
-    off = one.mean[columns] - other.mean[columns]
-    within = np.ix_(columns, columns)
-    return float(np.sqrt(max(off @ np.linalg.solve(one.cov[within] + other.cov[within], off), 0.0)))
+def distances(estimates: Sequence[TrackEstimate], columns: list[int]) -> Floats:
+    """(T, T) the Mahalanobis distances of estimates, as if their errors were independent.
+
+    Args:
+        estimates: T estimates.
+        columns: Those of the state that are compared.
+    """
+    if not estimates:
+        return np.empty((0, 0))
+    means, covs = np.array([one.mean for one in estimates])[:, columns], np.array([one.cov for one in estimates])
+    covs = covs[:, np.array(columns)[:, None], columns]
+    off = means[:, None] - means[None]
+    solved = np.linalg.solve(covs[:, None] + covs[None], off[..., None])[..., 0]
+    squares: Floats = np.maximum((off * solved).sum(axis=-1), 0.0)
+    return np.sqrt(squares)

@@ -40,6 +40,15 @@ class Sorted(NamedTuple):
     given: list[int]
 
 
+def some(scans: Sorted, chosen: Ints) -> Sorted:
+    """Some of the scans."""
+    nodes, places, given = (
+        [part[scan] for scan in chosen.tolist()] for part in (scans.nodes, scans.places, scans.given)
+    )
+    values = [scans.detections[scan] for scan in chosen.tolist()]
+    return Sorted(nodes, scans.positions[chosen], scans.traits[chosen], values, places, given)
+
+
 def in_order(scans: Sequence[Scan], nodes: KnownNodes) -> Sorted:
     """Scans by the number of their node, so that no result depends on the order in which detections are listed."""
     given = sorted(range(len(scans)), key=lambda place: scans[place].node)
@@ -132,32 +141,39 @@ class Frame:
         return self.size + sensor * self.periods.size
 
 
-def frame_of(tracks: Sequence[Track], scans: Sorted, port: GaussianPort, facts: Facts) -> Frame:
-    """The frame of predicted tracks before the first scan; there is one track at least."""
+def frame_of(tracks: Sequence[Track], scans: Sorted, seen: Floats, port: GaussianPort, facts: Facts) -> Frame:
+    """The frame of predicted tracks before the first scan; there is one track at least.
+
+    Args:
+        tracks: T tracks.
+        scans: S scans.
+        seen: (T, S) from `visible`.
+        port: The filter.
+        facts: What the head assumes.
+    """
     bank = stacked(track.bank for track in tracks)
     counts = [len(track.weights) for track in tracks]
     means, covs = port.joint(bank, facts.sensor, scans.positions, scans.traits)
     return Frame(
         np.repeat(np.arange(len(tracks)), counts), np.concatenate([track.weights for track in tracks]), bank.chances,
-        means, covs, np.array([track.existence for track in tracks]), _seen(tracks, scans, port, facts),
-        np.zeros(len(tracks)), [history for track in tracks for history in track.histories], bank.means.shape[-1],
+        means, covs, np.array([track.existence for track in tracks]), seen, np.zeros(len(tracks)),
+        [history for track in tracks for history in track.histories], bank.means.shape[-1],
         np.array(periods_of(facts.sensor)), scans.nodes,
     )  # fmt: skip
 
 
-def _seen(tracks: Sequence[Track], scans: Sorted, port: GaussianPort, facts: Facts) -> Floats:
+def visible(tracks: Sequence[Track], scans: Sorted, port: GaussianPort, facts: Facts) -> Floats:
     """(T, S) the probability of detection: that of a target in range, times the share of the position in range.
 
     The share is that of four points, √2 standard deviations to either side along two axes (our choice).
     """
     columns = np.array(port.own)[list(facts.motion.position)]
-    points = []
-    for track in tracks:
-        mean, cov = moments_of(track.bank, 0)
-        values, axes = np.linalg.eigh(cov[np.ix_(columns, columns)])
-        steps = (axes * np.sqrt(len(columns) * np.maximum(values, 0.0))).T
-        points.append(np.concatenate([mean[columns] + steps, mean[columns] - steps]))
-    flat = np.concatenate(points)
-    within = detected(facts.sensor, flat, scans.positions).reshape(len(tracks), -1, len(scans.nodes)).mean(axis=1)
-    seen: Floats = facts.probability * np.maximum(within, LEAST_SEEN)
+    moments = [moments_of(track.bank, 0) for track in tracks]
+    means, covs = np.array([mean[columns] for mean, _ in moments]), np.array([cov for _, cov in moments])
+    values, axes = np.linalg.eigh(covs[:, columns[:, None], columns])
+    steps = (axes * np.sqrt(len(columns) * np.maximum(values, 0.0))[:, None]).transpose(0, 2, 1)
+    points = np.concatenate([means[:, None] + steps, means[:, None] - steps], axis=1)  # (T, 2 P, P)
+    within = detected(facts.sensor, points.reshape(-1, len(columns)), scans.positions)
+    shares = within.reshape(len(tracks), -1, len(scans.nodes)).mean(axis=1)
+    seen: Floats = facts.probability * np.maximum(shares, LEAST_SEEN)
     return seen

@@ -73,7 +73,7 @@ def found(free: list[Bools], scans: Sorted, facts: Facts, rules: TrackRules) -> 
         point, cov = _refined(candidates.points[best], covs[best], used[best], scans, facts)
         starts.append(Start(point, cov, float(odds[best]), used[best].tolist()))
         for scan, row in enumerate(used[best].tolist()):
-            left[scan][row : row + 1] &= row < 0
+            left[scan][row : row + 1] = False  # none where the row is -1
         still = [all(left[s][r] for s, r in zip(*two, strict=True)) for two in zip(*candidates[1:], strict=True)]
         candidates = _Candidates(*(part[kept & still] for part in candidates))
     return starts
@@ -101,25 +101,23 @@ def _scored(
         odds += np.where(counts, np.log(seen[each, candidates.scans[:, k]] / density(facts)), 0.0)
     odds -= 0.5 * np.log(np.linalg.det(information))
     covs, used = np.linalg.inv(information), np.full((count, len(scans.nodes)), -1)
-    for scan, values in enumerate(scans.detections):
-        rows = slice(scan * size, (scan + 1) * size)
+    alone = np.log1p(-np.minimum(seen, 1.0 - LEAST_CLUTTER))  # (n, S)
+    alone[each[:, None], candidates.scans] = 0.0
+    odds += alone.sum(axis=1)
+    for scan in np.flatnonzero([free.any() for free in left]).tolist():
+        rows, places = slice(scan * size, (scan + 1) * size), np.flatnonzero(left[scan])
         widths = variances[rows] + np.einsum("dpn,npq,dqn->dn", slopes[rows], covs, slopes[rows])
-        gains, best = np.full(count, -np.inf), np.full(count, -1)
-        if left[scan].any():
-            places = np.flatnonzero(left[scan])
-            off = np.stack([near(sensor, value[:, None], means[rows]) - means[rows] for value in values[places]])
-            squares = (off**2 / widths).sum(axis=1)  # (M, n)
-            best = np.argmin(squares, axis=0)
-            square = squares[best, each]
-            logs = -0.5 * (square + np.log(widths).sum(axis=0) + size * LOG_TWO_PI)
-            gains = np.where(square <= GATE**2, np.log(seen[:, scan] / density(facts)) + logs, -np.inf)
-            best = places[best]
-        alone = np.log1p(-np.minimum(seen[:, scan], 1.0 - LEAST_CLUTTER))
-        own = candidates.scans == scan
-        used[:, scan] = np.where(gains > alone, best, -1)
-        odds += np.where(own.any(axis=1), 0.0, np.maximum(gains, alone))
-        for k in range(2):
-            used[own[:, k], scan] = candidates.rows[own[:, k], k]
+        values = scans.detections[scan][places]
+        off = np.stack([near(sensor, value[:, None], means[rows]) - means[rows] for value in values])
+        squares = (off**2 / widths).sum(axis=1)  # (M, n)
+        best = np.argmin(squares, axis=0)
+        square = squares[best, each]
+        logs = -0.5 * (square + np.log(widths).sum(axis=0) + size * LOG_TWO_PI)
+        gains = np.log(seen[:, scan] / density(facts)) + logs - alone[:, scan]
+        taken = (square <= GATE**2) & (gains > 0.0) & (candidates.scans != scan).all(axis=1)
+        used[taken, scan] = places[best[taken]]
+        odds += np.where(taken, gains, 0.0)
+    used[each[:, None], candidates.scans] = candidates.rows
     return odds, used, covs
 
 
@@ -142,32 +140,36 @@ def _refined(point: Floats, cov: Floats, used: Ints, scans: Sorted, facts: Facts
 
 def _candidates(left: list[Bools], scans: Sorted, facts: Facts) -> _Candidates:
     """The points where free detections of neighbouring nodes cross."""
-    sensor, loci = facts.sensor, [_loci(scan, left[scan], scans, facts.sensor) for scan in range(len(left))]
-    points, pairs, rows = [np.empty((0, 2))], [np.empty((0, 2), np.int64)], [np.empty((0, 2), np.int64)]
-    places = [np.flatnonzero(free) for free in left]
-    for one in range(len(left)):
-        if len(components_of(sensor)) > 1:
-            points.append(loci[one])
-            pairs.append(np.full((len(loci[one]), 2), one))
-            rows.append(np.column_stack([places[one], places[one]]))
-            continue
-        away = np.hypot(*(scans.positions - scans.positions[one]).T)
-        for other in np.argsort(away, kind="stable")[: NEIGHBOURS + 1].tolist():
-            if away[other] > 0.0 and (other > one or one not in _nearest(scans.positions, other)):
-                cross = _rays if _has_bearings(sensor) else _circles
-                grid = np.array(np.meshgrid(np.arange(len(loci[one])), np.arange(len(loci[other])), indexing="ij"))
-                at, which = cross(scans.positions[one], loci[one], scans.positions[other], loci[other], grid)
-                points.append(at)
-                pairs.append(np.tile([one, other], (len(at), 1)))
-                rows.append(np.column_stack([places[one][which[0]], places[other][which[1]]]))
-    return _Candidates(np.concatenate(points), np.concatenate(pairs), np.concatenate(rows))
+    sensor, rows = facts.sensor, [np.flatnonzero(free).tolist() for free in left]
+    loci = [_loci(scan, left[scan], scans, sensor) for scan in range(len(left))]
+    if len(components_of(sensor)) > 1:
+        single = np.array([(scan, row) for scan, mine in enumerate(rows) for row in mine]).reshape(-1, 2)
+        points = np.concatenate([np.empty((0, 2)), *loci])
+        return _Candidates(points, single[:, [0, 0]], single[:, [1, 1]])
+    crossed = [
+        (one, other, i, j)
+        for one, other in _neighbours([scan for scan, mine in enumerate(rows) if mine], scans.positions, sensor.reach)
+        for i in range(len(rows[one]))
+        for j in range(len(rows[other]))
+    ]
+    pairs = np.array(crossed, dtype=np.int64).reshape(-1, 4)
+    radii = np.array([(loci[one][i], loci[other][j]) for one, other, i, j in crossed]).reshape(-1, 2)
+    cross = _rays if _has_bearings(sensor) else _circles
+    points, which = cross(scans.positions[pairs[:, 0]], scans.positions[pairs[:, 1]], *radii.T)
+    chosen = [(rows[one][i], rows[other][j]) for one, other, i, j in pairs[which].tolist()]
+    return _Candidates(points, pairs[which, :2], np.array(chosen, dtype=np.int64).reshape(-1, 2))
 
 
-def _nearest(positions: Floats, node: int) -> list[int]:
-    """The nodes whose detections are crossed with those of a node, itself included."""
-    away = np.hypot(*(positions - positions[node]).T)
-    nearest: list[int] = np.argsort(away, kind="stable")[: NEIGHBOURS + 1].tolist()
-    return nearest
+def _neighbours(active: list[int], positions: Floats, reach: float) -> list[tuple[int, int]]:
+    """Pairs of scans with free detections, of nodes that may sense the same target: of each the nearest ones."""
+    places = positions[active]
+    away = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+    away[away == 0.0] = np.inf
+    nearest = np.argsort(away, axis=1, kind="stable")[:, :NEIGHBOURS]
+    return sorted({
+        (min(active[one], active[other]), max(active[one], active[other]))
+        for one in range(len(active)) for other in nearest[one].tolist() if away[one, other] < 2.0 * reach
+    })  # fmt: skip
 
 
 def _loci(scan: int, free: Bools, scans: Sorted, sensor: Any) -> Floats:
@@ -191,24 +193,27 @@ def _has_bearings(sensor: Any) -> bool:
     return components_of(sensor) in (("bearing",), ("range", "bearing"))
 
 
-def _circles(one: Floats, radii: Floats, other: Floats, others: Floats, grid: Ints) -> tuple[Floats, Ints]:
-    """The crossings (n, 2) of each pair of circles, a point between those that do not meet, and the pairs (2, n)."""
-    a, b, apart = radii[grid[0]].reshape(-1), others[grid[1]].reshape(-1), math.hypot(*(other - one))
+def _circles(one: Floats, other: Floats, a: Floats, b: Floats) -> tuple[Floats, Ints]:
+    """The crossings (m, 2) of n pairs of circles, and their pairs (m,); a point between those that do not meet.
+
+    Args:
+        one: (n, 2) the centre of the first circle of each pair.
+        other: (n, 2) that of the second, elsewhere.
+        a: (n,) the radius of the first.
+        b: (n,) that of the second.
+    """
+    apart = np.hypot(*(other - one).T)
     along = (apart**2 + a**2 - b**2) / (2.0 * apart)
-    aside = np.sqrt(np.maximum(a**2 - along**2, 0.0))
-    ex, ey = (other - one) / apart
-    middle = one + along[:, None] * np.array([ex, ey])
-    points = np.concatenate([middle + sign * aside[:, None] * np.array([-ey, ex]) for sign in (1.0, -1.0)])
-    return points, np.tile(grid.reshape(2, -1), 2)
+    aside = np.sqrt(np.maximum(a**2 - along**2, 0.0))[:, None]
+    unit = (other - one) / apart[:, None]
+    middle, across = one + along[:, None] * unit, np.column_stack([-unit[:, 1], unit[:, 0]])
+    return np.concatenate([middle + aside * across, middle - aside * across]), np.tile(np.arange(len(a)), 2)
 
 
-def _rays(one: Floats, angles: Floats, other: Floats, others: Floats, grid: Ints) -> tuple[Floats, Ints]:
-    """The crossings (n, 2) of each pair of rays that meet, and these pairs (2, n)."""
-    pairs = grid.reshape(2, -1)
-    a, b, (dx, dy) = angles[pairs[0]], others[pairs[1]], other - one
-    turn = np.sin(b - a)
+def _rays(one: Floats, other: Floats, a: Floats, b: Floats) -> tuple[Floats, Ints]:
+    """The crossings (m, 2) of those of n pairs of rays that meet, and their pairs (m,); angles as `_circles`' radii."""
+    (dx, dy), turn = (other - one).T, np.sin(b - a)
     with np.errstate(divide="ignore", invalid="ignore"):
         along, across = (dx * np.sin(b) - dy * np.cos(b)) / turn, (dx * np.sin(a) - dy * np.cos(a)) / turn
-    meets = (along > 0.0) & (across > 0.0) & np.isfinite(along) & np.isfinite(across)
-    points = one + along[meets, None] * np.column_stack([np.cos(a[meets]), np.sin(a[meets])])
-    return points, pairs[:, meets]
+    meets = np.flatnonzero((along > 0.0) & (across > 0.0) & np.isfinite(along) & np.isfinite(across))
+    return one[meets] + along[meets, None] * np.column_stack([np.cos(a[meets]), np.sin(a[meets])]), meets

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final, Literal
 
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.scans import TrackEstimate, TrackEvent
-from wsnsim.trackers.multi_target.beliefs import Track, apart
+from wsnsim.trackers.multi_target.beliefs import Track, distances
 
 Verdict = Literal["stay", "confirm", "delete"]
 RARELY: Final = 0.05
@@ -149,24 +149,18 @@ def without_duplicates(
     tracks: Sequence[Track], estimates: Sequence[TrackEstimate], rules: TrackRules
 ) -> tuple[list[Track], list[TrackEvent]]:
     """The tracks without those that were where a better one is for some steps, and how they were merged."""
-    if not rules.starts or rules.duplicate == 0.0:
-        return list(tracks), []
     kept: list[Track] = []
     events: list[TrackEvent] = []
-    order = sorted(range(len(tracks)), key=lambda place: (not tracks[place].confirmed, tracks[place].number))
-    columns = list(range(len(estimates[0].mean))) if estimates else []
+    close = distances(estimates, list(range(len(estimates[0].mean)))) <= rules.duplicate
     better: list[int] = []
-    for place in order:
-        track, before = tracks[place], dict(tracks[place].near)
-        near = {
-            tracks[other].number: before.get(tracks[other].number, 0) + 1
-            for other in better
-            if apart(estimates[place], estimates[other], columns) <= rules.duplicate
-        }
+    for place in sorted(range(len(tracks)), key=lambda place: (not tracks[place].confirmed, tracks[place].number)):
+        before = dict(tracks[place].near)
+        others = [tracks[other].number for other in better if close[place, other]]
+        near = {number: before.get(number, 0) + 1 for number in others}
         into = next((number for number, steps in near.items() if steps >= rules.duplicate_steps), None)
         if into is not None:
-            events.append(TrackEvent("merge", track.number, into))
+            events.append(TrackEvent("merge", tracks[place].number, into))
             continue
         better.append(place)
-        kept.append(replace(track, near=tuple(near.items())))
+        kept.append(replace(tracks[place], near=tuple(near.items())))
     return sorted(kept, key=lambda track: track.number), events

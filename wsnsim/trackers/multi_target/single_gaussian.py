@@ -9,15 +9,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.part import part
 from wsnsim.base.scans import Facts
 from wsnsim.kernels.association import LEAST, associate
 from wsnsim.trackers.multi_target.frames import Frame
 from wsnsim.trackers.multi_target.tracker import MOST_EXACT, MultiTargetTracker, alive
 
-IMPOSSIBLE = 1e9
-"""The cost of a pair outside the gate."""
+LEAST_RATIO, IMPOSSIBLE = 1e-300, 1e3
+"""The least ratio whose logarithm is taken, and the cost of no detection of another track, which is greater."""
 
 
 @part
@@ -82,18 +82,29 @@ class Gnn(SingleGaussian):
 
     def associated(self, likelihoods: Floats, miss: Floats, clutter: Floats) -> Floats:
         """1 at the detection of each track in the most probable joint event, or at none."""
-        from scipy.optimize import linear_sum_assignment
-
         tracks, count = likelihoods.shape
         false = np.maximum(clutter, LEAST * likelihoods.max(axis=0, initial=LEAST))
-        costs = np.full((tracks, count + tracks), IMPOSSIBLE)
-        inside = likelihoods > 0.0
-        costs[:, :count][inside] = -np.log((likelihoods / false)[inside])
-        costs[np.arange(tracks), count + np.arange(tracks)] = -np.log(np.maximum(miss, LEAST))
-        rows, columns = linear_sum_assignment(costs)
+        ratios = np.column_stack([np.maximum(miss, LEAST), likelihoods / false])
+        best = ratios.argmax(axis=1)
+        taken = best[best > 0]
+        if len(set(taken.tolist())) < taken.size:  # two tracks have the same detection as their best
+            best = _assigned(ratios)
         shares = np.zeros((tracks, count + 1))
-        shares[rows, np.where(columns < count, columns + 1, 0)] = 1.0
+        shares[np.arange(tracks), best] = 1.0
         return shares
+
+
+def _assigned(ratios: Floats) -> Ints:
+    """(T,) the column of each row of (T, M + 1) with the greatest product, none but the first column taken twice."""
+    from scipy.optimize import linear_sum_assignment
+
+    tracks, count = len(ratios), ratios.shape[1] - 1
+    each, rows = -np.log(np.maximum(ratios, LEAST_RATIO)), np.arange(tracks)
+    costs = np.full((tracks, count + tracks), IMPOSSIBLE)
+    costs[:, :count], costs[rows, count + rows] = each[:, 1:], each[:, 0]
+    _, columns = linear_sum_assignment(costs)
+    result: Ints = np.where(columns < count, columns + 1, 0)
+    return result
 
 
 @part

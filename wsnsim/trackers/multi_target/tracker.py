@@ -30,7 +30,7 @@ from wsnsim.trackers.multi_target.beliefs import (
     picked,
     stacked,
 )
-from wsnsim.trackers.multi_target.frames import Frame, frame_of, in_order
+from wsnsim.trackers.multi_target.frames import LEAST_SEEN, Frame, frame_of, in_order, some, visible
 from wsnsim.trackers.multi_target.initiation import Start, can_start, found
 from wsnsim.trackers.multi_target.management import MOfN, TrackRules, with_hit, without_duplicates
 from wsnsim.trackers.shared.gaussian_port import GaussianPort
@@ -90,12 +90,15 @@ class MultiTargetTracker:
         tracks = self._predicted(belief, time, port, facts)
         explained = [np.zeros(len(values)) for values in ordered.detections]
         if tracks and scans:
-            frame = frame_of(tracks, ordered, port, facts)
+            seen = visible(tracks, ordered, port, facts)
+            near = np.flatnonzero(seen.max(axis=0) > facts.probability * LEAST_SEEN)
+            heard, taken = some(ordered, near), [explained[sensor] for sensor in near.tolist()]
+            frame = frame_of(tracks, heard, seen[:, near], port, facts)
             limit = _limit(self.gate, frame.periods.size)
-            for sensor, values in enumerate(ordered.detections):
-                explained[sensor] = self._scan(frame, sensor, values, limit, facts)
+            for sensor, values in enumerate(heard.detections):
+                taken[sensor][:] = self._scan(frame, sensor, values, limit, facts)
                 cycles += frame.means.size * frame.means.shape[1] * 2.0 + len(frame.means) * len(values) * SCORE_CYCLES
-            tracks = self._closed(tracks, frame, explained)
+            tracks = self._closed(tracks, frame, taken)
         else:
             tracks = [with_hit(track, 0.0, 0.0, self.management.window) for track in tracks]
         judged, events = self._judged(tracks, time, facts)
@@ -105,11 +108,10 @@ class MultiTargetTracker:
                 judged.append(self._started(port, start, number + place, time, facts))
                 events.append(TrackEvent("start", number + place))
                 for sensor, row in enumerate(start.used):
-                    explained[sensor][row : row + 1] = 1.0
-        given = [explained[ordered.given.index(place)] for place in range(len(scans))]
-        shares = [np.empty(len(each)) for each in given]
-        for place, share in enumerate(shares):
-            share[ordered.places[ordered.given.index(place)]] = given[place]
+                    explained[sensor][row : row + 1] = 1.0  # none where the row is -1
+        shares = [np.empty(0)] * len(scans)
+        for place, order, share in zip(ordered.given, ordered.places, explained, strict=True):
+            shares[place] = share[np.argsort(order)]
         return Outcome(Belief(time, tuple(judged)), tuple(events), tuple(shares), cycles)
 
     def estimates(self, belief: Belief, facts: Facts) -> list[TrackEstimate]:
@@ -197,6 +199,8 @@ class MultiTargetTracker:
                 events.append(TrackEvent(verdict, track.number))
             if verdict != "delete":
                 kept.append(replace(track, confirmed=track.confirmed or verdict == "confirm"))
+        if len(kept) < 2 or not self.management.starts or not self.management.duplicate:
+            return kept, events
         kept, merged = without_duplicates(kept, self.estimates(Belief(time, tuple(kept)), facts), self.management)
         return kept, events + merged
 

@@ -1,0 +1,180 @@
+"""`wsnsim lifetime` and `wsnsim.lifetime`: what they answer, keep, refuse and draw."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wsnsim
+from wsnsim.analysis import lifetime_plots, lifetime_result, lifetime_text
+from wsnsim.api.lifetime import LifetimeResult
+from wsnsim.cli import main
+from wsnsim.cli.lifetime import lifetime
+from wsnsim.scenario.lifetime import AskedLifetime
+
+NETWORK: dict[str, Any] = {
+    "extends": "gmtt", "name": "small", "duration": "20 s", "step": "2 s",
+    "deploy": {"kind": "uniform", "nodes": 16, "width": "60 m", "height": "60 m", "cover": False},
+    "motion": {"kind": "random_waypoint", "width": "60 m", "height": "60 m"},
+    "energy": {"battery": "20 kJ"},
+    "lifetime": {"lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 8},
+}  # fmt: skip
+LISTED = ["--set", "motion={kind: visits, of: {kind: random_waypoint}, lasting: 20 s, times: [0, 100]}"]
+
+
+@pytest.fixture(scope="module")
+def small() -> LifetimeResult:
+    return wsnsim.lifetime(NETWORK, "10/h", workers=0)
+
+
+def test_the_answer_is_never_without_the_tracked_share_and_never_wider_than_100_columns(small: LifetimeResult) -> None:
+    text = str(small)
+    assert text.startswith("The first node dies after")
+    assert "tracked at the start" in lifetime_text.answer(small.outcome)
+    assert max(map(len, text.splitlines())) <= 100
+    assert "Two terms" in text and "without a target" in text and "dies first in" in text
+
+
+def test_criteria_are_in_order_and_their_intervals_hold_their_medians(small: LifetimeResult) -> None:
+    table = small.table().set_index("criterion")
+    assert table.loc["first_death", "median"] <= table.loc["dead_10", "median"] <= table.loc["half_dead", "median"]
+    for name in ("first_death", "half_dead"):
+        assert table.loc[name, "low"] <= table.loc[name, "median"] <= table.loc[name, "high"]
+        assert table.loc[name, "mean_low"] <= table.loc[name, "mean"] <= table.loc[name, "mean_high"]
+
+
+def test_an_interval_that_is_open_ends_with_the_horizon_in_the_answer(small: LifetimeResult) -> None:
+    first = {**small.outcome["criteria"][0], "high": math.inf, "mean": math.nan}
+    told = lifetime_text.answer({**small.outcome, "criteria": [first]})
+    assert "inf" not in told and " to > " in told
+
+
+def test_the_help_says_the_horizon_that_is_the_default() -> None:
+    (option,) = [each for each in lifetime.params if each.name == "horizon"]
+    assert f"({AskedLifetime().horizon / 86_400:g} d)" in option.help  # type: ignore[attr-defined]
+
+
+def test_the_table_of_deaths_gives_the_first_death_of_each_path(small: LifetimeResult) -> None:
+    deaths, lives = small.table("deaths"), small.table("lifetimes")
+    first = deaths.groupby("path")["time"].min()
+    told = lives[lives["criterion"] == "first_death"].set_index("path")["time"]
+    assert (first == told.loc[first.index]).all()
+
+
+def test_a_file_shows_the_same_as_what_was_estimated(small: LifetimeResult, tmp_path: Path, capsys: Any) -> None:
+    path = small.save(tmp_path / "small.json")
+    assert main(["info", str(path)]) == 0
+    assert capsys.readouterr().out.strip() == str(small).strip()
+    assert lifetime_result.read(path)[0]["baseline"] == small.outcome["baseline"]
+    assert main(["lifetime", str(path), "--json", "--plot", str(tmp_path / "a.png")]) == 0
+    assert json.loads(capsys.readouterr().out)["answers"] == [lifetime_text.answer(small.outcome)]
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+
+
+def test_the_page_and_the_notebook_hold_three_figures_and_load_nothing(small: LifetimeResult, tmp_path: Path) -> None:
+    file = small.save(tmp_path / "small.json")
+    assert main(["lifetime", str(file), "-q", "--page", str(tmp_path / "page.html")]) == 0
+    page = (tmp_path / "page.html").read_text()
+    assert page.count("<svg") == small._repr_html_().count("<svg") == len(lifetime_plots.PANELS) == 3
+    assert "http:" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
+        "http://creativecommons.org", ""
+    )
+    assert "<script" not in page
+
+
+def test_a_damaged_file_is_refused_with_its_name(tmp_path: Path, capsys: Any) -> None:
+    path = tmp_path / "x.json"
+    path.write_text('{"format": "wsnsim lifetimes", "schema_version": 1, "points": [{}]}')
+    assert main(["info", str(path)]) == 1
+    assert "x.json: is no file of `wsnsim lifetime`" in capsys.readouterr().err
+
+
+def test_visits_that_are_kept_are_not_simulated_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ask = {"until": "first_death", "lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 8}
+    first = wsnsim.lifetime(NETWORK, "10/h", visits=tmp_path, workers=0, lifetime=ask)
+    assert len(list(tmp_path.glob("*/r*.h5"))) >= 4
+    assert list(first.table()["criterion"]) == ["first_death"]
+
+    def fails(*_: Any) -> None:
+        raise AssertionError("simulated again")
+
+    monkeypatch.setattr("wsnsim.lifetimes.stored_visits.make_visit", fails)
+    again = wsnsim.lifetime(NETWORK, "10/h", visits=tmp_path, workers=0, lifetime=ask)
+    assert again.table().equals(first.table())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--intrusions", "5/s"], "--intrusions: error: must be at most 1"),
+        (["--intrusions", "1 m"], "--intrusions: error: 'm' is a unit of length"),
+        (["--intrusions", "1000/h"], "would overlap"),
+        (["--intrusions", "none.csv"], "none.csv"),
+        (["--horizon", "-1 d"], "--horizon: error: must be greater than 0"),
+        (["--until", "half"], "did you mean 'half_dead'?"),
+        (["--error", "200 %"], "--error: error: must be less than 1"),
+        (["--episodes", "1"], "--episodes: error: must be at least 2"),
+        (["--tolerance", "soon"], "--tolerance: error: expected time"),
+        (["--coverage", "0"], "--coverage: error: must be greater than 0"),
+        (["--profile", "1,2"], "expected 24 factors"),
+        (["--set", "network=none"], "network: none has no batteries"),
+        (["--jobs", "2", "--scheduler", "tcp://x:1"], "--jobs cannot be combined with --scheduler"),
+        (["--plot", "a.gif"], "a figure cannot have the suffix '.gif'"),
+        (["--set", "lifetime.times=[3,2]"], "times: must ascend"),
+        (["--set", "lifetime.times=[0,10]"], "lifetime.times: visits last up to 20 s, and two begin 10 s apart"),
+        (["--intrusions", "close.csv"], "--intrusions close.csv: visits last up to 20 s, and two begin 10 s apart"),
+        (["--intrusions", "0", "--profile", ",".join(["1"] * 24)], "--profile: needs visits at a rate"),
+        ([*LISTED, "--profile", ",".join(["1"] * 24)], "--profile: needs visits at a rate"),
+    ],
+)
+def test_a_bad_value_is_one_message_before_anything_is_simulated(
+    options: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.yaml").write_text(json.dumps(NETWORK))
+    Path("close.csv").write_text("time\n0\n10\n")
+    assert main(["lifetime", "small.yaml", *options]) == 2
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.rglob("*.h5"))
+
+
+def test_trackers_are_compared_in_a_table_with_their_tracked_shares(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.yaml").write_text(json.dumps(NETWORK))
+    command = [
+        "lifetime",
+        "small.yaml",
+        "--vary",
+        "lifetime.intrusions=1/h,60/h",
+        "--until",
+        "first_death",
+        "-q",
+        "-j",
+        "1",
+    ]
+    assert main([*command, "-o", "both.json"]) == 0
+    out = capsys.readouterr().out
+    points = lifetime_result.read(Path("both.json"))
+    assert len(points) == 2 and points[0]["criteria"][0]["median"] > points[1]["criteria"][0]["median"]
+    assert "tracked" in out and "lives longest" in out and max(map(len, out.splitlines())) <= 100
+    begins = [json.loads(path.read_text()) for path in Path("both.visits").glob("*/visits.json")]
+    assert begins.count({"dead": [], "first": 0}) == 1  # the visits of both rates are the same
+
+
+def test_a_network_without_intrusions_is_quiet(tmp_path: Path) -> None:
+    ask = {"until": "first_death", "lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 8}
+    found = wsnsim.lifetime(NETWORK, 0, workers=0, lifetime=ask).outcome
+    assert found["rate"] == 0.0 and not any(found["causes"]["visits"])
+    assert math.isclose(found["baseline"], 20e3 / sum(found["causes"]["quiet"]), rel_tol=1e-9)
+
+
+def test_a_run_ignores_the_block_lifetime() -> None:
+    with_block = wsnsim.simulate(NETWORK)
+    without = wsnsim.simulate({key: value for key, value in NETWORK.items() if key != "lifetime"})
+    assert with_block.table("estimates").equals(without.table("estimates"))

@@ -1,0 +1,223 @@
+"""The command that says how long a network lives."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import click
+
+from wsnsim.base.errors import ScenarioError, UsageError, WsnsimError, shortened
+from wsnsim.cli import shared
+from wsnsim.cli.interrupts import Interrupts
+from wsnsim.cli.progress import VISITS, display
+from wsnsim.cli.shared import PATH, echo, echo_json, echo_lines, group, writable
+
+BLOCK: Final = (
+    "intrusions", "profile", "horizon", "until", "error", "episodes", "paths", "tolerance", "coverage", "connected",
+    "tracked",
+)  # fmt: skip
+"""Options that stand for keys of the scenario's block `lifetime`."""
+TABLES: Final = (".csv", ".gz")
+LABEL: Final = 20
+"""Characters by which a scenario is named in a table."""
+
+
+@group.command()
+@click.argument("sources", metavar="SCENARIO...|FILE.json", nargs=-1, required=True)
+@click.option(
+    "--intrusions", metavar="RATE|FILE.csv", help="Visits of a target: 1/h (the default), or a file of times."
+)
+@click.option("--profile", metavar="F,F,...", help="24 factors of the rate, one for each hour of a day.")
+@click.option("--horizon", metavar="TIME", help="Time that is looked ahead; default 10 years (3652.5 d).")
+@click.option("--until", metavar="CRITERION", help="Last criterion asked for: first_death, dead_10, half_dead, ...")
+@click.option(
+    "--error", metavar="SHARE", help="Error of the mean first death up to which visits are added; default 5 %."
+)
+@click.option("--episodes", metavar="K", help="Largest number of simulated visits before the first death; default 192.")
+@click.option("--paths", metavar="R", help="Number of sample paths; default 200.")
+@click.option("--tolerance", metavar="TIME", help="Interruptions up to this time do not count; default 0 s.")
+@click.option("--coverage", metavar="SHARE", help="Share of the covered area below which coverage ends; default 90 %.")
+@click.option(
+    "--connected", metavar="SHARE", help="Share of nodes with a route below which sinks are cut off; default 50 %."
+)
+@click.option("--tracked", metavar="SHARE", help="Share of the tracked steps below which tracking ends; default 90 %.")
+@click.option("--trackers", metavar="A,B,...", help="Compare these trackers: 'pf:particles=1000,ekf'.")
+@click.option("--vary", multiple=True, metavar="KEY=VALUES", help="Compare values of a key: mac.interval='125 ms,1 s'.")
+@shared.overrides_option
+@shared.seed_option
+@shared.jobs_option
+@click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of a Dask scheduler: tcp://host:8786.")
+@click.option("--out", "-o", type=PATH, metavar="FILE.json", help="Result; default results/NAME.lifetime.json.")
+@click.option("--plot", "figure", type=PATH, metavar="PLOT", help="Also write the figures: .png, .svg or .pdf.")
+@click.option("--page", type=PATH, metavar="PAGE.html", help="Also write an HTML page.")
+@shared.plugins_option
+@shared.json_option
+@shared.quiet_option
+@shared.progress_option
+@click.pass_obj
+def lifetime(interrupts: Interrupts, /, sources: tuple[str, ...], **given: Any) -> None:
+    """Say how long a network lives.
+
+    Each scenario is one visit of its target, which comes again and again. Several scenarios, --trackers and --vary are
+    compared in a table. Visits are kept in a folder beside the result: the same command goes on where it was stopped.
+    FILE.json is a result, which is shown again.
+    """
+    from wsnsim.analysis import lifetime_result
+
+    figure, page = given["figure"], given["page"]
+    _check_figures(figure, page)
+    if len(sources) == 1 and lifetime_result.is_lifetime(sources[0]):
+        points = lifetime_result.read(Path(sources[0]))
+        labels = [shortened(point.get("label", point["name"]), LABEL) for point in points]
+    else:
+        labels, points = _estimated(sources, interrupts, given)
+    if figure is not None:
+        from wsnsim.analysis import lifetime_plots
+
+        if len(points) > 1:
+            raise UsageError("--plot shows one scenario; --page shows several")
+        lifetime_plots.write(points[0], figure)
+    if page is not None:
+        from wsnsim.report import lifetime_page
+
+        lifetime_page.write(points, labels, page)
+    _print(points, labels, given["as_json"])
+
+
+def _print(points: Sequence[Mapping[str, Any]], labels: Sequence[str], as_json: bool) -> None:
+    from wsnsim.analysis import lifetime_text
+
+    if as_json:
+        echo_json({"answers": [lifetime_text.answer(point) for point in points], "points": list(points)})
+        return
+    echo(lifetime_text.text(points[0]) if len(points) == 1 else lifetime_text.several(points, labels))
+
+
+def _check_figures(figure: Path | None, page: Path | None) -> None:
+    """Raise UsageError, before anything is simulated, if a file cannot be written."""
+    if figure is not None:
+        from wsnsim.analysis.figure_style import suffix_of
+
+        suffix_of(figure)
+        writable(figure, Path(figure.name))
+    if page is not None:
+        writable(page, Path(page.name))
+
+
+def _estimated(
+    sources: Sequence[str], interrupts: Interrupts, given: Mapping[str, Any]
+) -> tuple[list[str], list[dict[str, Any]]]:
+    """The labels and outcomes of all scenarios, which are written to the result."""
+    from wsnsim.analysis import lifetime_result
+    from wsnsim.campaign.visits import estimate_lifetime
+    from wsnsim.lifetimes.planning import lifetime_plan
+    from wsnsim.recording.atomic_files import sole_writer
+
+    if given["jobs"] and given["scheduler"]:
+        raise UsageError("--jobs cannot be combined with --scheduler: the scheduler sets the number of workers")
+    with _named_as_options(given):
+        scenarios = _scenarios(sources, given)
+        for scenario in scenarios.values():
+            lifetime_plan(scenario)  # all are checked before one is simulated
+    path = writable(given["out"], Path("results") / f"{next(iter(scenarios.values())).name}.lifetime.json")
+    folder, points = path.with_suffix(".visits"), []
+    shown = display("none" if given["quiet"] else given["progress"], VISITS)
+    try:
+        with sole_writer(path), contextlib.closing(shown):
+            for label, scenario in scenarios.items():
+                found = estimate_lifetime(
+                    scenario, folder, _engine(folder, given), report=shown.step, stopping=interrupts.noted
+                )
+                points.append({"label": label, **found})
+            lifetime_result.write(path, points, shared.command_line())
+    except KeyboardInterrupt:
+        echo_lines([f"wsnsim: finished visits are in {folder}; the same command goes on with them"])
+        raise
+    if not given["quiet"]:
+        echo_lines([f"wsnsim: {path}: written; show it again with: wsnsim info {path}"])
+    return [shortened(label, LABEL) for label in scenarios], points
+
+
+def _scenarios(sources: Sequence[str], given: Mapping[str, Any]) -> dict[str, Any]:
+    """The scenarios by their labels."""
+    seed = () if given["seed"] is None else (f"seed={given['seed']}",)
+    overrides = (*given["overrides"], *_of_block(given), *seed)
+    if len(sources) == 1 and not given["vary"] and not given["trackers"]:
+        scenario = shared.loaded(sources[0], overrides, given["plugins"])
+        return {scenario.name: scenario}
+    import json
+
+    from wsnsim.scenario import load
+    from wsnsim.scenario.sweep import load_sweep
+
+    name = "_".join(Path(source).stem for source in sources)[:60]
+    plan = load_sweep(list(sources), given["vary"], overrides, given["trackers"], name=name)
+    return {
+        " ".join(map(_shown, point.settings.values())): load({**json.loads(point.resolved), "name": name})
+        for point in plan.points
+    }
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _of_block(given: Mapping[str, Any]) -> Iterator[Any]:
+    """The overrides of the block `lifetime` that options stand for."""
+    for name in BLOCK:
+        value = given[name]
+        if name == "profile" and value is not None:
+            value = f"[{value}]"
+        if name == "intrusions" and value is not None and value.endswith(TABLES):
+            yield "lifetime.times", _times(value)
+        elif value is not None:
+            yield f"lifetime.{name}={value}"
+
+
+def _times(file: str) -> list[float]:
+    """The times in a CSV file with the column `time` in s."""
+    from wsnsim.models import csvfile
+
+    try:
+        rows = csvfile.only_rows(file, csvfile.Wanted(numbers={"time": "time"}), "times")
+    except WsnsimError as error:
+        raise UsageError(f"--intrusions: {error}") from None
+    return [float(time) for time in rows.numbers["time"]]
+
+
+@contextlib.contextmanager
+def _named_as_options(given: Mapping[str, Any]) -> Iterator[None]:
+    """Name the options of this command where an issue names the key that they stand for."""
+    try:
+        yield
+    except ScenarioError as error:
+        old = tuple(f"--set lifetime.{name}" for name in BLOCK)
+        issues = [
+            dataclasses.replace(issue, place=issue.place.replace("--set lifetime.", "--"))
+            if issue.place.startswith(old) else issue
+            for issue in error.issues
+        ]  # fmt: skip
+        raise ScenarioError(issues) from error.__cause__
+    except UsageError as error:
+        keys = {f"lifetime.{name}": f"--{name}" for name in BLOCK if given[name] is not None}
+        if str(given["intrusions"]).endswith(TABLES):
+            keys["lifetime.times"] = f"--intrusions {given['intrusions']}"
+        words = str(error)
+        for key, option in keys.items():
+            words = words.replace(key, option)
+        raise UsageError(words) from error
+
+
+def _engine(folder: Path, given: Mapping[str, Any]) -> Callable[[], Any]:
+    """What makes an engine: visits are simulated in several sessions."""
+    from wsnsim.campaign import engines
+
+    if given["scheduler"]:
+        from wsnsim.campaign.dask_engine import DaskEngine
+
+        return lambda: DaskEngine(folder, given["scheduler"])
+    return lambda: engines.LocalEngine(given["jobs"] or engines.available_cores())

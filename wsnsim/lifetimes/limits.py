@@ -1,0 +1,107 @@
+"""What an estimate of a lifetime leaves out, with its size, and what is special about a network."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.tables import CAUSE
+from wsnsim.lifetimes.library import Library, Visit
+from wsnsim.lifetimes.quiet import QuietPower
+from wsnsim.lifetimes.stores import Stores
+
+
+def overlap(visit: Visit) -> float:
+    """The share of Poisson visits at this rate that would begin while another lasts; 0 for listed visits."""
+    rate = visit.visits.rate
+    return 0.0 if rate is None else -math.expm1(-rate * visit.visits.duration())
+
+
+def missed(reached: float, asked: float, count: int) -> str:
+    """The note that visits did not suffice for the error that was asked for."""
+    return (
+        f"the mean first death is known to {reached:.1%} with {count} visits, {asked:.1%} was asked for: allow more "
+        "episodes"
+    )
+
+
+def not_modelled(
+    setup: NetworkSetup,
+    quiet: QuietPower,
+    library: Library,
+    stores: Stores,
+    visit: Visit,
+    strays: Sequence[float],
+    horizon: float,
+) -> tuple[str, ...]:
+    """What is left out, each with its size.
+
+    Args:
+        setup: the network.
+        quiet: its power without a target.
+        library: its visits.
+        stores: their batteries.
+        visit: the window of a visit.
+        strays: mean share of the nodes that are dead in a path, but not in the library, at the begin of each epoch.
+        horizon: end of the paths in s.
+    """
+    found, visits = [], visit.visits
+    nodes = np.flatnonzero(stores.alive & np.isfinite(stores.joules))
+    if nodes.size:
+        power = quiet.watts.sum(axis=0) + visits.frequency(horizon) * library.added.mean(axis=0)
+        uneven = float(power[nodes].std() / max(float(power[nodes].max()), 1e-300))
+        found.append(
+            "choices that depend on residual energy: batteries are full in simulated visits; at the first death those "
+            f"of equal capacity differ by {uneven:.1%} of it (standard deviation)"
+        )
+    if visits.rate is not None:
+        soon = -math.expm1(-visit.tail / float(visits.gaps().min()))
+        found.append(
+            f"memory between visits: {soon:.1%} begin less than {visit.tail:g} s after another has ended (busiest "
+            "hour), and are simulated as if it had not been"
+        )
+        found.append(f"visits that overlap: {overlap(visit):.1%} of Poisson visits at this rate would; here none does")
+    kept = float((library.false_time > 0.9 * visit.tail).mean()) if library.false_time.size else 0.0
+    if kept:
+        found.append(
+            f"tracks of targets that have left: in {kept:.0%} of the simulated visits one was kept to the end, "
+            f"{visit.tail:g} s later, and what it costs from then on is left out"
+        )
+    if setup.faults:
+        found.append(f"faults of the scenario: {len(setup.faults)} are ignored")
+    if strays:
+        found.append(
+            f"paths that differ from the median path: {max(strays):.0%} of the nodes that are dead in a path are alive "
+            "in the simulated visits of its epoch (mean of the paths, largest of the epochs)"
+        )
+    error = float(quiet.error.sum(axis=0)[nodes].mean()) if nodes.size else 0.0
+    if error:
+        share = error / max(float(quiet.watts.sum(axis=0)[nodes].mean()), 1e-300)
+        found.append(f"the error of the quiet power, {share:.2%} of it")
+    return tuple(found)
+
+
+def notes(quiet: QuietPower, library: Library, stores: Stores, visit: Visit, horizon: float) -> tuple[str, ...]:
+    """What is special about a network, and how it was treated."""
+    found, visits = [], visit.visits
+    living = np.flatnonzero(stores.alive)
+    mortal = living[np.isfinite(stores.joules[living])]
+    most = library.added.max(axis=0)
+    if not visits.frequency(horizon):
+        found.append("no target comes before the horizon: the network is quiet")
+    elif visits.rate is None and visits.begins[-1] < horizon:
+        found.append(f"the last visit begins at {visits.begins[-1]:g} s; the network is quiet from then on")
+    if not mortal.size:
+        found.append("all nodes are on mains or have infinite batteries: none can die")
+    if living.size < stores.alive.size:
+        dead = stores.alive.size - living.size
+        found.append(f"{dead} nodes have nothing to draw at the start: they are dead, and are no first death")
+    small = int((most[mortal] >= stores.joules[mortal]).sum())
+    if small:
+        found.append(f"one visit can empty the batteries of {small} nodes: a death is timed within the visit, evenly")
+    if not quiet.watts[CAUSE["sleep"], living].any() and quiet.watts[:, living].any():
+        found.append("no node ever sleeps: nearly all energy is that of the quiet network")
+    return tuple(found)

@@ -1,0 +1,54 @@
+"""One HTML page of estimated lifetimes: the answers, the figures and the texts, in a single file without scripts."""
+
+from __future__ import annotations
+
+import html
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from matplotlib import style
+from matplotlib.figure import Figure
+
+from wsnsim.analysis import lifetime_plots, lifetime_text
+from wsnsim.recording.atomic_files import replacing
+from wsnsim.report.html_page import static_text
+from wsnsim.report.svg_figures import PAGE_STYLE
+
+POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+SIZE: Final = (5.2, 3.7)
+
+
+def write(points: Sequence[Mapping[str, Any]], labels: Sequence[str], out: Path) -> Path:
+    """Write the page of one or several outcomes. Raises ResultError if it cannot be written."""
+    heading = "Lifetime of " + html.escape(", ".join(labels))
+    body = [f"<pre>{html.escape(lifetime_text.several(points, labels))}</pre>"] if len(points) > 1 else []
+    for label, point in zip(labels, points, strict=True):
+        body += [f"<section><h2>{html.escape(label)}</h2>", section(point), "</section>"]
+    page = "\n".join([
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{heading}</title>\n<style>\n{static_text('style.css')}\n</style>\n</head>\n<body>",
+        f"<header><h1>{heading}</h1></header>\n<main>", *body, "</main>\n</body>\n</html>\n",
+    ])  # fmt: skip
+    with replacing(out) as unfinished:
+        unfinished.write_text(page, encoding="utf-8")
+    return out
+
+
+def section(point: Mapping[str, Any]) -> str:
+    """The answer, the figures and the whole text of an outcome, as HTML; a notebook shows the same."""
+    answer, whole = html.escape(lifetime_text.answer(point)), html.escape(lifetime_text.text(point))
+    return f"<p><strong>{answer}</strong></p>\n{''.join(_figures(point))}\n<pre>{whole}</pre>"
+
+
+def _figures(point: Mapping[str, Any]) -> Iterator[str]:
+    with style.context(["default", PAGE_STYLE]):
+        for name, panel in lifetime_plots.PANELS.items():
+            figure, text = Figure(figsize=SIZE, layout="constrained"), io.StringIO()
+            panel(figure.subplots(), point)
+            figure.savefig(text, format="svg", metadata={"Date": None})
+            svg = text.getvalue()
+            yield f'<figure role="img" aria-label="{name}">{svg[svg.index("<svg") :]}</figure>'
