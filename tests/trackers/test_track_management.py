@@ -14,19 +14,19 @@ from wsnsim.base.scans import Scan
 from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.ranging import Range
 from wsnsim.trackers.ekf import ExtendedKalman
-from wsnsim.trackers.multi_target.beliefs import Belief, Track
+from wsnsim.trackers.multi_target.beliefs import Belief, BelievedTrack
 from wsnsim.trackers.multi_target.lmb import Lmb
 from wsnsim.trackers.multi_target.management import KnownTargets, MOfN, SequentialTest, with_hit
 from wsnsim.trackers.multi_target.mht import Mht
 from wsnsim.trackers.multi_target.single_gaussian import Gnn, Jpda, LocalNearestNeighbour
-from wsnsim.trackers.shared.gaussian_port import Bank
+from wsnsim.trackers.shared.gaussian_port import GaussianBank
 
-NO_BANK = Bank(np.zeros((1, 1, 4)), np.eye(4)[None, None], np.ones((1, 1)))
+NO_BANK = GaussianBank(np.zeros((1, 1, 4)), np.eye(4)[None, None], np.ones((1, 1)))
 TWO = straight([[-12.0, 0.5, 3.0, 0.2], [14.0, -0.3, -9.0, 0.4]], 10)
 
 
 def track(**changes):
-    return Track(0, np.ones(1), NO_BANK, 0.0, **changes)
+    return BelievedTrack(0, np.ones(1), NO_BANK, 0.0, **changes)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Estimate, Floats, is_relative, periods_of, planar
 from wsnsim.base.ports import KnownNodes
-from wsnsim.base.scans import Facts, Outcome, Scan, TrackEstimate
+from wsnsim.base.scans import Facts, Scan, ScanOutcome, TrackEstimate
 
 CERTAIN: Final = 8.0
 """Standard deviations beyond which a target surely is within, or out of, sensing range."""
@@ -103,7 +103,7 @@ class MultiTracker(Protocol):
 
     def step(
         self, belief: Any, time: float, scans: Sequence[Scan], nodes: KnownNodes, facts: Facts, number: int
-    ) -> Outcome:
+    ) -> ScanOutcome:
         """Predict to a time, and update with the scans of a step. New tracks have the numbers from `number` on.
 
         Args:

@@ -74,7 +74,7 @@ class TrackEstimate(NamedTuple):
     since: float
 
 
-class Outcome(NamedTuple):
+class ScanOutcome(NamedTuple):
     """What a step gives.
 
     Attributes:

@@ -30,7 +30,7 @@ class UnlabelledDetection:
 
     Recorded readings are taken as detected: only false detections are added to them.
 
-    Source: the measurement model of Bar-Shalom, Willett, Tian (2011), chapter 3; the order is our choice.
+    Source: the measurement model of Bar-Shalom, Li (1995): at most one detection of a target, and Poisson clutter.
     """
 
     false_alarm: ClassVar[float] = 0.0

@@ -314,25 +314,25 @@ class ModesPort:
     def __init__(self, tracker: InteractingModels, modes: Modes, chain: Floats) -> None:
         self._tracker, self._modes, self._chain, self.own = tracker, modes, chain, modes.own
 
-    def begun(self, mean: Floats, cov: Floats) -> gaussian_port.Bank:
+    def begun(self, mean: Floats, cov: Floats) -> gaussian_port.GaussianBank:
         """The prior in every mode."""
         return _stacked([self._tracker.bank_of(mean, cov, self._modes)])
 
-    def predicted(self, bank: gaussian_port.Bank, dt: float, time: float) -> gaussian_port.Bank:
+    def predicted(self, bank: gaussian_port.GaussianBank, dt: float, time: float) -> gaussian_port.GaussianBank:
         """The bank one step later: of each target, the modes mix and predict."""
         each = [Bank(means.T, covs, chances) for means, covs, chances in zip(*bank, strict=True)]
         return _stacked([predicted(mixed(one, self._chain), self._modes, dt, time) for one in each])
 
     def joint(
-        self, bank: gaussian_port.Bank, sensor: SensorModel, positions: Floats, traits: Floats
+        self, bank: gaussian_port.GaussianBank, sensor: SensorModel, positions: Floats, traits: Floats
     ) -> tuple[Floats, Floats]:
         """Joint moments of the states of all modes and of readings."""
         return gaussian_port.linearised_joint(bank, list(self._modes.place), sensor, positions, traits)
 
 
-def _stacked(banks: list[Bank]) -> gaussian_port.Bank:
+def _stacked(banks: list[Bank]) -> gaussian_port.GaussianBank:
     means, covs, chances = (np.stack([bank[part] for bank in banks]) for part in range(3))
-    return gaussian_port.Bank(np.ascontiguousarray(means.transpose(0, 2, 1)), covs, chances)
+    return gaussian_port.GaussianBank(np.ascontiguousarray(means.transpose(0, 2, 1)), covs, chances)
 
 
 def _belief(bank: Bank, modes: Modes, head: int) -> ModeBelief:

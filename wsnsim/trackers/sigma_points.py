@@ -29,7 +29,7 @@ from wsnsim.base.ports import MotionModel, Scene, SensorModel
 from wsnsim.base.requests import Compute, Flow
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.gaussian import cholesky
-from wsnsim.trackers.shared.gaussian_port import Bank, LinearisedPort, joined
+from wsnsim.trackers.shared.gaussian_port import GaussianBank, LinearisedPort, joined
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import LINEARISE_CYCLES, KalmanBelief, is_definite, kalman_estimate
 from wsnsim.trackers.shared.moments import symmetric
@@ -92,14 +92,16 @@ class SigmaPointPort(LinearisedPort):
         super().__init__(motion)
         self._weights = weights
 
-    def predicted(self, bank: Bank, dt: float, time: float) -> Bank:
+    def predicted(self, bank: GaussianBank, dt: float, time: float) -> GaussianBank:
         """The bank one step later."""
         each = zip(bank.means[:, 0], bank.covs[:, 0], strict=True)
         moved = [predicted(mean, cov, self._weights, self._motion, dt, time) for mean, cov in each]
         means, covs = (np.array([one[part] for one in moved]) for part in (0, 1))
-        return Bank(means[:, None], covs[:, None], bank.chances)
+        return GaussianBank(means[:, None], covs[:, None], bank.chances)
 
-    def joint(self, bank: Bank, sensor: SensorModel, positions: Floats, traits: Floats) -> tuple[Floats, Floats]:
+    def joint(
+        self, bank: GaussianBank, sensor: SensorModel, positions: Floats, traits: Floats
+    ) -> tuple[Floats, Floats]:
         """Joint moments of states and readings; the variances of readings are those at the means."""
         weights, means, covs = self._weights, bank.means[:, 0], bank.covs[:, 0]
         clouds = np.stack([points(mean, cov, weights) for mean, cov in zip(means, covs, strict=True)])

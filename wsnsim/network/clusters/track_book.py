@@ -12,7 +12,7 @@ import simpy
 from wsnsim.base.arrays import Estimate
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.rows import Issued, is_late
-from wsnsim.base.scans import Outcome, TrackEstimate
+from wsnsim.base.scans import ScanOutcome, TrackEstimate
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.event_log import ProtocolLog
 
@@ -60,7 +60,7 @@ class TrackBook:
         self.all_groups.append(group)
         return group
 
-    def note(self, group: int, head: int, outcome: Outcome) -> None:
+    def note(self, group: int, head: int, outcome: ScanOutcome) -> None:
         """Log what happened to tracks, and count those that began."""
         for event in outcome.events:
             what = "duplicate" if event.kind == "merge" else ""

@@ -9,7 +9,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.scans import Facts, TrackEstimate
-from wsnsim.trackers.shared.gaussian_port import Bank
+from wsnsim.trackers.shared.gaussian_port import GaussianBank
 from wsnsim.trackers.shared.moments import mixed
 
 History = tuple[tuple[tuple[int, int], ...], ...]
@@ -17,7 +17,7 @@ History = tuple[tuple[tuple[int, int], ...], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Track:
+class BelievedTrack:
     """What is believed of one target: a mixture of C components, each of the modes of its filter.
 
     Attributes:
@@ -35,7 +35,7 @@ class Track:
 
     number: int
     weights: Floats
-    bank: Bank
+    bank: GaussianBank
     since: float
     confirmed: bool = False
     existence: float = 1.0
@@ -50,24 +50,24 @@ class Belief:
     """The tracks of a group at a time in s, in the order of their numbers. It is a value."""
 
     time: float
-    tracks: tuple[Track, ...] = ()
+    tracks: tuple[BelievedTrack, ...] = ()
 
 
-def moments_of(bank: Bank, row: int) -> tuple[Floats, Floats]:
+def moments_of(bank: GaussianBank, row: int) -> tuple[Floats, Floats]:
     """Mean (D,) and covariance (D, D) of one component over its modes."""
     if bank.chances.shape[1] == 1:
         return bank.means[row, 0], bank.covs[row, 0]
     return mixed(bank.chances[row], bank.means[row], bank.covs[row])
 
 
-def picked(bank: Bank, rows: object) -> Bank:
+def picked(bank: GaussianBank, rows: object) -> GaussianBank:
     """Some components of a bank."""
-    return Bank(*(part[rows] for part in bank))
+    return GaussianBank(*(part[rows] for part in bank))
 
 
-def stacked(banks: Iterable[Bank]) -> Bank:
+def stacked(banks: Iterable[GaussianBank]) -> GaussianBank:
     """The components of several banks."""
-    return Bank(*(np.concatenate(parts) for parts in zip(*banks, strict=True)))
+    return GaussianBank(*(np.concatenate(parts) for parts in zip(*banks, strict=True)))
 
 
 def only(belief: Belief, numbers: Iterable[int]) -> Belief:

@@ -13,8 +13,8 @@ from wsnsim.base.ports import KnownNodes
 from wsnsim.base.scans import Facts, Scan
 from wsnsim.base.sensing import detected
 from wsnsim.kernels import detections as kernels
-from wsnsim.trackers.multi_target.beliefs import History, Track, moments_of, stacked
-from wsnsim.trackers.shared.gaussian_port import Bank, GaussianPort
+from wsnsim.trackers.multi_target.beliefs import BelievedTrack, History, moments_of, stacked
+from wsnsim.trackers.shared.gaussian_port import GaussianBank, GaussianPort
 
 LEAST_SEEN: Final = 1e-3
 """Least share of a predicted position that a node may sense, where a track is not in its range at all (our choice)."""
@@ -66,7 +66,7 @@ class Frame:
 
     Attributes:
         owners: (C,) the row of the track of each component.
-        weights: (C,) as in `Track`.
+        weights: (C,) as in `BelievedTrack`.
         chances: (C, K).
         means: (C K, A) joint moments.
         covs: (C K, A, A).
@@ -131,17 +131,17 @@ class Frame:
         self.owners, self.weights, self.chances = self.owners[rows], self.weights[rows], self.chances[rows]
         self.histories = [self.histories[row] for row in rows.tolist()] if self.histories else []
 
-    def bank(self) -> Bank:
+    def bank(self) -> GaussianBank:
         """The states of the components."""
         shape, size = self.chances.shape, self.size
         means, covs = self.means[:, :size], self.covs[:, :size, :size]
-        return Bank(means.reshape(*shape, size), covs.reshape(*shape, size, size), self.chances)
+        return GaussianBank(means.reshape(*shape, size), covs.reshape(*shape, size, size), self.chances)
 
     def _first(self, sensor: int) -> int:
         return self.size + sensor * self.periods.size
 
 
-def frame_of(tracks: Sequence[Track], scans: Sorted, seen: Floats, port: GaussianPort, facts: Facts) -> Frame:
+def frame_of(tracks: Sequence[BelievedTrack], scans: Sorted, seen: Floats, port: GaussianPort, facts: Facts) -> Frame:
     """The frame of predicted tracks before the first scan; there is one track at least.
 
     Args:
@@ -162,7 +162,7 @@ def frame_of(tracks: Sequence[Track], scans: Sorted, seen: Floats, port: Gaussia
     )  # fmt: skip
 
 
-def visible(tracks: Sequence[Track], scans: Sorted, port: GaussianPort, facts: Facts) -> Floats:
+def visible(tracks: Sequence[BelievedTrack], scans: Sorted, port: GaussianPort, facts: Facts) -> Floats:
     """(T, S) the probability of detection: that of a target in range, times the share of the position in range.
 
     The share is that of four points, √2 standard deviations to either side along two axes (our choice).

@@ -42,7 +42,7 @@ class Start(NamedTuple):
     used: list[int]
 
 
-class _Candidates(NamedTuple):
+class _Crossings(NamedTuple):
     """Points (n, 2), and the two scans and rows (n, 2) that cross there: the same twice for a point of a single one."""
 
     points: Floats
@@ -75,12 +75,12 @@ def found(free: list[Bools], scans: Sorted, facts: Facts, rules: TrackRules) -> 
         for scan, row in enumerate(used[best].tolist()):
             left[scan][row : row + 1] = False  # none where the row is -1
         still = [all(left[s][r] for s, r in zip(*two, strict=True)) for two in zip(*candidates[1:], strict=True)]
-        candidates = _Candidates(*(part[kept & still] for part in candidates))
+        candidates = _Crossings(*(part[kept & still] for part in candidates))
     return starts
 
 
 def _scored(
-    candidates: _Candidates, left: list[Bools], scans: Sorted, facts: Facts, births: float
+    candidates: _Crossings, left: list[Bools], scans: Sorted, facts: Facts, births: float
 ) -> tuple[Floats, Ints, Floats]:
     """Log-odds (n,), the row (n, S) of each scan that belongs to each candidate, or -1, and covariances (n, 2, 2).
 
@@ -138,14 +138,14 @@ def _refined(point: Floats, cov: Floats, used: Ints, scans: Sorted, facts: Facts
     return point, spread
 
 
-def _candidates(left: list[Bools], scans: Sorted, facts: Facts) -> _Candidates:
+def _candidates(left: list[Bools], scans: Sorted, facts: Facts) -> _Crossings:
     """The points where free detections of neighbouring nodes cross."""
     sensor, rows = facts.sensor, [np.flatnonzero(free).tolist() for free in left]
     loci = [_loci(scan, left[scan], scans, sensor) for scan in range(len(left))]
     if len(components_of(sensor)) > 1:
         single = np.array([(scan, row) for scan, mine in enumerate(rows) for row in mine]).reshape(-1, 2)
         points = np.concatenate([np.empty((0, 2)), *loci])
-        return _Candidates(points, single[:, [0, 0]], single[:, [1, 1]])
+        return _Crossings(points, single[:, [0, 0]], single[:, [1, 1]])
     crossed = [
         (one, other, i, j)
         for one, other in _neighbours([scan for scan, mine in enumerate(rows) if mine], scans.positions, sensor.reach)
@@ -157,7 +157,7 @@ def _candidates(left: list[Bools], scans: Sorted, facts: Facts) -> _Candidates:
     cross = _rays if _has_bearings(sensor) else _circles
     points, which = cross(scans.positions[pairs[:, 0]], scans.positions[pairs[:, 1]], *radii.T)
     chosen = [(rows[one][i], rows[other][j]) for one, other, i, j in pairs[which].tolist()]
-    return _Candidates(points, pairs[which, :2], np.array(chosen, dtype=np.int64).reshape(-1, 2))
+    return _Crossings(points, pairs[which, :2], np.array(chosen, dtype=np.int64).reshape(-1, 2))
 
 
 def _neighbours(active: list[int], positions: Floats, reach: float) -> list[tuple[int, int]]:

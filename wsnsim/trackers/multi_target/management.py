@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.scans import TrackEstimate, TrackEvent
-from wsnsim.trackers.multi_target.beliefs import Track, distances
+from wsnsim.trackers.multi_target.beliefs import BelievedTrack, distances
 
 Verdict = Literal["stay", "confirm", "delete"]
 RARELY: Final = 0.05
@@ -60,7 +60,7 @@ class TrackRules:
         """For how many steps a track remembers its hits."""
         return 1
 
-    def judge(self, track: Track) -> Verdict:
+    def judge(self, track: BelievedTrack) -> Verdict:
         """What becomes of a track after a step."""
         raise NotImplementedError
 
@@ -81,7 +81,7 @@ class MOfN(TrackRules):
         if self.hits > self.window:
             raise ValueError(f"hits: must be at most the window of {self.window} steps, is {self.hits}")
 
-    def judge(self, track: Track) -> Verdict:
+    def judge(self, track: BelievedTrack) -> Verdict:
         """What becomes of a track after a step."""
         if track.misses >= self.coast:
             return "delete"
@@ -117,7 +117,7 @@ class SequentialTest(TrackRules):
         """The log-odds at which a track would be deleted."""
         return math.log(self.false_deletion / (1.0 - self.false_confirmation))
 
-    def judge(self, track: Track) -> Verdict:
+    def judge(self, track: BelievedTrack) -> Verdict:
         """What becomes of a track after a step."""
         odds = track.existence / max(1.0 - track.existence, 1e-300)
         if odds <= math.exp(self.least_odds):
@@ -133,12 +133,12 @@ class KnownTargets(TrackRules):
     starts: ClassVar[bool] = False
     known_start: ClassVar[bool] = True
 
-    def judge(self, track: Track) -> Verdict:
+    def judge(self, track: BelievedTrack) -> Verdict:
         """Every track stays."""
         return "stay"
 
 
-def with_hit(track: Track, assigned: float, expected: float, window: int, **changes: Any) -> Track:
+def with_hit(track: BelievedTrack, assigned: float, expected: float, window: int, **changes: Any) -> BelievedTrack:
     """The track after a step in which it got a number of detections, where so many were expected, and other changes."""
     hit = assigned >= 0.5 * max(expected, 1.0)
     hits = track.hits if expected < RARELY and not hit else (*track.hits, hit)
@@ -146,10 +146,10 @@ def with_hit(track: Track, assigned: float, expected: float, window: int, **chan
 
 
 def without_duplicates(
-    tracks: Sequence[Track], estimates: Sequence[TrackEstimate], rules: TrackRules
-) -> tuple[list[Track], list[TrackEvent]]:
+    tracks: Sequence[BelievedTrack], estimates: Sequence[TrackEstimate], rules: TrackRules
+) -> tuple[list[BelievedTrack], list[TrackEvent]]:
     """The tracks without those that were where a better one is for some steps, and how they were merged."""
-    kept: list[Track] = []
+    kept: list[BelievedTrack] = []
     events: list[TrackEvent] = []
     close = distances(estimates, list(range(len(estimates[0].mean)))) <= rules.duplicate
     better: list[int] = []

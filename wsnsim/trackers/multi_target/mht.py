@@ -11,7 +11,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.scans import Facts
-from wsnsim.trackers.multi_target.beliefs import Belief, Track, picked
+from wsnsim.trackers.multi_target.beliefs import Belief, BelievedTrack, picked
 from wsnsim.trackers.multi_target.frames import Frame
 from wsnsim.trackers.multi_target.initiation import LEAST_CLUTTER, Start, density
 from wsnsim.trackers.multi_target.lmb import heaviest
@@ -45,13 +45,13 @@ class Mht(MultiTargetTracker):
     depth: Annotated[int, Quantity("", ge=0, le=20), "steps for which decisions are deferred: N"] = 2
     hypotheses: Annotated[int, Quantity("", ge=1, le=1000), "most hypotheses of a track"] = 20
 
-    def _begun(self, port: GaussianPort, mean: Floats, cov: Floats, number: int, time: float) -> Track:
-        return Track(number, np.full(1, CERTAIN), port.begun(mean, cov), time, histories=((),))
+    def _begun(self, port: GaussianPort, mean: Floats, cov: Floats, number: int, time: float) -> BelievedTrack:
+        return BelievedTrack(number, np.full(1, CERTAIN), port.begun(mean, cov), time, histories=((),))
 
-    def _started(self, port: GaussianPort, start: Start, number: int, time: float, facts: Facts) -> Track:
+    def _started(self, port: GaussianPort, start: Start, number: int, time: float, facts: Facts) -> BelievedTrack:
         return replace(super()._started(port, start, number, time, facts), weights=np.array([min(start.odds, CERTAIN)]))
 
-    def _predicted(self, belief: Belief, time: float, port: GaussianPort, facts: Facts) -> list[Track]:
+    def _predicted(self, belief: Belief, time: float, port: GaussianPort, facts: Facts) -> list[BelievedTrack]:
         tracks = super()._predicted(belief, time, port, facts)
         return [replace(track, histories=tuple((*each, ()) for each in track.histories)) for track in tracks]
 
@@ -76,7 +76,7 @@ class Mht(MultiTargetTracker):
         frame.condition(sensor, values, modes[rows], whole[rows], taken)
         return np.zeros(len(values))
 
-    def _closed(self, tracks: list[Track], frame: Frame, explained: list[Floats]) -> list[Track]:
+    def _closed(self, tracks: list[BelievedTrack], frame: Frame, explained: list[Floats]) -> list[BelievedTrack]:
         """The tracks after the best global hypothesis and the pruning: its hypothesis of each track first."""
         bank, expected, result = frame.bank(), frame.seen.sum(axis=1), []
         places = {node: sensor for sensor, node in enumerate(frame.nodes)}

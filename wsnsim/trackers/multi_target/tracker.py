@@ -18,11 +18,11 @@ from wsnsim.base.detections import why_no_detections
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import KnownNodes, Tracker
-from wsnsim.base.scans import Facts, Outcome, Scan, TrackEstimate, TrackEvent
+from wsnsim.base.scans import Facts, Scan, ScanOutcome, TrackEstimate, TrackEvent
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.multi_target.beliefs import (
     Belief,
-    Track,
+    BelievedTrack,
     joined,
     moments_of,
     numbers_of,
@@ -75,7 +75,7 @@ class MultiTargetTracker:
 
     def step(
         self, belief: Belief, time: float, scans: Sequence[Scan], nodes: KnownNodes, facts: Facts, number: int
-    ) -> Outcome:
+    ) -> ScanOutcome:
         """The belief at a time, after the scans of then, and what happened to its tracks.
 
         Args:
@@ -112,7 +112,7 @@ class MultiTargetTracker:
         shares = [np.empty(0)] * len(scans)
         for place, order, share in zip(ordered.given, ordered.places, explained, strict=True):
             shares[place] = share[np.argsort(order)]
-        return Outcome(Belief(time, tuple(judged)), tuple(events), tuple(shares), cycles)
+        return ScanOutcome(Belief(time, tuple(judged)), tuple(events), tuple(shares), cycles)
 
     def estimates(self, belief: Belief, facts: Facts) -> list[TrackEstimate]:
         """The estimate of each track: the moments of its first component. Existence is NaN if it is not estimated."""
@@ -145,11 +145,11 @@ class MultiTargetTracker:
         port: GaussianPort = self.filter.gaussian(facts.motion)  # type: ignore[attr-defined]
         return port
 
-    def _begun(self, port: GaussianPort, mean: Floats, cov: Floats, number: int, time: float) -> Track:
+    def _begun(self, port: GaussianPort, mean: Floats, cov: Floats, number: int, time: float) -> BelievedTrack:
         """A track with one component, whose target exists."""
-        return Track(number, np.ones(1), port.begun(mean, cov), time)
+        return BelievedTrack(number, np.ones(1), port.begun(mean, cov), time)
 
-    def _started(self, port: GaussianPort, start: Start, number: int, time: float, facts: Facts) -> Track:
+    def _started(self, port: GaussianPort, start: Start, number: int, time: float, facts: Facts) -> BelievedTrack:
         """A new track at a fix; its other columns are 0 with the spread of the management."""
         place, size = list(facts.motion.position), len(facts.motion.columns)
         mean, cov = np.zeros(size), self.management.rate_sd**2 * np.eye(size)
@@ -163,7 +163,7 @@ class MultiTargetTracker:
         tells = self.estimates_existence or self.management.tests_existence
         return 1.0 / (1.0 + math.exp(-min(odds, 700.0))) if tells else 1.0
 
-    def _predicted(self, belief: Belief, time: float, port: GaussianPort, facts: Facts) -> list[Track]:
+    def _predicted(self, belief: Belief, time: float, port: GaussianPort, facts: Facts) -> list[BelievedTrack]:
         """The tracks at a time."""
         steps = round((time - belief.time) / facts.dt)
         if not belief.tracks or not steps:
@@ -177,7 +177,7 @@ class MultiTargetTracker:
             for i, track in enumerate(belief.tracks)
         ]
 
-    def _closed(self, tracks: list[Track], frame: Frame, explained: list[Floats]) -> list[Track]:
+    def _closed(self, tracks: list[BelievedTrack], frame: Frame, explained: list[Floats]) -> list[BelievedTrack]:
         """The tracks after all scans, the heaviest component of each first."""
         bank, expected, result = frame.bank(), frame.seen.sum(axis=1), []
         for row, track in enumerate(tracks):
@@ -189,9 +189,11 @@ class MultiTargetTracker:
             ))  # fmt: skip
         return result
 
-    def _judged(self, tracks: list[Track], time: float, facts: Facts) -> tuple[list[Track], list[TrackEvent]]:
+    def _judged(
+        self, tracks: list[BelievedTrack], time: float, facts: Facts
+    ) -> tuple[list[BelievedTrack], list[TrackEvent]]:
         """The tracks that stay, some of them confirmed now, and what happened to the others."""
-        kept: list[Track] = []
+        kept: list[BelievedTrack] = []
         events: list[TrackEvent] = []
         for track in tracks:
             verdict = self.management.judge(track)

@@ -17,7 +17,7 @@ from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.trackers.shared.whole_runs import predicted
 
 
-class Bank(NamedTuple):
+class GaussianBank(NamedTuple):
     """The states of N targets, each a mixture of one Gaussian per mode.
 
     Attributes:
@@ -34,13 +34,15 @@ class Bank(NamedTuple):
 class GaussianPort(Protocol):
     """A Gaussian filter of a single target, for many targets at once. Its state may have further columns."""
 
-    def begun(self, mean: Floats, cov: Floats) -> Bank:
+    def begun(self, mean: Floats, cov: Floats) -> GaussianBank:
         """The bank (N = 1) of a prior in the columns of the scenario's motion."""
 
-    def predicted(self, bank: Bank, dt: float, time: float) -> Bank:
+    def predicted(self, bank: GaussianBank, dt: float, time: float) -> GaussianBank:
         """The bank one step of `dt` after `time`."""
 
-    def joint(self, bank: Bank, sensor: SensorModel, positions: Floats, traits: Floats) -> tuple[Floats, Floats]:
+    def joint(
+        self, bank: GaussianBank, sensor: SensorModel, positions: Floats, traits: Floats
+    ) -> tuple[Floats, Floats]:
         """Joint means (N K, D + S d) and covariances of each state and of the d components read by each of S sensors.
 
         Those of the readings include their noise.
@@ -57,22 +59,24 @@ class LinearisedPort:
     def __init__(self, motion: MotionModel) -> None:
         self._motion, self.own = motion, list(range(len(motion.columns)))
 
-    def begun(self, mean: Floats, cov: Floats) -> Bank:
+    def begun(self, mean: Floats, cov: Floats) -> GaussianBank:
         """One mode, the prior."""
-        return Bank(mean[None, None], cov[None, None], np.ones((1, 1)))
+        return GaussianBank(mean[None, None], cov[None, None], np.ones((1, 1)))
 
-    def predicted(self, bank: Bank, dt: float, time: float) -> Bank:
+    def predicted(self, bank: GaussianBank, dt: float, time: float) -> GaussianBank:
         """The bank one step later."""
         means, covs = predicted(bank.means[:, 0], bank.covs[:, 0], self._motion, dt, time)
-        return Bank(means[:, None], covs[:, None], bank.chances)
+        return GaussianBank(means[:, None], covs[:, None], bank.chances)
 
-    def joint(self, bank: Bank, sensor: SensorModel, positions: Floats, traits: Floats) -> tuple[Floats, Floats]:
+    def joint(
+        self, bank: GaussianBank, sensor: SensorModel, positions: Floats, traits: Floats
+    ) -> tuple[Floats, Floats]:
         """Joint moments of states and readings."""
         return linearised_joint(bank, list(self._motion.position), sensor, positions, traits)
 
 
 def linearised_joint(
-    bank: Bank, place: list[int], sensor: SensorModel, positions: Floats, traits: Floats
+    bank: GaussianBank, place: list[int], sensor: SensorModel, positions: Floats, traits: Floats
 ) -> tuple[Floats, Floats]:
     """Joint means (N K, A) and covariances (N K, A, A) of states and readings, linearised at the means."""
     size = bank.means.shape[-1]
