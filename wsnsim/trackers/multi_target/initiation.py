@@ -30,6 +30,8 @@ ITERATIONS: Final = 5
 """Gauss-Newton steps of the position of a new track (our choice)."""
 LEAST_CLUTTER: Final = 1e-9
 """False detections in a scan where none are expected, so that log-odds are finite."""
+LARGEST_VOLUME: Final = 1e9
+"""Greatest volume of a space of readings, where it is unbounded and none of them are false (our choice)."""
 LOG_TWO_PI: Final = math.log(2.0 * math.pi)
 
 
@@ -56,8 +58,8 @@ def can_start(sensor: Any) -> bool:
 
 
 def density(facts: Facts) -> float:
-    """The density of false detections in the space of readings."""
-    return max(facts.clutter, LEAST_CLUTTER) / facts.volume
+    """The density of false detections in the space of readings, above 0 even where there are none."""
+    return max(facts.clutter, LEAST_CLUTTER) / min(facts.volume, LARGEST_VOLUME)
 
 
 def found(free: list[Bools], scans: Sorted, facts: Facts, rules: TrackRules) -> list[Start]:
