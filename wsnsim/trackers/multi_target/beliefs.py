@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.scans import Facts, TrackEstimate
 from wsnsim.trackers.shared.gaussian_port import Bank
 from wsnsim.trackers.shared.moments import mixed
@@ -60,7 +60,7 @@ def moments_of(bank: Bank, row: int) -> tuple[Floats, Floats]:
     return mixed(bank.chances[row], bank.means[row], bank.covs[row])
 
 
-def picked(bank: Bank, rows: object) -> Bank:
+def picked(bank: Bank, rows: Ints | slice) -> Bank:
     """Some components of a bank."""
     return Bank(*(part[rows] for part in bank))
 
