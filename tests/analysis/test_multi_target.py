@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
+import wsnsim
 from tests.helpers import unlabelled
 from tests.helpers.recordings import recording
 from wsnsim.analysis.answer import sentence
@@ -112,3 +114,42 @@ def test_errors_of_facts_are_those_of_the_tracks_that_follow(path):
     runs = list(followed_runs(path))
     np.testing.assert_array_equal(facts.recorded.errors, np.stack([run.errors for run in runs]))
     assert isinstance(facts, ResultFacts) and facts.unlabelled
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    """Two short runs of a network with two targets whose motion has a bound."""
+    motion = {"kind": "constant_velocity", "variances": [0.05, 0.05], "start_sd": [3, 1, 3, 1]}
+    targets = [motion | {"start": [-9, 1, -9, 1]}, motion | {"start": [9, -1, 9, 1]}]
+    small = {"deploy": {"kind": "jittered_grid", "nodes": 9, "width": 90, "height": 90}, "duration": 6, "name": "small"}
+    scenario = {"extends": "scans_crossing", "targets": targets, **small}
+    return wsnsim.run(scenario, replicates=2, out=tmp_path_factory.mktemp("run") / "small.h5")
+
+
+def test_a_run_of_a_network_has_the_metrics_of_its_own_tables(result):
+    """What the summary has in memory, the file gives again; the errors in `tracks` are of the tracks that follow."""
+    runs, table, found = list(followed_runs(result.out)), wsnsim.gospa(result.out), facts_of_file(result.out)
+    for run, row in zip(runs, result.runs.itertuples(), strict=True):
+        again = run.columns()
+        assert {name: getattr(row, name) for name in UNLABELLED} == pytest.approx(again, nan_ok=True)
+        own = result.table("tracks").query("replicate == @run.replicate")
+        rmse = [np.sqrt(np.nanmean(errors**2)) if np.isfinite(errors).any() else np.nan for errors in run.errors]
+        assert own["rmse"].to_numpy() == pytest.approx(rmse, nan_ok=True)
+        assert np.sqrt(np.nanmean(run.errors**2)) == pytest.approx(row.rmse)
+    pd.testing.assert_frame_equal(table, wsnsim.gospa(result))
+    assert found.recorded.errors.shape == (2, 2, 5)
+
+
+def test_a_run_of_a_network_says_its_localisation_beside_the_bound(result):
+    figures = result.to_dict(bounds=True)
+    assert {*UNLABELLED} <= figures.keys() and figures["bound_localisation"] > 0.0
+    assert "the trajectory-conditional CRLB with known association of" in figures["answer"]
+    said = result.summary(bounds=True)
+    assert "least localisation, known association" in said and "it leaves out clutter" in said
+    assert "GOSPA, localisation" in said and "false tracks an hour" in said
+    assert not {*UNLABELLED} & wsnsim.simulate("rkf", duration=2).to_dict().keys()
+
+
+def test_gospa_refuses_what_is_no_result():
+    with pytest.raises(UsageError, match="result: expected what wsnsim"):
+        wsnsim.gospa(3)

@@ -54,7 +54,7 @@ def write_result(path: Path, runs: int = 2, targets: int = 2, without: tuple[str
             file.write("runs", run_row(run, truth, tracks))
             file.write("nodes", dict.fromkeys((c.name for c in columns_of("nodes")), np.array([0.0, 9.0])) | {
                 **key, "node": [0, 1], "energy_initial": np.nan})  # fmt: skip
-        _write_detections(file)
+        _write_detections(file, 0 if targets else -1)
         file.set_text(
             "scenario/resolved_json",
             json.dumps({"name": "invented", "seed": 11, "step": DT, "sensor": {"kind": "range"}}),
@@ -80,8 +80,8 @@ def run_row(run: int, truth: np.ndarray, tracks: Tracks) -> dict[str, object]:
     return row | found.columns()
 
 
-def _write_detections(file: ResultFile) -> None:
-    """Ranges of node 0: one of target 0, and one of clutter, at the steps 2 and 3 of the first run."""
+def _write_detections(file: ResultFile, origin: int) -> None:
+    """Ranges of node 0: one of a target, or clutter (-1), and one of clutter, at the steps 2 and 3 of the first run."""
     for step in (2, 3):
-        columns = {"node": 0, "detection": [0, 1], "reading": [2.0, 7.0], "origin": [0, -1]}
+        columns = {"node": 0, "detection": [0, 1], "reading": [2.0, 7.0], "origin": [origin, -1]}
         file.write("detections", {"replicate": 0, "step": step, "time": step * DT, **columns})

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
+import pytest
 
 from tests.lifetimes import validation
-from tests.lifetimes.validation import LIMITS, Deployment
+from tests.lifetimes.validation import LIMITS, PILOT, Deployment
+
+
+def test_the_stored_verdict_is_that_of_the_stored_outcomes_of_all_registered_runs():
+    held = json.loads(validation.HELD.read_text(encoding="utf-8"))
+    assert set(held["outcomes"]) == {str(seed) for seed in validation.DEPLOYMENTS}
+    assert {len(times) for each in held["outcomes"].values() for times in each["full"].values()} == {validation.RUNS}
+    found = validation.verdict(held["outcomes"], first=PILOT)
+    for name, each in held["verdict"].items():
+        assert found[name] == pytest.approx(each)
 
 
 def test_a_limit_holds_only_if_the_whole_interval_lies_within_it():

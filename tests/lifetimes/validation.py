@@ -313,7 +313,7 @@ def causes(held: dict[str, Any]) -> dict[str, str]:
     sums = [sum(each["summed"]) / sum(each["spent"]) - 1.0 for each in held["added_up"].values()]
     return {
         "Visits are not simulated anew when nodes have died": _of_criteria(without),
-        f"A third of the library, {CHORDS * EACH // PARTS} visits": _of_criteria(
+        f"One part of {PARTS} of the library, {CHORDS * EACH // PARTS} visits": _of_criteria(
             {name: {"mean": np.mean([each[name]["mean"] for each in parts])} for name in LIMITS}
         ),
         "Joules of the parts over those of a run in which no battery is ever empty, by deployment": ", ".join(

@@ -273,6 +273,13 @@ def test_a_replay_of_tracks_without_the_ground_truth_shows_what_there_is(tmp_pat
     assert header["targets"] == [] and at["track_x"].size and "detection_x" not in at
 
 
+def test_a_replay_without_a_switch_or_a_target_is_ordinary(tmp_path):
+    for targets in (0, 1):
+        path = unlabelled.write_result(tmp_path / f"{targets}.h5", runs=1, targets=targets)
+        header, at = decoded(replay.encode(path, 0, 10**6).text)
+        assert header["targets"] == [*range(targets)] and at["track_x"].size and not at["switch_x"].size
+
+
 def test_targets_that_are_named_have_a_replay_without_groups(two):
     header, at = decoded(replay.encode(two, 0, 10**7).text)
     assert header["groups"] is None and "track_x" not in at

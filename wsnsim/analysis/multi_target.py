@@ -25,11 +25,6 @@ from wsnsim.recording import attributes, read_table, tables
 if TYPE_CHECKING:
     import pandas as pd
 
-KNOWN_ASSOCIATION: Final = (
-    "the bound knows of which target each detection is: it leaves out clutter, detections of several targets at once, "
-    "and the targets that no track follows"
-)
-
 
 def is_unlabelled(path: str | Path) -> bool:
     """Whether the readings of a result name no target, so that the rows of `estimates` are of tracks."""

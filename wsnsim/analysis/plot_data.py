@@ -348,9 +348,10 @@ def read_replicate(path: str | Path, replicate: int) -> ReplicateTables:
     if not any(rows.values()):
         check_replicate(path, replicate)
     words = recording.meanings(path, "events", "what") if rows["events"] else ()
-    tables = (rows[name] for name in wanted)
+    truth, guess, nodes, events, cloud = (rows[name] for name in wanted)
     step = float(stored_json(path, "scenario/resolved_json").get("step", "nan"))  # it may hold no scenario
-    return ReplicateTables(step, plan, words, frozenset(wanted) - sizes.keys(), *tables, unlabelled=unlabelled)
+    unrecorded = frozenset(wanted) - sizes.keys()
+    return ReplicateTables(step, plan, words, unrecorded, truth, guess, nodes, events, cloud, unlabelled)
 
 
 def first_replicate(path: str | Path) -> int:

@@ -155,13 +155,14 @@ def bounds_of_report(report: Report, every: bool = False) -> RunBounds:
     if not report.states:
         return NOT_COMPUTED
     kind = "per_trajectory"
-    readings = READINGS if every and not without_network(report) else READINGS[:1]
+    facts = facts_of_report(report)
+    readings = READINGS if every and not without_network(report) and not facts.unlabelled else READINGS[:1]
     replicates = [summary.run["replicate"] for summary in report.summaries]
     found, *of_members = bounds_of_run(report.out, readings, kind, replicates=replicates, scenario=report.scenario)
     if found.reason:
         return RunBounds(reason=found.reason, every=every)
     errors = errors_of(report, found.each.shape[-1])
-    judged = comparable(facts_of_report(report), found)
+    judged = comparable(facts, found)
     limits = RunBounds(found.time_mean_at(errors), kind, judged=judged, every=every)
     if not of_members or not math.isfinite(limits.rmse):
         return limits

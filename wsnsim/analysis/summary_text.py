@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from wsnsim.analysis import quantities
-from wsnsim.analysis.multi_target import KNOWN_ASSOCIATION
 from wsnsim.analysis.notes import OF_THREE
 from wsnsim.analysis.phrases import REASONS, aligned, wrapped
 from wsnsim.analysis.quantities import CONSISTENCY_NOTE, FIGURES, ONLY_IF_NOT_ZERO, QUANTITIES, beside, bound_name
@@ -20,6 +19,7 @@ from wsnsim.analysis.summary import NOT_COMPUTED, RunBounds, as_json, bounds_of_
 from wsnsim.base.errors import counted
 from wsnsim.base.results import Report
 from wsnsim.base.tables import ONE_IS_BEST, UNLABELLED
+from wsnsim.bounds.least_errors import KNOWN_ASSOCIATION
 from wsnsim.scenario import resolved
 
 SummaryRow = tuple[str, str, str]

@@ -33,9 +33,8 @@ def marks_of(path: str | Path, replicate: int) -> TrackMarks:
     if run is None:
         return TrackMarks({}, {})
     step, target = run.switches[:, 0], run.switches[:, 1]
-    places = run.truth[target, step].reshape(step.size, -1)
-    x, y = places.T if places.shape[1] > 1 else (step * run.rule.dt, places.ravel())
-    flat = run.truth.shape[2] < 2
+    places, flat = run.truth[target, step], run.truth.shape[2] < 2
+    x, y = (step * run.rule.dt, places[:, 0]) if flat else (places[:, 0], places[:, 1])
     return TrackMarks({} if flat else places_of_detections(path, run), {"step": step, "x": x, "y": y})
 
 

@@ -226,8 +226,8 @@ class MovingGroups(Groups):
         """The share of the nodes on the map, in range of two tracks, whose gates for them overlap; 0 without any."""
         place, nodes = list(self._facts.motion.position), self._network.nodes.assumed
         reach = min(self._facts.sensor.reach, FAR)
-        near_each = [nodes.grid.within(planar(track.mean[place]), reach) for track in (one, other)]
-        ids: list[int] = np.intersect1d(*near_each).tolist()
+        beside, others = (nodes.grid.within(planar(track.mean[place]), reach) for track in (one, other))
+        ids: list[int] = np.intersect1d(beside, others).tolist()
         if not ids:
             return 0.0
         (a, sa), (b, sb) = self._expected(one, ids), self._expected(other, ids)
@@ -355,8 +355,8 @@ class MovingGroups(Groups):
         """(2,) the mean of the positions that tracks will have at the next step."""
         motion, dt = self._facts.motion, self._clock.dt
         states = np.array([track.mean for track in tracks]).T
-        points: Floats = planar(motion.advance(states, dt, self._clock.now)[list(motion.position)].T)
-        return points.mean(axis=0)
+        middle: Floats = planar(motion.advance(states, dt, self._clock.now)[list(motion.position)].T).mean(axis=0)
+        return middle
 
     def _nearest(self, tracks: Iterable[TrackEstimate]) -> int | None:
         """The able node nearest to where tracks will be; None if none is able."""
