@@ -155,11 +155,19 @@ def scans(**options: Any) -> dict[str, Any]:
     return {"detection": {"kind": "unlabelled", **options}}
 
 
+def inner(**options: Any) -> dict[str, Any]:
+    """A scenario's tracker with this filter."""
+    return {"tracker": {**JPDA, "filter": options}}
+
+
 GAINS = {"kind": "ekf", "gains": "known"}
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "a tracker of one target": ({"tracker": {"kind": "pf"}}, "pf follows one target"),
     "labelled readings": ({"detection": {"kind": "perfect"}}, "each reading names its target"),
     "a filter without Gaussian moments": ({"tracker": {**JPDA, "filter": {"kind": "pf"}}}, "Gaussian moments"),
+    "a filter of the nearest reading": (inner(kind="ekf", readings="nearest"), "must be all: a track"),
+    "an iterated filter": (inner(kind="ekf", iterations=3), "must be 1: a track"),
+    "sigma points without room": (inner(kind="ukf", kappa=-5), "-5 must be greater than -4"),
     "assumptions of the inner filter": ({"tracker": {**JPDA, "filter": GAINS}}, "tracker.assumes"),
     "readings that add up": ({"sensor": {"kind": "acoustic_energy"}}, "adds up"),
     "readings that name a cell": ({"sensor": {"kind": "binary"}}, "names a cell"),

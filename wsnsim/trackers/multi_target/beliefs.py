@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.scans import Facts, TrackEstimate
 from wsnsim.trackers.shared.gaussian_port import GaussianBank
 from wsnsim.trackers.shared.moments import mixed
@@ -60,7 +60,7 @@ def moments_of(bank: GaussianBank, row: int) -> tuple[Floats, Floats]:
     return mixed(bank.chances[row], bank.means[row], bank.covs[row])
 
 
-def picked(bank: GaussianBank, rows: object) -> GaussianBank:
+def picked(bank: GaussianBank, rows: Ints | slice) -> GaussianBank:
     """Some components of a bank."""
     return GaussianBank(*(part[rows] for part in bank))
 

@@ -20,6 +20,7 @@ from wsnsim.base.scans import Facts
 from wsnsim.base.sensing import detected
 from wsnsim.trackers.multi_target.frames import LEAST_SEEN, Sorted
 from wsnsim.trackers.multi_target.management import TrackRules
+from wsnsim.trackers.shared.fixes import FARTHEST
 from wsnsim.trackers.shared.readings import Evidence, ranges_of
 
 NEIGHBOURS: Final = 4
@@ -30,6 +31,8 @@ ITERATIONS: Final = 5
 """Gauss-Newton steps of the position of a new track (our choice)."""
 LEAST_CLUTTER: Final = 1e-9
 """False detections in a scan where none are expected, so that log-odds are finite."""
+LARGEST_VOLUME: Final = 1e9
+"""Greatest volume of a space of readings, where it is unbounded and none of them are false (our choice)."""
 LOG_TWO_PI: Final = math.log(2.0 * math.pi)
 
 
@@ -56,8 +59,8 @@ def can_start(sensor: Any) -> bool:
 
 
 def density(facts: Facts) -> float:
-    """The density of false detections in the space of readings."""
-    return max(facts.clutter, LEAST_CLUTTER) / facts.volume
+    """The density of false detections in the space of readings, above 0 even where there are none."""
+    return max(facts.clutter, LEAST_CLUTTER) / min(facts.volume, LARGEST_VOLUME)
 
 
 def found(free: list[Bools], scans: Sorted, facts: Facts, rules: TrackRules) -> list[Start]:
@@ -90,8 +93,8 @@ def _scored(
     means, slopes, variances = sensor.linearise(np.ascontiguousarray(points.T), scans.positions, scans.traits)
     size, each = len(components_of(sensor)), np.arange(count)
     seen = facts.probability * np.maximum(detected(sensor, points, scans.positions), LEAST_SEEN)  # (n, S)
-    information = np.repeat(np.eye(2)[None] / min(sensor.reach, 1e9) ** 2, count, axis=0)
-    odds = np.full(count, births)
+    information = np.repeat(_least_information(sensor)[None], count, axis=0)
+    odds: Floats = np.full(count, births)
     for k in range(2):
         counts = (k == 0) | (candidates.scans[:, 1] != candidates.scans[:, 0])
         for row in (candidates.scans[:, k] * size + p for p in range(size)):
@@ -100,7 +103,8 @@ def _scored(
             odds -= np.where(counts, 0.5 * np.log(variance), 0.0)
         odds += np.where(counts, np.log(seen[each, candidates.scans[:, k]] / density(facts)), 0.0)
     odds -= 0.5 * np.log(np.linalg.det(information))
-    covs, used = np.linalg.inv(information), np.full((count, len(scans.nodes)), -1)
+    covs = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    used: Ints = np.full((count, len(scans.nodes)), -1, dtype=np.int64)
     alone = np.log1p(-np.minimum(seen, 1.0 - LEAST_CLUTTER))  # (n, S)
     alone[each[:, None], candidates.scans] = 0.0
     odds += alone.sum(axis=1)
@@ -125,7 +129,7 @@ def _refined(point: Floats, cov: Floats, used: Ints, scans: Sorted, facts: Facts
     """The least-squares position (2,) of some detections and its covariance, by Gauss-Newton steps from a candidate."""
     chosen, sensor = np.flatnonzero(used >= 0), facts.sensor
     measured = np.concatenate([scans.detections[scan][used[scan]] for scan in chosen.tolist()])
-    place, spread, least = point, cov, np.inf
+    place, spread, least, known = point, cov, np.inf, _least_information(sensor)
     for _ in range(ITERATIONS):
         linear = sensor.linearise(place[:, None], scans.positions[chosen], scans.traits[chosen])
         off, slopes, variances = near(sensor, measured, linear[0][:, 0]) - linear[0][:, 0], linear[1][..., 0], linear[2]
@@ -133,9 +137,15 @@ def _refined(point: Floats, cov: Floats, used: Ints, scans: Sorted, facts: Facts
         if not cost < least:
             break
         least, point, weighted = cost, place, slopes / variances
-        cov = np.linalg.pinv(weighted.T @ slopes, hermitian=True)
-        spread, place = cov, point + cov @ (weighted.T @ off)
+        spread = np.asarray(np.linalg.inv(weighted.T @ slopes + known), dtype=np.float64)
+        place = point + spread @ (weighted.T @ off)
     return point, spread
+
+
+def _least_information(sensor: Any) -> Floats:
+    """(2, 2) what is known of a target before any detection: that it is not much farther than a sensing range."""
+    known: Floats = np.eye(2) / min(sensor.reach, FARTHEST) ** 2
+    return known
 
 
 def _candidates(left: list[Bools], scans: Sorted, facts: Facts) -> _Crossings:
@@ -183,10 +193,11 @@ def _loci(scan: int, free: Bools, scans: Sorted, sensor: Any) -> Floats:
         positions = np.repeat(scans.positions[scan : scan + 1], count, axis=0)
         return ranges_of(Evidence((), values[:, 0], positions, traits), sensor)
     names = tuple(sensor.trait_names)
-    angles = values[:, -1] + (traits[:, names.index("heading")] if "heading" in names else 0.0)
+    angles: Floats = values[:, -1] + (traits[:, names.index("heading")] if "heading" in names else 0.0)
     if values.shape[1] == 1:
         return angles
-    return scans.positions[scan] + values[:, :1] * np.column_stack([np.cos(angles), np.sin(angles)])
+    points: Floats = scans.positions[scan] + values[:, :1] * np.column_stack([np.cos(angles), np.sin(angles)])
+    return points
 
 
 def _has_bearings(sensor: Any) -> bool:

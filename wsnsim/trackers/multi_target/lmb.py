@@ -50,7 +50,8 @@ class Lmb(MultiTargetTracker):
         frame.weights /= np.bincount(frame.owners, frame.weights)[frame.owners]
         taken = (columns[:, None] == np.arange(1, count + 1)).astype(np.float64)
         frame.condition(sensor, values, modes[rows], whole[rows], taken)
-        return np.minimum(shares[:, 1:].sum(axis=0), 1.0)
+        explained: Floats = np.minimum(shares[:, 1:].sum(axis=0), 1.0)
+        return explained
 
     def _kept(self, weights: Floats, owners: Ints) -> Bools:
         """Which components (C, M + 1) are kept: of each track, at least the heaviest."""

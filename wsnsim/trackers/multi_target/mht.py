@@ -113,9 +113,11 @@ def best_global(frame: Frame) -> list[int]:
     from scipy.optimize import Bounds, LinearConstraint, milp
     from scipy.sparse import csr_array
 
-    count, rules = len(frame.owners), {}
+    count = len(frame.owners)
+    rules: dict[int | tuple[int, int, int], list[int]] = {}
     for leaf in range(count):
-        for key in (frame.owners[leaf], *_keys(frame, leaf)):
+        rules.setdefault(int(frame.owners[leaf]), []).append(leaf)
+        for key in _keys(frame, leaf):
             rules.setdefault(key, []).append(leaf)
     pairs = [(row, leaf) for row, leaves in enumerate(rules.values()) for leaf in leaves]
     matrix = csr_array((np.ones(len(pairs)), tuple(zip(*pairs, strict=True))), shape=(len(rules), count))

@@ -49,7 +49,8 @@ class SingleGaussian(MultiTargetTracker):
                 taken = taken / np.maximum(frame.existence, 1e-300)[:, None]
         frame.condition(sensor, values, modes, whole, taken)
         frame.assigned += taken.sum(axis=1)
-        return np.minimum(shares[:, 1:].sum(axis=0), 1.0)
+        explained: Floats = np.minimum(shares[:, 1:].sum(axis=0), 1.0)
+        return explained
 
 
 @part

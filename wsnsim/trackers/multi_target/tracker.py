@@ -62,6 +62,11 @@ class MultiTargetTracker:
         """Yield an issue for a filter that is not Gaussian, and for readings from which no track can start."""
         if not hasattr(self.filter, "gaussian"):
             yield Issue(("tracker", "filter"), "needs a filter with Gaussian moments: ekf, ukf, ckf or imm")
+        for key, only_value in (("readings", "all"), ("iterations", 1)):
+            if getattr(self.filter, key, only_value) != only_value:
+                yield Issue(("tracker", "filter", key), f"must be {only_value}: a track's filter takes each scan once")
+        for issue in getattr(self.filter, "check", no_issues)(setup):
+            yield replace(issue, path=("tracker", "filter", *issue.path[1:]))
         if self.management.starts and not can_start(setup.filter_sensor) and not why_no_detections(setup.sensor):
             yield Issue(("tracker", "management"), "tracks start from ranges or bearings; use known with this sensor")
         if any(len(motion.position) != 2 for motion in setup.filter_motions):
@@ -205,6 +210,11 @@ class MultiTargetTracker:
             return kept, events
         kept, merged = without_duplicates(kept, self.estimates(Belief(time, tuple(kept)), facts), self.management)
         return kept, events + merged
+
+
+def no_issues(setup: TrackingSetup) -> Iterator[Issue]:
+    """Those of a filter without a check."""
+    return iter(())
 
 
 @lru_cache(maxsize=64)
