@@ -18,6 +18,7 @@ from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.multi_target import gospa
 from wsnsim.base.tables import UNLABELLED
 from wsnsim.recording import read_table
+from wsnsim.verification import verify
 
 
 @pytest.fixture(scope="module")
@@ -153,3 +154,9 @@ def test_a_run_of_a_network_says_its_localisation_beside_the_bound(result):
 def test_gospa_refuses_what_is_no_result():
     with pytest.raises(UsageError, match="result: expected what wsnsim"):
         wsnsim.gospa(3)
+
+
+def test_a_stored_run_is_run_again_bit_by_bit_and_has_its_bound(result):
+    """The scenario in a file has all defaults, those of the inner filter too."""
+    assert verify(result.out).ok
+    assert "CRLB with known association" in info_text(result.out)

@@ -73,7 +73,8 @@ def _wrong_number_of_targets(scenario: Scenario, setup: TrackingSetup) -> Issue:
 def _inner_filter(scenario: Scenario) -> Iterator[Issue]:
     """Yield an issue for assumptions that stand with the filter of a tracker, where nothing reads them."""
     inner = getattr(scenario.tracker, "filter", None)  # type: ignore[attr-defined]
-    if "assumes" in getattr(inner, "model_fields_set", ()):
+    assumed = type(inner).model_fields["assumes"] if hasattr(inner, "assumes") else None
+    if assumed is not None and inner.assumes != assumed.default:  # a resolved scenario has the defaults
         yield Issue(("tracker", "filter", "assumes"), "what filters assume stands beside the filter: tracker.assumes")
 
 
