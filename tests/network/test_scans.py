@@ -160,7 +160,7 @@ def inner(**options: Any) -> dict[str, Any]:
     return {"tracker": {**JPDA, "filter": options}}
 
 
-GAINS = {"kind": "ekf", "gains": "known"}
+GAINS = {"kind": "ekf", "gains": "unknown"}
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "a tracker of one target": ({"tracker": {"kind": "pf"}}, "pf follows one target"),
     "labelled readings": ({"detection": {"kind": "perfect"}}, "each reading names its target"),
