@@ -8,7 +8,7 @@ What a component can say about its own values is in its `check`. `docs/combinati
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Final
+from typing import Any, Final
 
 from wsnsim.base.arrays import components_of, is_relative, periods_of
 from wsnsim.base.detections import why_no_detections
@@ -72,9 +72,9 @@ def _wrong_number_of_targets(scenario: Scenario, setup: TrackingSetup) -> Issue:
 
 def _inner_filter(scenario: Scenario) -> Iterator[Issue]:
     """Yield an issue for assumptions that stand with the filter of a tracker, where nothing reads them."""
-    inner = getattr(scenario.tracker, "filter", None)  # type: ignore[attr-defined]
-    assumed = type(inner).model_fields["assumes"] if hasattr(inner, "assumes") else None
-    if assumed is not None and inner.assumes != assumed.default:  # a resolved scenario has the defaults
+    inner: Any = getattr(scenario.tracker, "filter", None)  # type: ignore[attr-defined]
+    # a resolved scenario has the defaults
+    if hasattr(inner, "assumes") and inner.assumes != type(inner).model_fields["assumes"].default:
         yield Issue(("tracker", "filter", "assumes"), "what filters assume stands beside the filter: tracker.assumes")
 
 
