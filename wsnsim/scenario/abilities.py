@@ -73,8 +73,8 @@ def _wrong_number_of_targets(scenario: Scenario, setup: TrackingSetup) -> Issue:
 def _inner_filter(scenario: Scenario) -> Iterator[Issue]:
     """Yield an issue for assumptions that stand with the filter of a tracker, where nothing reads them."""
     inner: Any = getattr(scenario.tracker, "filter", None)  # type: ignore[attr-defined]
-    usual = inner and type(inner).model_fields["assumes"].default  # a resolved scenario has it
-    if inner and inner.assumes != usual:
+    # a resolved scenario has the defaults
+    if hasattr(inner, "assumes") and inner.assumes != type(inner).model_fields["assumes"].default:
         yield Issue(("tracker", "filter", "assumes"), "what filters assume stands beside the filter: tracker.assumes")
 
 
