@@ -21,7 +21,7 @@ from tests.fuzz.listening import Listening, watched_schedules
 from tests.fuzz.radios_on import RadiosOn, watched_radios
 from wsnsim import experiment, scenario
 from wsnsim.base.setups import Setup
-from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND, Memory
+from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND, LOSSES, Memory
 from wsnsim.experiment import Summary
 from wsnsim.models.access import IdealMac
 from wsnsim.trackers.information_driven import InformationDriven
@@ -157,7 +157,8 @@ def the_ledger_closes(run: Run) -> Iterator[str]:
     for node in np.flatnonzero(~np.isclose(spent, left, rtol=ROUNDING, atol=slack)):
         yield f"node {node} booked {spent[node]!r} J, and its battery lost {left[node]!r} J"
     for name, table in (("energy", energy), ("energy_steps", steps)):
-        booked = float(table["joules"].sum()) if table else 0.0
+        own = ~np.isin(table["cause"], [CAUSE[name] for name in LOSSES]) if table else np.zeros(0, dtype=bool)
+        booked = float(table["joules"][own].sum()) if table else 0.0
         if not np.isclose(booked, total, rtol=ROUNDING, atol=1e-15):
             yield f"{name} sums to {booked!r} J, the run spent {total!r} J"
     yield from _events_without_a_booking(run, energy)

@@ -235,7 +235,15 @@ class Sampler:
             self.match(values)
         else:
             values["cpu"] = self.part("cpu")
+        values["battery"] = self.battery()
         return values
+
+    def battery(self) -> Values:
+        """Batteries of any kind; their choice changes no other value."""
+        rng = random.Random(self.turn)
+        kind = rng.choice([info.kind for info in ROLES["battery"].kinds])
+        values = {"kind": kind, "usable": rng.choice([1.0, 0.6]), "self_discharge": rng.choice([0.0, 0.9])}
+        return values | ({"spread": 0.2} if rng.random() < 0.3 else {})
 
     def match(self, values: Values) -> None:
         """Give the radio the values of its datasheet."""

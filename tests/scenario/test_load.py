@@ -83,8 +83,8 @@ seed: 2
         ({"motion": None, "targets": [{"kind": kind("Motion"), "bound": 0}, {"kind": "brownian"}]}, [
             "targets.0.bound: error: must be greater than 0, is 0",
             "targets.1.kind: error: unknown motion 'brownian' "
-            "(known: bounded_velocity, constant_acceleration, constant_velocity, coordinated_turn, gauss_markov, "
-            "random_waypoint, recorded_track, ungm, waypoints)",
+            "(known: bounded_velocity, constant_acceleration, constant_velocity, coordinated_turn, crossing, "
+            "gauss_markov, random_waypoint, recorded_track, ungm, visits, waypoints)",
         ]),
         ({"motion": {"kind": kind("Motion"), "start": [1, 2]}}, [
             "motion.start: error: expected a list of 4 items, got 2",

@@ -255,7 +255,8 @@ class BatteryFields:
             now = self._after(state, net, time)
             margin = np.maximum(self._margin(now), 0.0)
             falls = net + self.weights @ np.maximum(net - self.rates[:, None] * now.uneven, 0.0)
-            further = np.divide(margin, falls, where=falls > 0.0, out=np.full_like(time, np.inf))
+            with np.errstate(over="ignore"):  # next to no load lasts for ever
+                further = np.divide(margin, falls, where=falls > 0.0, out=np.full_like(time, np.inf))
             outlasts |= time + further > seconds
             unknown = ~outlasts & (margin > tiny) & (further > ROUNDING * time)
             if not unknown.any():
