@@ -95,7 +95,7 @@ processors: $(READY)  ## run numerical tests with fewer instruction sets in NumP
 	    $(NO_NUMBERS:%=--ignore=tests/%) $(ARGS)
 
 peers: $(READY)  ## compare filters with those of Stone Soup and FilterPy, in an environment of its own
-	@$(PY) -m tests.distribution.versions peers $(PYTHONS) -- tests/trackers/test_peers.py tests/interop/test_stonesoup.py $(ARGS)
+	@$(PY) -m tests.distribution.versions peers $(PYTHONS) -- tests/trackers/test_peers.py tests/trackers/test_multi_target_peers.py tests/interop/test_stonesoup.py $(ARGS)
 
 check: format lint types imports test thorough verify docs documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
 

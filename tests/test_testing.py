@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.thorough import thorough
+from tests.helpers.tracker_kinds import trackers_of_one_target
 from wsnsim.base.arrays import Estimate
 from wsnsim.base.requests import PACKET_BITS, Broadcast, Compute, Gather, Local, Member, Parcel, Send
 from wsnsim.models.bearing import Bearing, RangeBearing
@@ -18,7 +19,7 @@ from wsnsim.models.ranging import Range
 from wsnsim.models.rssi import Rssi
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm
-from wsnsim.scenario.registry import ROLES, Kind, load_class
+from wsnsim.scenario.registry import Kind, load_class
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.bootstrap_pf import CentralPf
 from wsnsim.trackers.information_pf import InformationPf
@@ -73,7 +74,7 @@ CANNOT = {
 
 def _pairs_of_tracker_and_setting():
     """All pairs of a tracker and a setting, those that the tracker refuses included."""
-    for row in ROLES["tracker"].kinds:
+    for row in trackers_of_one_target():
         usable = [name for name in SETTINGS if (row.kind, name) not in CANNOT]
         for name in SETTINGS:
             marks = () if name not in usable[1:] else pytest.mark.thorough

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     # isort: off
     from wsnsim.analysis.frames import read as read
     from wsnsim.api.lifetime import lifetime as lifetime, LifetimeResult as LifetimeResult
-    from wsnsim.api.result import plot as plot, Result as Result
+    from wsnsim.api.result import gospa as gospa, plot as plot, Result as Result
     from wsnsim.api.running import quiet as quiet, run as run, simulate as simulate
     from wsnsim.api.sweeping import compare as compare, sweep as sweep, SweepResult as SweepResult
     from wsnsim.base.arrays import Estimate as Estimate

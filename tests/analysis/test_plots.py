@@ -456,7 +456,9 @@ def test_no_display_and_no_pyplot_is_used(write, tmp_path, monkeypatch):
 
 @pytest.mark.thorough
 def test_legends_stand_above_the_data_and_titles_above_legends(write):
-    panels = [panel for what in plot_data.NEEDS for panel in _drawn_panels(write(network=True), what)]
+    panels = [
+        panel for what in plot_data.plots_of(write(network=True)) for panel in _drawn_panels(write(network=True), what)
+    ]
     figure = figure_style.figure_of(panels)
     figure.draw_without_rendering()
     for axes in figure.axes:

@@ -24,6 +24,12 @@ NETWORK: dict[str, Any] = {
     "lifetime": {"lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 8},
 }  # fmt: skip
 LISTED = ["--set", "motion={kind: visits, of: {kind: random_waypoint}, lasting: 20 s, times: [0, 100]}"]
+SCANS = [
+    word
+    for change in ("detection={kind: unlabelled}", "tracker={kind: gnn, filter: {kind: ekf}}",
+                   "clusters={kind: central}", "wakeup={kind: none}")
+    for word in ("--set", change)
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +128,7 @@ def test_visits_that_are_kept_are_not_simulated_again(tmp_path: Path, monkeypatc
         (["--coverage", "0"], "--coverage: error: must be greater than 0"),
         (["--profile", "1,2"], "expected 24 factors"),
         (["--set", "network=none"], "network: none has no batteries"),
+        (SCANS, "a lifetime needs readings that name it"),
         (["--jobs", "2", "--scheduler", "tcp://x:1"], "--jobs cannot be combined with --scheduler"),
         (["--plot", "a.gif"], "a figure cannot have the suffix '.gif'"),
         (["--set", "lifetime.times=[3,2]"], "times: must ascend"),

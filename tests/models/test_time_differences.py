@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal
 
 import wsnsim
 from tests.helpers.scenes import make_scene
+from tests.helpers.tracker_kinds import trackers_of_one_target
 from wsnsim import fitting
 from wsnsim.analysis.notes import before_a_run
 from wsnsim.base.errors import UsageError
@@ -24,7 +25,6 @@ from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.ranging import TimeDifference
 from wsnsim.offline.loopback import perform
 from wsnsim.scenario import build
-from wsnsim.scenario.registry import ROLES
 from wsnsim.testing import check_sensor
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
@@ -199,7 +199,7 @@ def test_many_runs_at_once_are_those_of_one_by_one() -> None:
 TOGETHER = {"ekf", "ukf", "ckf", "imm", "pf", "central_pf", "gpf", "pso_gpf", "gsa_gpf", "cs_pf", "ics_pf", "ipf"}
 
 
-@pytest.mark.parametrize("kind", sorted({kind.kind for kind in ROLES["tracker"].kinds} - {"grid", "stonesoup"}))
+@pytest.mark.parametrize("kind", sorted({kind.kind for kind in trackers_of_one_target()} - {"grid", "stonesoup"}))
 def test_each_tracker_takes_the_readings_of_a_step_together_or_is_refused(kind: str) -> None:
     sensor = {"kind": "tdoa", "sd": "0.7 m", "reach": ".inf"}
     scenario = ALONE | {"name": "x", "replicates": 1, "sensor": sensor, "tracker": {"kind": kind}}

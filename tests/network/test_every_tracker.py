@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.helpers.tracker_kinds import trackers_of_one_target
 from wsnsim import experiment, scenario
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.network.clusters.collection import Collection
-from wsnsim.scenario.registry import ROLES
 
 OTHERS = {"grid", "trilateration", "gmtt", "tsstp", "cluster", "ris"}  # one column, or distances: not on this field
-PLANE = [row.kind for row in ROLES["tracker"].kinds if row.kind not in OTHERS]
+PLANE = [row.kind for row in trackers_of_one_target() if row.kind not in OTHERS]
 GAUSSIAN = ("ekf", "ukf", "ckf", "imm", "rkf", "imsf", "information_driven")
 LINE = [kind for kind in PLANE if kind != "ipf"] + ["grid"]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.helpers import unlabelled
 from tests.helpers.recordings import recording
 from wsnsim import read
 from wsnsim.report import replay, replay_encoding
@@ -245,3 +246,40 @@ def test_a_position_on_a_line_is_drawn_over_time_with_its_sensors_at_the_edge(tm
     assert (np.diff(at["truth_x"].astype(int).reshape(2, -1)) > 0).all() and set(at["node_x"]) == {65534}
     shown = header["box"][1] + (header["box"][3] - header["box"][1]) * at["node_y"] / 65534
     np.testing.assert_allclose(shown, read(path, "nodes").x, atol=0.01)
+
+
+def test_a_replay_shows_all_tracks_detections_and_switches_where_readings_name_no_target(tmp_path):
+    path = unlabelled.write_result(tmp_path / "x.h5")
+    header, at = decoded(replay.encode(path, 0, 10**6).text)
+    left, bottom, right, top = header["box"]
+    tracks = unlabelled.rows_of(unlabelled.truth_of(0, 2), 0)
+    assert header["groups"] == 0 and header["targets"] == [0, 1]
+    for step in range(header["frames"]):
+        rows, own = rows_at(at, "track", step), tracks.step == step
+        assert at["track_number"][rows].tolist() == tracks.track[own].tolist()
+        assert at["track_confirmed"][rows].tolist() == tracks.confirmed[own].tolist()
+        x = left + at["track_x"][rows] / 65534 * (right - left)
+        np.testing.assert_allclose(x, tracks.position[own, 0].clip(left, right), atol=0.51 * (right - left) / 65534)
+    assert at["detection_count"].tolist() == [0, 0, 2, 2] + [0] * 9
+    assert at["detection_clutter"].tolist() == [0, 1] * 2
+    assert at["switch_count"].tolist() == [0] * 8 + [2] + [0] * 4
+    y = bottom + at["switch_y"] / 65534 * (top - bottom)
+    assert y.tolist() == pytest.approx([0.0, 20.0], abs=0.01)
+
+
+def test_a_replay_of_tracks_without_the_ground_truth_shows_what_there_is(tmp_path):
+    path = unlabelled.write_result(tmp_path / "x.h5", without=("truth",))
+    header, at = decoded(replay.encode(path, 0, 10**6).text)
+    assert header["targets"] == [] and at["track_x"].size and "detection_x" not in at
+
+
+def test_a_replay_without_a_switch_or_a_target_is_ordinary(tmp_path):
+    for targets in (0, 1):
+        path = unlabelled.write_result(tmp_path / f"{targets}.h5", runs=1, targets=targets)
+        header, at = decoded(replay.encode(path, 0, 10**6).text)
+        assert header["targets"] == [*range(targets)] and at["track_x"].size and not at["switch_x"].size
+
+
+def test_targets_that_are_named_have_a_replay_without_groups(two):
+    header, at = decoded(replay.encode(two, 0, 10**7).text)
+    assert header["groups"] is None and "track_x" not in at

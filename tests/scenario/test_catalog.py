@@ -37,6 +37,8 @@ def test_a_role_with_a_default_kind_may_be_left_out(role: str) -> None:
     if ROLES[role].optional:
         key = ROLES[role].listed
         assert getattr(scenario.load(base_scenario(**{key: None})), key) == ()
+    elif ROLES[role].inner:
+        assert not hasattr(scenario.load(base_scenario()), role)
     elif default is None:
         assert any(f.startswith(f"{role}: error: is missing") for f in faults_of(base_scenario(**{role: None})))
     else:

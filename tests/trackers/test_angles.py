@@ -13,16 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.helpers.tracker_kinds import trackers_of_one_target
 from wsnsim import scenario
 from wsnsim.base.arrays import Estimate
 from wsnsim.base.errors import ScenarioError
 from wsnsim.models.bearing import TURN, Bearing, RangeBearing
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ungm import Ungm
-from wsnsim.scenario.registry import ROLES, load_class
+from wsnsim.scenario.registry import load_class
 from wsnsim.testing.table import FIRST, SCRIPT, SECOND, Table, track
 
-KINDS = {row.kind: load_class(row) for row in ROLES["tracker"].kinds}
+KINDS = {row.kind: load_class(row) for row in trackers_of_one_target()}
 WITH_ANGLES = [kind for kind, part in KINDS.items() if part.angles and kind != "grid"]
 WITH_COMPONENTS = [kind for kind in WITH_ANGLES if KINDS[kind].vector_readings]
 EXACT = {"ekf": 1e-9, "rkf": 1e-9, "imsf": 1e-9, "imm": 1e-9, "ukf": 0.01, "ckf": 0.01}

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from wsnsim.analysis.multi_target import GOSPA, least_localisation
 from wsnsim.analysis.quantities import DECIDED, loss_rule, median_time, time_averaged_rmse
 from wsnsim.analysis.result_facts import ResultFacts, Table, facts_of_file, facts_of_report, facts_of_tables
 from wsnsim.base import metrics
@@ -217,7 +218,8 @@ def sentence(facts: ResultFacts, crlb: float = np.nan) -> str:
         first = collection_clause(facts) or reception_clause(facts)
     else:
         known = facts.recorded.errors if facts.recorded.errors.size else facts.column("rmse")
-        first = _followed(facts, crlb) if np.isfinite(known).any() else _no_estimate(facts)
+        followed = tracks_clause if facts.unlabelled else _followed
+        first = followed(facts, crlb) if facts.unlabelled or np.isfinite(known).any() else _no_estimate(facts)
     clauses = (
         first, absent_clause(facts), sink_clause(facts), energy_clause(facts), losses_clause(facts),
         lifetime_clause(facts),
@@ -239,7 +241,10 @@ def _found_bound(source: Source, scenario: Any, facts: ResultFacts, plugins: boo
 
 
 def comparable(facts: ResultFacts, crlb: Bound | None) -> float:
-    """The time average of a bound at the steps of the errors that are judged; NaN without a bound."""
+    """The time average of a bound at the steps of the errors that are judged; NaN without a bound.
+
+    Where readings name no target, it is that of the localisation part of GOSPA.
+    """
     steps = facts.recorded.steps
     if crlb is None or crlb.reason or not steps.size:
         return np.nan
@@ -247,8 +252,8 @@ def comparable(facts: ResultFacts, crlb: Bound | None) -> float:
     if steps[0] < 1 or steps[-1] > each.shape[-1] or judged.shape[:2] != each.shape[:2]:
         return np.nan
     errors = np.full(each.shape, np.nan)
-    errors[:, :, steps - 1] = judged
-    return crlb.time_mean_at(errors)
+    errors[:, :, steps - 1] = facts.recorded.errors if facts.unlabelled else judged
+    return least_localisation(each, errors) if facts.unlabelled else crlb.time_mean_at(errors)
 
 
 def _targets(facts: ResultFacts) -> int:
@@ -267,6 +272,33 @@ def absent_clause(facts: ResultFacts) -> str:
     missing = np.setdiff1d(targets, targets[there]).astype(int).tolist()
     named = f"target{'s' * (len(missing) > 1)} {shortened(', '.join(map(str, missing)))}"
     return f"{named} never existed in {runs(facts.count, facts.count)}" if missing else ""
+
+
+def tracks_clause(facts: ResultFacts, crlb: float) -> str:
+    """How completely targets were followed where readings name none, with which GOSPA, switches and false tracks.
+
+    `crlb` is the bound of the localisation part, NaN if there is none.
+    """
+    where, share = runs(facts.count, facts.count), facts.mean("completeness")
+    false = f"{_number_of(facts.mean('false_tracks'), 'false track', 's')} an hour"
+    if np.isnan(share):
+        return f"No target existed in {where}, and there were {false}"
+    subject = "The target was" if _targets(facts) == 1 else f"The {_targets(facts):,} targets were"
+    whole, near, missed, extra = (f"{figure(facts.mean(name))} {facts.unit}".rstrip() for name in GOSPA)
+    if math.isfinite(crlb) and crlb > 0.0:
+        limit = f"{figure(crlb)} {facts.unit}".rstrip()
+        ratio = _ratio(facts.mean("gospa_localisation") / crlb)
+        near += f", which is {ratio} times the trajectory-conditional CRLB with known association of {limit}"
+    switched = _number_of(facts.mean("switches"), "identity switch", "es") + " a run" * (facts.count > 1)
+    return (
+        f"{subject} followed at {percent(share)} of their steps in {where}, with a GOSPA of {whole} (c ="
+        f" {facts.cutoff:.4g} {facts.unit}; missed targets {missed}, false tracks {extra},"
+        f" localisation {near}), {switched} and {false}"
+    )
+
+
+def _number_of(value: float, what: str, plural: str) -> str:
+    return f"{figure(value) if value else 'no'} {what}{plural * (value != 1.0)}"
 
 
 def _no_estimate(facts: ResultFacts) -> str:

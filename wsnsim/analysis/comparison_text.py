@@ -27,7 +27,7 @@ from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
 from wsnsim.base.errors import counted
-from wsnsim.base.tables import MORE_IS_BETTER, ONE_IS_BEST
+from wsnsim.base.tables import MORE_IS_BETTER, ONE_IS_BEST, UNLABELLED
 from wsnsim.bounds.least_errors import FAULTLESS
 
 MOST_SENTENCES: Final = 3
@@ -231,7 +231,8 @@ def _notes(found: Comparison) -> list[str]:
         (shown["per joule"],
          f"{name}/J: falls with every joule spent, so a smaller value alone is not better: see Pareto"),
         (shown["tracked"],
-         f"tracked: share of the steps with an estimate in time; {name} is over the steps with an estimate"),
+         "tracked: share of the steps with an estimate in time"
+         + f"; {name} is over the steps with an estimate" * (found.metric not in UNLABELLED)),
         (shown["per joule"] and table["front"].any(),
          f"Pareto: * is on the Pareto front: no other {among} has both a {better} median {name} and less\n"
          "  energy; points with more than 5 % of their runs lost at any time are left out"),

@@ -22,6 +22,7 @@ import numpy as np
 
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.comparison import Comparison
+from wsnsim.analysis.multi_target import followed_runs, is_unlabelled
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import WsnsimError
@@ -48,7 +49,7 @@ def time_averages(path: str | Path, plugins: bool = False) -> dict[str, float]:
     Without recorded events, or without a network, the only one is that for all readings in range.
     """
     log = tables(path).get("events")
-    known = READINGS if log is not None and log.rows else ("in_range",)
+    known = READINGS if log is not None and log.rows and not is_unlabelled(path) else ("in_range",)
     found = {readings: bound for readings in known if (bound := found_bound(path, readings, plugins)) is not None}
     means = {readings: bound.time_mean_at(errors_at(path, bound)) for readings, bound in found.items()}
     return {readings: mean for readings, mean in means.items() if np.isfinite(mean)}
@@ -64,9 +65,16 @@ def found_bound(path: str | Path, readings: str, plugins: bool) -> Bound | None:
 
 
 def errors_at(path: str | Path, found: Bound) -> Floats:
-    """(replicates, targets, steps) errors at the bound's steps, NaN where there is no estimate."""
-    table = read_table(path, "estimates", ["replicate", "target", "step", "error"])
+    """(replicates, targets, steps) errors at the bound's steps, NaN where there is no estimate.
+
+    Where readings name no target, they are those of the tracks that follow the targets.
+    """
     errors = np.full(found.each.shape, np.nan)
+    if is_unlabelled(path):
+        for run in followed_runs(path):
+            errors[found.query.replicates.index(run.replicate), :, : run.followed.shape[1]] = run.errors
+        return errors
+    table = read_table(path, "estimates", ["replicate", "target", "step", "error"])
     rows = np.searchsorted(found.query.replicates, table["replicate"])
     errors[rows, table["target"], table["step"] - 1] = table["error"]
     return errors

@@ -6,6 +6,7 @@ save(figure, out)                         writes a figure so that the same figur
 band(axes, x, rows, label, ...)           median over runs with the band between quartiles(rows)
 rmse_band(axes, x, rows, label, ...)      RMSE over runs with its 95 % confidence band
 rmse_interval(rows) -> (low, high)        this confidence band
+titled(axes, title, of_time)              a title, and the legend between it and the data
 runs_text(runs, whose) -> str             the number of runs, for a title
 """
 
@@ -38,6 +39,11 @@ PUBLISHED: Final[dict[str, Any]] = {"color": "#666666", "linestyle": "--", "line
 """The line of a published value."""
 BOUND: Final[dict[str, Any]] = {"color": BLACK, "linestyle": ":", "linewidth": 1.2}
 """The line of a bound."""
+LEGEND: Final[dict[str, Any]] = {
+    "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.1, "borderpad": 0.2,
+    "handlelength": 1.4, "columnspacing": 1.0,
+}  # fmt: skip
+"""A legend between the title and the data."""
 MIN_RUNS: Final = 5
 """The smallest number of runs that have a band, as for `metrics.bootstrap_interval`."""
 RESAMPLES: Final = 400
@@ -167,3 +173,22 @@ def runs_text(runs: int, whose: str = "") -> str:
     if runs < MIN_RUNS:
         return f"{runs} runs" if runs > 1 else "one run"
     return f"{runs} runs (bands{f' of {whose}' if whose else ''}: 95 % confidence)"
+
+
+def titled(axes: Axes, title: str, of_time: str = "", across: int = 0) -> Axes:
+    """Set the title, and between it and the data the legend; labels of what is drawn over time.
+
+    Args:
+        axes: matplotlib axes.
+        title: the title.
+        of_time: the label of the values; empty where they are not over time.
+        across: entries in a row of the legend; 0: all.
+    """
+    if of_time:
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(of_time)
+    handles, _ = axes.get_legend_handles_labels()
+    across = across or len(handles)
+    axes.set_title(title, loc="left", pad=20 + 12 * (ceil(len(handles) / across) - 1))
+    axes.legend(ncols=across, **LEGEND)
+    return axes

@@ -25,6 +25,7 @@ TAKES: Final = {
     "all": ("column", "step", "replicate", "target"),
     "track": ("replicate", "target"),
     "states": ("column", "replicate", "target"),
+    "gospa": (),
     "error": (),
     "consistency": (),
     "energy": (),
@@ -81,7 +82,7 @@ def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None 
     chosen = choice or PlotSelection()
     if chosen.column is not None:
         plot_data.layout(path).check(path, chosen.column)
-    wanted = tuple(plot_data.NEEDS) if what == "all" else (what,)
+    wanted = plot_data.plots_of(path) if what == "all" else (what,)
     reasons = {name: plot_data.lacking(path, name) for name in wanted}
     left_out = {name: reason for name, reason in reasons.items() if reason}
     if len(left_out) == len(wanted):
@@ -130,5 +131,5 @@ def panels_of(path: Path, what: str, choice: PlotSelection, among_all: bool) -> 
         last = plot_data.last_step_with_particles(path, **options) if choice.step is None else choice.step
         options |= {"step": last, "column": choice.column}
     elif what != "track":
-        options = {"plugins": choice.plugins} if what == "error" else {}
+        options = {"plugins": choice.plugins} if what in ("error", "gospa") else {}
     yield what, partial(getattr(plots, what), path=path, **options)

@@ -89,20 +89,22 @@ class StepContext:
         limit: number of similar messages up to which each is described; more are summed up.
         issued: the name of each issued estimate by (target, time).
         several: whether there are several targets, so that sentences name theirs.
+        owner: what events are of: a target, or a group of tracks where readings name no target.
     """
 
     heads: frozenset[int]
     limit: int
     issued: dict[tuple[int, float], str]
     several: bool = False
+    owner: str = "target"
 
     def node(self, number: int) -> str:
         """A node with its role."""
         return f"{'cluster head' if number in self.heads else 'node'} {number}"
 
     def target(self, number: int) -> str:
-        """The target in parentheses; empty if there is only one."""
-        return f" (target {number})" if self.several and number >= 0 else ""
+        """The target, or the group, in parentheses; empty if there is only one."""
+        return f" ({self.owner} {number})" if self.several and number >= 0 else ""
 
 
 def energy_in_words(joules: float) -> str:

@@ -18,6 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.recording as recording
+from wsnsim.analysis.multi_target import followed_estimates, followed_runs, is_unlabelled
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.tables import CAUSES
@@ -27,12 +28,15 @@ Columns = dict[str, np.ndarray]
 NEEDS: Final = {
     "track": ("truth", "estimates"),
     "states": ("truth", "estimates"),
+    "gospa": ("truth", "estimates", "runs"),
     "error": ("estimates",),
     "consistency": ("estimates",),
     "energy": ("energy_steps",),
     "particles": ("particles", "truth"),
 }
 """What can be plotted, and the tables that it needs."""
+OF_LABELS: Final = ("states", "consistency", "particles")
+"""What is drawn of the track of a target, which is none where readings name no target."""
 EMPTY: Final = {
     "energy_steps": "no energy was spent (there is no network)",
     "particles": "the tracker had no particles to record",
@@ -66,10 +70,20 @@ def bracketed(unit: str) -> str:
     return f" [{unit}]" if unit not in ("", "1") else ""
 
 
+def plots_of(path: str | Path) -> tuple[str, ...]:
+    """What can be plotted of a result with all its tables: keys of `NEEDS`."""
+    left_out = OF_LABELS if is_unlabelled(path) else ("gospa",)
+    return tuple(name for name in NEEDS if name not in left_out)
+
+
 def lacking(path: str | Path, what: str) -> str:
     """Why the file cannot be plotted as `what`, a key of `NEEDS`; empty if it can."""
-    sizes = recording.tables(path)
-    for table in NEEDS[what]:
+    sizes, unlabelled = recording.tables(path), is_unlabelled(path)
+    if unlabelled and what in OF_LABELS:
+        return "readings name no target, so that no track is of one"
+    if not unlabelled and what == "gospa" and "estimates" in sizes:
+        return "readings name their targets, so that no track must be assigned to one"
+    for table in NEEDS["gospa" if unlabelled and what in ("track", "error") else what]:
         if table not in sizes:
             return f"table {table} was not recorded; run the scenario with record.{table}=true"
         if not sizes[table].rows:
@@ -145,8 +159,13 @@ def woken_regions(path: str | Path, replicate: int, target: int) -> Columns:
 def errors(path: str | Path) -> tuple[Floats, Ints, Floats]:
     """The position errors of a file, (runs, targets, steps), NaN without an estimate; the steps; their times (s).
 
-    The steps are those that have rows in the table `estimates`.
+    The steps are those that have rows in the table `estimates`; where readings name no target, all steps, with the
+    errors of the tracks that follow the targets.
     """
+    if is_unlabelled(path):
+        runs = list(followed_runs(path))
+        steps = np.arange(1, runs[0].followed.shape[1] + 1)
+        return np.stack([run.errors for run in runs]), steps, steps * runs[0].rule.dt
     table = recording.read_table(path, "estimates", ["replicate", "target", "step", "time", "error"])
     axes = [np.unique(table[name], return_inverse=True) for name in ("replicate", "target", "step")]
     result = np.full([known.size for known, _ in axes], np.nan)
@@ -213,6 +232,7 @@ class ReplicateTables:
         nodes: the nodes.
         events: the event log.
         cloud: the particles.
+        unlabelled: all tracks where readings name no target, and `guess` has those that follow a target; else None.
     """
 
     dt: float
@@ -224,6 +244,16 @@ class ReplicateTables:
     nodes: Columns
     events: Columns
     cloud: Columns
+    unlabelled: Columns | None = None
+
+    @property
+    def groups(self) -> list[int]:
+        """What events are of: the targets, or where readings name none, the groups of tracks."""
+        if self.unlabelled is None:
+            return self.targets
+        return sorted(
+            {int(number) for number in np.unique(self.events["target"]) if number >= 0} if self.events else ()
+        )
 
     @property
     def flat(self) -> bool:
@@ -238,7 +268,9 @@ class ReplicateTables:
     @property
     def last(self) -> int:
         """The last recorded step."""
-        return max((int(t["step"].max()) for t in (self.truth, self.guess, self.events) if t), default=0)
+        return max(
+            (int(t["step"].max()) for t in (self.truth, self.guess, self.events, self.unlabelled) if t), default=0
+        )
 
     @property
     def targets(self) -> list[int]:
@@ -302,13 +334,24 @@ def read_replicate(path: str | Path, replicate: int) -> ReplicateTables:
         "events": EVENTS,
         "particles": ("target", "step", *place, "weight"),
     }
-    rows = {name: _rows(path, name, columns, replicate, sizes) for name, columns in wanted.items()}
+    named = not is_unlabelled(path)
+    rows = {
+        name: _rows(path, name, columns, replicate, sizes)
+        for name, columns in wanted.items()
+        if named or name != "estimates"
+    }
+    if not named:
+        followed = followed_estimates(path, replicate)
+        rows["estimates"] = {name: followed[name] for name in wanted["estimates"]} if followed["step"].size else {}
+        columns = ("step", "time", "track", *place, "confirmed")
+    unlabelled = None if named else _rows(path, "estimates", columns, replicate, sizes)
     if not any(rows.values()):
         check_replicate(path, replicate)
     words = recording.meanings(path, "events", "what") if rows["events"] else ()
-    tables = (rows[name] for name in wanted)
+    truth, guess, nodes, events, cloud = (rows[name] for name in wanted)
     step = float(stored_json(path, "scenario/resolved_json").get("step", "nan"))  # it may hold no scenario
-    return ReplicateTables(step, plan, words, frozenset(wanted) - sizes.keys(), *tables)
+    unrecorded = frozenset(wanted) - sizes.keys()
+    return ReplicateTables(step, plan, words, unrecorded, truth, guess, nodes, events, cloud, unlabelled)
 
 
 def first_replicate(path: str | Path) -> int:

@@ -1,7 +1,7 @@
 """Plots of a result: each function draws one plot of a file on a matplotlib Axes and returns the Axes.
 
     track(axes, path, replicate, target)      states(axes, path, column, replicate, target)      error(axes, path)
-    consistency(axes, path)      energy(axes, path)
+    consistency(axes, path)      energy(axes, path)      gospa(axes, path)
     particles(axes, path, step, column, replicate, target)
 
 Every function raises ResultError for a table that was not recorded, and UsageError for a column, replicate, target or
@@ -16,9 +16,22 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from wsnsim.analysis import error_bounds, figure_style, plot_data
+from wsnsim.analysis import error_bounds, figure_style, plot_data, track_plots
 from wsnsim.analysis.consistency import Statistic, step_consistency
-from wsnsim.analysis.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, YELLOW, quartiles
+from wsnsim.analysis.figure_style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    YELLOW,
+    quartiles,
+    titled,
+)
+from wsnsim.analysis.multi_target import is_unlabelled
 from wsnsim.analysis.plot_data import Columns, StateLayout, bracketed
 from wsnsim.analysis.quantities import loss_rule
 from wsnsim.analysis.result_facts import fault_kinds, position_unit
@@ -35,19 +48,19 @@ LOG_FROM: Final = 100.0
 """Ratio of the largest to the smallest error from which on the axis is logarithmic (our choice)."""
 CONSISTENCY: Final[tuple[tuple[str, Statistic, str], ...]] = (("NEES", "nees", BLUE), ("NIS", "nis", ORANGE))
 """What the plot of consistency shows: name, statistic, colour."""
-LEGEND: Final[dict[str, Any]] = {
-    "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.1, "borderpad": 0.2,
-    "handlelength": 1.4, "columnspacing": 1.0,
-}  # fmt: skip
-"""A legend between the title and the data."""
 LEAST_WEIGHT: Final = 1e-6
 """Particles below this share of the largest weight are not drawn (our choice)."""
 
 
 def track(axes: Axes, path: str | Path, replicate: int = 0, target: int = 0) -> Axes:
-    """Draw the plane with ground truth, estimates, nodes and cluster heads; on a line, the position over time."""
+    """Draw the plane with ground truth, estimates, nodes and cluster heads; on a line, the position over time.
+
+    Where readings name no target, all targets and tracks of the run are drawn, see `track_plots.tracks`.
+    """
     plot_data.demand(path, "track")
     plan = plot_data.layout(path)
+    if is_unlabelled(path):
+        return titled(track_plots.tracks(axes, path, plan, replicate), f"tracks of replicate {replicate}", across=3)
     truth, guess = plot_data.course(path, plan.position, replicate, target)
     nodes = plot_data.nodes_of(path, replicate)
     if len(plan.position) == 1:
@@ -56,7 +69,7 @@ def track(axes: Axes, path: str | Path, replicate: int = 0, target: int = 0) -> 
             _nodes_beside(axes, nodes["x"])
     else:
         _in_plane(axes, plan, truth, guess, nodes, plot_data.woken_regions(path, replicate, target))
-    return _titled(axes, f"track of {_which(replicate, target)}")
+    return titled(axes, f"track of {_which(replicate, target)}")
 
 
 def states(axes: Axes, path: str | Path, column: str, replicate: int = 0, target: int = 0) -> Axes:
@@ -65,7 +78,7 @@ def states(axes: Axes, path: str | Path, column: str, replicate: int = 0, target
     plan.check(path, column)
     plot_data.demand(path, "states")
     _over_time(axes, plan, column, *plot_data.course(path, (column,), replicate, target))
-    return _titled(axes, f"{column} of {_which(replicate, target)}")
+    return titled(axes, f"{column} of {_which(replicate, target)}")
 
 
 def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
@@ -98,7 +111,7 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     if len(times) > 1:
         axes.set_xlim(0.0, float(times[-1]))
     label = "position error" + bracketed(plan.units[plan.position[0]])
-    return _titled(axes, f"position error{_loss_text(path, of_runs)}", label)
+    return titled(axes, f"position error{_loss_text(path, of_runs)}", label)
 
 
 def _loss_text(path: str | Path, of_runs: str) -> str:
@@ -133,7 +146,15 @@ def consistency(axes: Axes, path: str | Path) -> Axes:
         shown.append(found.values)
     axes.axhline(1.0, color=BLACK, linewidth=1.0, linestyle=":", label="consistent")
     _scaled(axes, np.concatenate([*shown, [1.0]]))
-    return _titled(axes, f"consistency, time average: {', '.join(averages)}", "per degree of freedom")
+    return titled(axes, f"consistency, time average: {', '.join(averages)}", "per degree of freedom")
+
+
+def gospa(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
+    """Draw GOSPA and its parts at each step over all runs, where readings name no target; see `track_plots.gospa`."""
+    plot_data.demand(path, "gospa")
+    axes, title = track_plots.gospa(axes, path, plugins)
+    plan = plot_data.layout(path)
+    return titled(axes, title, "GOSPA" + bracketed(plan.units[plan.position[0]]), across=3)
 
 
 def energy(axes: Axes, path: str | Path) -> Axes:
@@ -149,7 +170,7 @@ def energy(axes: Axes, path: str | Path) -> Axes:
         linewidth=0,
     )
     axes.set_ylim(bottom=0)
-    return _titled(axes, f"energy spent by the network, mean of {counted(runs, 'run')}", "energy spent [J]")
+    return titled(axes, f"energy spent by the network, mean of {counted(runs, 'run')}", "energy spent [J]")
 
 
 def particles(
@@ -177,7 +198,7 @@ def particles(
         axes.scatter(across, up, s=sizes, color=SKY, linewidths=0, alpha=0.6, label=label)
         axes.plot(*truth.values(), "+", color=BLACK, markersize=12, markeredgewidth=2, label="ground truth")
         _plane(axes, plan)
-    return _titled(axes, f"particles at step {step} of {_which(replicate, target)}")
+    return titled(axes, f"particles at step {step} of {_which(replicate, target)}")
 
 
 def _in_plane(
@@ -264,14 +285,3 @@ def _marks(values: Floats) -> dict[str, Any]:
 
 def _which(replicate: int, target: int) -> str:
     return f"replicate {replicate}" + (f", target {target}" if target else "")
-
-
-def _titled(axes: Axes, title: str, of_time: str = "") -> Axes:
-    """Set the title, and between it and the data the legend in one row; labels of what is drawn over time."""
-    if of_time:
-        axes.set_xlabel("time [s]")
-        axes.set_ylabel(of_time)
-    axes.set_title(title, loc="left", pad=20)
-    handles, _ = axes.get_legend_handles_labels()
-    axes.legend(ncols=len(handles), **LEGEND)
-    return axes

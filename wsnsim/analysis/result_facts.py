@@ -14,8 +14,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.scenario as scenarios
+from wsnsim.analysis import multi_target
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.multi_target import cutoff_of
 from wsnsim.base.results import Report
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import CAUSES
@@ -73,6 +75,16 @@ class ResultFacts:
     def count(self) -> int:
         """The number of finished runs."""
         return next(iter(self.runs.values())).size if self.runs else 0
+
+    @property
+    def unlabelled(self) -> bool:
+        """Whether readings name no target, so that tracks are assigned to targets afterwards."""
+        return "gospa" in self.runs
+
+    @property
+    def cutoff(self) -> float:
+        """The distance c of GOSPA, at and above which a track does not follow a target."""
+        return cutoff_of(self.limit)
 
     @property
     def consistent(self) -> float:
@@ -160,7 +172,9 @@ def facts_of_file(path: str | Path) -> ResultFacts:
     """The facts of a result file; of its long tables, only the errors and the joules are read."""
     held = {name: size.rows for name, size in tables(path).items() if size.rows}
     found: dict[str, Table] = {name: read_table(path, name) for name in SHORT if name in held}
-    if "estimates" in held:
+    if multi_target.is_unlabelled(path):
+        found["estimates"] = _of_followed(path) if {"truth", "runs"} <= held.keys() else {}
+    elif "estimates" in held:
         found["estimates"] = read_table(path, "estimates", ["replicate", "target", "step", "error"])
     energy = [name for name in ("energy", "energy_steps") if name in held]
     if len(energy) > 1 and held["energy"] > MANY_ROWS:
@@ -170,6 +184,18 @@ def facts_of_file(path: str | Path) -> ResultFacts:
     about, root = read_json(path, "scenario/resolved_json", optional=True), attributes(path)
     position = len(root["position"] or ()) if root["states"] else 0
     return _of_columns(found, _context(position_unit(path), about, position))
+
+
+def _of_followed(path: str | Path) -> Table:
+    """Columns of `estimates` as they are where readings name their target: of the tracks that follow targets."""
+    pieces = []
+    for run in multi_target.followed_runs(path):
+        targets, steps = run.errors.shape
+        pieces.append(np.stack([
+            np.full(run.errors.size, run.replicate), np.repeat(np.arange(targets), steps),
+            np.tile(np.arange(1, steps + 1), targets), run.errors.ravel(),
+        ]))  # fmt: skip
+    return dict(zip(("replicate", "target", "step", "error"), np.concatenate(pieces, axis=1), strict=True))
 
 
 def position_unit(path: str | Path) -> str:

@@ -22,7 +22,7 @@ from wsnsim.analysis.quantities import NETWORK_ONLY, QUANTITIES, flagged, interv
 from wsnsim.analysis.result_facts import ResultFacts, errors_of, facts_of_report, joules_of
 from wsnsim.base import metrics
 from wsnsim.base.results import Report
-from wsnsim.base.tables import KIND
+from wsnsim.base.tables import KIND, UNLABELLED
 from wsnsim.bounds import READINGS, bounds_of_run
 from wsnsim.recording import meanings, read_table
 
@@ -40,7 +40,8 @@ class RunBounds(NamedTuple):
         reason: why there is none.
         active: for the readings of active members.
         arrived: for the readings that arrived at the head.
-        judged: for all readings in range, at the steps of the error in the answer (see `answer.answer`).
+        judged: for all readings in range, at the steps of the error in the answer (see `answer.answer`); where readings
+            name no target, that of the localisation part of GOSPA.
         every: whether those of active members and of the readings that arrived were asked for.
     """
 
@@ -107,10 +108,11 @@ def _costs(report: Report) -> dict[str, Any]:
 def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) -> dict[str, Any]:
     """The summary of a run with targets, without its notes."""
     facts = facts_of_report(report)
-    found = {key: quantity.value(facts) for key, quantity in QUANTITIES.items()}
+    kept = [key for key in QUANTITIES if facts.unlabelled or key not in UNLABELLED]
+    found = {key: QUANTITIES[key].value(facts) for key in kept}
     if without_network(report):
         found |= dict.fromkeys((key for key in NETWORK_ONLY if key in found and key not in STILL_COUNTED), math.nan)
-    for key in flagged("interval"):
+    for key in filter(found.__contains__, flagged("interval")):
         found[f"{key}_low"], found[f"{key}_high"] = QUANTITIES[key].interval(facts)
     lost = facts.tracks["lost"] > 0
     clusters = (
@@ -135,6 +137,7 @@ def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) 
         "bound": limits.rmse,
         "bound_active": limits.active,
         "bound_arrived": limits.arrived,
+        **({"bound_localisation": limits.judged} if facts.unlabelled else {}),
         "bound_kind": limits.kind,
         "faults": list(facts.faults),
         "bound_reason": limits.reason,
@@ -152,13 +155,14 @@ def bounds_of_report(report: Report, every: bool = False) -> RunBounds:
     if not report.states:
         return NOT_COMPUTED
     kind = "per_trajectory"
-    readings = READINGS if every and not without_network(report) else READINGS[:1]
+    facts = facts_of_report(report)
+    readings = READINGS if every and not without_network(report) and not facts.unlabelled else READINGS[:1]
     replicates = [summary.run["replicate"] for summary in report.summaries]
     found, *of_members = bounds_of_run(report.out, readings, kind, replicates=replicates, scenario=report.scenario)
     if found.reason:
         return RunBounds(reason=found.reason, every=every)
     errors = errors_of(report, found.each.shape[-1])
-    judged = comparable(facts_of_report(report), found)
+    judged = comparable(facts, found)
     limits = RunBounds(found.time_mean_at(errors), kind, judged=judged, every=every)
     if not of_members or not math.isfinite(limits.rmse):
         return limits

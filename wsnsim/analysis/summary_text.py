@@ -18,7 +18,8 @@ from wsnsim.analysis.quantities import CONSISTENCY_NOTE, FIGURES, ONLY_IF_NOT_ZE
 from wsnsim.analysis.summary import NOT_COMPUTED, RunBounds, as_json, bounds_of_report, clock_figures, without_network
 from wsnsim.base.errors import counted
 from wsnsim.base.results import Report
-from wsnsim.base.tables import ONE_IS_BEST
+from wsnsim.base.tables import ONE_IS_BEST, UNLABELLED
+from wsnsim.bounds.least_errors import KNOWN_ASSOCIATION
 from wsnsim.scenario import resolved
 
 SummaryRow = tuple[str, str, str]
@@ -90,7 +91,8 @@ def _frames(report: Report) -> str:
 def _lines_of_target(summary: _SummaryRows, source: str, limits: RunBounds) -> list[str]:
     """The table of a run with targets, and the notes below it."""
     figures = summary.figures
-    rows = [("", "measured", f"published ({source})" if summary.published else ""), *summary.accuracy(limits.every)]
+    rows = [("", "measured", f"published ({source})" if summary.published else ""), *summary.tracks()]
+    rows += summary.accuracy(limits.every)
     rows += [*summary.losses(), *summary.tracking(), *summary.latency()]
     if without_network(summary.report):
         rows += summary.load()
@@ -99,6 +101,8 @@ def _lines_of_target(summary: _SummaryRows, source: str, limits: RunBounds) -> l
     table = aligned([row[:2] for row in rows])
     lines = [f"{line}  {row[2]}".rstrip() for line, row in zip(table, rows, strict=True)]
     lines += [f"  {quantities.BOUND_NOTE}"] if limits.every and math.isfinite(figures["bound"]) else []
+    known = math.isfinite(figures.get("bound_localisation", math.nan))
+    lines += [f"  least localisation: {KNOWN_ASSOCIATION}"] if known else []
     lines += [f"  {CONSISTENCY_NOTE}"] if any(math.isfinite(figures[key]) for key in ONE_IS_BEST) else []
     lines += [] if figures["bound_reason"] in ("", NOT_COMPUTED.reason) else [f"  no bound: {figures['bound_reason']}"]
     return lines + [f"  note: {note}" for note in figures["notes"]]
@@ -138,6 +142,13 @@ class _SummaryRows:
     def printed(self, key: str, pattern: str) -> str:
         """The published value; empty if there is none."""
         return pattern.format(self.published[key]).rstrip() if pattern and key in self.published else ""
+
+    def tracks(self) -> Rows:
+        """How tracks of which no reading says whose they are follow the targets; nothing where readings say so."""
+        for key in UNLABELLED if "gospa" in self.figures else ():
+            yield from self.row(key)
+            if key == "gospa_localisation":
+                yield from self.row("bound_localisation", math.isfinite(self.figures["bound_localisation"]))
 
     def accuracy(self, bounds: bool) -> Rows:
         """Errors, bounds beside them if they are wanted, and consistency."""

@@ -14,8 +14,9 @@ import numpy as np
 
 from wsnsim.analysis.event_groups import LoggedMessage, NodeAction, group_events
 from wsnsim.analysis.logged_events import LoggedEvent, in_other_steps, layout_or_empty, rows_at
+from wsnsim.analysis.multi_target import followed_estimates, is_unlabelled
 from wsnsim.analysis.phrases import Sentence, StepContext, energy_in_words
-from wsnsim.analysis.plot_data import number_span
+from wsnsim.analysis.plot_data import Columns, number_span
 from wsnsim.analysis.step_text import describe
 from wsnsim.base.errors import ResultError, UsageError, counted
 from wsnsim.recording import attributes, meanings, read_json, read_table, table_names
@@ -42,6 +43,8 @@ class StepTrace:
         lines: their description.
         energy: J that the whole network spent in the step, by cause; None if not recorded.
         booked: J of the step's events (of the selected target), by cause.
+        tracks: where readings name no target, the rows of `estimates` of the step; None: they name it. The estimates of
+            targets are then those of the tracks that follow them.
     """
 
     path: str
@@ -58,6 +61,7 @@ class StepTrace:
     lines: Sequence[Sentence]
     energy: Mapping[str, float] | None
     booked: Mapping[str, float]
+    tracks: Sequence[Record] | None = None
 
 
 def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = None, limit: int = 4) -> StepTrace:
@@ -78,6 +82,9 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
     dt, network = float(scenario["step"]), scenario.get("network") != "none"
     _check(path, replicate, step)
     truths, estimates = (_of_run(path, table, replicate) for table in ("truth", "estimates"))
+    unlabelled = is_unlabelled(path)
+    held = [row for row in estimates if row["step"] == step] if unlabelled else []
+    estimates = _of_run(path, "estimates", replicate, followed_estimates(path, replicate)) if unlabelled else estimates
     known = sorted({row["target"] for row in (*truths, *estimates)})
     if target is not None and target not in known:
         raise UsageError(f"{path}: no target {target}; it has {', '.join(map(str, known)) or 'none'}")
@@ -89,16 +96,23 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
     rows = [
         row
         for row in (rows_at(path, replicate, step) if network else [])
-        if target in (None, row.target) or row.target < 0
+        if unlabelled or target in (None, row.target) or row.target < 0
     ]
     chosen = known if target is None else [target]
-    context = StepContext(_heads(rows, estimates, step), limit, _issued(estimates, dt, path), len(known) > 1)
+    context = StepContext(
+        _heads(rows, held or estimates, step),
+        limit,
+        {} if unlabelled else _issued(estimates, dt, path),
+        unlabelled or len(known) > 1,
+        "group" if unlabelled else "target",
+    )
     acts = group_events(rows, in_other_steps(path, replicate, step, rows) if rows else {})
     plan = layout_or_empty(path)
     return StepTrace(
         str(path), f"{scenario['name']}, seed {scenario['seed']}", replicate, step, step * dt, dt, network, plan.units,
         plan.position, {one: (_row(truths, one, step), _row(estimates, one, step)) for one in chosen}, acts,
         describe(acts, context), _spent(path, replicate, step) if network else None, _booked(rows),
+        held if unlabelled else None,
     )  # fmt: skip
 
 
@@ -110,6 +124,8 @@ def text(picked: StepTrace) -> str:
         where = f" is at {_place(picked, truth)}" if truth else ""
         lines.append(f"target {target}" + (" is absent" if "nan" in where else where))
         lines.append(f"  {_of_estimate(picked, estimate)}")
+    lines += [f"track {row['track']}{' (tentative)' * (not row['confirmed'])}: {_place(picked, row)}, cluster head"
+              f" {row['head']}" for row in picked.tracks or ()]  # fmt: skip
     if not picked.network:
         return "\n".join([*lines, "no network: nothing was sent and no energy was spent"])
     return "\n".join([*lines, "", *_happened(picked), "", *_cost(picked)])
@@ -125,6 +141,7 @@ def as_json(picked: StepTrace) -> dict[str, Any]:
         "targets": {
             target: {"truth": truth, "estimate": estimate} for target, (truth, estimate) in picked.targets.items()
         },
+        **({"tracks": list(picked.tracks)} if picked.tracks is not None else {}),
         "told": [line._asdict() for line in picked.lines],
         "acts": [asdict(act) for act in picked.acts if isinstance(act, NodeAction)],
         "messages": [asdict(act) | {"path": act.path} for act in picked.acts if isinstance(act, LoggedMessage)],
@@ -145,11 +162,10 @@ def _check(path: str | Path, replicate: int, step: int) -> None:
         raise UsageError(f"{path}: replicate {replicate} has steps 0 to {found[replicate]}, not {step}")
 
 
-def _of_run(path: str | Path, table: str, replicate: int) -> list[dict[str, Any]]:
-    """The rows of one run as mappings; empty if the table was not recorded."""
-    if table not in table_names(path):
-        return []
-    columns = read_table(path, table)
+def _of_run(path: str | Path, table: str, replicate: int, columns: Columns | None = None) -> list[dict[str, Any]]:
+    """The rows of one run as mappings, of the columns of a table; empty if the table was not recorded."""
+    if columns is None:
+        columns = read_table(path, table) if table in table_names(path) else {"replicate": np.empty(0)}
     rows = columns["replicate"] == replicate
     lists = {name: values[rows].tolist() for name, values in columns.items()}
     return [dict(zip(lists, values, strict=True)) for values in zip(*lists.values(), strict=True)]
@@ -207,6 +223,8 @@ def _place(picked: StepTrace, row: Record) -> str:
 
 def _of_estimate(picked: StepTrace, row: Record | None) -> str:
     """The step's estimate with its error, time and readings; or the cluster head without an estimate."""
+    if row is None and picked.tracks is not None:
+        return "no confirmed track follows it"
     if row is None:
         return "no estimate: step 0 is the prior" if picked.step == 0 else "its estimates were not recorded"
     if np.isnan(row["issued"]):

@@ -12,7 +12,7 @@ import html as markup
 import math
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -137,7 +137,7 @@ class Result:
 
     @property
     def plot(self) -> ResultPlots:
-        """The plots: `.track()`, `.states()`, `.error()`, `.consistency()`, `.energy()`, `.particles()`."""
+        """The plots: `.track()`, `.states()`, `.gospa()`, `.error()`, `.consistency()`, `.energy()`, `.particles()`."""
         return ResultPlots(self._file)
 
     def save(self, path: str | Path) -> Path:
@@ -318,7 +318,7 @@ def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = 
 
     Args:
         result: what `simulate` or `run` returned, or the path of a result file.
-        what: 'track', 'states', 'error', 'consistency', 'energy' or 'particles'.
+        what: 'track', 'states', 'gospa', 'error', 'consistency', 'energy' or 'particles'.
         ax: matplotlib axes to draw on; by default those of a new figure.
         options: what the plot of this name takes beside `ax`, such as `replicate` and `target` of 'track', `column` of
             'states', `step` of 'particles' (see `ResultPlots`).
@@ -329,10 +329,46 @@ def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = 
     """
     if isinstance(result, Result):
         return result.plot(what, ax, **options)
+    path = _path_of(result)
+    return ResultPlots(lambda: nullcontext(path))(what, ax, **options)
+
+
+def gospa(result: Result | str | Path, cutoffs: Sequence[float] = (), order: float = 2.0) -> pd.DataFrame:
+    """Compute GOSPA (α = 2) and its parts at each step of each run, where readings name no target.
+
+    Examples::
+
+        gospa("results/scans_crossing.h5", [5.0, 10.0, 20.0]).groupby("cutoff").gospa.mean()
+
+    Tracks are set beside targets at each step anew. `runs.gospa` is the root mean square of one run at the default c.
+
+    Args:
+        result: what `simulate` or `run` returned, or the path of a result file.
+        cutoffs: distances c in the unit of the position; by default the error above which a track is lost, or 20 m if
+            that is infinite.
+        order: the order p, at least 1.
+
+    Returns:
+        The columns `replicate`, `step`, `time` (s), `cutoff`, `gospa`, `gospa_localisation`, `gospa_missed` and
+        `gospa_false`.
+
+    Raises:
+        UsageError: a cutoff is not a positive number, the order is below 1, or `result` is no result.
+        ResultError: readings name their targets, or `truth` and `estimates` were not recorded.
+    """
+    from wsnsim.analysis.multi_target import gospa_table
+
+    if isinstance(result, Result):
+        with result._file() as file:
+            return gospa_table(file, cutoffs, order)
+    return gospa_table(_path_of(result), cutoffs, order)
+
+
+def _path_of(result: object) -> Path:
+    """A path that was given in place of a result."""
     if not isinstance(result, str | os.PathLike):
         raise UsageError(
             f"result: expected what wsnsim.simulate or wsnsim.run returned, or the path of a result file, got "
             f"{shown_value(result)}"
         )
-    path = Path(result)
-    return ResultPlots(lambda: nullcontext(path))(what, ax, **options)
+    return Path(result)

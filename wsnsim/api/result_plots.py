@@ -13,7 +13,7 @@ from wsnsim.base.errors import UsageError, did_you_mean
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-KINDS = ("track", "states", "error", "consistency", "energy", "particles")
+KINDS = ("track", "states", "gospa", "error", "consistency", "energy", "particles")
 
 
 @final
@@ -79,6 +79,17 @@ class ResultPlots:
             with self._file() as path:
                 column = next(iter(plot_data.layout(path).units))
         return self._drawn("states", ax, column=column, replicate=replicate, target=target)
+
+    def gospa(self, *, ax: Axes | None = None) -> Axes:
+        """Draw GOSPA and its parts at each step over all runs, where readings name no target.
+
+        Args:
+            ax: matplotlib axes to draw on; by default those of a new figure.
+
+        Raises:
+            ResultError: readings name their targets, or the tables `truth` and `estimates` were not recorded.
+        """
+        return self._drawn("gospa", ax, plugins=True)
 
     def error(self, *, ax: Axes | None = None) -> Axes:
         """Draw the position error at each step over all runs: RMSE, median, quartiles and the CRLB.

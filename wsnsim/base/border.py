@@ -25,6 +25,7 @@ import numpy as np
 from wsnsim.base import (
     answers,
     batteries,
+    detections,
     initial_conditions,
     mac_mechanisms,
     mechanisms,
@@ -103,7 +104,7 @@ Component = TypeVar("Component")
 SetupKind = TypeVar("SetupKind", bound=Setup)
 _MODULES: Final = (
     ports, optional_ports, network_ports, radio, medium_access, sleeping, mechanisms, mac_mechanisms,
-    initial_conditions, batteries,
+    initial_conditions, batteries, detections,
 )  # fmt: skip
 NAMES: Final[Mapping[str, Any]] = {name: value for module in _MODULES for name, value in vars(module).items()}
 """What the annotations of ports may name."""
@@ -159,6 +160,7 @@ def _component_fields(kind: Any) -> list[tuple[str, type]]:
 
 def _if_foreign(component: Any, port: type, columns: int | None) -> Any:
     own = type(component).__module__.partition(".")[0] == "wsnsim"
+    port = detections.MultiTracker if getattr(component, "multi_target", False) else port
     return (_with_checked_fields if own else partial(checked, port=port))(component, columns=columns)
 
 

@@ -11,15 +11,18 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from wsnsim.base import metrics
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Estimate, Floats, Ints
 from wsnsim.base.errors import MOST_PRINTED
 from wsnsim.base.files import file_digest
+from wsnsim.base.multi_target import FollowedRun, Tracks
 from wsnsim.base.optional_ports import RecordedFile
+from wsnsim.base.ports import MotionModel
 from wsnsim.base.rows import (
     NAN,
     Issued,
@@ -185,6 +188,7 @@ class RunResult(NamedTuple):
     """The result of one run: simulated steps, tracks, totals, energy (J) by cause, and number of clusters.
 
     `report_every`: number of steps from one report that each track owes the sink to the next; 0: it owes none.
+    `unassigned`: the columns of the table `estimates` where readings name no target; empty where `tracks` has them.
     """
 
     steps: int
@@ -193,6 +197,7 @@ class RunResult(NamedTuple):
     joules: Mapping[str, float]
     clusters: int = 0
     report_every: int = 0
+    unassigned: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -250,21 +255,25 @@ def summarise(
         started: Processor time (s) at the start of the run, as `time.process_time` gives it, later by what is not to
             be counted.
     """
+    followed = _assigned(setup, replicate, result, truths) if result.unassigned else None
+    if followed and recorder.wants("estimates"):
+        recorder.write("estimates", {"replicate": replicate, **result.unassigned})
     errors = np.empty((len(truths), result.steps))
     deviations, rows, estimates = [], [], []
     for target, truth in enumerate(truths):
         assert isinstance(setup, TrackingSetup), "only a tracking scenario has targets"
         present = np.isfinite(truth[1 : result.steps + 1, 0])
         rule = TrackRule(setup.lost_window, setup.lost_limit, setup.dt, result.report_every, present)
-        track, motion = result.tracks[target], setup.motions[target]
+        motion = setup.motions[target]
+        track = _of_target(result.unassigned, followed.followed[target], motion) if followed else result.tracks[target]
         key = {"replicate": replicate, "target": target}
         columns = estimate_rows(track.estimates, track.heads, motion, truth, result.steps, setup.dt)
         columns.update(track.columns, gaussian=int(setup.posterior_is_gaussian(target)))
         if recorder.wants("truth"):
             recorder.write("truth", {**key, **truth_rows(motion, truth, result.steps, setup.dt)})
-        if recorder.wants("estimates"):
+        if recorder.wants("estimates") and not followed:
             recorder.write("estimates", {**key, **columns})
-        if recorder.wants("covariances"):
+        if recorder.wants("covariances") and not followed:
             recorder.write("covariances", {**key, **covariance_rows(track.estimates, motion.columns)})
         estimates.append(columns)
         errors[target] = columns["error"]
@@ -276,12 +285,51 @@ def summarise(
     tracking = setup if isinstance(setup, TrackingSetup) else None
     run["lost_window"] = tracking.lost_window * tracking.dt if tracking else NAN
     run["lost_limit"] = tracking.lost_limit if tracking else NAN
+    run |= followed.columns() if followed else {}
     run |= consistency(estimates, len(setup.motions[0].position) if isinstance(setup, TrackingSetup) else 1)
     run["cpu_seconds"] = time.process_time() - started
     for table, written in (("tracks", rows), ("runs", [run])):
         for row in written if recorder.wants(table) else ():
             recorder.write(table, row)
     return Summary(run, tuple(rows), errors, column_rmse, result.joules, result.clusters)
+
+
+def _assigned(setup: Setup, replicate: int, result: RunResult, truths: Sequence[Floats]) -> FollowedRun:
+    """The tracks of a run whose readings name no target, assigned to the targets now that it is over."""
+    assert isinstance(setup, TrackingSetup), "only a tracking scenario has targets"
+    motion, held = setup.motions[0], result.unassigned
+    truth = np.array([one[: result.steps + 1, list(motion.position)] for one in truths])
+    positions = np.column_stack([held[motion.columns[i]] for i in motion.position])
+    tracks = Tracks(held["step"], held["track"], positions, held["confirmed"] > 0)
+    truth = truth.reshape(len(truths), result.steps + 1, -1)
+    return FollowedRun.of(replicate, truth, tracks, setup.lost_limit, setup.lost_window, setup.dt)
+
+
+def _of_target(held: Mapping[str, Any], rows: Ints, motion: MotionModel) -> TrackResult:
+    """The result of a target, of the tracks that follow it.
+
+    Args:
+        held: Columns of the table `estimates` of all tracks.
+        rows: (steps,) the row that follows the target at each step from 1 on; -1: none.
+        motion: The motion model.
+    """
+    means = np.column_stack([held[name] for name in motion.columns])
+    covs, place = np.zeros((len(means), means.shape[1], means.shape[1])), list(motion.position)
+    for i, name in zip(place, ("sd_x", "sd_y"), strict=False):
+        covs[:, i, i] = held[name] ** 2
+    if len(place) > 1:
+        covs[:, place[0], place[1]] = covs[:, place[1], place[0]] = held["cov_xy"]
+    found = {}
+    received, heads = np.full(rows.size, NAN), np.full(rows.size + 1, -1)
+    for step in np.flatnonzero(rows >= 0).tolist():
+        row = int(rows[step])
+        issued, *counts = (held[name][row] for name in ("issued", "head", "active", "members", "readings"))
+        found[step + 1] = Issued(step + 1, issued, Estimate(means[row], covs[row]), *counts)
+        received[step], heads[step + 1] = held["received"][row], held["head"][row]
+    nobody = np.zeros(rows.size, dtype=np.int64)
+    columns = {"received": received, "woken": nobody, "ineffective": nobody}
+    counts_of_none = {"reacquired": 0, "called": 0, "dismissed": 0, "handover_bits": NAN}
+    return TrackResult(found, heads.tolist(), columns, counts_of_none)
 
 
 def _run_row(result: RunResult, errors: Floats, tracks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -299,7 +347,7 @@ def _run_row(result: RunResult, errors: Floats, tracks: Sequence[Mapping[str, An
         "tracked": _mean(tracks, "tracked"),
         "tracked_three": _mean(tracks, "tracked_three"),
         **columns_of_totals(result.totals),
-        "fingerprint": fingerprint(result.totals.event_fingerprint, estimates),
+        "fingerprint": fingerprint(result.totals.event_fingerprint, estimates, result.unassigned),
     }
 
 

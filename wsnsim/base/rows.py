@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -158,12 +159,15 @@ def consistency(tracks: Sequence[Mapping[str, Any]], size: int) -> dict[str, flo
     return {"nees": average, "nees_median": middle, "singular": singular, "nis": per_reading}
 
 
-def fingerprint(event_fingerprint: int, tracks: Iterable[Mapping[int, Issued]]) -> int:
+def fingerprint(
+    event_fingerprint: int, tracks: Iterable[Mapping[int, Issued]], unassigned: Mapping[str, Any] = MappingProxyType({})
+) -> int:
     """A 64-bit digest of the events' digest and of every estimate: time, step, target, mean and covariance, bit by bit.
 
     Args:
         event_fingerprint: Digest of the events, see `runs.event_fingerprint`.
         tracks: The estimates of each target by step.
+        unassigned: Columns of the estimates of tracks that name no target.
     """
     digest = hashlib.blake2b(event_fingerprint.to_bytes(8, "little"), digest_size=8)
     for target, estimates in enumerate(tracks):
@@ -171,6 +175,8 @@ def fingerprint(event_fingerprint: int, tracks: Iterable[Mapping[int, Issued]]) 
             parts = ([item.issued, step, target], item.estimate.mean, item.estimate.cov)
             for part in parts:
                 digest.update(np.ascontiguousarray(part, dtype=np.float64).tobytes())
+    for _, column in sorted(unassigned.items()):
+        digest.update(np.ascontiguousarray(column, dtype=np.float64).tobytes())
     return int.from_bytes(digest.digest(), "little")
 
 

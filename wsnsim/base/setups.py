@@ -18,6 +18,7 @@ import numpy as np
 from wsnsim.base import medium_access
 from wsnsim.base.arrays import Estimate, components_of
 from wsnsim.base.batteries import Battery
+from wsnsim.base.detections import ReportsScans
 from wsnsim.base.mechanisms import TimeSync
 from wsnsim.base.metrics import LOST_ERROR, LOST_STEPS
 from wsnsim.base.network_ports import ClusterPolicy, Deployment, FaultEvent, HasSeveralSinks, Routing, Sink, Workload
@@ -112,6 +113,15 @@ class TrackingSetup(Setup):
         return any(each is not None for each in self.presence) or any(
             isinstance(motion, MayBeAbsent) and motion.may_be_absent for motion in self.motions
         )
+
+    @property
+    def unlabelled(self) -> bool:
+        """Whether nodes report scans, whose detections name no target."""
+        return isinstance(self.detection, ReportsScans)
+
+    def filter_motion(self, target: int) -> MotionModel:
+        """The motion model that the tracker assumes of a target; where readings name none, that of the first one."""
+        return self.filter_motions[0 if self.unlabelled else target]
 
     @property
     def member_cycles(self) -> float:
@@ -300,6 +310,7 @@ class TableLayout(NamedTuple):
         components: The number of components of a reading.
         duty_cycled: Whether a MAC switches radios off.
         absences: Whether a target may be absent.
+        unlabelled: Whether readings name no target.
         harvests: Whether nodes harvest energy.
     """
 
@@ -308,6 +319,7 @@ class TableLayout(NamedTuple):
     components: int = 1
     duty_cycled: bool = False
     absences: bool = False
+    unlabelled: bool = False
     harvests: bool = False
 
     @property
@@ -318,6 +330,7 @@ class TableLayout(NamedTuple):
             "components": self.components,
             "duty_cycled": self.duty_cycled,
             "absences": self.absences,
+            "unlabelled": self.unlabelled,
             "harvests": self.harvests,
         }
 
@@ -331,4 +344,4 @@ def table_layout(setup: Setup) -> TableLayout:
     motion = setup.motions[0]
     states = tuple(zip(motion.columns, motion.units, strict=True))
     components, absences = len(components_of(setup.sensor)), setup.has_absences
-    return TableLayout(states, motion.position, components, duty_cycled, absences, harvests)
+    return TableLayout(states, motion.position, components, duty_cycled, absences, setup.unlabelled, harvests)

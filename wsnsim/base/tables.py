@@ -19,7 +19,8 @@ from wsnsim.base.files import read_sections
 KINDS: Final = (
     "wake", "sleep", "sense", "elect", "join", "announce", "allocate", "send", "receive", "drop", "collide", "compute",
     "estimate", "handover", "relay", "lost", "reacquire", "crash", "restart", "death", "overhear", "fault", "report",
-    "acquire", "call", "called", "leave", "return", "stay", "resume",
+    "acquire", "call", "called", "leave", "return", "stay", "resume", "begin", "end", "merge", "split", "initiate",
+    "confirm", "delete",
 )  # fmt: skip
 SPENT: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
 LOSSES: Final = ("self_discharge", "stranded", "unstored", "surplus")
@@ -68,7 +69,9 @@ TABLES: Final = {heading[0]: tuple(_column(*row) for row in rows) for heading, r
 """The columns of each table."""
 TABLE_MEANINGS: Final = {heading[0]: heading[1] for heading, _ in _SECTIONS}
 """What a row of each table stands for: "one row per ..."."""
-OFF_BY_DEFAULT: Final = ("clocks", "covariances", "links", "particles", "readings", "reports", "tracker_state")
+OFF_BY_DEFAULT: Final = (
+    "clocks", "covariances", "detections", "links", "particles", "readings", "reports", "tracker_state",
+)  # fmt: skip
 RECORDED_BY_DEFAULT: Final = {name: name not in OFF_BY_DEFAULT for name in TABLES}
 STATE_AFTER: Final = {"truth": "time", "estimates": "issued", "particles": "node"}
 """Tables with the motion model's state columns: the column after which they stand."""
@@ -83,22 +86,34 @@ METRICS: Final = tuple(
 """The columns of `runs` that are metrics: the same each time that a run is repeated."""
 ONE_IS_BEST: Final = ("nees", "nis")
 """The metrics of consistency: neither more nor less is better."""
-MORE_IS_BETTER: Final = ("delivered", "tracked", "tracked_three", "alive", "first_death", "half_dead", "coverage")
+MORE_IS_BETTER: Final = (
+    "delivered", "tracked", "tracked_three", "alive", "first_death", "half_dead", "coverage", "completeness",
+    "track_life",
+)  # fmt: skip
 """The metrics of which more is better."""
 
 DUTY_CYCLED: Final = ("radio_on", "hurried")
 """Columns of `runs` about MACs that switch radios off."""
 ABSENCES: Final = ("time_present", "false_time")
 """Columns of `tracks` about targets that may be absent."""
+OF_TARGETS: Final = ("target", "error", "woken", "ineffective", "nees", "nis", "nis_dof", "gaussian")
+OF_TRACKS: Final = ("track", "confirmed", "existence")
+"""Columns of `estimates`: those of labelled readings alone, and those of readings that name no target."""
+UNLABELLED: Final = (
+    "gospa", "gospa_localisation", "gospa_missed", "gospa_false", "ospa2", "completeness", "switches", "fragments",
+    "time_to_confirm", "track_life", "confirmed_tracks", "false_tracks",
+)  # fmt: skip
+"""Columns of `runs` about tracks of which no reading says whose they are."""
 
 
-def columns_of(
+def columns_of(  # noqa: PLR0913
     table: str,
     states: Sequence[tuple[str, str]] = (),
     position: Sequence[int] | None = None,
     components: int = 1,
     duty_cycled: bool = False,
     absences: bool = False,
+    unlabelled: bool = False,
     harvests: bool = False,
 ) -> tuple[Column, ...]:
     """The columns of a table for one motion model and one sensor model.
@@ -111,13 +126,20 @@ def columns_of(
         components: Number of components of a reading. If it is one, `readings` has no column `component`.
         duty_cycled: Whether a MAC switches radios off. If not, `runs` has none of the columns of `DUTY_CYCLED`.
         absences: Whether a target may be absent. If not, `tracks` has none of the columns of `ABSENCES`.
+        unlabelled: Whether readings name no target: rows of `estimates` are then of tracks. If not, `runs` has none of
+            the columns of `UNLABELLED`.
         harvests: Whether nodes harvest energy. If not, `nodes` has no column `harvested`.
     """
     columns = TABLES[table]
-    if table == "readings" and components == 1:
+    if table == "estimates":
+        others = OF_TARGETS if unlabelled else OF_TRACKS
+        columns = tuple(column for column in columns if column.name not in others)
+    if table in ("readings", "detections") and components == 1:
         return tuple(column for column in columns if column.name != "component")
     if table == "runs" and not duty_cycled:
         columns = tuple(column for column in columns if column.name not in DUTY_CYCLED)
+    if table == "runs" and not unlabelled:
+        columns = tuple(column for column in columns if column.name not in UNLABELLED)
     if table == "tracks" and not absences:
         columns = tuple(column for column in columns if column.name not in ABSENCES)
     if table == "nodes" and not harvests:

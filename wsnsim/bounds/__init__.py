@@ -161,7 +161,8 @@ def bounds_of_run(
     conditions = [sample_initial_conditions(setup, number) for number in numbers]
     _check_truths(path, setup, numbers, conditions)
     recorded = None
-    if isinstance(setup, NetworkSetup) and {"events", "estimates", "clusters"} <= set(table_names(path)):
+    tables = {"events", "estimates", "clusters"}
+    if isinstance(setup, NetworkSetup) and not setup.unlabelled and tables <= set(table_names(path)):
         recorded = RecordedReadings(path, setup)
     return [_bound_for(setup, query, conditions, recorded) for query in queries]
 
@@ -173,7 +174,8 @@ def _bound_for(
     if query.readings == "in_range" or not isinstance(setup, NetworkSetup):
         return _bound(setup, query, conditions, _all_in_range(setup, conditions), 1.0 - setup.detection.missed)
     if recorded is None:
-        return _no_bound(query, "which readings arrived is unknown: it needs the tables events, estimates and clusters")
+        reason = "it needs the tables events, estimates and clusters" if not setup.unlabelled else "they name no target"
+        return _no_bound(query, f"which readings arrived is unknown: {reason}")
     return _bound(
         setup, query, conditions, lambda row, target: recorded.used(query.replicates[row], target, query.readings)
     )

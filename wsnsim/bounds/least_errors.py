@@ -164,6 +164,10 @@ def _mean(values: Floats, axes: tuple[int, int] = (0, 1)) -> Floats:
     return result
 
 
+KNOWN_ASSOCIATION: Final = (
+    "the bound knows of which target each detection is: it leaves out clutter, detections of several targets at once, "
+    "and the targets that no track follows"
+)
 FAULTLESS: Final = "faults are not counted: the bound for readings in range is that without faults"
 
 
@@ -217,6 +221,8 @@ def cautions_of_readings(setup: TrackingSetup) -> Iterator[str]:
     """Those of the cautions that are about readings: what the bound takes to be otherwise than it is."""
     if setup.faults:
         yield FAULTLESS
+    if setup.unlabelled:
+        yield KNOWN_ASSOCIATION
     if getattr(setup.sensor, "adapts", False):
         yield "thresholds follow a prediction: the bound takes those about the true reading, which no filter knows"
     if setup.recorded is not None:

@@ -54,7 +54,7 @@ def export(
                 echo(f"{matlab_file}: {table}: {rows:,} rows")
 
 
-PLOTS: Final = ("all", "track", "states", "error", "consistency", "energy", "particles")
+PLOTS: Final = ("all", "track", "states", "gospa", "error", "consistency", "energy", "particles")
 
 
 @group.command()

@@ -69,6 +69,8 @@ def _refused(setup: Any) -> str:
         return "network: none has no batteries; a lifetime needs a network"
     if not isinstance(setup, NetworkSetup):
         return "workload: the network has no target; a lifetime needs one that comes and goes (intrusions may be 0)"
+    if setup.unlabelled:
+        return "detection: false detections keep nodes busy without a target; a lifetime needs readings that name it"
     if setup.recorded is not None:
         return "sensor: recorded readings are one visit; a lifetime needs a sensor whose readings can be simulated"
     if len(setup.motions) > 1:

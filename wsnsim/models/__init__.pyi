@@ -61,6 +61,7 @@ from wsnsim.models.recorded_links import RecordedLinks as RecordedLinks
 from wsnsim.models.recorded_readings import RecordedSensor as RecordedSensor
 from wsnsim.models.recorded_track import RecordedTrack as RecordedTrack
 from wsnsim.models.rssi import Rssi as Rssi
+from wsnsim.models.scans import UnlabelledDetection as UnlabelledDetection
 from wsnsim.models.sensing import AcousticEnergy as AcousticEnergy
 from wsnsim.models.sensing import Coordinate as Coordinate
 from wsnsim.models.sleep import AlwaysOn as AlwaysOn
@@ -124,6 +125,7 @@ Tdoa = TimeDifference
 TdoaSensor = TimeDifference
 RecordedLink = RecordedLinks
 RssiSensor = Rssi
+Unlabelled = UnlabelledDetection
 CoordinateSensor = Coordinate
 Ris = RandomIndependent
 RisSleep = RandomIndependent

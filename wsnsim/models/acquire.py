@@ -131,7 +131,7 @@ class FromReadings:
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the sensing range is infinite, or if `poll` does not divide the step or is too short."""
-        if np.isinf(setup.sensor.reach):
+        if np.isinf(setup.sensor.reach) and not setup.unlabelled:
             yield Issue(("sensor",), "its reach must be finite in a network: a new track is searched for within it")
         if self.poll is not None and isinstance(setup, NetworkSetup) and setup.nodes_search:
             times = setup.dt / self.poll

@@ -62,6 +62,12 @@ class OfDirection(OfPosition):
             return rng.uniform(-math.pi, math.pi, (nodes, 1))
         return np.empty((nodes, 0))
 
+    @property
+    def reading_space(self) -> tuple[tuple[float, float], ...]:
+        """The interval in which each component may be: up to the sensing range, and a turn."""
+        turn = (-math.pi, math.pi)
+        return ((0.0, self.reach), turn) if len(self.components) > 1 else (turn,)
+
     def detects(self, points: Floats, positions: Floats) -> Bools:
         """(n, S) whether a target at each of the points (n, P) is between `least` and `reach` of each sensor."""
         squared = ((planar(points)[:, None, :] - positions) ** 2).sum(axis=-1)

@@ -79,6 +79,11 @@ class Range(OfNodes):
         """Least and greatest range (m) that may be recorded: noise makes that of a small distance negative."""
         return -DEVIATIONS * math.hypot(self.sd, math.sqrt(self.gain_variance)), GREATEST_RANGE
 
+    @property
+    def reading_space(self) -> tuple[tuple[float, float], ...]:
+        """The interval in which a range may be: from 0 to the sensing range."""
+        return ((0.0, self.reach),)
+
     def detects(self, points: Floats, positions: Floats) -> Bools:
         """(n, S) whether each sensor has a reading of a target at each of the points (n, P): all if `beyond: noise`.
 

@@ -30,6 +30,8 @@ class OfEnergy:
     """What the two models of acoustic energy have in common. A model gives `_law` and `_gains`."""
 
     trait_names: ClassVar[tuple[str, ...]] = ("gain",)
+    additive: ClassVar[bool] = True
+    """A reading adds up the energy of all targets."""
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None

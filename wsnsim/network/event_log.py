@@ -175,9 +175,10 @@ class ProtocolLog:
         self._event_log = event_log
 
     def add(
-        self, kind: str, target: int, node: int, what: str = "", peer: int = -1, packets: int = 0, bits: int = 0
+        self, kind: str, target: int, node: int, what: str = "", peer: int = -1, packets: int = 0, sequence: int = 0
     ) -> None:
         """Log one event."""
         clock, log = self._clock, self._event_log
         code = log.code(what)
-        log.add(event(clock.env.now, clock.step, target, node, KIND[kind], code, peer=peer, packets=packets, bits=bits))
+        now, step = clock.env.now, clock.step
+        log.add(event(now, step, target, node, KIND[kind], code, 0, sequence, peer, packets))

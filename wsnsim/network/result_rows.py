@@ -23,6 +23,7 @@ from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.base.tables import CAUSES, KIND, SPENT, Recorder
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.clusters.track import ClusterRecord, Track
+from wsnsim.network.clusters.track_book import TrackBook
 from wsnsim.network.event_log import EventLog, event, then
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram
@@ -49,6 +50,7 @@ class NetworkOutcome:
         tracks: one per target; none in a network without targets.
         woken: numbers of nodes that woke, and of those that woke unnecessarily, (targets, steps + 1, 2).
         received: time in s at which the sink received the estimate of (target, step).
+        book: the tracks of readings that name no target.
     """
 
     nodes: Nodes
@@ -62,6 +64,7 @@ class NetworkOutcome:
     woken: Ints = field(default_factory=lambda: np.zeros((0, 1, 2), dtype=np.int64))
     received: Mapping[tuple[int, int], float] = field(default_factory=dict)
     radio_on: float | None = None
+    book: TrackBook | None = None
 
 
 def write_tables(outcome: NetworkOutcome, replicate: int, setup: RadioSetup, recorder: Recorder) -> None:
@@ -88,6 +91,10 @@ def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float =
     totals = _totals(outcome, coverage)
     if not isinstance(setup, NetworkSetup):
         return RunResult(outcome.steps + 1, (), totals, joules)
+    if outcome.book is not None:
+        columns = outcome.book.columns(setup.filter_motion(0), outcome.received, setup.dt)
+        clusters = sum(len(group.clusters) for group in outcome.tracks)
+        return RunResult(outcome.steps, (), totals, joules, clusters, setup.report_every, columns)
     tracks = [TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(t)) for t in outcome.tracks]
     clusters = sum(len(track.clusters) for track in outcome.tracks)
     return RunResult(outcome.steps, tracks, totals, joules, clusters, setup.report_every)

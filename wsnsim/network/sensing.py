@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -174,7 +174,7 @@ def _numbers(reading: Reading) -> tuple[float, ...]:
     return reading if isinstance(reading, tuple) else (reading,)
 
 
-CurrentReadings = list[dict[int, Reading]]
+CurrentReadings = dict[int, dict[int, Reading]]
 """By target: {node: reading} of the living nodes that sense it at the present step."""
 
 
@@ -185,7 +185,7 @@ class SensingServices(NamedTuple):
     nodes: Nodes
     processes: NodeProcesses
     event_log: EventLog
-    available: Sequence[Readings]
+    available: Mapping[int, Readings]
     joules: float
 
 
@@ -202,7 +202,7 @@ class Sensing(ABC):
 
     def remove(self, node: int) -> None:
         """Discard the readings of a node that is no longer up."""
-        for readings in self.readings:
+        for readings in self.readings.values():
             readings.pop(node, None)
 
     def restart(self, node: int) -> None:  # noqa: B027 (event-driven sensing alone does something here)
@@ -251,7 +251,7 @@ class EventDrivenSensing(Sensing):
     def restart(self, node: int) -> None:
         """Wake a node that was down, if a target is in range."""
         services = self._services
-        for target, available in enumerate(services.available):
+        for target, available in services.available.items():
             if node in available.readings(services.clock.step):
                 services.processes.of(node).hear_target(target)
 

@@ -26,13 +26,15 @@ from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.head_services import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Track
+from wsnsim.network.clusters.track_book import TrackBook
 from wsnsim.network.clusters.wake_ahead import WakeAhead, WakeUpCounters
 from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.event_log import Acting, ProtocolLog
 from wsnsim.network.imperfect_readings import Imperfections, make_readings
 from wsnsim.network.node_process import NodeProcesses
 from wsnsim.network.result_rows import NetworkOutcome
-from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
+from wsnsim.network.scans import UNNAMED, ReadingsOfAll, Scans, write_detections
+from wsnsim.network.sensing import CurrentReadings, Readings, SensingServices, make_sensing
 
 
 class World(BaseNetwork):
@@ -56,7 +58,12 @@ class World(BaseNetwork):
         nodes, clock, log, transport = self._nodes, self._clock, self._event_log, self._transport
         self._log = ProtocolLog(clock, log)
         known = [bool(np.isfinite(truth[0, 0])) for truth in conditions.truths]
-        self._tracks = tuple(Track(i, prior, self._env.event(), known[i]) for i, prior in enumerate(conditions.priors))
+        self._tracks = [Track(i, prior, self._env.event(), known[i]) for i, prior in enumerate(conditions.priors)]
+        self._book: TrackBook | None = None
+        if setup.unlabelled:
+            priors = [prior for prior, there in zip(conditions.priors, known, strict=True) if there]
+            self._book = TrackBook(self._log, self._env, priors)
+            self._tracks = self._book.groups
         points = [
             truth[:, list(motion.position)] for truth, motion in zip(conditions.truths, setup.motions, strict=True)
         ]
@@ -64,12 +71,16 @@ class World(BaseNetwork):
         clocks, key = self._stack.clocks, streams.key("sense")
         imperfections = Imperfections(setup.detection, clocks, setup.dt, key, self._defects)
         available = make_readings(setup, conditions.truths, nodes, imperfections, key)
-        readings: CurrentReadings = [{} for _ in points]
+        sensed: dict[int, Readings] = dict(enumerate(available))
+        if setup.unlabelled:
+            points, sensed = [], {UNNAMED: Scans(setup, available, conditions.truths, nodes, key)}
+        readings: CurrentReadings = ReadingsOfAll() if setup.unlabelled else {}
+        readings.update({target: {} for target in sensed})
         network = NetworkView(setup, clock, self._log, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counters = WakeUpCounters(network, points)
         self._processes = NodeProcesses(self._env, nodes, self._log, self._wake_up_counters.count_wake)
-        sensing = SensingServices(clock, nodes, self._processes, log, available, setup.energy.sense())
-        self._sensing = make_sensing(sensing, readings, setup.nodes_search)
+        sensing = SensingServices(clock, nodes, self._processes, log, sensed, setup.energy.sense())
+        self._sensing, self._sensed = make_sensing(sensing, readings, setup.nodes_search), sensed
         self._intervals = WakeIntervals(setup, clock, nodes, self._stack.mac)
         self._processors = Processors(clock, nodes, log, setup.energy, setup.cpu)
         self._estimates = Estimates(network, self._reports, self._stack.sinks, recorder, replicate)
@@ -80,6 +91,7 @@ class World(BaseNetwork):
             self._estimates,
             WakeAhead(network, self._make_wake_up_service(network, streams.key("wakeup"))),
             TargetSearch(network, available, paths or conditions.truths, imperfections, streams.key("search")),
+            self._book,
         )
         for sink in self._stack.sinks:
             nodes.keep_awake(sink)
@@ -98,7 +110,8 @@ class World(BaseNetwork):
         return replace(
             self._run(self._run_steps(progress), self._coordination.ended),
             cycles=self._processors.operations,
-            tracks=self._tracks,
+            tracks=tuple(self._book.all_groups if self._book else self._tracks),
+            book=self._book,
             hurried=self._intervals.share(),
             woken=self._wake_up_counters.woken,
             received=self._estimates.received,
@@ -108,26 +121,37 @@ class World(BaseNetwork):
         env, setup = self._env, self._setup
         for step in range(setup.steps + 1):
             self._begin_step(step)
-            for track in self._tracks:
-                self._log_crossing(track.target, step)
-                self._sensing.update(track.target)
-                key = {"replicate": self._replicate, "target": track.target, "step": step, "time": env.now}
-                write_readings(self._recorder, key, self._sensing.readings[track.target])
-            for track in self._tracks:
+            for target in self._sensed:
+                self._sense(target, step)
+            self._coordination.begin_groups()
+            for track in tuple(self._tracks):
                 self._tick(track)
             if progress:
                 progress(env.now)
             for poll in range(1, setup.polls if step < setup.steps else 1):  # no search after the last instant
                 yield env.timeout((step + poll / setup.polls) * setup.dt - env.now)
-                for track in self._tracks:
+                for track in tuple(self._tracks):
                     self._coordination.fill_vacancy(track, poll)
             yield env.timeout((step + 1) * setup.dt - env.now)
+
+    def _sense(self, target: int, step: int) -> None:
+        """Take the readings of a target; of all at once, where they name none."""
+        if target != UNNAMED:
+            self._log_crossing(target, step)
+        self._sensing.update(target)
+        key, read = {"replicate": self._replicate, "step": step, "time": self._env.now}, self._sensing.readings[target]
+        available = self._sensed[target]
+        if isinstance(available, Scans):
+            write_detections(self._recorder, key, available, read)
+        else:
+            write_readings(self._recorder, {**key, "target": target}, read)
 
     def _head_of(self, target: int) -> int | None:
         return self._coordination.head_of(target)
 
     def _tracks_now(self) -> list[TrackNow]:
-        return [TrackNow(track.target, track.estimates, track.heads) for track in self._tracks]
+        tracks = [] if self._book else self._tracks
+        return [TrackNow(track.target, track.estimates, track.heads) for track in tracks]
 
     def _log_crossing(self, target: int, step: int) -> None:
         """Log that a target left the field or came back."""

@@ -44,14 +44,26 @@ def recover(tmp: str | Path, out: str | Path | None = None) -> Path:
 def _copy(content: Content, tmp: Path, final: Path) -> None:
     held, copied = {table: content.group(table) for table in TABLES if table in content.names}, 0
     wanted = dict.fromkeys(held, True)
-    components = 2 if "readings" in held and "component" in column_names(content, held["readings"]) else 1
-    duty_cycled = "runs" in held and "radio_on" in column_names(content, held["runs"])
-    absences = "tracks" in held and "time_present" in column_names(content, held["tracks"])
-    harvests = "nodes" in held and "harvested" in column_names(content, held["nodes"])
+
+    def has(table: str, column: str) -> bool:
+        return table in held and column in column_names(content, held[table])
+
+    layout = {
+        "duty_cycled": has("runs", "radio_on"),
+        "absences": has("tracks", "time_present"),
+        "harvests": has("nodes", "harvested"),
+        "unlabelled": has("estimates", "track") or has("runs", "gospa"),
+    }
+    components = 2 if has("readings", "component") or has("detections", "component") else 1
     file = ResultFile(
-        final, states_of(content), wanted, position=position_of(content), components=components,
-        duty_cycled=duty_cycled, absences=absences, harvests=harvests, status=PARTIAL,
-    )  # fmt: skip
+        final,
+        states_of(content),
+        wanted,
+        position=position_of(content),
+        components=components,
+        **layout,
+        status=PARTIAL,
+    )
     with file as result:
         if words := _words(content, held, "events", "what"):
             result.words = words

@@ -5,9 +5,9 @@
     portions.head()                   as text: the nodes, the ground truth and the number of all frames
     portions.add(tables, last, ...)   as text: the frames up to step `last` that were not sent before
 
-`replay_encoding` defines the format, which static/replay_data.js reads, and, with `replay_nodes`, its content;
-static/live_data.js puts portions together. A portion also takes the events of the steps beside it: a node that goes to
-sleep after a handover is shown asleep one step later, and a frame sent in one step may arrive in the next.
+`replay_encoding` defines the format, which static/replay_data.js reads, and, with `replay_nodes` and `replay_tracks`,
+its content; static/live_data.js puts portions together. A portion also takes the events of the steps beside it: a node
+that goes to sleep after a handover is shown asleep one step later, and a frame sent in one step may arrive in the next.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from wsnsim.report.replay_encoding import (
     quantised,
 )
 from wsnsim.report.replay_nodes import StateHistory, add_nodes, add_places, add_traffic
+from wsnsim.report.replay_tracks import TrackMarks, add_unlabelled, marks_of
 
 MAX_FRAMES: Final = 20_000
 """Frames above which steps are thinned, whatever the room (our choice)."""
@@ -70,12 +71,12 @@ def encode(path: str | Path, replicate: int, room: int) -> Replay:
         ResultError: the result cannot be read.
     """
     run = read_replicate(path, replicate)
-    missing = run.missing()
-    if not (run.truth or run.guess or (run.nodes and run.events)):
+    missing, marks = run.missing(), marks_of(path, replicate)
+    if not (run.truth or run.guess or run.unlabelled or (run.nodes and run.events)):
         return Replay("", ("There is nothing to replay.", *_sentences(missing)))
     for detail in DETAILS if room >= MIN_ROOM else ():
         stride = max(detail.stride, -(-run.last // MAX_FRAMES))
-        header, encoder = _encoded(run, detail._replace(stride=stride))
+        header, encoder = _encoded(run, detail._replace(stride=stride), marks)
         notes = _sentences([*encoder.notes, *missing])
         text = encoder.text(header | {"notes": notes})
         if len(text) <= room:
@@ -93,11 +94,12 @@ def ordinal(number: int) -> str:
     return f"{number:,}{ending}"
 
 
-def _encoded(run: ReplicateTables, detail: DetailLevel) -> tuple[dict[str, Any], ReplayEncoder]:
+def _encoded(run: ReplicateTables, detail: DetailLevel, marks: TrackMarks) -> tuple[dict[str, Any], ReplayEncoder]:
     """The header and the columns of a run at one level of detail."""
     encoder = ReplayEncoder.empty(run, detail)
     charge = add_nodes(encoder) if run.nodes else None
     add_tracks(encoder)
+    add_unlabelled(encoder, marks)
     if run.events and run.nodes:
         add_clusters(encoder)
         add_traffic(encoder)
@@ -112,6 +114,7 @@ def _header(encoder: ReplayEncoder, last: int, charge: list[float] | None) -> di
     run = encoder.run
     return {
         "last": last, "stride": encoder.detail.stride, "frames": encoder.frames, "targets": run.targets,
+        "groups": None if run.unlabelled is None else len(run.groups),
         "box": encoder.box, "dt": run.dt if np.isfinite(run.dt) else None, "flat": run.flat, "axes": run.axes,
         "messages": run.words, "nodes": encoder.drawn.size, "charge": charge, "trajectory": TRAJECTORY, "trail": TRAIL,
     }  # fmt: skip

@@ -119,7 +119,7 @@ class ReplayEncoder:
 
 def box_of(run: ReplicateTables) -> tuple[float, float, float, float]:
     """Left, bottom, right and top of nodes and ground truth, with a margin; without ground truth, of the estimates."""
-    shown = [run.places(table) for table in (run.truth or run.guess,) if table]
+    shown = [run.places(table) for table in (run.truth or run.guess or run.unlabelled,) if table]
     if run.nodes:
         shown.append((np.empty(0), run.nodes["x"]) if run.flat else (run.nodes["x"], run.nodes["y"]))
     limits = [_limits(np.concatenate(each)) for each in zip(*shown, strict=True)] or [(0.0, 1.0), (0.0, 1.0)]
@@ -260,7 +260,7 @@ def _boxed(encoder: ReplayEncoder, axis: int, values: Floats, frames: Ints) -> n
 
 JOINS, STARTS, LEAVES, ENDS = range(4)
 CHANGES: Final = {
-    "join": JOINS, "announce": STARTS, "elect": STARTS, "lost": ENDS,
+    "join": JOINS, "announce": STARTS, "elect": STARTS, "lost": ENDS, "end": ENDS, "merge": ENDS,
     "sleep": LEAVES, "resume": LEAVES, "restart": LEAVES, "crash": LEAVES, "death": LEAVES,
 }  # fmt: skip
 STATE_CHANGES: Final = ("wake", "stay", "sleep", "resume", "restart", "death", "crash")
@@ -316,7 +316,7 @@ def add_clusters(encoder: ReplayEncoder, joined_before: Ints | None = None) -> I
     """
     events = encoder.run.events
     index, change = encoder.index_of(events["node"]), coded(events["kind"], CHANGES)
-    targets = np.array(encoder.run.targets, dtype=np.int64)
+    targets = np.array(encoder.run.groups, dtype=np.int64)
     of_target = np.isin(events["target"], targets) & (change != LEAVES) & (change != NONE)
     joined = np.unique(index[of_target & (change != ENDS) & (index >= 0)])
     if joined_before is not None:

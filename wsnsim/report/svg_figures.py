@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from wsnsim.analysis import error_bounds, plot_data, sweep_plots
-from wsnsim.analysis.figure_style import STYLE
+from wsnsim.analysis.figure_style import LEGEND, STYLE
 from wsnsim.analysis.figures import PlotSelection, panels_of
-from wsnsim.analysis.plots import LEGEND
+from wsnsim.analysis.multi_target import is_unlabelled
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.runs import tracked
 from wsnsim.recording import read_table
@@ -34,7 +34,7 @@ MARGINS: Final = {"left": 0.15, "right": 0.97, "bottom": 0.13, "top": 0.84}
 """Space for two rows of a legend and a title. It is fixed, because computing it takes as long as drawing."""
 ROW_OF_LEGEND: Final = 0.065
 """Height of a further row of a legend, as a share of the figure's."""
-ORDER: Final = ("track", "error", "consistency", "energy", "particles", "states")
+ORDER: Final = ("track", "gospa", "error", "consistency", "energy", "particles", "states")
 """The figures of a result, the most important first."""
 MAX_TARGETS: Final = 4
 """Targets whose tracks get a figure (our choice)."""
@@ -66,7 +66,7 @@ def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list
 
     `plugins` says whether plug-ins that the result's scenario names are imported for the bound.
     """
-    reasons = {name: plot_data.lacking(path, name) for name in plot_data.NEEDS}
+    reasons = {name: plot_data.lacking(path, name) for name in plot_data.plots_of(path)}
     by_reason = {reason: [n for n, each in reasons.items() if each == reason] for reason in reasons.values() if reason}
     left_out = [f"without {', '.join(names)}: {reason}" for reason, names in by_reason.items()]
     if why := error_bounds.lacking(path, plugins):
@@ -77,6 +77,7 @@ def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list
     if "track" in possible:
         truth = read_table(path, "truth", ["replicate", "target"])
         targets = np.unique(truth["target"][truth["replicate"] == replicate]).tolist()
+        targets = [0] if is_unlabelled(path) else targets  # one figure shows them all
     if len(targets) > MAX_TARGETS:
         left_out.append(f"only the tracks of the first {MAX_TARGETS} of {len(targets):,} targets are drawn")
     with style.context(["default", PAGE_STYLE]):

@@ -8,9 +8,10 @@ What a component can say about its own values is in its `check`. `docs/combinati
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Final
+from typing import Any, Final
 
 from wsnsim.base.arrays import components_of, is_relative, periods_of
+from wsnsim.base.detections import why_no_detections
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.medium_access import is_duty_cycled
 from wsnsim.base.network_ports import Deployment
@@ -27,6 +28,13 @@ MOST_COMPONENTS: Final = 4
 def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for each ability that the tracker needs, or assumes, and the sensor does not have."""
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
+    if setup.unlabelled != getattr(setup.tracker, "multi_target", False):
+        yield _wrong_number_of_targets(scenario, setup)
+        return
+    if setup.unlabelled:
+        yield from _inner_filter(scenario)
+        if why_no_detections(setup.sensor):
+            return
     lacking = [
         one for one in getattr(setup.tracker, "needs", ()) if not callable(getattr(setup.filter_sensor, one, None))
     ]
@@ -50,6 +58,24 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
     if HEIGHT in setup.sensor.trait_names and _lacks_heights(setup.deploy):
         able = "kind: file has them, in its column z"
         yield Issue(("deploy",), f"the sensor's law needs the heights of the nodes: {able}")
+
+
+def _wrong_number_of_targets(scenario: Scenario, setup: TrackingSetup) -> Issue:
+    """The issue of a tracker of one target for readings that name none, or the other way round."""
+    kind, several = scenario.tracker.kind, _able(scenario, "tracker", "multi_target")  # type: ignore[attr-defined]
+    if setup.unlabelled:
+        message = f"{kind} follows one target, and detection: unlabelled does not say whose a reading is; these do: "
+        return Issue(("tracker", "kind"), f"{message}{several}, each with {{filter: {{kind: {kind}}}}}")
+    message = f"{kind} finds out whose detections are, and here each reading names its target: take the filter alone"
+    return Issue(("tracker", "kind"), f"{message}, or detection: {{kind: unlabelled}}")
+
+
+def _inner_filter(scenario: Scenario) -> Iterator[Issue]:
+    """Yield an issue for assumptions that stand with the filter of a tracker, where nothing reads them."""
+    inner: Any = getattr(scenario.tracker, "filter", None)  # type: ignore[attr-defined]
+    # a resolved scenario has the defaults
+    if hasattr(inner, "assumes") and inner.assumes != type(inner).model_fields["assumes"].default:
+        yield Issue(("tracker", "filter", "assumes"), "what filters assume stands beside the filter: tracker.assumes")
 
 
 def _readings_not_taken(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:

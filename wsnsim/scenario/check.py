@@ -33,7 +33,10 @@ InnerKinds = type[PartModel] | None | tuple[type[PartModel] | None, ...]
 def with_inner(model: type[PartModel], inner: tuple[tuple[str, InnerKinds], ...]) -> type[PartModel]:
     """Return the model of a kind whose fields hold components of these kinds."""
     fields: dict[str, Any] = {
-        name: (_annotation_of_kinds(chosen), Field(description=model.model_fields[name].description))
+        name: (
+            _annotation_of_kinds(chosen),
+            Field(model.model_fields[name].default, description=model.model_fields[name].description),
+        )
         for name, chosen in inner
         if chosen != ()  # an empty list is of the same model as none
     }
@@ -188,7 +191,7 @@ def _components(
 ) -> Iterator[tuple[str, list[tuple[Keys, LocatedValue]]]]:
     """Yield (key, its components with their paths): one under the name of a role, several under its list."""
     for role in ROLES.values():
-        alone = None if role.optional else tree.child(role.name)
+        alone = tree.child(role.name) if role.name in role.keys else None
         several = tree.child(role.listed) if role.listed else None
         if several is not None:
             if alone is not None:
@@ -237,9 +240,11 @@ def _model_at(node: LocatedValue, path: Keys, role: Role, issues: list[Issue]) -
         issues.append((written or node).spot.issue(kind_path, str(error.args[0])))
         return None
     given = [(field, inner, node.child(field)) for field, inner in roles_of(model.part).items()]
-    found = [
+    found: list[tuple[str, InnerKinds]] = [
         (field, _inner_at(held, (*path, field), inner, issues)) for field, inner, held in given if held is not None
     ]
+    left_out = [(field, ROLES[inner.role].default) for field, inner, held in given if held is None]
+    found += [(field, part_model(roles_of(model.part)[field].role, kind)) for field, kind in left_out if kind]
     return with_inner(model, tuple(found))
 
 

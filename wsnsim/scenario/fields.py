@@ -37,7 +37,7 @@ from typing import (
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_serializer, model_validator
 from pydantic.types import Strict
 
-from wsnsim.base import batteries, mechanisms, medium_access, network_ports, ports, radio, sleeping
+from wsnsim.base import batteries, detections, mechanisms, medium_access, network_ports, ports, radio, sleeping
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.scenario.registry import ROLES, find, load_class
@@ -202,20 +202,21 @@ def _field(field: dataclasses.Field[Any], hint: Any) -> tuple[Any, Any]:
     return annotation, Field(description=" ".join(piece for piece in (words.words, unit) if piece) or None, **default)
 
 
-PORT_MODULES: Final = (ports, network_ports, radio, medium_access, sleeping, mechanisms, batteries)
+PORT_MODULES: Final = (ports, network_ports, radio, medium_access, sleeping, mechanisms, batteries, detections)
 
 
 def demand_port(part: type[Any], role: str) -> None:
     """Raise PartError if a class lacks members that the port of its role requires."""
-    port = _members(next(vars(module)[ROLES[role].port] for module in PORT_MODULES if ROLES[role].port in vars(module)))
+    name = "MultiTracker" if role == "tracker" and getattr(part, "multi_target", False) else ROLES[role].port
+    port = _members(next(vars(module)[name] for module in PORT_MODULES if name in vars(module)))
     fields = {field.name for field in dataclasses.fields(part)}
     missing = [
-        name
-        for name, is_method in port.items()
-        if not (callable(getattr(part, name, None)) if is_method else name in fields or hasattr(part, name))
+        member
+        for member, is_method in port.items()
+        if not (callable(getattr(part, member, None)) if is_method else member in fields or hasattr(part, member))
     ]
     if missing:
-        raise PartError(f"lacks {', '.join(repr(name) for name in missing)}, which every {role} needs")
+        raise PartError(f"lacks {', '.join(map(repr, missing))}, which every {role} needs")
     is_built_in = any(kind.path == f"{part.__module__}:{part.__qualname__}" for kind in ROLES[role].kinds)
     if "mechanism" in port and not is_built_in and not callable(getattr(part, "start", None)):
         _demand_mechanism(getattr(part, "mechanism", None), role)

@@ -79,6 +79,7 @@ def parameters_of(part: Any, prefix: str = "") -> Iterator[ParameterInfo]:
         default = _default(fields[name])
         if name in inner:
             kind = f"{'list of components' if inner[name].several else 'component'} of the role {inner[name].role}"
+            default = default and f"{{kind: {ROLES[inner[name].role].default}}}"
             yield ParameterInfo(prefix + name, kind, "", "", default, meaning)
         elif name in nested and vars(nested[name]).get("sheet", "any"):
             yield ParameterInfo(prefix + name, "datasheet", "", "", default, meaning)
@@ -216,7 +217,7 @@ def _either(models: list[type[PartModel]]) -> Any:
 def _demands(schema: dict[str, Any]) -> dict[str, Any]:
     """Return what is required in a file that extends no other. Removes `required` from the top of the schema."""
     demanded = [key for key in schema.pop("required") if key not in AT_TOP]
-    alone = [role for role in ROLES.values() if not role.listed]
+    alone = [role for role in ROLES.values() if not role.listed and not role.inner]
     missing = [role for role in alone if role.default is None]
     of_targets = [role.name for role in missing if role.of_targets]
     of_network = [role.name for role in missing if role.of_network or role.offline_default]

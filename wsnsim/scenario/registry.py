@@ -71,6 +71,7 @@ class Role(NamedTuple):
         kinds: the kinds that come with wsnsim.
         listed: the key of a list of several components, instead of one under the role's name; '' if not allowed.
         optional: the components stand in a list only, and the list may be empty.
+        inner: the components stand within others only, such as the management of tracks within a tracker.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Role(NamedTuple):
     kinds: tuple[Kind, ...]
     listed: str = ""
     optional: bool = False
+    inner: bool = False
 
     @property
     def of_network(self) -> bool:
@@ -99,7 +101,7 @@ class Role(NamedTuple):
     @property
     def keys(self) -> tuple[str, ...]:
         """The keys of a scenario under which components of the role stand."""
-        return tuple(key for key in ("" if self.optional else self.name, self.listed) if key)
+        return tuple(key for key in ("" if self.optional or self.inner else self.name, self.listed) if key)
 
     @property
     def plural(self) -> str:
@@ -119,7 +121,7 @@ def _read() -> dict[str, Role]:
     for (name, *cells), rows in read_sections(Path(__file__).with_name("kinds.table")):
         purpose, port, default, listed, only, *_ = (*cells, "", "", "")
         kinds = tuple(Kind(*row) for row in rows)
-        found[name] = Role(name, purpose, port, default or None, kinds, listed, only == "only")
+        found[name] = Role(name, purpose, port, default or None, kinds, listed, only == "only", only == "inner")
     return found
 
 
@@ -136,7 +138,8 @@ class Scope(NamedTuple):
 
     def uses(self, role: Role) -> bool:
         """Return whether a run builds components of the role."""
-        return (self.network or not role.of_network) and (self.targets or not role.of_targets)
+        scoped = (self.network or not role.of_network) and (self.targets or not role.of_targets)
+        return scoped and not role.inner
 
     def default(self, role: Role) -> str | None:
         """Return the kind of a role that is left out; None: the role must be given."""

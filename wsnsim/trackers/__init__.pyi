@@ -14,6 +14,15 @@ from wsnsim.trackers.imm import InteractingModels as InteractingModels
 from wsnsim.trackers.information_driven import InformationDriven as InformationDriven
 from wsnsim.trackers.information_pf import InformationPf as InformationPf
 from wsnsim.trackers.mixture_pf import MixturePf as MixturePf
+from wsnsim.trackers.multi_target.lmb import Lmb as Lmb
+from wsnsim.trackers.multi_target.management import KnownTargets as KnownTargets
+from wsnsim.trackers.multi_target.management import MOfN as MOfN
+from wsnsim.trackers.multi_target.management import SequentialTest as SequentialTest
+from wsnsim.trackers.multi_target.mht import Mht as Mht
+from wsnsim.trackers.multi_target.single_gaussian import Gnn as Gnn
+from wsnsim.trackers.multi_target.single_gaussian import Jpda as Jpda
+from wsnsim.trackers.multi_target.single_gaussian import LocalNearestNeighbour as LocalNearestNeighbour
+from wsnsim.trackers.multi_target.single_gaussian import Pda as Pda
 from wsnsim.trackers.parallel_pf import ParallelPf as ParallelPf
 from wsnsim.trackers.pso_mhpf import PsoMhpf as PsoMhpf
 from wsnsim.trackers.range_fixes import AwakeOnly as AwakeOnly
@@ -36,6 +45,11 @@ Grid = GridFilter
 Imm = InteractingModels
 Ipf = InformationPf
 Cluster = MixturePf
+Known = KnownTargets
+KnownManagement = KnownTargets
+Sprt = SequentialTest
+SprtManagement = SequentialTest
+NearestNeighbour = LocalNearestNeighbour
 Ppf = ParallelPf
 Ris = AwakeOnly
 Gmtt = GreyTracking

@@ -30,11 +30,12 @@ from wsnsim.base.arrays import (
 from wsnsim.base.errors import Issue
 from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Scene
+from wsnsim.base.ports import MotionModel, Scene
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.gains import gain_prior, gains_before, gains_of
+from wsnsim.trackers.shared.gaussian_port import LinearisedPort
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import predicted
@@ -99,6 +100,10 @@ class ExtendedKalman(HeadFilter):
     def estimate(self, belief: GaussianBelief) -> Estimate:
         """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet."""
         return kalman_estimate(belief)
+
+    def gaussian(self, motion: MotionModel) -> LinearisedPort:
+        """The filter for trackers of several targets: without further iterations, and with the scans of all members."""
+        return LinearisedPort(motion)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
         """All steps of many standalone runs: `WholeRuns`; not of every variant, nor with gains."""

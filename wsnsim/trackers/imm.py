@@ -19,10 +19,11 @@ import numpy as np
 from wsnsim.base.arrays import Estimate, Floats, near, rows
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import OfRole, Quantity, part
-from wsnsim.base.ports import MotionModel, Scene
+from wsnsim.base.ports import MotionModel, Scene, SensorModel
 from wsnsim.base.requests import Compute, Flow, Send
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.relay import kalman
+from wsnsim.trackers.shared import gaussian_port
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import symmetric
@@ -239,13 +240,21 @@ class InteractingModels(HeadFilter):
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[ModeBelief]:
         """The prior in every mode, with equal probabilities."""
-        modes = self._modes(scene.motion)
-        size, count = len(modes.columns), len(modes.models)
-        mean, cov = np.zeros(size), self.added_sd**2 * np.eye(size)
-        mean[modes.own], cov[np.ix_(modes.own, modes.own)] = prior.mean, prior.cov
-        bank = Bank(np.repeat(mean[:, None], count, axis=1), np.repeat(cov[None], count, axis=0), _equal(count))
+        bank = self.bank_of(prior.mean, prior.cov, self._modes(scene.motion))
         return ModeBelief(prior.mean, prior.cov, scene.head, bank=bank)
         yield  # a flow without requests
+
+    def bank_of(self, mean: Floats, cov: Floats, modes: Modes) -> Bank:
+        """The bank of a prior in the columns of the scenario's motion."""
+        size, count = len(modes.columns), len(modes.models)
+        full, spread = np.zeros(size), self.added_sd**2 * np.eye(size)
+        full[modes.own], spread[np.ix_(modes.own, modes.own)] = mean, cov
+        return Bank(np.repeat(full[:, None], count, axis=1), np.repeat(spread[None], count, axis=0), _equal(count))
+
+    def gaussian(self, motion: MotionModel) -> ModesPort:
+        """The filter for trackers of several targets."""
+        modes = self._modes(motion)
+        return ModesPort(self, modes, chain_of(self.transition, self.stay, len(modes.models)))
 
     def step(self, belief: ModeBelief, scene: Scene) -> Flow[ModeBelief]:
         """One step: N_act - 1 readings reach the head; the modes mix, predict, and update with what arrived."""
@@ -297,6 +306,33 @@ class InteractingModels(HeadFilter):
         for step in range(steps):
             bank = predicted(mixed(bank, chain), modes, scene.dt, time + step * scene.dt)
         return bank
+
+
+class ModesPort:
+    """The estimator for trackers of several targets; its modes mix as those of a single one."""
+
+    def __init__(self, tracker: InteractingModels, modes: Modes, chain: Floats) -> None:
+        self._tracker, self._modes, self._chain, self.own = tracker, modes, chain, modes.own
+
+    def begun(self, mean: Floats, cov: Floats) -> gaussian_port.GaussianBank:
+        """The prior in every mode."""
+        return _stacked([self._tracker.bank_of(mean, cov, self._modes)])
+
+    def predicted(self, bank: gaussian_port.GaussianBank, dt: float, time: float) -> gaussian_port.GaussianBank:
+        """The bank one step later: of each target, the modes mix and predict."""
+        each = [Bank(means.T, covs, chances) for means, covs, chances in zip(*bank, strict=True)]
+        return _stacked([predicted(mixed(one, self._chain), self._modes, dt, time) for one in each])
+
+    def joint(
+        self, bank: gaussian_port.GaussianBank, sensor: SensorModel, positions: Floats, traits: Floats
+    ) -> tuple[Floats, Floats]:
+        """Joint moments of the states of all modes and of readings."""
+        return gaussian_port.linearised_joint(bank, list(self._modes.place), sensor, positions, traits)
+
+
+def _stacked(banks: list[Bank]) -> gaussian_port.GaussianBank:
+    means, covs, chances = (np.stack([bank[part] for bank in banks]) for part in range(3))
+    return gaussian_port.GaussianBank(np.ascontiguousarray(means.transpose(0, 2, 1)), covs, chances)
 
 
 def _belief(bank: Bank, modes: Modes, head: int) -> ModeBelief:

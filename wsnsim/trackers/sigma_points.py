@@ -25,10 +25,11 @@ import numpy as np
 from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation, innovation_of, near, rows
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import MotionModel, Scene
+from wsnsim.base.ports import MotionModel, Scene, SensorModel
 from wsnsim.base.requests import Compute, Flow
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.gaussian import cholesky
+from wsnsim.trackers.shared.gaussian_port import GaussianBank, LinearisedPort, joined
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import LINEARISE_CYCLES, KalmanBelief, is_definite, kalman_estimate
 from wsnsim.trackers.shared.moments import symmetric
@@ -74,10 +75,52 @@ class SigmaPointFilter(HeadFilter):
         """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet."""
         return kalman_estimate(belief)
 
+    def gaussian(self, motion: MotionModel) -> SigmaPointPort:
+        """The filter for trackers of several targets."""
+        return SigmaPointPort(motion, self.weights(len(motion.columns)))
+
     def forecast(self, belief: GaussianBelief, scene: Scene, ahead: int) -> Estimate:
         """The estimate `ahead` steps later, predicted by sigma points."""
         now, weights = scene.step * scene.dt, self.weights(belief.mean.size)
         return Estimate(*_stepped(belief.mean, belief.cov, weights, scene, now, ahead))
+
+
+class SigmaPointPort(LinearisedPort):
+    """A sigma-point filter for trackers of several targets."""
+
+    def __init__(self, motion: MotionModel, weights: Weights) -> None:
+        super().__init__(motion)
+        self._weights = weights
+
+    def predicted(self, bank: GaussianBank, dt: float, time: float) -> GaussianBank:
+        """The bank one step later."""
+        each = zip(bank.means[:, 0], bank.covs[:, 0], strict=True)
+        moved = [predicted(mean, cov, self._weights, self._motion, dt, time) for mean, cov in each]
+        means, covs = (np.array([one[part] for one in moved]) for part in (0, 1))
+        return GaussianBank(means[:, None], covs[:, None], bank.chances)
+
+    def joint(
+        self, bank: GaussianBank, sensor: SensorModel, positions: Floats, traits: Floats
+    ) -> tuple[Floats, Floats]:
+        """Joint moments of states and readings; the variances of readings are those at the means."""
+        weights, means, covs = self._weights, bank.means[:, 0], bank.covs[:, 0]
+        clouds = np.stack([points(mean, cov, weights) for mean, cov in zip(means, covs, strict=True)])
+        count, _, number = clouds.shape
+        flat = clouds[:, list(self._motion.position)].transpose(1, 0, 2).reshape(-1, count * number)
+        linear = sensor.linearise(np.ascontiguousarray(flat), positions, traits)
+        expected = linear[0].reshape(-1, count, number).transpose(1, 0, 2)
+        expected = np.stack([near(sensor, each, each[:, :1]) for each in expected])
+        centre = expected[:, :, 0]
+        mids = centre + weights.each * (expected[:, :, 1:] - centre[:, :, None]).sum(axis=2)
+        around = expected[:, :, 1:] - mids[:, :, None]
+        cross = weights.each * around @ (clouds[:, :, 1:] - means[:, :, None]).transpose(0, 2, 1)
+        widths = weights.each * around @ around.transpose(0, 2, 1)
+        rows, noise = np.arange(mids.shape[1]), linear[2].reshape(-1, count, number)[:, :, 0].T
+        widths[:, rows, rows] += noise
+        whole = joined(covs, cross, widths)
+        deviations = np.concatenate([np.zeros(means.shape), centre - mids], axis=1)
+        covs = np.stack([_with_centre(*each, weights.centre) for each in zip(whole, deviations, strict=True)])
+        return np.concatenate([means, mids], axis=1), covs
 
 
 def points(mean: Floats, cov: Floats, weights: Weights) -> Floats:

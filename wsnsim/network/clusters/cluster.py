@@ -124,7 +124,7 @@ class Cluster:
             joined=joined,
             left=left,
             field=setup.deploy.field,
-            motion=setup.filter_motions[self._target],
+            motion=setup.filter_motion(self._target),
             sensor=setup.filter_sensor,
             key=head_key,
             head_position=network.nodes.assumed.positions[self.head],

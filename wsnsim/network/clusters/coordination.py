@@ -5,7 +5,6 @@ coordination.fill_vacancy(track, poll)      coordination.withdraw(node), coordin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib import import_module
 from typing import Final
 
@@ -14,9 +13,10 @@ import simpy
 from wsnsim.base.errors import RunError, WsnsimError
 from wsnsim.network.clusters.driver import DriverServices, HeadDied
 from wsnsim.network.clusters.elections import Elections
-from wsnsim.network.clusters.head_services import Estimates, HeadMessages, HeadProtocol, HeadServices
+from wsnsim.network.clusters.head_services import BeginsGroups, Estimates, HeadMessages, HeadProtocol, HeadServices
 from wsnsim.network.clusters.network_view import TargetSearch
-from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
+from wsnsim.network.clusters.track import GroupEnded, Handover, LastClusterDone, Track, TrackLost
+from wsnsim.network.clusters.track_book import TrackBook
 from wsnsim.network.clusters.wake_ahead import WakeAhead
 from wsnsim.network.event_log import Acting
 from wsnsim.network.node_process import NodeProcesses
@@ -27,6 +27,8 @@ PROTOCOLS: Final = {
     "open": "standing_cluster:OpenClusterProtocol",
     "moving": "moving_head:MovingHeadProtocol",
     "appointing": "appointing:AppointingProtocol",
+    "open_groups": "groups:CentralGroup",
+    "standing_groups": "moving_groups:MovingGroups",
 }
 """The head protocols by the names that cluster policies give: a run imports its own only."""
 
@@ -37,7 +39,7 @@ class ClusterCoordination:
     `ended` fires when the run ends with a cluster.
 
     Args:
-        tracks: The tracks, one per target.
+        tracks: The tracks, one per target; or the groups, which begin and end.
         driver: What performs the requests of trackers.
         processes: The processes of the nodes.
         estimates: What tracks report.
@@ -46,8 +48,8 @@ class ClusterCoordination:
     """
 
     def __init__(
-        self, tracks: Sequence[Track], driver: DriverServices, processes: NodeProcesses, estimates: Estimates,
-        wake_ahead: WakeAhead, search: TargetSearch,
+        self, tracks: list[Track], driver: DriverServices, processes: NodeProcesses, estimates: Estimates,
+        wake_ahead: WakeAhead, search: TargetSearch, book: TrackBook | None = None,
     ) -> None:  # fmt: skip
         network, transport = driver.network, driver.transport
         self._clock, self._log = network.clock, network.log
@@ -56,8 +58,13 @@ class ClusterCoordination:
         elections = Elections(network, transport, processes, self.appoint)
         messages = HeadMessages(network, transport, driver.intervals)
         self._protocol = make_head_protocol(
-            HeadServices(network, messages, driver, elections, estimates, wake_ahead, processes, search)
+            HeadServices(network, messages, driver, elections, estimates, wake_ahead, processes, search, book)
         )
+
+    def begin_groups(self) -> None:
+        """Let groups begin, where readings name no target."""
+        if isinstance(self._protocol, BeginsGroups):
+            self._protocol.begin()
 
     def fill_vacancy(self, track: Track, poll: int) -> None:
         """Look for a head, if the track has none and no election is under way."""
@@ -75,7 +82,7 @@ class ClusterCoordination:
 
     def head_of(self, target: int) -> int | None:
         """The head of a target's track; None if it has none, or there is no such target."""
-        return self._tracks[target].head if target < len(self._tracks) else None
+        return next((track.head for track in self._tracks if track.target == target), None)
 
     def withdraw(self, node: int) -> None:
         """Withdraw a node that is no longer up from elections."""
@@ -104,6 +111,9 @@ class ClusterCoordination:
                 self._lose(track, "head_died")
         except TrackLost as lost:
             self._lose(track, str(lost))
+        except GroupEnded:
+            self._dissolve(track)
+            track.head = None
         except LastClusterDone:
             if not self.ended.triggered:
                 self.ended.succeed()
@@ -134,7 +144,8 @@ def make_head_protocol(services: HeadServices) -> HeadProtocol:
     Raises:
         RunError: there is none of that name.
     """
-    name = services.network.setup.head_protocol
+    setup = services.network.setup
+    name = setup.head_protocol + ("_groups" if setup.unlabelled else "")
     if name not in PROTOCOLS:
         raise RunError(f"clusters: no head protocol '{name}' in this network; known: {', '.join(PROTOCOLS)}")
     module, kind = PROTOCOLS[name].split(":")

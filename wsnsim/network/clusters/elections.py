@@ -5,13 +5,14 @@ elections.fill_vacancy(track)      winner = yield from elections.vote(track)
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import simpy
 
+from wsnsim.base.arrays import Reading
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.network.clusters.collection import Deadline
@@ -35,9 +36,14 @@ class Elections:
     processes: NodeProcesses
     appoint: Callable[[Track, Handover], None]
 
-    def fill_vacancy(self, track: Track) -> None:
-        """Hold an election whose winner becomes head by itself; none where no node can be a candidate."""
-        self._hold(track, fills_vacancy=True)
+    def fill_vacancy(self, track: Track, candidates: Mapping[int, Reading] | None = None) -> None:
+        """Hold an election whose winner becomes head by itself; none where no node can be a candidate.
+
+        Args:
+            track: The track, or a group of them.
+            candidates: {node: reading} of the candidates; None: those that sense the target.
+        """
+        self._hold(track, fills_vacancy=True, candidates=candidates)
 
     def vote(self, track: Track) -> Acting[int | None]:
         """Hold a network-wide election for a head that waits for it; the winner, or None where no node can lead."""
@@ -49,12 +55,13 @@ class Elections:
             self.network.log.add("elect", track.target, winner)
         return winner
 
-    def _hold(self, track: Track, fills_vacancy: bool) -> Election | None:
-        """Start an election among the nodes that sense the target now and can lead."""
+    def _hold(
+        self, track: Track, fills_vacancy: bool, candidates: Mapping[int, Reading] | None = None
+    ) -> Election | None:
+        """Start an election among candidates, by default the nodes that sense the target now, that can lead."""
         network = self.network
-        strengths = {
-            node: reading for node, reading in network.readings[track.target].items() if network.can_lead(node)
-        }
+        sensing = network.readings[track.target] if candidates is None else candidates
+        strengths = {node: reading for node, reading in sensing.items() if network.can_lead(node)}
         if not strengths:
             return None
         setup, clock = network.setup, network.clock
@@ -95,7 +102,7 @@ class Elections:
             return False
         key = derive(network.tracker_key, ELECTION_KEY, track.target, election.step)
         chance = float(uniforms(derive_all(key, np.array([node])), 0)[0])
-        columns, traits = len(setup.filter_motions[track.target].position), network.nodes.traits[node]
+        columns, traits = len(setup.filter_motion(track.target).position), network.nodes.traits[node]
         share = waiting_share(setup.filter_sensor, columns, traits, election.readings[node], chance)
         yield network.clock.env.timeout(share * setup.waits.election)
         return election.is_outbid(node)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import simpy
@@ -22,6 +22,7 @@ from wsnsim.network.clusters.driver import Driver, DriverServices, HeadDied
 from wsnsim.network.clusters.elections import Elections
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
 from wsnsim.network.clusters.track import Handover, Track
+from wsnsim.network.clusters.track_book import TrackBook
 from wsnsim.network.clusters.wake_ahead import WakeAhead
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.node_process import NodeProcesses
@@ -53,8 +54,8 @@ class HeadMessages:
     transport: Transport
     intervals: WakeIntervals
 
-    def recruit(self, target: int, head: int) -> Acting[Joins]:
-        """Broadcast an announcement; each sensing node that hears it sends a join, with its reading.
+    def recruit(self, target: int, head: int, among: Collection[int] | None = None) -> Acting[Joins]:
+        """Broadcast an announcement; each sensing node `among` those that hear it sends a join, with its reading.
 
         The head waits until all joins have ended; where radios are mostly off, at most for `waits.joins` s.
         """
@@ -62,7 +63,8 @@ class HeadMessages:
         network.log.add("announce", target, head)
         heard = yield from self.ask(target, head, "announce", PACKET_BITS)
         step = network.clock.step
-        sent = {node: readings[target][node] for node in heard if node in readings[target]}
+        called = heard if among is None else [node for node in heard if node in among]
+        sent = {node: readings[target][node] for node in called if node in readings[target]}
         self.intervals.shorten_for_next_step([head, *sent])
         joins = [Datagram(node, head, Parcel(value, 1, PACKET_BITS, "join")) for node, value in sent.items()]
         events: list[simpy.Event] = []
@@ -86,7 +88,7 @@ class HeadMessages:
         Raises:
             HeadDied: the head went down.
         """
-        return [*(yield from self._broadcast(target, head, Parcel(None, 1, bits, what)))]
+        return [*(yield from self.broadcast(target, head, Parcel(None, 1, bits, what)))]
 
     def announce(
         self, target: int, head: int, appointment: Appointment, payload: Parcel | None
@@ -104,14 +106,14 @@ class HeadMessages:
         packets, bits = (0, PACKET_BITS) if payload is None else (payload.packets, payload.packet_bits)
         self.network.log.add("announce", target, head)
         parcel = Parcel(None, own + packets, max(bits, PACKET_BITS), "announce")
-        heard = yield from self._broadcast(target, head, parcel)
+        heard = yield from self.broadcast(target, head, parcel)
         return {node: mask[own:] for node, mask in heard.items() if mask[:own].all()}
 
     def linked(self, head: int, nodes: Iterable[int]) -> list[int]:
         """Those of the nodes that reach the head over one hop."""
         return [node for node in nodes if self.transport.connected(node, head)]
 
-    def _broadcast(self, target: int, head: int, parcel: Parcel) -> Acting[dict[int, Bools]]:
+    def broadcast(self, target: int, head: int, parcel: Parcel) -> Acting[dict[int, Bools]]:
         """Broadcast a parcel; return which packets arrived at each living node, ascending."""
         event, (burst,) = self.transport.broadcast([head], [parcel], target)
         yield event
@@ -148,7 +150,7 @@ class Estimates:
             at.assumed.positions[nodes],
             at.traits[nodes],
             setup.filter_sensor,
-            setup.filter_motions[track.target],
+            setup.filter_motion(track.target),
             track.prior,
         )
 
@@ -171,7 +173,7 @@ class Estimates:
         track.estimates[step] = Issued(
             step, self.network.clock.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
         )
-        self._report(scene.head, step, track.target)
+        self.report(scene.head, step, track.target)
 
     def snapshot(self, track: Track, cluster: Cluster, belief: Any, step: int) -> None:
         """Record the particles and the tracker's state, if their tables are wanted."""
@@ -182,11 +184,11 @@ class Estimates:
         key = {"replicate": self.replicate, "target": track.target, "step": step}
         write_belief(self.recorder, key, setup.tracker, belief, members, setup.motions[track.target].columns)
 
-    def _report(self, head: int, step: int, target: int) -> None:
-        """Send the estimate of a step to a sink, if a report is due. The head does not wait for its arrival."""
-        if not self._sinks or step % self._interval:
+    def report(self, head: int, step: int, target: int, packets: int = 1) -> None:
+        """Send the estimates of a step to a sink, if a report is due. The head does not wait for its arrival."""
+        if not self._sinks or step % self._interval or not packets:
             return
-        report = Datagram(head, A_SINK, Parcel(None, 1, self._bits, "report"))
+        report = Datagram(head, A_SINK, Parcel(None, packets, self._bits, "report"))
         then(self._reports.send(report, target), self._receive, report, step, target)
 
     def _receive(self, report: Datagram, step: int, target: int) -> None:
@@ -195,7 +197,7 @@ class Estimates:
 
 
 class HeadServices(NamedTuple):
-    """What head protocols use."""
+    """What head protocols use. `book`: the tracks of readings that name no target."""
 
     network: NetworkView
     messages: HeadMessages
@@ -205,6 +207,7 @@ class HeadServices(NamedTuple):
     wake_ahead: WakeAhead
     processes: NodeProcesses
     search: TargetSearch
+    book: TrackBook | None = None
 
 
 class HeadProtocol(Protocol):
@@ -227,3 +230,11 @@ class HeadProtocol(Protocol):
 
     def release(self, track: Track, cluster: Cluster) -> None:
         """Dismiss the members of a cluster that is dissolved."""
+
+
+@runtime_checkable
+class BeginsGroups(Protocol):
+    """A head protocol of groups, where readings name no target."""
+
+    def begin(self) -> None:
+        """Let groups begin from the scans of this step."""

@@ -32,7 +32,7 @@ class NetworkView(NamedTuple):
     clock: StepClock
     log: ProtocolLog
     nodes: Nodes
-    readings: Sequence[Mapping[int, Reading]]
+    readings: Mapping[int, Mapping[int, Reading]]
     threshold: float
     tracker_key: int
 
@@ -67,7 +67,7 @@ class NetworkView(NamedTuple):
         return self.clock.step - scene.step + 1
 
     def _position(self, target: int, forecast: Estimate) -> Floats:
-        return planar(forecast.mean[list(self.setup.filter_motions[target].position)])
+        return planar(forecast.mean[list(self.setup.filter_motion(target).position)])
 
     def nearest(self, candidates: Sequence[int], point: Floats) -> int:
         """The candidate assumed nearest to a point (2,); of equally near ones the first."""
@@ -84,8 +84,8 @@ class NetworkView(NamedTuple):
 
     def first_outlook(self, target: int, head: int, estimate: Estimate) -> Outlook:
         """What a head foresees that knows the first estimate of a track, of this step."""
-        clock, motion = self.clock, self.setup.filter_motions[target]
-        forecast = _one_step_on(estimate, motion, clock.dt, clock.step * clock.dt)
+        clock, motion = self.clock, self.setup.filter_motion(target)
+        forecast = one_step_on(estimate, motion, clock.dt, clock.step * clock.dt)
         return self._outlook(target, head, [head], forecast, forecast)
 
     def _outlook(
@@ -99,7 +99,7 @@ class NetworkView(NamedTuple):
             dt=self.clock.dt,
             forecast=forecast,
             succession=succession,
-            motion=self.setup.filter_motions[target],
+            motion=self.setup.filter_motion(target),
             sensor=self.setup.filter_sensor,
             reach=self.nodes.reach,
             nodes_near=self.nodes_near,
@@ -143,7 +143,7 @@ class TargetSearch:
         return int(able[np.argmin(chances)]), awake
 
 
-def _one_step_on(estimate: Estimate, motion: MotionModel, dt: float, time: float) -> Estimate:
+def one_step_on(estimate: Estimate, motion: MotionModel, dt: float, time: float) -> Estimate:
     """An estimate of `time` s, predicted for the step after it."""
     point = np.ascontiguousarray(estimate.mean[:, None])
     transitions, noise = motion.matrices(point, dt, time)

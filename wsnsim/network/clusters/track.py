@@ -60,6 +60,10 @@ class NotDelivered(TrackLost):
         super().__init__("handover_lost")
 
 
+class GroupEnded(Exception):
+    """A group has no tracks any more, or another head has them."""
+
+
 class LastClusterDone(Exception):
     """The scenario ends with this cluster (`until.clusters`)."""
 

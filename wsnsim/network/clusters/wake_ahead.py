@@ -59,7 +59,7 @@ class WakeAhead:
 
     def _plan(self, target: int, head: int, belief: Any, scene: Scene, last_sensed: float) -> WakeUpPlan:
         network, setup, nodes = self._network, self._network.setup, self._network.nodes
-        motion = setup.filter_motions[target]
+        motion = setup.filter_motion(target)
         mean = setup.tracker.estimate(belief).mean
         due = network.clock.next_step
         return WakeUpPlan(
@@ -96,7 +96,7 @@ class WakeUpCounters:
     """Counts wake-ups. One is unnecessary if the target is out of the node's sensing range.
 
     `woken` (targets, steps + 1, 2) holds the nodes that woke and, of these, the unnecessary wake-ups. `points` holds
-    the true positions (steps + 1, P) of each target.
+    the true positions (steps + 1, P) of each target; none where readings name no target: nothing is counted then.
     """
 
     def __init__(self, network: NetworkView, points: Sequence[Floats]) -> None:
@@ -109,7 +109,7 @@ class WakeUpCounters:
 
         Where nodes are woken ahead, wake-ups are counted by round instead.
         """
-        if self._network.setup.wakeup.mechanism != "none":
+        if self._network.setup.wakeup.mechanism != "none" or not self._points:
             return
         unnecessary = by_frame and node not in self._network.readings[target]
         self.woken[target, self._network.clock.step] += (1, unnecessary)

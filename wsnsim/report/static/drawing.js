@@ -180,9 +180,12 @@ function senseMark(pen, x, y) {
 }
 
 function drawTargetNumber(target, x, y, colour) {
-  if (replay.targets.length < 2) return;
+  if (replay.targets.length > 1) numeral(replay.targets[target], x, y, colour);
+}
+
+function numeral(number, x, y, colour) {
   pen.font = "bold 12px system-ui, sans-serif"; pen.textAlign = "left"; pen.lineWidth = 3; pen.strokeStyle = view.paper;
-  pen.strokeText(replay.targets[target], x, y); pen.fillStyle = colour; pen.fillText(replay.targets[target], x, y);
+  pen.strokeText(number, x, y); pen.fillStyle = colour; pen.fillText(number, x, y);
 }
 
 function drawTarget(target) {
@@ -200,6 +203,46 @@ function drawTarget(target) {
     if (name === "truth") { truthMark(pen, px(x), py(y)); drawTargetNumber(target, px(x) + 9, py(y) - 6, view.ink); }
     else { estimateMark(pen, px(x), py(y), outside); drawTargetNumber(target, px(x) - 16, py(y) - 6, view.estimate); }
   }
+}
+
+function trackMark(pen, x, y, number, confirmed) {
+  const colour = view.kinds[number % OTHER_STYLE];
+  marker(pen, "dot", x, y, 4); stroke(pen, colour, confirmed ? 2.4 : 0.8);
+}
+
+function detectionMark(pen, x, y, clutter) {
+  marker(pen, clutter ? "cross" : "dot", x, y, clutter ? 2.4 : 1.8);
+  if (clutter) stroke(pen, view.faint, 1); else { pen.fillStyle = view.sense; pen.fill(); }
+}
+
+function switchMark(pen, x, y) { marker(pen, "cross", x, y, 9); stroke(pen, view.paper, 6); stroke(pen, view.lost, 3); }
+
+const rowsOfTracks = (first, until) => Array.from({ length: replay.from.track[until + 1] - replay.from.track[first] }, (_, i) => replay.from.track[first] + i);
+const tracksNow = () => rowsOfTracks(frame, frame).filter((i) => replay.col.track_confirmed[i]).length;
+
+function drawDetections() {
+  const { detection_x: xs, detection_y: ys, detection_clutter: clutter } = replay.col;
+  for (let [i, end] = rows("detection"); i < end; i++) detectionMark(pen, px(xs[i]), py(ys[i]), clutter[i]);
+}
+
+// Each track has a colour, by its number, and a trail of the same frames as a target.
+function drawTracks() {
+  const { track_x: xs, track_y: ys, track_number: numbers, track_confirmed: confirmed, switch_x: sx, switch_y: sy } = replay.col;
+  if (!replay.from.track) return;
+  const trails = new Map();
+  for (const i of rowsOfTracks(shown.trails ? Math.max(0, frame - replay.trail) : frame, frame)) {
+    if (!trails.has(numbers[i])) trails.set(numbers[i], []);
+    trails.get(numbers[i]).push(i);
+  }
+  trails.forEach((each, number) => {
+    const last = each[each.length - 1], colour = view.kinds[number % OTHER_STYLE];
+    pen.beginPath(); each.forEach((i, k) => (k ? pen.lineTo(px(xs[i]), py(ys[i])) : pen.moveTo(px(xs[i]), py(ys[i]))));
+    stroke(pen, colour, confirmed[last] ? 1.5 : 0.5);
+    if (last < replay.from.track[frame]) return;
+    trackMark(pen, px(xs[last]), py(ys[last]), number, confirmed[last]);
+    if (confirmed[last]) numeral(number, px(xs[last]) + 7, py(ys[last]) + 12, colour);
+  });
+  for (let [i, end] = rows("switch"); i < end; i++) switchMark(pen, px(sx[i]), py(sy[i]));
 }
 
 function drawTrajectories() {
@@ -229,10 +272,12 @@ function draw() {
   pen.beginPath(); pen.rect(view.left - 9, view.top - 9, view.width + 18, view.height + 18); pen.clip();
   drawTrajectories();
   if (shown.particles) drawParticles();
+  if (shown.sensing) drawDetections();
   drawNodes(pen, 1);
   drawRings();
   if (shown.traffic) drawTraffic();
   replay.targets.forEach((_, target) => drawTarget(target));
+  drawTracks();
   pen.restore();
   canvas.dispatchEvent(new Event("drawn"));
 }

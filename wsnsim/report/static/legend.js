@@ -4,6 +4,9 @@ const CIVIDIS = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678
 const MOST_ENTRIES = 10;
 const EXPLANATIONS = {
   truth: "the simulated trajectory, against which errors are measured; in bold: the last steps",
+  track: "what a tracker believes of one target, with its number; thin: tentative",
+  detection: "what a node measured, of no named target; a range is drawn in the direction of its target, a bearing in its distance; crossed: false, what it does not say is spread evenly",
+  swap: "another track follows the target than before",
   estimate: "mean of the position that a tracker reports for a step; hollow: outside the drawing",
   particles: "samples of the state; the belief of the tracker",
   node: "one sensor node: sensor, processor, radio, battery; small: asleep, dormant or on its schedule; crossed: dead",
@@ -76,6 +79,11 @@ function markEntries() {
     entries.push([several ? "ground truth, with the target's number" : "ground truth", (pen) => { line(view.ink)(pen); truthMark(pen, 17, 11); }, EXPLANATIONS.truth]);
   }
   if (col.estimate_x) entries.push(["estimate", (pen) => { line(view.estimate, [], 1.5)(pen); estimateMark(pen, 17, 11, false); }, EXPLANATIONS.estimate]);
+  if (col.track_x && col.track_x.length) entries.push(["track, with its number", (pen) => trackMark(pen, 17, 11, 1, true), EXPLANATIONS.track]);
+  if (col.detection_x && col.detection_x.length) {
+    entries.push(["detection, clutter", (pen) => { detectionMark(pen, 11, 11, false); detectionMark(pen, 24, 11, true); }, EXPLANATIONS.detection]);
+  }
+  if (col.switch_x && col.switch_x.length) entries.push(["identity switch", (pen) => switchMark(pen, 17, 11), EXPLANATIONS.swap]);
   if (col.particle_x && col.particle_x.length) {
     entries.push(["particles", (pen) => { pen.fillStyle = view.particle; [6, 13, 18, 26].forEach((x, i) => pen.fillRect(x, 7 + 3 * (i % 3), 2.2, 2.2)); }, EXPLANATIONS.particles]);
   }
@@ -103,7 +111,7 @@ function nodeEntries() {
 
 // Members of several targets differ in the dashes of their rings.
 function memberEntry(full) {
-  const shown = replay.targets.slice(0, RING_DASHES.length), several = shown.length > 1, repeat = replay.targets.length > shown.length;
+  const shown = replay.targets.slice(0, RING_DASHES.length), several = replay.groups == null && shown.length > 1, repeat = replay.targets.length > shown.length;
   const paint = (pen) => shown.forEach((_, target) => {
     const x = 17 + 11 * (target - (shown.length - 1) / 2);
     node(pen, x, 11, several ? 2 : 3.5, AWAKE, full);

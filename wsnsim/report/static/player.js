@@ -21,7 +21,7 @@ function describeTarget(number, target) {
   const unit = (replay.axes[1].match(/\[(.*)\]$/) || ["", ""])[1], error = col.error ? col.error[at] : NaN;
   const parts = [Number.isFinite(error) ? `error ${digits(error)} ${isolated(unit)}` : "no estimate"];
   if (head >= 0) parts.push(`cluster head ${col.node[head]}${replay.mode[head] === DEAD ? ", dead" : ""}`);
-  if (col.membership_node && col.membership_node.length) parts.push(counted(replay.clusters[target].size, "member"));
+  if (replay.groups == null && col.membership_node && col.membership_node.length) parts.push(counted(replay.clusters[target].size, "member"));
   return (replay.targets.length > 1 ? `target ${number}: ` : "") + parts.join(", ");
 }
 
@@ -31,6 +31,7 @@ function describe() {
   replay.targets.forEach((number, target) => lines.push(describeTarget(number, target)));
   if (replay.col.sense_node && replay.col.sense_node.length) lines.push(counted(sensing, "sensing node"));
   if (replay.from.link) lines.push(`${countOf("link", "link")} in use, ${countOf("broadcast", "broadcast")}`);
+  if (replay.from.track) lines.push(`${counted(tracksNow(), "confirmed track")}, ${countOf("detection", "detection")}`);
   if (replay.from.particle) lines.push(countOf("particle", "particle"));
   byId("status").textContent = lines.join("\n");
   if (!playing && opened && document.activeElement !== slider) byId("spoken").textContent = lines.join(". ");

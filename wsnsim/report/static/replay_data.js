@@ -34,7 +34,7 @@ function rewind(data) {
   data.at = -1;
   data.level = data.col.charge ? data.col.charge.slice() : new Uint8Array(data.nodes);
   data.mode = data.col.state ? data.col.state.slice() : new Uint8Array(data.nodes).fill(AWAKE);
-  data.clusters = data.targets.map(() => new Set());
+  data.clusters = Array.from({ length: data.groups ?? data.targets.length }, () => new Set());
   return data;
 }
 

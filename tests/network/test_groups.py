@@ -1,0 +1,105 @@
+"""Groups of tracks: they begin, move, merge, split and end, and survive what happens to their heads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wsnsim.base.tables import KIND, Memory
+from wsnsim.experiment import simulate_run
+
+WANTED = dict.fromkeys(("truth", "estimates", "events", "clusters", "energy", "nodes"), True)
+STEPS = 30
+
+
+def crossing(**others: Any) -> dict[str, Any]:
+    """Two targets that cross in the middle of a field that no head oversees, without clutter."""
+    paths = [[[0, -60, -45], [STEPS, 60, 45]], [[0, -60, 45], [STEPS, 60, -45]]]
+    return {
+        "name": "groups", "seed": 11, "duration": f"{STEPS} s", "step": "1 s",
+        "deploy": {"kind": "grid", "nodes": 36, "width": "150 m", "height": "150 m", "cover": False},
+        "targets": [{"kind": "waypoints", "points": path} for path in paths], "energy": {"kind": "first_order"},
+        "sensor": {"kind": "range_bearing", "range_sd": "1 m", "bearing_sd": "2 deg", "reach": "40 m"},
+        "detection": {"kind": "unlabelled", "probability": 0.95}, "link": {"kind": "disk", "reach": "80 m"},
+        "clusters": {"kind": "strongest_signal", "handover_fraction": 0.5},
+        "tracker": {"kind": "jpda", "filter": {"kind": "ekf"}}, **others,
+    }  # fmt: skip
+
+
+def recorded(**others: Any) -> Memory:
+    memory = Memory(WANTED)
+    simulate_run(crossing(**others), 0, memory)
+    return memory
+
+
+def events(memory: Memory, kind: str) -> dict[str, np.ndarray]:
+    table = memory.table("events")
+    return {name: column[table["kind"] == KIND[kind]] for name, column in table.items()}
+
+
+def followed(memory: Memory, step: int) -> list[float]:
+    """The distance from each target to the nearest confirmed track at a step."""
+    truth, table = memory.table("truth"), memory.table("estimates")
+    here = (table["step"] == step) & (table["confirmed"] == 1)
+    there = truth["step"] == step
+    targets = np.column_stack([truth["px"][there], truth["py"][there]])
+    tracks = np.column_stack([table["px"][here], table["py"][here]])
+    assert len(tracks), f"no confirmed track at step {step}"
+    return [float(np.hypot(*(tracks - point).T).min()) for point in targets]
+
+
+def test_groups_move_with_their_tracks_merge_where_these_cross_and_split_behind() -> None:
+    memory = recorded()
+    assert max(error for step in (6, 14, 22, STEPS - 1) for error in followed(memory, step)) < 4.0
+    merges, splits = events(memory, "merge"), events(memory, "split")
+    assert merges["time"].size and splits["time"].size
+    assert merges["time"].min() <= STEPS / 2 + 3 and splits["time"].max() >= STEPS / 2
+    assert (merges["sequence"] < merges["target"]).all() and (splits["sequence"] > splits["target"]).all()
+    heads = memory.table("estimates")["head"]
+    assert np.unique(heads).size > 2
+    sent = memory.table("events")
+    assert (
+        (sent["kind"] == KIND["send"]) & (sent["node"] == merges["node"][0]) & (sent["time"] == merges["time"][0])
+    ).any()
+
+
+def test_a_merge_or_a_split_is_paid_for_and_a_track_keeps_its_number() -> None:
+    memory = recorded()
+    table, merges = memory.table("estimates"), events(memory, "merge")
+    before, after = (set(table["track"][table["step"] == int(merges["time"][0]) + shift]) for shift in (0, 1))
+    assert len(before & after) >= 2
+    energy, nodes = memory.table("energy"), memory.table("nodes")
+    each = np.bincount(energy["node"], energy["joules"], 36)
+    np.testing.assert_allclose(each, nodes["energy_initial"] - nodes["energy_left"], rtol=1e-9, atol=1e-15)
+
+
+def test_a_group_whose_head_crashes_ends_and_another_begins_from_detections() -> None:
+    memory = recorded(
+        targets=[{"kind": "waypoints", "points": [[0, -60, -45], [STEPS, 60, 45]]}],
+        faults=[{"kind": "crash", "at": "8.5 s", "head": 0}],
+    )
+    assert (events(memory, "lost")["time"] >= 8.5).any()
+    assert (events(memory, "begin")["time"] > 8.5).any()
+    assert followed(memory, STEPS - 1)[0] < 4.0
+
+
+def test_a_group_ends_with_its_last_track() -> None:
+    path = [[0, -60, -45], [STEPS, 60, 45]]
+    memory = recorded(targets=[{"kind": "waypoints", "points": path, "presence": [[0, 12]]}])
+    ends = events(memory, "end")
+    assert ((ends["time"] > 12) & (ends["time"] < 12 + 10)).any()
+    assert memory.table("estimates")["step"].max() < 12 + 10
+    released = memory.table("clusters")["released"]
+    assert np.isfinite(released).all()
+
+
+@pytest.mark.thorough(fast=["csma"])
+@pytest.mark.parametrize("mac", ["csma", "tdma", "xmac", "contikimac", "tsch"])
+def test_groups_live_with_radios_that_lose_frames_and_take_time(mac) -> None:
+    memory = recorded(mac={"kind": mac}, faults=[{"kind": "link_loss", "at": "0 s", "fraction": 1.0, "loss": 0.1}])
+    energy, nodes = memory.table("energy"), memory.table("nodes")
+    each = np.bincount(energy["node"], energy["joules"], 36)
+    np.testing.assert_allclose(each, nodes["energy_initial"] - nodes["energy_left"], rtol=1e-9, atol=1e-12)
+    assert events(memory, "begin")["time"].size

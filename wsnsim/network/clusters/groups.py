@@ -1,0 +1,199 @@
+"""Groups, where readings name no target: one head, one cluster, and the tracks whose gates overlap.
+
+A head gathers the scans of its members, in which a detection takes a packet, and has its tracker associate them with
+tracks, begin new ones, confirm and delete them. `CentralGroup` leads one group for the field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final, cast
+
+import numpy as np
+
+from wsnsim.base.arrays import Estimate, components_of, planar
+from wsnsim.base.detections import MultiTracker, ReportsScans, volume_of
+from wsnsim.base.ports import KnownNodes
+from wsnsim.base.radio import Mode
+from wsnsim.base.requests import PACKET_BITS, Compute, Flow, Gather, Member, Parcel, Send
+from wsnsim.base.rows import Issued
+from wsnsim.base.scans import Facts, Scan, TrackEstimate
+from wsnsim.network.clusters.cluster import Cluster, OpenCluster
+from wsnsim.network.clusters.driver import Driver
+from wsnsim.network.clusters.head_services import HeadServices
+from wsnsim.network.clusters.track import Handover, Track
+from wsnsim.network.clusters.track_book import TrackRow
+from wsnsim.network.event_log import Acting
+
+NUMBERS: Final = 4
+"""Numbers in a packet."""
+Arrived = Mapping[int, tuple[Any, Any]]
+
+
+@dataclass(slots=True)
+class GroupLead:
+    """One head's lead of a group. `step` is that of the belief, `tracks` what the head holds since then."""
+
+    group: Track
+    cluster: Cluster
+    driver: Driver
+    belief: Any
+    step: int
+    tracks: Sequence[TrackEstimate] = ()
+
+
+class Groups:
+    """What heads of groups do at each step, however groups begin and end."""
+
+    one_hop = True
+    """Whether members are one hop away from their head."""
+
+    def __init__(self, services: HeadServices) -> None:
+        assert services.book is not None, "readings that name no target have a book of tracks"
+        self._services, self._book = services, services.book
+        self._network, self._log = services.network, services.network.log
+        self._setup = setup = services.network.setup
+        self._clock = services.network.clock
+        self._tracker = cast(MultiTracker, setup.tracker)
+        detection = setup.detection
+        assert isinstance(detection, ReportsScans), "groups are for scans"
+        self._facts = Facts(
+            setup.filter_motion(0), setup.filter_sensor, setup.dt, detection.probability, detection.clutter,
+            volume_of(setup.sensor, detection.window),
+        )  # fmt: skip
+        self._surely_scan = setup.sleep.rest is not Mode.SCHEDULED
+
+    def _known(self, step: int) -> Sequence[Estimate]:
+        """The priors of targets that are known at a step."""
+        return self._book.priors if step == 0 and self._tracker.management.known_start else ()
+
+    def _first_belief(self, step: int, priors: Sequence[Estimate]) -> Any:
+        """A belief with a track for each prior."""
+        belief = self._tracker.begin(priors, step * self._clock.dt, self._facts, self._book.next)
+        self._book.next += len(priors)
+        return belief
+
+    def _lead_of(self, group: Track, cluster: Cluster, belief: Any, step: int) -> GroupLead:
+        driver = Driver(self._services.driver, group.target, cluster.head, cluster.members, one_hop=self.one_hop)
+        return GroupLead(group, cluster, driver, belief, step, self._tracker.estimates(belief, self._facts))
+
+    def _step(self, lead: GroupLead) -> Acting[None]:
+        """One step at the head: scans in, tracks out."""
+        scene, step = lead.cluster.scene(self._clock.step - lead.step), self._clock.step
+        arrived: Arrived = yield from lead.driver.perform(_scans(partial(self._scan_parcel, lead)))
+        scans = self._heard(lead, arrived, step)
+        nodes = self._network.nodes
+        ids = np.array([scan.node for scan in scans], dtype=np.int64)
+        known = KnownNodes(tuple(ids.tolist()), nodes.assumed.positions[ids], nodes.traits[ids])
+        time, readings = step * self._clock.dt, lead.driver.readings
+        outcome = self._tracker.step(lead.belief, time, scans, known, self._facts, self._book.next)
+        self._book.note(lead.group.target, lead.cluster.head, outcome)
+        lead.belief, lead.step, lead.tracks = outcome.belief, step, self._tracker.estimates(outcome.belief, self._facts)
+        yield from lead.driver.perform(_compute(outcome.cycles))
+        self._issue(lead, step, readings, len(scene.ids), len(scene.roster))
+
+    def _issue(self, lead: GroupLead, step: int, readings: int, active: int, members: int) -> None:
+        """Record what the head holds of each track, and report it to the sink."""
+        head, group = lead.cluster.head, lead.group.target
+        if step == 0 or not lead.tracks:
+            return
+        self._log.add("estimate", group, head)
+        for track in lead.tracks:
+            estimate = Estimate(track.mean, track.cov)
+            issued = Issued(step, self._clock.now, estimate, head, active, members, readings)
+            self._book.rows.append(TrackRow(track, issued, group))
+        self._services.estimates.report(head, step, group, sum(track.confirmed for track in lead.tracks))
+
+    def _heard(self, lead: GroupLead, arrived: Arrived, step: int) -> list[Scan]:
+        """The scans of a step, by node: those that arrived, and empty ones of nodes that surely found nothing."""
+        time, size = step * self._clock.dt, len(components_of(self._facts.sensor))
+        found = {}
+        for node, (scan, mask) in arrived.items():
+            rows = [detection for detection, here in zip(scan, mask.tolist(), strict=True) if here]
+            detections = np.array(rows, dtype=np.float64).reshape(len(rows), size)
+            found[node] = Scan(node, time, detections, len(scan) * PACKET_BITS)
+        for node in self._silent(lead, step):
+            found.setdefault(node, Scan(node, time, np.empty((0, size))))
+        return [found[node] for node in sorted(found)]
+
+    def _scan_parcel(self, lead: GroupLead, member: Member) -> Parcel | None:
+        """A packet for each detection of a member."""
+        scan = self._own_scan(lead, member)
+        return Parcel(scan, len(scan), PACKET_BITS, "scan", readings=len(scan)) if scan else None
+
+    def _own_scan(self, lead: GroupLead, member: Member) -> Any:
+        """The detections that a member sends."""
+        return member.reading
+
+    def _silent(self, lead: GroupLead, step: int) -> Iterable[int]:
+        """The nodes within range of where the head expects a track: if they send nothing, they found nothing.
+
+        Over a sleep schedule the head does not know who was awake.
+        """
+        if not self._surely_scan or not lead.tracks:
+            return []
+        nodes, motion = self._network.nodes, self._facts.motion
+        states = np.array([track.mean for track in lead.tracks]).T
+        for ahead in range(lead.step, step):
+            states = motion.advance(states, self._clock.dt, ahead * self._clock.dt)
+        points = planar(states[list(motion.position)].T)
+        candidates = np.array(self._scanning(lead.cluster), dtype=np.int64)
+        apart = ((nodes.assumed.positions[candidates][:, None] - points) ** 2).sum(axis=2)
+        near: list[int] = candidates[(apart <= self._facts.sensor.reach**2).any(axis=1)].tolist()
+        return near
+
+    def _scanning(self, cluster: Cluster) -> Sequence[int]:
+        """The nodes that send their scans to this head if they find something."""
+        return cluster.roster()
+
+
+class CentralGroup(Groups):
+    """One group for the field; its head is the node that the policy names, and every node may send it its scan."""
+
+    one_hop = False
+
+    def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
+        """Appoint the head that the policy names."""
+        network, step = self._network, self._clock.step
+        head = self._setup.clusters.successor(np.zeros(2), network.nodes.assumed.positions, network.who_can_lead())
+        return None if head is None else Handover(head, step, readings={}, elected=True, acts_now=True)
+
+    def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
+        """Lead the group until the end. What a head knew that went down is lost."""
+        cluster, step = OpenCluster(self._network, track.target, handover.successor, []), handover.belief_step
+        track.open_cluster(cluster, handover, self._clock.now)
+        lead = self._lead_of(track, cluster, self._first_belief(step, self._known(step)), step)
+        if lead.tracks:  # they are known at this instant
+            yield track.tick
+        while True:
+            yield from self._step(lead)
+            yield track.tick
+
+    def release(self, track: Track, cluster: Cluster) -> None:
+        """Do nothing: members have no role."""
+
+    def begin(self) -> None:
+        """Open the one group at the start."""
+        if not self._book.groups:
+            self._book.open_group()
+
+    def _scanning(self, cluster: Cluster) -> Sequence[int]:
+        return list(np.flatnonzero(self._network.nodes.living))
+
+
+def _scans(parcel_of: Callable[[Member], Parcel | None]) -> Flow[Arrived]:
+    """The scans of all members that detect something."""
+    answer: Arrived = yield Gather(parcel_of)
+    return answer
+
+
+def _compute(cycles: float) -> Flow[None]:
+    yield Compute(cycles)
+
+
+def belief_sent(belief: Any, numbers: int, to: int) -> Flow[Any]:
+    """Send a belief of so many numbers to a node; what arrived there, None if a packet is lost."""
+    mask = yield Send(to, Parcel(belief, -(-numbers // NUMBERS), PACKET_BITS, "belief"))
+    return belief if mask.all() else None

@@ -1,0 +1,364 @@
+"""Groups that move with their tracks, where readings name no target: they begin, merge, split and end.
+
+A group begins with an election among neighbouring nodes that have detections which no group explains. Each head
+broadcasts its tracks at each step: who hears them takes what they explain for explained. Groups merge where confirmed
+tracks meet: the head of the higher number sends its tracks to the other one. A group whose tracks have parted hands
+some of them to a head nearer to them. It ends with its last track.
+
+The gates of two tracks overlap by the share of those nodes, in range of both, at which the gates for their readings do:
+from `MEET` on they meet, below `PART` they have parted (our choices). Heads go by their map of the nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Estimate, Floats, components_of, near, planar
+from wsnsim.base.ports import KnownNodes
+from wsnsim.base.requests import PACKET_BITS, Member, Parcel
+from wsnsim.base.scans import TrackEstimate
+from wsnsim.network.clusters.cluster import Cluster
+from wsnsim.network.clusters.driver import Driver
+from wsnsim.network.clusters.election import strength_of
+from wsnsim.network.clusters.groups import NUMBERS, GroupLead, Groups, belief_sent
+from wsnsim.network.clusters.head_services import HeadServices
+from wsnsim.network.clusters.network_view import one_step_on
+from wsnsim.network.clusters.track import GroupEnded, Handover, Track
+from wsnsim.network.event_log import Acting, then
+from wsnsim.network.radio.datagrams import Datagram
+
+MEET: Final = 0.5
+PART: Final = 0.25
+GATE: Final = 4.0
+"""Standard deviations of a reading about its expected value within which it is explained."""
+FAR: Final = 1e9
+"""A sensing range (m) that is as good as unlimited."""
+FRESH: Final = 2
+"""Steps for which nodes go by what a head has told them."""
+LEAST_NODES: Final = 2
+"""Neighbouring nodes with unexplained detections, from which on a group begins."""
+
+
+class Told(NamedTuple):
+    """What a head told others: its tracks at a step."""
+
+    step: int
+    head: int
+    tracks: Sequence[TrackEstimate]
+
+
+class MovingGroups(Groups):
+    """The head protocol of groups that move with their tracks."""
+
+    def __init__(self, services: HeadServices) -> None:
+        super().__init__(services)
+        self._told: dict[int, dict[int, Told]] = {}
+        self._inbox: dict[int, list[Any]] = {}
+
+    def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
+        """None: a group without a head has ended."""
+        return None
+
+    def release(self, track: Track, cluster: Cluster) -> None:
+        """Dismiss the members."""
+        self._services.processes.dismiss(cluster.roster(), track.target)
+
+    def begin(self) -> None:
+        """Close groups whose head has gone, and begin new ones from detections that no group explains."""
+        book, step = self._book, self._clock.step
+        self._forget_old()
+        book.groups[:] = [group for group in book.groups if group.head is not None or group.election is not None]
+        for prior in self._known(step):
+            self._begin_with(prior)
+        free = self._unexplained() if self._tracker.management.starts else {}
+        sensor, positions = self._setup.sensor, self._network.nodes.assumed.positions
+        while free:
+            first = max(free, key=lambda node: (strength_of(sensor, free[node]), -node))
+            beside = np.hypot(*(positions[list(free)] - positions[first]).T) <= self._network.nodes.reach
+            electorate = {node: free[node] for node, near in zip(list(free), beside.tolist(), strict=True) if near}
+            free = {node: reading for node, reading in free.items() if node not in electorate}
+            if len(electorate) >= LEAST_NODES:
+                self._services.elections.fill_vacancy(book.open_group(), electorate)
+
+    def _forget_old(self) -> None:
+        """Forget what nodes were told more than some steps ago."""
+        since = self._clock.step - FRESH
+        kept = {
+            node: {group: each for group, each in told.items() if each.step >= since}
+            for node, told in self._told.items()
+        }
+        self._told = {node: told for node, told in kept.items() if told}
+
+    def _begin_with(self, prior: Estimate) -> None:
+        """Appoint the node nearest to a known target, with its track."""
+        positions, point = self._network.nodes.assumed.positions, planar(prior.mean[list(self._facts.motion.position)])
+        head = self._setup.clusters.successor(point, positions, self._network.who_can_lead())
+        if head is not None:
+            belief = self._first_belief(0, [prior])
+            self._services.elections.appoint(self._book.open_group(), Handover(head, 0, belief, acts_now=True))
+
+    def _unexplained(self) -> dict[int, Any]:
+        """{node: strongest detection} of the nodes in no group, without what tracks explain that they heard of."""
+        network, taken = self._network, set[int]()
+        for group in self._book.groups:
+            taken.update(group.cluster.members if group.cluster else [])
+            taken.update(group.election.readings if group.election else [])
+            if group.head is not None and group.cluster is None:  # it is about to form its cluster
+                head = network.nodes.assumed.positions[group.head]
+                taken.update(network.nodes.assumed.grid.within(head, network.nodes.reach).tolist())
+        scans: Mapping[int, Any] = network.readings[0]
+        free = {node: scan for node, scan in scans.items() if node not in taken and network.can_lead(node)}
+        found = {}
+        for node, scan in free.items():
+            tracks = self._tracks_told(node)
+            left = [z for z, known in zip(scan, self._explained(node, scan, tracks), strict=True) if not known]
+            if left:
+                found[node] = max(left, key=lambda reading: strength_of(self._setup.sensor, reading))
+        return found
+
+    def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
+        """Form a cluster, track in it step by step, and merge, split or hand over."""
+        cluster = yield from self._form(track, handover)
+        step, belief = handover.belief_step, handover.belief
+        if track not in self._book.groups:
+            self._book.groups.append(track)
+        if belief is None:
+            self._log.add("begin", track.target, cluster.head)
+            step, belief = self._clock.step, self._first_belief(self._clock.step, ())
+        lead, enough = self._lead_of(track, cluster, belief, step), -1
+        if step == 0 and lead.tracks:  # they are known at this instant
+            yield track.tick
+        while True:
+            yield from self._take_in(lead)
+            yield from self._step(lead)
+            if not lead.tracks:
+                self._log.add("end", track.target, cluster.head)
+                raise GroupEnded
+            yield from self._merge(lead)
+            yield from self._split(lead)
+            yield from self._tell(lead)
+            active = self._in_range(lead)
+            small = self._setup.clusters.must_hand_over(active, lead.cluster.size)
+            if enough < 0:  # a cluster that is too small from its first step on is so until fewer are in range
+                enough = active if small else lead.cluster.size
+            elif small and active < enough:
+                following = yield from self._hand_over(lead)
+                if following is not None:
+                    return following
+            yield track.tick
+
+    def _form(self, group: Track, handover: Handover) -> Acting[Cluster]:
+        """Announce a cluster; nodes with detections that hear it join."""
+        head = handover.successor
+        cluster = Cluster(self._network, group.target, head, [])
+        yield from self._recruit(group, cluster)
+        group.open_cluster(cluster, handover, self._clock.now)
+        return cluster
+
+    def _recruit(self, group: Track, cluster: Cluster) -> Acting[None]:
+        """Let nodes join: those with detections that are within sensing range of the head, where its tracks are."""
+        nodes = self._network.nodes.assumed
+        reach = min(self._facts.sensor.reach, FAR)
+        near_by = set(nodes.grid.within(nodes.positions[cluster.head], reach).tolist())
+        joins = yield from self._services.messages.recruit(group.target, cluster.head, near_by)
+        cluster.admit(joins.readings)
+        for join, ended in joins.pending:
+            then(ended, self._admit_late, group, cluster, join)
+        self._services.processes.enlist(cluster.members, group.target)
+
+    def _admit_late(self, group: Track, cluster: Cluster, join: Datagram) -> None:
+        """Admit a node whose join arrived after the head stopped waiting, if the cluster still exists."""
+        if join.arrived and group.cluster is cluster and (new := cluster.admit([join.source])):
+            self._log.add("join", group.target, join.source, peer=cluster.head)
+            self._services.processes.enlist(new, group.target)
+
+    def _own_scan(self, lead: GroupLead, member: Member) -> Any:
+        """The detections of a member, but those which, as far as it knows, other groups' tracks alone explain."""
+        scan: Any = member.reading
+        others = self._tracks_told(member.id, but=lead.group.target)
+        if not scan or not others:
+            return scan
+        own = self._tracks_told(member.id, only=lead.group.target)
+        if member.id == lead.cluster.head:
+            own = [self._predicted(track, lead.step) for track in lead.tracks]
+        left = self._explained(member.id, scan, own) | ~self._explained(member.id, scan, others)
+        return tuple([detection for detection, kept in zip(scan, left.tolist(), strict=True) if kept])
+
+    def _tracks_told(self, node: int, but: int = -1, only: int = -1) -> list[TrackEstimate]:
+        """The tracks that a node has heard of, predicted for this step: of all groups `but` one, or of one `only`."""
+        told = {number: each for number, each in self._told.get(node, {}).items() if number != but}
+        fresh = [told[only]] if only in told else told.values() if only < 0 else []
+        fresh = [each for each in fresh if self._clock.step - each.step <= FRESH]
+        return [self._predicted(track, each.step) for each in fresh for track in each.tracks]
+
+    def _predicted(self, track: TrackEstimate, step: int) -> TrackEstimate:
+        """A track of a step, predicted for the present one."""
+        estimate, dt = Estimate(track.mean, track.cov), self._clock.dt
+        for before in range(step, self._clock.step):
+            estimate = one_step_on(estimate, self._facts.motion, dt, before * dt)
+        return track._replace(mean=estimate.mean, cov=estimate.cov)
+
+    def _explained(self, node: int, scan: Any, tracks: Sequence[TrackEstimate]) -> Bools:
+        """(M,) which detections of a node lie in the gate of one of the tracks."""
+        size = len(components_of(self._facts.sensor))
+        detections, known = np.array(scan, dtype=np.float64).reshape(-1, size), np.zeros(len(scan), dtype=np.bool_)
+        for track in tracks:
+            expected, spread = self._expected(track, [node])
+            apart = near(self._facts.sensor, detections.reshape(-1), np.tile(expected[0], len(detections)))
+            known |= (np.abs(apart.reshape(-1, size) - expected[0]) <= GATE * spread[0]).all(axis=1)
+        return known
+
+    def _expected(self, track: TrackEstimate, ids: Sequence[int]) -> tuple[Floats, Floats]:
+        """(n, d) the expected readings of a track at nodes, and their standard deviations."""
+        nodes, place, index = self._network.nodes, list(self._facts.motion.position), np.array(ids, dtype=np.int64)
+        law = self._facts.sensor.linearise(
+            track.mean[place][:, None], nodes.assumed.positions[index], nodes.traits[index]
+        )
+        expected, gradients, variances = (array[..., 0] for array in law)
+        spread = np.einsum("ki,ij,kj->k", gradients, track.cov[np.ix_(place, place)], gradients) + variances
+        size = len(components_of(self._facts.sensor))
+        return expected.reshape(-1, size), np.sqrt(spread).reshape(-1, size)
+
+    def _overlap(self, one: TrackEstimate, other: TrackEstimate) -> float:
+        """The share of the nodes on the map, in range of two tracks, whose gates for them overlap; 0 without any."""
+        place, nodes = list(self._facts.motion.position), self._network.nodes.assumed
+        reach = min(self._facts.sensor.reach, FAR)
+        beside, others = (nodes.grid.within(planar(track.mean[place]), reach) for track in (one, other))
+        ids: list[int] = np.intersect1d(beside, others).tolist()
+        if not ids:
+            return 0.0
+        (a, sa), (b, sb) = self._expected(one, ids), self._expected(other, ids)
+        apart = near(self._facts.sensor, b.reshape(-1), a.reshape(-1)).reshape(a.shape) - a
+        return float((np.abs(apart) <= GATE * (sa + sb)).all(axis=1).mean())
+
+    def _tell(self, lead: GroupLead) -> Acting[None]:
+        """Broadcast the tracks, mean and covariance of each."""
+        tracks = tuple(lead.tracks)
+        if not tracks:
+            return
+        size, head, group = len(tracks[0].mean), lead.cluster.head, lead.group.target
+        packets = len(tracks) * -(-(size + size * (size + 1) // 2) // NUMBERS)
+        parcel = Parcel(None, packets, PACKET_BITS, "tracks")
+        heard = yield from self._services.messages.broadcast(group, head, parcel)
+        told = Told(lead.step, head, tracks)
+        for node, mask in heard.items():
+            if mask.all():
+                self._told.setdefault(node, {})[group] = told
+
+    def _merge(self, lead: GroupLead) -> Acting[None]:
+        """Send all tracks to the head of a group of a lower number whose tracks meet those of this one."""
+        group, own = lead.group.target, [track for track in lead.tracks if track.confirmed]
+        mine = {track.number for track in lead.tracks}
+        for number, told in sorted(self._told.get(lead.cluster.head, {}).items()):
+            if number >= group or self._clock.step - told.step > FRESH or told.head == lead.cluster.head:
+                continue
+            theirs = [
+                self._predicted(track, told.step)
+                for track in told.tracks
+                if track.confirmed and track.number not in mine
+            ]
+            if any(self._overlap(one, other) >= MEET for one in own for other in theirs):
+                sent = yield from self._sent(lead, lead.belief, told.head)
+                leads = [each.target for each in self._book.groups if each.head == told.head]
+                if sent is not None and number in leads:
+                    self._inbox.setdefault(number, []).append(sent[0])
+                    self._log.add("merge", group, lead.cluster.head, peer=told.head, sequence=number)
+                    raise GroupEnded
+
+    def _take_in(self, lead: GroupLead) -> Acting[None]:
+        """Join the tracks that other heads have sent, and let their members join too."""
+        arrived = self._inbox.pop(lead.group.target, [])
+        if not arrived:
+            return
+        time, step = self._clock.step * self._clock.dt, self._clock.step
+        nobody = KnownNodes((), np.empty((0, 2)), self._network.nodes.traits[:0])
+        each = [
+            self._tracker.step(belief, time, (), nobody, self._facts, self._book.next).belief
+            for belief in [lead.belief, *arrived]
+        ]
+        lead.belief, lead.step = self._tracker.joined(each), step
+        lead.tracks = self._tracker.estimates(lead.belief, self._facts)
+        yield from self._recruit(lead.group, lead.cluster)
+
+    def _split(self, lead: GroupLead) -> Acting[None]:
+        """Hand the tracks that have parted from those near the head to a node that is nearer to them."""
+        sets = self._parted([track for track in lead.tracks if track.confirmed])
+        if len(sets) < 2:
+            return
+        here = self._network.nodes.assumed.positions[lead.cluster.head]
+        sets.sort(key=lambda tracks: float(np.hypot(*(self._middle(tracks) - here))))
+        head, far = lead.cluster.head, sets[-1]
+        successor = self._nearest(far)
+        if successor is None or successor == head:
+            return
+        numbers = {track.number for track in far}
+        sent = yield from self._sent(lead, self._tracker.only(lead.belief, numbers), successor)
+        if sent is None or not self._network.nodes.alive[successor]:
+            return
+        belief, driver = sent
+        lead.belief = self._tracker.only(lead.belief, {track.number for track in lead.tracks} - numbers)
+        lead.tracks = self._tracker.estimates(lead.belief, self._facts)
+        new = self._book.open_group()
+        self._log.add("split", lead.group.target, head, peer=successor, sequence=new.target)
+        handover = Handover(
+            successor, lead.step, belief, previous_head=head, hops=driver.hops, bits=driver.collection.bits
+        )
+        self._services.elections.appoint(new, handover)
+
+    def _parted(self, tracks: Sequence[TrackEstimate]) -> list[list[TrackEstimate]]:
+        """The tracks in sets between which no gates overlap by `PART` or more."""
+        sets: list[list[TrackEstimate]] = []
+        for track in tracks:
+            near_by = [each for each in sets if any(self._overlap(track, one) >= PART for one in each)]
+            sets = [each for each in sets if each not in near_by] + [
+                [track, *(one for each in near_by for one in each)]
+            ]
+        return sets
+
+    def _in_range(self, lead: GroupLead) -> int:
+        """The number of members in range of a track."""
+        positions = self._network.nodes.assumed.positions[np.array(lead.cluster.roster(), dtype=np.int64)]
+        place = list(self._facts.motion.position)
+        near_by = [
+            np.hypot(*(positions - planar(track.mean[place])).T) <= self._facts.sensor.reach for track in lead.tracks
+        ]
+        return int(np.any(near_by, axis=0).sum()) if near_by else 0
+
+    def _hand_over(self, lead: GroupLead) -> Acting[Handover | None]:
+        """Send the belief to the node nearest to the tracks, which leads from the next step on; it may be the head."""
+        head, group = lead.cluster.head, lead.group
+        successor = self._nearest(lead.tracks)
+        if successor is None:
+            return None
+        if successor == head:
+            return Handover(head, lead.step, lead.belief, previous_head=head)
+        self._log.add("handover", group.target, head, peer=successor)
+        group.handovers += 1
+        sent = yield from self._sent(lead, lead.belief, successor)
+        if sent is None or not self._network.nodes.alive[successor]:
+            return None
+        belief, driver = sent
+        return Handover(
+            successor, lead.step, belief, previous_head=head, hops=driver.hops, bits=driver.collection.bits
+        )  # fmt: skip
+
+    def _sent(self, lead: GroupLead, belief: Any, to: int) -> Acting[tuple[Any, Driver] | None]:
+        """Send a belief to a node; what arrived, and the driver that sent it. None: it did not arrive."""
+        driver = Driver(self._services.driver, lead.group.target, lead.cluster.head, lead.cluster.members)
+        arrived = yield from driver.perform(belief_sent(belief, self._tracker.numbers_of(belief), to))
+        return None if arrived is None else (arrived, driver)
+
+    def _middle(self, tracks: Iterable[TrackEstimate]) -> Floats:
+        """(2,) the mean of the positions that tracks will have at the next step."""
+        motion, dt = self._facts.motion, self._clock.dt
+        states = np.array([track.mean for track in tracks]).T
+        middle: Floats = planar(motion.advance(states, dt, self._clock.now)[list(motion.position)].T).mean(axis=0)
+        return middle
+
+    def _nearest(self, tracks: Iterable[TrackEstimate]) -> int | None:
+        """The able node nearest to where tracks will be; None if none is able."""
+        positions = self._network.nodes.assumed.positions
+        return self._setup.clusters.successor(self._middle(tracks), positions, self._network.who_can_lead())

@@ -1,0 +1,136 @@
+"""Track-oriented multiple hypothesis tracking: decisions are deferred for some steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Annotated, ClassVar, Final
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.scans import Facts
+from wsnsim.trackers.multi_target.beliefs import Belief, BelievedTrack, picked
+from wsnsim.trackers.multi_target.frames import Frame
+from wsnsim.trackers.multi_target.initiation import LEAST_CLUTTER, Start, density
+from wsnsim.trackers.multi_target.lmb import heaviest
+from wsnsim.trackers.multi_target.management import with_hit
+from wsnsim.trackers.multi_target.tracker import MultiTargetTracker
+from wsnsim.trackers.shared.gaussian_port import GaussianPort
+
+CERTAIN: Final = 20.0
+"""Greatest log-odds of a track, so that it can end in reasonable time (our choice)."""
+WORSE: Final = 15.0
+"""A hypothesis whose log-odds are lower than the best of its track by more than this is left out (our choice)."""
+BONUS: Final = 1e3
+"""What the best global hypothesis gains by a further track: it has as many as possible."""
+
+
+@part
+class Mht(MultiTargetTracker):
+    """Track-oriented multiple hypothesis tracking with N-scan pruning.
+
+    Each track is a tree of hypotheses: which detection, or none, it took in each scan. Their scores are log-odds. The
+    best global hypothesis has one hypothesis of as many tracks as possible, none with a detection in common, and the
+    greatest sum of scores. Of each track, hypotheses are left out that differ from the one in it more than `depth`
+    steps ago. New tracks are those of the management, from detections that the best global hypothesis does not use,
+    whereas in the paper each detection starts one.
+
+    Source: Blackman (2004); the global hypothesis as an integer programme: Morefield (1977).
+    """
+
+    estimates_existence: ClassVar[bool] = True
+
+    depth: Annotated[int, Quantity("", ge=0, le=20), "steps for which decisions are deferred: N"] = 2
+    hypotheses: Annotated[int, Quantity("", ge=1, le=1000), "most hypotheses of a track"] = 20
+
+    def _begun(self, port: GaussianPort, mean: Floats, cov: Floats, number: int, time: float) -> BelievedTrack:
+        return BelievedTrack(number, np.full(1, CERTAIN), port.begun(mean, cov), time, histories=((),))
+
+    def _started(self, port: GaussianPort, start: Start, number: int, time: float, facts: Facts) -> BelievedTrack:
+        return replace(super()._started(port, start, number, time, facts), weights=np.array([min(start.odds, CERTAIN)]))
+
+    def _predicted(self, belief: Belief, time: float, port: GaussianPort, facts: Facts) -> list[BelievedTrack]:
+        tracks = super()._predicted(belief, time, port, facts)
+        return [replace(track, histories=tuple((*each, ()) for each in track.histories)) for track in tracks]
+
+    def _scan(self, frame: Frame, sensor: int, values: Floats, limit: float, facts: Facts) -> Floats:
+        modes, whole = frame.likelihoods(sensor, values, limit)
+        seen = frame.seen[frame.owners, sensor]
+        with np.errstate(divide="ignore"):
+            gains = np.log(seen[:, None] * whole / density(facts))
+        alone = np.log(np.maximum(1.0 - seen * self.gate, LEAST_CLUTTER))
+        scores = frame.weights[:, None] + np.column_stack([alone, gains])
+        best = np.full(len(frame.existence), -np.inf)
+        np.maximum.at(best, frame.owners, scores.max(axis=1))
+        kept = heaviest(scores - best[frame.owners, None], frame.owners, self.hypotheses, -WORSE)
+        rows, columns = np.nonzero(kept)
+        frame.take(rows)
+        frame.weights = scores[rows, columns]
+        for place, column in enumerate(columns.tolist()):
+            if column:
+                *before, last = frame.histories[place]
+                frame.histories[place] = (*before, (*last, (frame.nodes[sensor], column - 1)))
+        taken = (columns[:, None] == np.arange(1, len(values) + 1)).astype(np.float64)
+        frame.condition(sensor, values, modes[rows], whole[rows], taken)
+        return np.zeros(len(values))
+
+    def _closed(self, tracks: list[BelievedTrack], frame: Frame, explained: list[Floats]) -> list[BelievedTrack]:
+        """The tracks after the best global hypothesis and the pruning: its hypothesis of each track first."""
+        bank, expected, result = frame.bank(), frame.seen.sum(axis=1), []
+        places = {node: sensor for sensor, node in enumerate(frame.nodes)}
+        for row, (track, best) in enumerate(zip(tracks, best_global(frame), strict=True)):
+            mine = np.flatnonzero(frame.owners == row)
+            leaf = best if best >= 0 else int(mine[frame.weights[mine].argmax()])
+            history = frame.histories[leaf]
+            old = max(len(history) - self.depth, 0)
+            mine = np.array([each for each in mine.tolist() if frame.histories[each][:old] == history[:old]])
+            mine = np.concatenate([[leaf], mine[mine != leaf]])
+            weights = frame.weights[mine]
+            weights = weights - max(weights[0] - CERTAIN, 0.0)
+            existence = 1.0 / (1.0 + math.exp(-max(weights[0], -700.0))) if best >= 0 else 0.0
+            histories = tuple(frame.histories[each][old:] for each in mine.tolist())
+            used = history[-1] if best >= 0 else ()
+            for node, taken in used:
+                explained[places[node]][taken] = 1.0
+            result.append(with_hit(
+                track, len(used), expected[row], self.management.window, weights=weights, bank=picked(bank, mine),
+                existence=existence, histories=histories,
+            ))  # fmt: skip
+        return result
+
+
+def best_global(frame: Frame) -> list[int]:
+    """Of each track, the place of its hypothesis in the best global one, or -1 if it has none there."""
+    leaders = []
+    for row in range(len(frame.existence)):
+        mine = np.flatnonzero(frame.owners == row)
+        leaders.append(int(mine[frame.weights[mine].argmax()]))
+    taken = [key for leaf in leaders for key in _keys(frame, leaf)]
+    if len(taken) == len(set(taken)):
+        return leaders
+    from scipy.optimize import Bounds, LinearConstraint, milp
+    from scipy.sparse import csr_array
+
+    count = len(frame.owners)
+    rules: dict[int | tuple[int, int, int], list[int]] = {}
+    for leaf in range(count):
+        rules.setdefault(int(frame.owners[leaf]), []).append(leaf)
+        for key in _keys(frame, leaf):
+            rules.setdefault(key, []).append(leaf)
+    pairs = [(row, leaf) for row, leaves in enumerate(rules.values()) for leaf in leaves]
+    matrix = csr_array((np.ones(len(pairs)), tuple(zip(*pairs, strict=True))), shape=(len(rules), count))
+    found = milp(
+        -(frame.weights + BONUS), integrality=np.ones(count), bounds=Bounds(0.0, 1.0),
+        constraints=LinearConstraint(matrix, ub=1.0), options={"mip_rel_gap": 0.0},
+    )  # fmt: skip
+    chosen = np.flatnonzero(found.x > 0.5)
+    places = dict(zip(frame.owners[chosen].tolist(), chosen.tolist(), strict=True))
+    return [places.get(row, -1) for row in range(len(frame.existence))]
+
+
+def _keys(frame: Frame, leaf: int) -> list[tuple[int, int, int]]:
+    """The detections of a hypothesis: how many steps ago, which node and which row."""
+    steps = reversed(frame.histories[leaf])
+    return [(ago, node, row) for ago, step in enumerate(steps) for node, row in step]
