@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -73,9 +74,9 @@ def lifetime(interrupts: Interrupts, /, sources: tuple[str, ...], **given: Any) 
     _check_figures(figure, page)
     if len(sources) == 1 and lifetime_result.is_lifetime(sources[0]):
         points = lifetime_result.read(Path(sources[0]))
-        labels = [shortened(point.get("label", point["name"]), LABEL) for point in points]
     else:
-        labels, points = _estimated(sources, interrupts, given)
+        points = _estimated(sources, interrupts, given)
+    labels = [shortened(point.get("label", point["name"]), LABEL) for point in points]
     if figure is not None:
         from wsnsim.analysis import lifetime_plots
 
@@ -109,10 +110,8 @@ def _check_figures(figure: Path | None, page: Path | None) -> None:
         writable(page, Path(page.name))
 
 
-def _estimated(
-    sources: Sequence[str], interrupts: Interrupts, given: Mapping[str, Any]
-) -> tuple[list[str], list[dict[str, Any]]]:
-    """The labels and outcomes of all scenarios, which are written to the result."""
+def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The outcomes of all scenarios with their labels, which are written to the result."""
     from wsnsim.analysis import lifetime_result
     from wsnsim.campaign.sweeping import engine_of
     from wsnsim.campaign.visits import estimate_lifetime
@@ -140,7 +139,7 @@ def _estimated(
         raise
     if not given["quiet"]:
         echo_lines([f"wsnsim: {path}: written; show it again with: wsnsim info {path}"])
-    return [shortened(label, LABEL) for label in scenarios], points
+    return points
 
 
 def _scenarios(sources: Sequence[str], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -195,12 +194,8 @@ def _named_as_options(given: Mapping[str, Any]) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        old = tuple(f"--set lifetime.{name}" for name in BLOCK)
-        issues = [
-            dataclasses.replace(issue, place=issue.place.replace("--set lifetime.", "--"))
-            if issue.place.startswith(old) else issue
-            for issue in error.issues
-        ]  # fmt: skip
+        options = re.compile(rf"^--set lifetime\.(?={'|'.join(BLOCK)})")
+        issues = [dataclasses.replace(issue, place=options.sub("--", issue.place)) for issue in error.issues]
         raise ScenarioError(issues) from error.__cause__
     except UsageError as error:
         keys = {f"lifetime.{name}": f"--{name}" for name in BLOCK if given[name] is not None}
