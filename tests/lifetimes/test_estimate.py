@@ -13,7 +13,7 @@ from tests.helpers.thorough import THOROUGH
 from tests.lifetimes.test_rates import visits_of
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE, CAUSES
-from wsnsim.lifetimes import estimate
+from wsnsim.lifetimes import estimate, limits
 from wsnsim.lifetimes.estimate import Estimation, Lifetime, LifetimePlan
 from wsnsim.lifetimes.library import Library, Visit, make_visit, window_setup
 from wsnsim.lifetimes.paths import Paths, Phase
@@ -93,8 +93,8 @@ def test_intervals_hold_one_life_and_the_mean_life_as_often_as_they_say(syntheti
         for k, name in enumerate(("first_death", "half_dead")):
             known = found[name]
             held.append((
-                known.prediction.low <= lives[0, k] <= known.prediction.high,
-                known.confidence.low <= lives[:, k].mean() <= known.confidence.high,
+                known.low <= lives[0, k] <= known.high,
+                known.mean_low <= lives[:, k].mean() <= known.mean_high,
             ))  # fmt: skip
     shares = np.array(held).reshape(networks, 4).mean(axis=0)
     assert (shares >= 0.95 - 2.0 * np.sqrt(0.95 * 0.05 / networks)).all(), shares
@@ -169,7 +169,7 @@ def test_what_is_left_out_has_its_size(synthetic: NetworkSetup) -> None:
     setup = dataclasses.replace(synthetic, faults=(Crash(at=1.0, nodes=(1,)),))
     found = Estimation(setup, PLAN, Synthetic(np.full(NODES, 0.0127), np.random.default_rng(1))).run()
     said = "\n".join(found.not_modelled)
-    assert found.overlap == pytest.approx(1.0 - np.exp(-RATE * STAY))
+    assert limits.overlap(VISIT) == pytest.approx(1.0 - np.exp(-RATE * STAY))
     for words in ("residual energy", "memory between visits: 8.4%", "overlap: 5.4%", "faults of the scenario: 1"):
         assert words in said
 

@@ -19,15 +19,15 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSES
 from wsnsim.lifetimes import limits
-from wsnsim.lifetimes.criteria import CRITERIA, LATTICE, Criteria
+from wsnsim.lifetimes.criteria import LATTICE, Criteria
 from wsnsim.lifetimes.library import Library, Visit
 from wsnsim.lifetimes.paths import Paths, Phase
 from wsnsim.lifetimes.quiet import QuietPower, quiet_power
 from wsnsim.lifetimes.rates import Loads, fit_loads
 from wsnsim.lifetimes.stores import draw_stores
 from wsnsim.network.inspection import NetworkFacts, inspect_network
+from wsnsim.scenario.lifetime import CRITERIA, YEAR
 
-YEAR: Final = 365.25 * 86_400.0
 EPOCHS: Final = (0.0, 0.1, 0.3, 0.5)
 """Shares of dead nodes at which visits are simulated anew."""
 ROUTES: Final = 0.9
@@ -78,28 +78,23 @@ class LifetimePlan:
         return self.most + self.later * len(self.epochs)
 
 
-class TimeSpan(NamedTuple):
-    """Two ends, in s."""
-
-    low: float
-    high: float
-
-
 class CriterionTime(NamedTuple):
     """When a criterion is met.
 
     Attributes:
         median: over the paths in s; infinite if half of them do not meet it before the horizon.
+        low, high: where it lies for one network with 95 %.
         mean: over the paths in s; NaN if some do not meet it.
-        prediction: where it lies for one network with 95 %.
-        confidence: where its mean lies with 95 %, given what few visits tell of the loads; NaN as `mean`.
+        mean_low, mean_high: where its mean lies with 95 %, given what few visits tell of the loads; NaN as `mean`.
         met: share of the paths that meet it before the horizon.
     """
 
     median: float
+    low: float
+    high: float
     mean: float
-    prediction: TimeSpan
-    confidence: TimeSpan
+    mean_low: float
+    mean_high: float
     met: float
 
 
@@ -125,7 +120,6 @@ class Lifetime:
         epochs: the networks that were simulated.
         rules: what decides when a path meets a criterion.
         baseline: s that the mean node lives by its battery / (quiet power + rate of visits × joules of a visit).
-        overlap: share of Poisson visits at this rate that would begin while another lasts; here none does.
         not_modelled: what is left out, each with its size.
         notes: what is special about this network.
     """
@@ -138,7 +132,6 @@ class Lifetime:
     epochs: tuple[Epoch, ...]
     rules: Criteria
     baseline: float
-    overlap: float = 0.0
     not_modelled: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -207,9 +200,7 @@ class Estimation:
 
     def _error(self, known: CriterionTime) -> float:
         """Half the 95 % interval of a mean, as a share of it; 0 where some paths have none."""
-        return (
-            0.0 if known.met < 1.0 else (known.confidence.high - known.confidence.low) / 2.0 / max(known.mean, 1e-300)
-        )
+        return 0.0 if known.met < 1.0 else (known.mean_high - known.mean_low) / 2.0 / max(known.mean, 1e-300)
 
     def _goals(self, phase: Phase) -> list[int]:
         """Numbers of dead nodes at which visits are simulated anew, and the last: that at which paths end.
@@ -290,7 +281,7 @@ class Estimation:
             notes += (limits.missed(reached, plan.error, len(first.library.tracked)),)
         return Lifetime(
             plan, self._facts, criteria, times, events, tuple(self._epochs), rules, self._baseline(),
-            limits.overlap(visit), limits.not_modelled(self._setup, *spoken, self._strays, plan.horizon), notes,
+            limits.not_modelled(self._setup, *spoken, self._strays, plan.horizon), notes,
         )  # fmt: skip
 
     def _estimated(self, times: Floats) -> CriterionTime:
@@ -298,14 +289,14 @@ class Estimation:
         median = float(np.quantile(times, 0.5, method="nearest"))
         met = float(np.isfinite(times).mean())
         if met < 1.0:
-            return CriterionTime(median, np.nan, _interval(times), TimeSpan(np.nan, np.nan), met)
+            return CriterionTime(median, *_interval(times), np.nan, np.nan, np.nan, met)
         draws = times.reshape(self._plan.draws, self._plan.repeats)
         within = draws.var(axis=1, ddof=1).mean() / draws.shape[1] if draws.shape[1] > 1 else 0.0
         means, mean = draws.mean(axis=1), float(times.mean())
         # means of few paths spread more than those of many
         total = float(means.var(ddof=1)) if means.size > 1 else 0.0
         shrunk = np.sqrt(max(total - within, 0.0) / total) if total else 0.0
-        return CriterionTime(median, mean, _interval(times), _interval(mean + shrunk * (means - mean)), met)
+        return CriterionTime(median, *_interval(times), mean, *_interval(mean + shrunk * (means - mean)), met)
 
     def _near(self) -> Bools:
         field = self._setup.deploy.field
@@ -324,8 +315,8 @@ class Estimation:
             return float(self._stores.joules[nodes].mean() / np.float64(power))
 
 
-def _interval(values: Floats) -> TimeSpan:
+def _interval(values: Floats) -> tuple[float, float]:
     """Where a further value lies with 95 %: two of the values in their order."""
     ordered = np.sort(values, axis=None)
     first = max(int((1.0 - LEVEL) / 2.0 * (ordered.size + 1)), 1)
-    return TimeSpan(float(ordered[first - 1]), float(ordered[-first]))
+    return float(ordered[first - 1]), float(ordered[-first])

@@ -83,17 +83,13 @@ def _until(events: Floats, most: int, alive: Bools, paths: int) -> Floats:
 
 def _criterion(name: str, lifetime: Lifetime, times: Floats, series: Series) -> dict[str, Any]:
     """A row of the table of criteria, with the share of steps that is tracked when it is met."""
-    found = lifetime.criteria[name]
     tracked = [
         now["tracked"][np.searchsorted(changes, time, side="right") - 1]
         for time, (changes, now) in zip(times, series, strict=True)
         if np.isfinite(time)
     ]
-    return {
-        "criterion": name, "median": found.median, "low": found.prediction.low, "high": found.prediction.high,
-        "mean": found.mean, "mean_low": found.confidence.low, "mean_high": found.confidence.high, "met": found.met,
-        "tracked": float(np.mean(tracked)) if tracked else np.nan,
-    }  # fmt: skip
+    share = float(np.mean(tracked)) if tracked else np.nan
+    return {"criterion": name, **lifetime.criteria[name]._asdict(), "tracked": share}
 
 
 def _deaths(events: Floats, size: int, paths: int) -> Floats:

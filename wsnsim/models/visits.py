@@ -201,13 +201,9 @@ class Visits(InPlane):
     @cached_property
     def begins(self) -> Floats:
         """(n,) when the listed visits begin in s. Raises RunError if the file cannot be used."""
-        if self.path is None:
-            return np.array(self.times or ())
-        rows = csvfile.only_rows(self.path, csvfile.Wanted(numbers={"time": "time"}), "times")
-        times = rows.numbers["time"]
-        for row in np.flatnonzero((np.diff(times, prepend=-np.inf) <= 0.0) | (times < 0.0))[:1].tolist():
-            raise RunError(f"{self.path}:{rows.lines[row]}: times must ascend from 0 s on, is {times[row]:g} s")
-        return times
+        return (
+            np.array(self.times or ()) if self.path is None else csvfile.timed_rows(self.path, "times").numbers["time"]
+        )
 
     @property
     def longest(self) -> float:
