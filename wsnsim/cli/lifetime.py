@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -157,12 +158,14 @@ def _scenarios(sources: Sequence[str], given: Mapping[str, Any]) -> dict[str, An
     name = "_".join(Path(source).stem for source in sources)[:60]
     plan = load_sweep(list(sources), given["vary"], overrides, given["trackers"], name=name)
     return {
-        " ".join(map(_shown, point.settings.values())): load({**json.loads(point.resolved), "name": name})
+        " ".join(itertools.starmap(_shown, point.settings.items())): load({**json.loads(point.resolved), "name": name})
         for point in plan.points
     }
 
 
-def _shown(value: Any) -> str:
+def _shown(key: str, value: Any) -> str:
+    if key == "lifetime.intrusions" and value is not None:
+        return f"{3600.0 * value:.4g}/h"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 

@@ -181,7 +181,7 @@ class Visits(InPlane):
         number, end, free = 0, 0.0, 0
         while (begin := self._begin(number, end, rng)) <= steps * dt:
             first = max(math.ceil(begin / dt - ROUNDING), free)
-            visit = self.of.truth(longest, dt, rng)
+            visit = self.of.truth(longest if self.lasting is None else longest - 1, dt, rng)
             there = np.isfinite(visit[:, 0])
             visit = visit[: len(visit) if there.all() else int(there.argmin())]
             if first > steps:
@@ -189,7 +189,8 @@ class Visits(InPlane):
             states[first : first + len(visit)] = visit[: steps + 1 - first]
             # the target is absent for a step at least, and what is rounded in one visit is not passed on to the next
             number, free = number + 1, first + len(visit) + 1
-            end = begin + min(self.longest, (len(visit) - 0.5) * dt)
+            whole = self.lasting is not None and len(visit) == longest
+            end = begin + (self.longest if whole else min(self.longest, (len(visit) - 0.5) * dt))
         return states
 
     def _begin(self, number: int, end: float, rng: np.random.Generator) -> float:
