@@ -70,7 +70,7 @@ def test_more_visits_bring_the_first_death_nearer_and_narrow_its_interval() -> N
 
 def posterior_means(loads: Loads) -> np.ndarray:
     """(N,) the posterior mean load of each node."""
-    by_prior = (loads.likelihood @ (loads.priors * loads.atoms).T) / (loads.likelihood @ loads.priors.T)
+    by_prior = (loads.likelihood @ (loads.priors * loads.atoms).T) / (loads.likelihood @ loads.priors.T + 1e-300)
     means = by_prior @ loads.weights
     return loads.level * means / means.mean()
 

@@ -186,7 +186,7 @@ def _times(file: str) -> list[float]:
     from wsnsim.models.csvfile import timed_rows
 
     try:
-        return timed_rows(file, "times").numbers["time"].tolist()
+        return [float(time) for time in timed_rows(file, "times").numbers["time"]]
     except WsnsimError as error:
         raise UsageError(f"--intrusions: {error}") from None
 
