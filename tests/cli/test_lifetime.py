@@ -21,7 +21,7 @@ NETWORK: dict[str, Any] = {
     "deploy": {"kind": "uniform", "nodes": 16, "width": "60 m", "height": "60 m", "cover": False},
     "motion": {"kind": "random_waypoint", "width": "60 m", "height": "60 m"},
     "energy": {"battery": "20 kJ"},
-    "lifetime": {"lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 8},
+    "lifetime": {"lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 40},
 }  # fmt: skip
 LISTED = ["--set", "motion={kind: visits, of: {kind: random_waypoint}, lasting: 20 s, times: [0, 100]}"]
 SCANS = [
@@ -100,7 +100,7 @@ def test_a_damaged_file_is_refused_with_its_name(tmp_path: Path, capsys: Any) ->
 
 
 def test_visits_that_are_kept_are_not_simulated_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    ask = {"until": "first_death", "lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 8}
+    ask = {"until": "first_death", "lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 40}
     first = wsnsim.lifetime(NETWORK, "10/h", visits=tmp_path, workers=0, lifetime=ask)
     assert len(list(tmp_path.glob("*/r*.h5"))) >= 4
     assert list(first.table()["criterion"]) == ["first_death"]
@@ -131,7 +131,7 @@ def test_visits_that_are_kept_are_not_simulated_again(tmp_path: Path, monkeypatc
         (SCANS, "a lifetime needs readings that name it"),
         (["--jobs", "2", "--scheduler", "tcp://x:1"], "--jobs cannot be combined with --scheduler"),
         (["--plot", "a.gif"], "a figure cannot have the suffix '.gif'"),
-        (["--set", "lifetime.times=[3,2]"], "times: must ascend"),
+        (["--set", "lifetime.times=[3,2]"], "times: error: must ascend"),
         (["--set", "lifetime.times=[0,10]"], "lifetime.times: visits last up to 20 s, and two begin 10 s apart"),
         (["--intrusions", "close.csv"], "--intrusions close.csv: visits last up to 20 s, and two begin 10 s apart"),
         (["--intrusions", "0", "--profile", ",".join(["1"] * 24)], "--profile: needs visits at a rate"),
@@ -175,7 +175,7 @@ def test_trackers_are_compared_in_a_table_with_their_tracked_shares(
 
 
 def test_a_network_without_intrusions_is_quiet(tmp_path: Path) -> None:
-    ask = {"until": "first_death", "lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 8}
+    ask = {"until": "first_death", "lead": "4 s", "tail": "4 s", "episodes": 4, "paths": 40}
     found = wsnsim.lifetime(NETWORK, 0, workers=0, lifetime=ask).outcome
     assert found["rate"] == 0.0 and not any(found["causes"]["visits"])
     assert math.isclose(found["baseline"], 20e3 / sum(found["causes"]["quiet"]), rel_tol=1e-9)

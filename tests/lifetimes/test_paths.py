@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from scipy.stats import poisson
 
-from wsnsim.lifetimes.criteria import CRITERIA, Criteria
+from wsnsim.lifetimes.criteria import Criteria
 from wsnsim.lifetimes.paths import Paths, Phase
 from wsnsim.lifetimes.stores import Stores
 from wsnsim.models.batteries import BatteryFields, Diffusion, Kinetic, Linear
 from wsnsim.models.harvest import Harvester
 from wsnsim.models.visits import Crossing, Visits
+from wsnsim.scenario.lifetime import CRITERIA
 
 HOUR, DAY, YEAR = 3600.0, 86_400.0, 365.25 * 86_400.0
 NODES: Final = 6

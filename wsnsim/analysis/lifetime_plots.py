@@ -5,9 +5,8 @@ Each function takes Axes and the outcome of a scenario (see `lifetime_result`), 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from matplotlib import style
@@ -15,15 +14,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wsnsim.analysis.figure_style import BLUE, GREEN, GREY, ORANGE, SKY, STYLE, VERMILLION, save
+from wsnsim.analysis.lifetime_text import DAY, Point
 
-DAY: Final = 86_400.0
 CURVES: Final = {
     "alive": (BLUE, "nodes alive"),
     "coverage": (GREEN, "coverage"),
     "tracked": (VERMILLION, "tracked steps"),
 }
 MOST_CAUSES: Final = 8
-Point = Mapping[str, Any]
 
 
 def shares(axes: Axes, point: Point) -> Axes:

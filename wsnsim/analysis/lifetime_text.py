@@ -10,10 +10,9 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from wsnsim.analysis.phrases import aligned
+from wsnsim.analysis.phrases import WIDTH, aligned, wrapped
 from wsnsim.base.errors import counted
 
-WIDTH: Final = 100
 HOUR, DAY, YEAR = 3600.0, 86_400.0, 365.25 * 86_400.0
 Point = Mapping[str, Any]
 NAMES: Final = {
@@ -25,8 +24,8 @@ SHARES: Final = {"coverage": "coverage", "sink": "connected", "tracked": "tracke
 
 def text(point: Point) -> str:
     """The whole answer, at most 100 columns wide."""
-    lines = [*_wrapped(answer(point)), "", *_table(point), "", *_wrapped(_energy(point)), *_first(point)]
-    lines += _wrapped(_baseline(point))
+    lines = [*wrapped(answer(point)), "", *_table(point), "", *wrapped(_energy(point)), *_first(point)]
+    lines += wrapped(_baseline(point))
     for title, items in (("notes", point["notes"]), ("not modelled", point["not_modelled"])):
         lines += [f"{title}:"] if items else []
         lines += [
@@ -79,7 +78,7 @@ def several(points: Sequence[Point], labels: Sequence[str]) -> str:
     )
     foot += "the energy spent without a target; visit: energy that a visit adds; two-term: battery / (quiet power + "
     foot += "rate × visit). All have the same seed: where the scenarios allow, the same network and the same visits."
-    return "\n".join([*aligned(rows), "", *_wrapped(foot), *_gain(points, labels, unit)])
+    return "\n".join([*aligned(rows), "", *wrapped(foot), *_gain(points, labels, unit)])
 
 
 def _gain(points: Sequence[Point], labels: Sequence[str], unit: tuple[float, str]) -> Iterator[str]:
@@ -94,7 +93,7 @@ def _gain(points: Sequence[Point], labels: Sequence[str], unit: tuple[float, str
     sure = "the confidence intervals of the means do not overlap with any other" if len(apart) == len(others) else (
         f"but the confidence intervals of {counted(len(others) - len(apart), 'mean')} overlap with it or are unknown"
     )  # fmt: skip
-    yield from _wrapped(f"{words}; {sure}.")
+    yield from wrapped(f"{words}; {sure}.")
 
 
 def _table(point: Point) -> list[str]:
@@ -110,16 +109,14 @@ def _table(point: Point) -> list[str]:
         span = _span(row["low"], row["high"], point, unit)
         rows.append([label, _in(row["median"], point, unit), span, mean, _share(row["met"]), _share(row["tracked"])])
     counts = " + ".join(str(each["visits"]) for each in point["libraries"])
-    shown = [*aligned(rows), "", *_wrapped(
+    shown = [*aligned(rows), "", *wrapped(
         f"From {point['paths']} sample paths with {counts} simulated visits, each simulated with and without the target"
         f"; coverage and tracked are shares of those at the start. {_tracked_at_start(point).capitalize()}."
     )]  # fmt: skip
     if point["end"] < point["horizon"] and any(row["met"] < 1.0 for row in point["criteria"]):
-        shown += _wrapped(
-            "Paths end when 60 % of the nodes are dead: > stands for later than the median of these ends."
-        )
+        shown += wrapped("Paths end when 60 % of the nodes are dead: > stands for later than the median of these ends.")
     if point["tolerance"]:
-        shown += _wrapped(f"Interruptions up to {point['tolerance']:g} s do not count.")
+        shown += wrapped(f"Interruptions up to {point['tolerance']:g} s do not count.")
     return shown
 
 
@@ -160,7 +157,7 @@ def _first(point: Point) -> Iterator[str]:
         )
         words += f"the mean power, {_share(row['quiet'])} of it without a target (mostly {row['quiet_cause']})"
         rest = "" if row["quiet"] > 0.9995 else f", the rest mostly {row['visits_cause']}"
-        yield from _wrapped(f"{words}{rest}.")
+        yield from wrapped(f"{words}{rest}.")
 
 
 def _baseline(point: Point) -> str:
@@ -197,7 +194,3 @@ def _number(value: float) -> str:
 
 def _share(value: float) -> str:
     return "-" if math.isnan(value) else f"{100 * value:.0f} %"
-
-
-def _wrapped(sentence: str) -> list[str]:
-    return textwrap.wrap(sentence, WIDTH)

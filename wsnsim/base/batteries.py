@@ -115,6 +115,3 @@ class Battery(Protocol):
 
     def income(self, time: float) -> Income:
         """What the harvester offers at a time in s; nothing without one."""
-
-    def mean_income(self, begin: float, end: float) -> float:
-        """Mean power in W that the harvester offers between two times in s."""

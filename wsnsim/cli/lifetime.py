@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import itertools
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -72,9 +75,9 @@ def lifetime(interrupts: Interrupts, /, sources: tuple[str, ...], **given: Any) 
     _check_figures(figure, page)
     if len(sources) == 1 and lifetime_result.is_lifetime(sources[0]):
         points = lifetime_result.read(Path(sources[0]))
-        labels = [shortened(point.get("label", point["name"]), LABEL) for point in points]
     else:
-        labels, points = _estimated(sources, interrupts, given)
+        points = _estimated(sources, interrupts, given)
+    labels = [shortened(point.get("label", point["name"]), LABEL) for point in points]
     if figure is not None:
         from wsnsim.analysis import lifetime_plots
 
@@ -108,11 +111,10 @@ def _check_figures(figure: Path | None, page: Path | None) -> None:
         writable(page, Path(page.name))
 
 
-def _estimated(
-    sources: Sequence[str], interrupts: Interrupts, given: Mapping[str, Any]
-) -> tuple[list[str], list[dict[str, Any]]]:
-    """The labels and outcomes of all scenarios, which are written to the result."""
+def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The outcomes of all scenarios with their labels, which are written to the result."""
     from wsnsim.analysis import lifetime_result
+    from wsnsim.campaign.sweeping import engine_of
     from wsnsim.campaign.visits import estimate_lifetime
     from wsnsim.lifetimes.planning import lifetime_plan
     from wsnsim.recording.atomic_files import sole_writer
@@ -125,13 +127,12 @@ def _estimated(
             lifetime_plan(scenario)  # all are checked before one is simulated
     path = writable(given["out"], Path("results") / f"{next(iter(scenarios.values())).name}.lifetime.json")
     folder, points = path.with_suffix(".visits"), []
+    engine = partial(engine_of, folder, given["jobs"], given["scheduler"])
     shown = display("none" if given["quiet"] else given["progress"], VISITS)
     try:
         with sole_writer(path), contextlib.closing(shown):
             for label, scenario in scenarios.items():
-                found = estimate_lifetime(
-                    scenario, folder, _engine(folder, given), report=shown.step, stopping=interrupts.noted
-                )
+                found = estimate_lifetime(scenario, folder, engine, report=shown.step, stopping=interrupts.noted)
                 points.append({"label": label, **found})
             lifetime_result.write(path, points, shared.command_line())
     except KeyboardInterrupt:
@@ -139,7 +140,7 @@ def _estimated(
         raise
     if not given["quiet"]:
         echo_lines([f"wsnsim: {path}: written; show it again with: wsnsim info {path}"])
-    return [shortened(label, LABEL) for label in scenarios], points
+    return points
 
 
 def _scenarios(sources: Sequence[str], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -157,12 +158,14 @@ def _scenarios(sources: Sequence[str], given: Mapping[str, Any]) -> dict[str, An
     name = "_".join(Path(source).stem for source in sources)[:60]
     plan = load_sweep(list(sources), given["vary"], overrides, given["trackers"], name=name)
     return {
-        " ".join(map(_shown, point.settings.values())): load({**json.loads(point.resolved), "name": name})
+        " ".join(itertools.starmap(_shown, point.settings.items())): load({**json.loads(point.resolved), "name": name})
         for point in plan.points
     }
 
 
-def _shown(value: Any) -> str:
+def _shown(key: str, value: Any) -> str:
+    if key == "lifetime.intrusions" and value is not None:
+        return f"{3600.0 * value:.4g}/h"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
@@ -180,13 +183,12 @@ def _of_block(given: Mapping[str, Any]) -> Iterator[Any]:
 
 def _times(file: str) -> list[float]:
     """The times in a CSV file with the column `time` in s."""
-    from wsnsim.models import csvfile
+    from wsnsim.models.csvfile import timed_rows
 
     try:
-        rows = csvfile.only_rows(file, csvfile.Wanted(numbers={"time": "time"}), "times")
+        return [float(time) for time in timed_rows(file, "times").numbers["time"]]
     except WsnsimError as error:
         raise UsageError(f"--intrusions: {error}") from None
-    return [float(time) for time in rows.numbers["time"]]
 
 
 @contextlib.contextmanager
@@ -195,12 +197,8 @@ def _named_as_options(given: Mapping[str, Any]) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        old = tuple(f"--set lifetime.{name}" for name in BLOCK)
-        issues = [
-            dataclasses.replace(issue, place=issue.place.replace("--set lifetime.", "--"))
-            if issue.place.startswith(old) else issue
-            for issue in error.issues
-        ]  # fmt: skip
+        options = re.compile(rf"^--set lifetime\.(?={'|'.join(BLOCK)})")
+        issues = [dataclasses.replace(issue, place=options.sub("--", issue.place)) for issue in error.issues]
         raise ScenarioError(issues) from error.__cause__
     except UsageError as error:
         keys = {f"lifetime.{name}": f"--{name}" for name in BLOCK if given[name] is not None}
@@ -210,14 +208,3 @@ def _named_as_options(given: Mapping[str, Any]) -> Iterator[None]:
         for key, option in keys.items():
             words = words.replace(key, option)
         raise UsageError(words) from error
-
-
-def _engine(folder: Path, given: Mapping[str, Any]) -> Callable[[], Any]:
-    """What makes an engine: visits are simulated in several sessions."""
-    from wsnsim.campaign import engines
-
-    if given["scheduler"]:
-        from wsnsim.campaign.dask_engine import DaskEngine
-
-        return lambda: DaskEngine(folder, given["scheduler"])
-    return lambda: engines.LocalEngine(given["jobs"] or engines.available_cores())

@@ -17,10 +17,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.scenario.lifetime import CRITERIA
 
-FIRST, TENTH, HALF, COVERAGE, SINK, TRACKED = CRITERIA = (
-    "first_death", "dead_10", "half_dead", "coverage", "sink", "tracked",
-)  # fmt: skip
+FIRST, TENTH, HALF, COVERAGE, SINK, TRACKED = CRITERIA
 LATTICE: Final = 50
 """Cells along each side of the field, at whose centres coverage is evaluated."""
 

@@ -14,20 +14,21 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSES
 from wsnsim.lifetimes import limits
-from wsnsim.lifetimes.criteria import CRITERIA, LATTICE, Criteria
+from wsnsim.lifetimes.criteria import LATTICE, Criteria
 from wsnsim.lifetimes.library import Library, Visit
 from wsnsim.lifetimes.paths import Paths, Phase
 from wsnsim.lifetimes.quiet import QuietPower, quiet_power
 from wsnsim.lifetimes.rates import Loads, fit_loads
 from wsnsim.lifetimes.stores import draw_stores
 from wsnsim.network.inspection import NetworkFacts, inspect_network
+from wsnsim.scenario.lifetime import CRITERIA, YEAR
 
-YEAR: Final = 365.25 * 86_400.0
 EPOCHS: Final = (0.0, 0.1, 0.3, 0.5)
 """Shares of dead nodes at which visits are simulated anew."""
 ROUTES: Final = 0.9
@@ -50,7 +51,7 @@ class LifetimePlan:
         draws: draws of the nodes' loads, each with `repeats` paths.
         epochs: shares of dead nodes at which visits are simulated anew.
         later: visits that are simulated in each later epoch.
-        last: share of dead nodes at which paths end.
+        last: share of dead nodes at which paths end; above 1, they do not.
         known: criteria that are known by then.
         tolerance, coverage, connected, tracked: see `criteria.Criteria`.
     """
@@ -78,28 +79,23 @@ class LifetimePlan:
         return self.most + self.later * len(self.epochs)
 
 
-class TimeSpan(NamedTuple):
-    """Two ends, in s."""
-
-    low: float
-    high: float
-
-
 class CriterionTime(NamedTuple):
     """When a criterion is met.
 
     Attributes:
         median: over the paths in s; infinite if half of them do not meet it before the horizon.
+        low, high: where it lies for one network with 95 %.
         mean: over the paths in s; NaN if some do not meet it.
-        prediction: where it lies for one network with 95 %.
-        confidence: where its mean lies with 95 %, given what few visits tell of the loads; NaN as `mean`.
+        mean_low, mean_high: where its mean lies with 95 %, given what few visits tell of the loads; NaN as `mean`.
         met: share of the paths that meet it before the horizon.
     """
 
     median: float
+    low: float
+    high: float
     mean: float
-    prediction: TimeSpan
-    confidence: TimeSpan
+    mean_low: float
+    mean_high: float
     met: float
 
 
@@ -123,9 +119,9 @@ class Lifetime:
         times: {criterion: (draws × repeats,) s of each path; the paths of a draw of loads follow each other}.
         events: (E, 4) deaths and returns: path, node, time in s, whether it is back.
         epochs: the networks that were simulated.
+        mortal: numbers of the nodes that live at the start and are not on mains; if there are none, of all that live.
         rules: what decides when a path meets a criterion.
         baseline: s that the mean node lives by its battery / (quiet power + rate of visits × joules of a visit).
-        overlap: share of Poisson visits at this rate that would begin while another lasts; here none does.
         not_modelled: what is left out, each with its size.
         notes: what is special about this network.
     """
@@ -136,9 +132,9 @@ class Lifetime:
     times: dict[str, Floats]
     events: Floats
     epochs: tuple[Epoch, ...]
+    mortal: Ints
     rules: Criteria
     baseline: float
-    overlap: float = 0.0
     not_modelled: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -152,10 +148,12 @@ class Estimation:
 
     def __init__(self, setup: NetworkSetup, plan: LifetimePlan, make: Make) -> None:
         self._setup = dataclasses.replace(setup, network=0) if setup.network is None else setup
-        self._plan, self._make = plan, make
         self._facts = inspect_network(self._setup, 0)
         self._size, self._paths = len(self._facts.positions), plan.draws * plan.repeats
         self._stores = draw_stores(self._setup, self._size, self._facts.sinks)
+        if self._stores.restarts:  # nodes come back: no number of them is down for good
+            plan = dataclasses.replace(plan, epochs=plan.epochs[:1], last=2.0)
+        self._plan, self._make = plan, make
         self._rng = np.random.default_rng([self._setup.seed, plan.seed])
         self._epochs: list[Epoch] = []
         self._strays: list[float] = []
@@ -176,7 +174,7 @@ class Estimation:
             dead = self._dead(paths)
             if dead is None:
                 break
-            if dead != self._epochs[-1].dead:  # else several goals were passed at once
+            if dead != self._epochs[-1].dead and len(dead) < self._size:  # else several goals were passed at once
                 self._epochs.append(self._epoch(dead, self._plan.later, first=1_000_000 * goal))
                 phase = self._phase(self._epochs[-1])
             paths.advance(phase, following)
@@ -207,9 +205,7 @@ class Estimation:
 
     def _error(self, known: CriterionTime) -> float:
         """Half the 95 % interval of a mean, as a share of it; 0 where some paths have none."""
-        return (
-            0.0 if known.met < 1.0 else (known.confidence.high - known.confidence.low) / 2.0 / max(known.mean, 1e-300)
-        )
+        return 0.0 if known.met < 1.0 else (known.mean_high - known.mean_low) / 2.0 / max(known.mean, 1e-300)
 
     def _goals(self, phase: Phase) -> list[int]:
         """Numbers of dead nodes at which visits are simulated anew, and the last: that at which paths end.
@@ -219,7 +215,7 @@ class Estimation:
         begun = int((~self._stores.alive).sum())
         last = max(int(np.ceil(self._plan.last * self._size)), begun + 1)
         goals = {int(np.ceil(share * self._size)) for share in self._plan.epochs} | {last}
-        if self._facts.sinks:
+        if self._facts.sinks and last <= self._size:
             paths = self._new_paths()
             paths.advance(phase, last)
             events, median = paths.noted(), np.argsort(paths.time)[self._paths // 2]
@@ -284,13 +280,14 @@ class Estimation:
         times = rules.times(events, self._stores.alive, self._paths)
         criteria = {name: self._estimated(each) for name, each in times.items()}
         first, visit = self._epochs[0], plan.visit
-        spoken = (first.quiet, first.library, self._stores, visit)
+        spoken, baseline = (first.quiet, first.library, self._stores, visit), self._baseline()
         notes = limits.notes(*spoken, plan.horizon)
         if (reached := self._error(criteria["first_death"])) > plan.error:
             notes += (limits.missed(reached, plan.error, len(first.library.tracked)),)
         return Lifetime(
-            plan, self._facts, criteria, times, events, tuple(self._epochs), rules, self._baseline(),
-            limits.overlap(visit), limits.not_modelled(self._setup, *spoken, self._strays, plan.horizon), notes,
+            plan, self._facts, criteria, times, events, tuple(self._epochs), self._mortal(first.dead), rules, baseline,
+            limits.not_modelled(self._setup, *spoken, self._strays, min(max(1.0, baseline), plan.horizon))
+            + limits.thinned([len(each.dead) / self._size for each in self._epochs], self._stores.restarts), notes,
         )  # fmt: skip
 
     def _estimated(self, times: Floats) -> CriterionTime:
@@ -298,14 +295,15 @@ class Estimation:
         median = float(np.quantile(times, 0.5, method="nearest"))
         met = float(np.isfinite(times).mean())
         if met < 1.0:
-            return CriterionTime(median, np.nan, _interval(times), TimeSpan(np.nan, np.nan), met)
+            return CriterionTime(median, *_interval(times), np.nan, np.nan, np.nan, met)
         draws = times.reshape(self._plan.draws, self._plan.repeats)
         within = draws.var(axis=1, ddof=1).mean() / draws.shape[1] if draws.shape[1] > 1 else 0.0
         means, mean = draws.mean(axis=1), float(times.mean())
-        # means of few paths spread more than those of many
         total = float(means.var(ddof=1)) if means.size > 1 else 0.0
-        shrunk = np.sqrt(max(total - within, 0.0) / total) if total else 0.0
-        return CriterionTime(median, mean, _interval(times), _interval(mean + shrunk * (means - mean)), met)
+        # means of few paths spread more than loads do; of that, the mean of all draws keeps a small share
+        variance = max(total - within, 0.0) + within / means.size
+        half = float(stats.t.ppf(0.5 + LEVEL / 2.0, max(means.size - 1, 1)) * np.sqrt(variance))
+        return CriterionTime(median, *_interval(times), mean, mean - half, mean + half, met)
 
     def _near(self) -> Bools:
         field = self._setup.deploy.field
@@ -318,14 +316,18 @@ class Estimation:
     def _baseline(self) -> float:
         """Two terms: quiet power, and visits; of the nodes that live at the start and are not on mains."""
         first, visits, nodes = self._epochs[0], self._plan.visit.visits, self._mortal(self._epochs[0].dead)
-        rate = visits.frequency(self._plan.horizon)
-        power = first.quiet.watts.sum(axis=0)[nodes].mean() + rate * first.library.added[:, nodes].mean()
-        with np.errstate(divide="ignore"):
-            return float(self._stores.joules[nodes].mean() / np.float64(power))
+        quiet, added = first.quiet.watts.sum(axis=0)[nodes].mean(), first.library.added[:, nodes].mean()
+        joules = self._stores.joules[nodes].mean()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if visits.rate is not None:
+                return float(joules / np.float64(quiet + visits.rate * added))
+            lives = (joules - np.arange(visits.begins.size + 1) * added) / quiet  # if so many visits have been
+        which = int((lives <= np.append(visits.begins, np.inf)).argmax())
+        return float(max(lives[which], np.append(0.0, visits.begins)[which]))
 
 
-def _interval(values: Floats) -> TimeSpan:
+def _interval(values: Floats) -> tuple[float, float]:
     """Where a further value lies with 95 %: two of the values in their order."""
     ordered = np.sort(values, axis=None)
     first = max(int((1.0 - LEVEL) / 2.0 * (ordered.size + 1)), 1)
-    return TimeSpan(float(ordered[first - 1]), float(ordered[-first]))
+    return float(ordered[first - 1]), float(ordered[-first])

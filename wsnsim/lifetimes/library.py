@@ -79,21 +79,23 @@ class Library:
         return Library(**both, dead=self.dead)
 
 
+def without_failures(setup: NetworkSetup, dead: Iterable[int] = ()) -> NetworkSetup:
+    """The setup without faults and with batteries of one kind; the nodes `dead` are down from the start."""
+    crashes = (Crash(at=0.0, nodes=tuple(sorted(dead))),) if dead else ()
+    return dataclasses.replace(setup, battery=Linear(), faults=crashes, until_clusters=None)
+
+
 def window_setup(setup: NetworkSetup, visit: Visit, *, present: bool, dead: Iterable[int] = ()) -> NetworkSetup:
     """The setup of one window, with its visit or without; no battery is ever empty, and the nodes `dead` are down."""
     times = (visit.lead,) if present else ()
     motion = dataclasses.replace(visit.visits, rate=None, profile=None, path=None, times=times)
-    crashes = (Crash(at=0.0, nodes=tuple(sorted(dead))),) if dead else ()
     return dataclasses.replace(
-        setup,
+        without_failures(setup, dead),
         motions=(motion,),
         presence=(),
         energy=dataclasses.replace(setup.energy, battery=PLENTY),  # type: ignore[type-var]
-        battery=Linear(),
         filter_motions=setup.filter_motions[:1],
-        faults=crashes,
         steps=round(visit.window / setup.dt) - 1,
-        until_clusters=None,
     )
 
 

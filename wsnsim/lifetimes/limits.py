@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wsnsim.base.errors import counted
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE
 from wsnsim.lifetimes.library import Library, Visit
@@ -26,6 +27,13 @@ def missed(reached: float, asked: float, count: int) -> str:
         f"the mean first death is known to {reached:.1%} with {count} visits, {asked:.1%} was asked for: allow more "
         "episodes"
     )
+
+
+def thinned(shares: Sequence[float], come_back: bool) -> tuple[str, ...]:
+    """What is not known of tracking in a network that has lost more nodes than any that was simulated."""
+    if come_back:
+        return ("visits while nodes are down: all nodes are up in simulated visits, and tracked shares are those",)
+    return (f"visits with more than {max(shares):.0%} of the nodes dead: they are tracked as with so many",)
 
 
 def not_modelled(
@@ -98,10 +106,12 @@ def notes(quiet: QuietPower, library: Library, stores: Stores, visit: Visit, hor
         found.append("all nodes are on mains or have infinite batteries: none can die")
     if living.size < stores.alive.size:
         dead = stores.alive.size - living.size
-        found.append(f"{dead} nodes have nothing to draw at the start: they are dead, and are no first death")
+        found.append(f"{counted(dead, 'node')} dead at the start, with nothing to draw: no first death")
     small = int((most[mortal] >= stores.joules[mortal]).sum())
     if small:
-        found.append(f"one visit can empty the batteries of {small} nodes: a death is timed within the visit, evenly")
+        found.append(
+            f"one visit can empty the batteries of {counted(small, 'node')}: a death is timed within the visit, evenly"
+        )
     if not quiet.watts[CAUSE["sleep"], living].any() and quiet.watts[:, living].any():
         found.append("no node ever sleeps: nearly all energy is that of the quiet network")
     return tuple(found)

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.tables import CAUSES
 from wsnsim.lifetimes.estimate import Lifetime
 from wsnsim.scenario.build import resolved
@@ -35,8 +35,8 @@ def outcome_of(lifetime: Lifetime, scenario: Any) -> dict[str, Any]:
     ends = np.array([ts[-1] if round(now["dead"][-1] * size) >= most else plan.horizon for ts, now in series])
     times = {name: np.ravel(lifetime.times[name]) for name in plan.known}
     quiet, added = first.quiet.watts, first.library.joules.mean(axis=0)
-    visits = plan.visit.visits
-    rate = visits.frequency(plan.horizon)
+    visits, mortal = plan.visit.visits, lifetime.mortal
+    rate = visits.frequency(min(max(1.0, lifetime.baseline), plan.horizon))
     return {
         "name": scenario.name, "seed": scenario.seed, "horizon": plan.horizon, "tolerance": plan.tolerance,
         "shares": {name: getattr(plan, name) for name in ("coverage", "connected", "tracked")}, "paths": paths,
@@ -53,8 +53,8 @@ def outcome_of(lifetime: Lifetime, scenario: Any) -> dict[str, Any]:
             "quiet": quiet.sum(axis=0), "visits": rate * added.sum(axis=0),
             "died": _deaths(lifetime.events, size, paths),
         },
-        "causes": _by_cause(quiet[:, alive].mean(axis=1), rate * added[:, alive].mean(axis=1)),
-        "first": _first(lifetime.events, quiet, rate * added),
+        "causes": _by_cause(quiet[:, mortal].mean(axis=1), rate * added[:, mortal].mean(axis=1)),
+        "first": _first(lifetime.events, mortal, quiet, rate * added),
         "curves": _curves(series, float(np.median(ends))),
         "not_modelled": list(lifetime.not_modelled), "notes": list(lifetime.notes),
         "lifetimes": {
@@ -83,17 +83,13 @@ def _until(events: Floats, most: int, alive: Bools, paths: int) -> Floats:
 
 def _criterion(name: str, lifetime: Lifetime, times: Floats, series: Series) -> dict[str, Any]:
     """A row of the table of criteria, with the share of steps that is tracked when it is met."""
-    found = lifetime.criteria[name]
     tracked = [
         now["tracked"][np.searchsorted(changes, time, side="right") - 1]
         for time, (changes, now) in zip(times, series, strict=True)
         if np.isfinite(time)
     ]
-    return {
-        "criterion": name, "median": found.median, "low": found.prediction.low, "high": found.prediction.high,
-        "mean": found.mean, "mean_low": found.confidence.low, "mean_high": found.confidence.high, "met": found.met,
-        "tracked": float(np.mean(tracked)) if tracked else np.nan,
-    }  # fmt: skip
+    share = float(np.mean(tracked)) if tracked else np.nan
+    return {"criterion": name, **lifetime.criteria[name]._asdict(), "tracked": share}
 
 
 def _deaths(events: Floats, size: int, paths: int) -> Floats:
@@ -111,15 +107,17 @@ def _by_cause(quiet: Floats, visits: Floats) -> dict[str, Any]:
     return {"cause": [CAUSES[i] for i in order], "quiet": quiet[order], "visits": visits[order]}
 
 
-def _first(events: Floats, quiet: Floats, visits: Floats) -> list[dict[str, Any]]:
+def _first(events: Floats, mortal: Ints, quiet: Floats, visits: Floats) -> list[dict[str, Any]]:
     """The nodes that most often die first: in which share of the paths with a death, and on what they spend."""
+    events = events[events[:, 3] == 0.0]
     nodes = events[np.unique(events[:, 0], return_index=True)[1], 1].astype(int)
     found, counts = np.unique(nodes, return_counts=True)
     power = (quiet + visits).sum(axis=0)
+    mean = max(float(power[mortal].mean()), 1e-300)
     return [
         {
             "node": int(found[i]), "share": float(counts[i] / nodes.size),
-            "ratio": float(power[found[i]] / max(float(power.mean()), 1e-300)),
+            "ratio": float(power[found[i]] / mean),
             "quiet": float(quiet[:, found[i]].sum() / max(float(power[found[i]]), 1e-300)),
             "quiet_cause": CAUSES[int(quiet[:, found[i]].argmax())],
             "visits_cause": CAUSES[int(visits[:, found[i]].argmax())],

@@ -116,9 +116,11 @@ class Paths:
         """The next of the listed visits in each of the paths, or the quiet time until the horizon."""
         assert self._visits is not None
         times = np.append(self._visits.begins, np.inf)
-        begins = times[np.searchsorted(times, self.time[chosen])]
-        coming = begins < self._horizon
-        self._spend(chosen, phase.quiet, np.minimum(begins, self._horizon) - self.time[chosen])
+        now = self.time[chosen]
+        begins = times[np.searchsorted(times, now)]
+        until = np.minimum(np.minimum(begins, self._horizon), now + LONGEST * self._horizon)
+        coming = (begins <= until) & (begins < self._horizon)
+        self._spend(chosen, phase.quiet, until - now)
         going = chosen[coming]
         if going.size:
             counts = np.eye(len(phase.added))[self._rng.integers(len(phase.added), size=going.size)]

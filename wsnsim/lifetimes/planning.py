@@ -14,12 +14,11 @@ from typing import Any, Final
 
 from wsnsim.base.errors import UsageError
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
-from wsnsim.lifetimes.criteria import CRITERIA
 from wsnsim.lifetimes.estimate import EPOCHS, LifetimePlan
 from wsnsim.lifetimes.library import Visit
 from wsnsim.models.visits import Crossing, Visits
 from wsnsim.scenario.build import build
-from wsnsim.scenario.lifetime import AskedLifetime
+from wsnsim.scenario.lifetime import CRITERIA, AskedLifetime
 
 HOURLY: Final = 1.0 / 3600.0
 """Visits per second where nobody says how many."""
@@ -45,8 +44,7 @@ def lifetime_plan(scenario: Any) -> tuple[NetworkSetup, LifetimePlan]:
     visits = _visits(scenario, setup, asked)
     if issue := visits.closeness():
         raise UsageError(f"{scenario.name}: {'lifetime.times' if asked.times else 'motion'}: {issue.message}")
-    longest = visits.lasting if visits.lasting is not None else visits.of.longest  # type: ignore[attr-defined]
-    window = Visit(visits, *(_stepped(time, setup.dt) for time in (asked.lead, asked.tail, longest)))
+    window = Visit(visits, *(_stepped(time, setup.dt) for time in (asked.lead, asked.tail, visits.longest)))
     shares: dict[str, Any] = {
         name: getattr(asked, name) for name in ("horizon", "error", "tolerance", "coverage", "connected", "tracked")
     }
@@ -87,13 +85,11 @@ def _visits(scenario: Any, setup: NetworkSetup, asked: AskedLifetime) -> Visits:
     if asked.profile is not None and (asked.intrusions == 0.0 or (own and not own.rate and asked.intrusions is None)):
         raise UsageError(f"{scenario.name}: lifetime.profile: needs visits at a rate: give intrusions above 0, too")
     rate = asked.intrusions if asked.intrusions is not None else getattr(own, "rate", None) or HOURLY
-    timing: dict[str, Any] = {"rate": rate, "profile": asked.profile, "times": None}
+    timing: dict[str, Any] = {"rate": rate, "profile": asked.profile, "times": None, "path": None}
     if asked.times is not None or not rate:
-        timing = {"rate": None, "profile": None, "times": asked.times or ()}
+        timing |= {"rate": None, "times": asked.times or ()}
     elif asked.profile is None and own is not None:
         timing["profile"] = own.profile
-    if hasattr(own, "path"):
-        timing["path"] = None
     try:
         if own is not None:
             return dataclasses.replace(own, **timing)

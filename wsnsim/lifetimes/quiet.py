@@ -26,8 +26,7 @@ from wsnsim.base.rows import RunNow, RunStart
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE, CAUSES, Memory
 from wsnsim.experiment import replicate_of
-from wsnsim.models.batteries import Linear
-from wsnsim.models.faults import Crash
+from wsnsim.lifetimes.library import without_failures
 from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SWITCH
 from wsnsim.network.inspection import inspect_radio
 from wsnsim.network.radio.radio_stack import RadioStack, make_power_table
@@ -102,11 +101,8 @@ def _without_targets(setup: NetworkSetup, dead: frozenset[int]) -> NetworkSetup:
     energy: Any = setup.energy
     if "battery" in {field.name for field in dataclasses.fields(energy)}:
         energy = dataclasses.replace(energy, battery=math.inf)
-    crashes = (Crash(at=0.0, nodes=tuple(sorted(dead))),) if dead else ()
     absent = ((),) * len(setup.motions)
-    return dataclasses.replace(
-        setup, energy=energy, battery=Linear(), presence=absent, recorded=None, faults=crashes, until_clusters=None
-    )
+    return dataclasses.replace(without_failures(setup, dead), energy=energy, presence=absent, recorded=None)
 
 
 def _upkeep(setup: NetworkSetup, stack: RadioStack, living: Bools) -> tuple[list[Upkeep], str]:

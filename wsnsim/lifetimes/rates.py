@@ -48,8 +48,6 @@ class Loads:
     """The posterior distribution of mean loads.
 
     Attributes:
-        mean: (N,) posterior means, in the unit of the samples.
-        raw: (N,) sample means.
         level: mean load of the nodes.
         level_error: relative standard error of that.
         noise: (K, N) how visits differ: errors of nodes that a visit reaches together are alike.
@@ -59,8 +57,6 @@ class Loads:
         weights: (H,) posterior probabilities of these.
     """
 
-    mean: Floats
-    raw: Floats
     level: float
     level_error: float
     noise: Floats
@@ -71,7 +67,7 @@ class Loads:
 
     def draw(self, rng: np.random.Generator, draws: int) -> Floats:
         """(draws, N) loads from the posterior distribution."""
-        chosen = np.empty((draws, len(self.raw)))
+        chosen = np.empty((draws, len(self.likelihood)))
         for i, prior in enumerate(self.priors[rng.choice(len(self.weights), draws, p=self.weights)]):
             sums = np.cumsum(self.likelihood * prior, axis=1)
             ranks = special.ndtr(rng.standard_normal(len(self.noise)) @ self.noise)
@@ -89,12 +85,12 @@ def fit_loads(samples: Floats) -> Loads:
         samples: (K, N) joules that each of K visits takes from each of N nodes, K at least 2.
     """
     count, nodes = samples.shape
-    raw, totals = samples.mean(axis=0), samples.mean(axis=1)
+    totals = samples.mean(axis=1)
     level = float(totals.mean())
     if not level > 0.0:
         one = np.ones((1, 1))
-        return Loads(np.zeros(nodes), raw, 0.0, 0.0, np.zeros((count, nodes)), one[0], np.ones((nodes, 1)), one, one[0])
-    relative = raw / level
+        return Loads(0.0, 0.0, np.zeros((count, nodes)), one[0], np.ones((nodes, 1)), one, one[0])
+    relative = samples.mean(axis=0) / level
     atoms = np.geomspace(LEAST, max(3.0, 2.0 * float(relative.max())), ATOMS)
     likelihood = _likelihood(relative, atoms, _shape(samples / level))
     priors, logs = _priors(atoms)
@@ -102,10 +98,8 @@ def fit_loads(samples: Floats) -> Loads:
     logs += np.log(likelihood @ priors.T + 1e-300).sum(axis=0) * _independent(noise)
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
-    inner = (likelihood @ (priors * atoms).T) / (likelihood @ priors.T + 1e-300)
-    mean = inner @ weights
     error = float(totals.std(ddof=1) / level / np.sqrt(count))
-    return Loads(level * mean / mean.mean(), raw, level, error, noise, atoms, likelihood, priors, weights)
+    return Loads(level, error, noise, atoms, likelihood, priors, weights)
 
 
 def _noise(samples: Floats) -> Floats:

@@ -21,7 +21,7 @@ from wsnsim.recording.atomic_files import write_text_atomically
 from wsnsim.scenario.build import resolved
 
 VISITS: Final = "visits.json"
-ARRAYS: Final = ("joules", "tracked", "seconds")
+ARRAYS: Final = ("joules", "tracked", "seconds", "false_time")
 """The arrays of a visit's file, which are fields of `Library`."""
 _WINDOW: Final = ("lead", "tail")
 _COMES: Final = {"rate": None, "profile": None, "path": None, "times": [0.0]}
@@ -61,7 +61,6 @@ def read_visits(paths: Iterable[Path], dead: frozenset[int]) -> Library:
     """The library of the visits in some files. Raises ResultError if one cannot be used."""
     try:
         found = [read_arrays(path) for path in paths]
-        joules, tracked, seconds = (np.concatenate([each[name] for each in found]) for name in ARRAYS)
-        return Library(joules, tracked, seconds, dead)
+        return Library(**{name: np.concatenate([each[name] for each in found]) for name in ARRAYS}, dead=dead)
     except (KeyError, ValueError) as error:
         raise ResultError(f"a file of a visit holds something else: {error}; remove the folder of visits") from error

@@ -62,8 +62,8 @@ class Stores:
 
     def lives(self, watts: Floats) -> Floats:
         """(N,) s that each node lives at constant power (N,) in W, without a harvester."""
-        with np.errstate(divide="ignore"):
-            return self.joules / np.maximum(watts + self.start.leak, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.joules > 0.0, self.joules / np.maximum(watts + self.start.leak, 0.0), 0.0)
 
     def piece(self, begun: Floats) -> Floats:
         """(n,) s after the times `begun` (n,) for which income may be averaged; infinite without a harvester."""

@@ -92,17 +92,22 @@ class BatteryFields:
         return np.zeros(0)
 
     @property
-    def restart(self) -> float | None:
-        """None: a node whose battery is empty is dead."""
+    def harvest(self) -> Harvester | None:
+        """A source that charges the battery: none, unless the kind has one."""
         return None
+
+    @property
+    def restart(self) -> float | None:
+        """The share of the capacity at which an empty node starts again; None: it is dead."""
+        return self.harvest.restart if self.harvest else None
 
     @property
     def stored(self) -> float:
         """The share of what is harvested that is stored."""
-        return 1.0
+        return self.harvest.charging if self.harvest else 1.0
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue for the first thing that keeps batteries from being drawn, if the number of nodes is known."""
+        """Yield an issue if the trace of the harvester cannot be read, or batteries do not fit the network."""
         if not isinstance(setup, RadioSetup) or setup.plain_batteries:
             return
         if (size := number_of_nodes(setup.deploy)) is not None:
@@ -110,6 +115,10 @@ class BatteryFields:
                 self.draw(setup, size, (), np.random.default_rng(0))
             except Misfit as error:
                 yield Issue(("battery", error.key), str(error))
+        try:
+            _ = self.harvest and self.harvest.trace
+        except RunError as error:
+            yield Issue(("battery", "harvest", "path"), str(error))
 
     def draw(self, setup: RadioSetup, size: int, sinks: tuple[int, ...], rng: np.random.Generator) -> BatteryState:
         """The batteries of all nodes at the start of a run; `rng` is used for a spread alone.
@@ -191,11 +200,7 @@ class BatteryFields:
 
     def income(self, time: float) -> Income:
         """What the harvester offers at a time in s: nothing, ever, without one."""
-        return Income(0.0, np.inf)
-
-    def mean_income(self, begin: float, end: float) -> float:
-        """Mean power in W that the harvester offers between two times in s: nothing without one."""
-        return 0.0
+        return self.harvest.income(time) if self.harvest else Income(0.0, np.inf)
 
     def drawable(self, state: BatteryState) -> Floats:
         """(n,) J that can be drawn at once; infinite on mains."""
@@ -297,37 +302,11 @@ class Linear(BatteryFields):
         return self == Linear()
 
     @property
-    def restart(self) -> float | None:
-        """The share of the capacity at which an empty node starts again; None: it is dead."""
-        return self.harvest.restart if self.harvest else None
-
-    @property
-    def stored(self) -> float:
-        """The share of what is harvested that is stored."""
-        return self.harvest.charging if self.harvest else 1.0
-
-    @property
     def share_drawable(self) -> float:
         """The share of the capacity that can be drawn."""
         if self.cut_off is None:
             return self.share_in_the_cold
         return self.share_in_the_cold * (self.full**2 - self.cut_off**2) / (self.full**2 - self.empty**2)
-
-    def income(self, time: float) -> Income:
-        """What the harvester offers at a time in s; nothing without one."""
-        return self.harvest.income(time) if self.harvest else BatteryFields.income(self, time)
-
-    def mean_income(self, begin: float, end: float) -> float:
-        """Mean power in W that the harvester offers between two times in s."""
-        return self.harvest.mean_income(begin, end) if self.harvest else 0.0
-
-    def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue if batteries cannot be drawn, or the trace of the harvester cannot be read."""
-        yield from BatteryFields.check(self, setup)
-        try:
-            _ = self.harvest and self.harvest.trace
-        except RunError as error:
-            yield Issue(("battery", "harvest", "path"), str(error))
 
 
 class Misfit(RunError):

@@ -165,6 +165,19 @@ def only_rows(path: str, wanted: Wanted, what: str) -> CsvRows:
     return demand_good(read_rows(path, wanted, what))
 
 
+def timed_rows(path: str, what: str, *optional: str) -> CsvRows:
+    """As `only_rows`: the column `time` (s), and of the optional columns of numbers those that the file has.
+
+    Raises:
+        RunError: as there, or the times do not ascend from 0 s on.
+    """
+    rows = only_rows(path, Wanted(numbers={name: name for name in ("time", *optional)}, optional=optional), what)
+    times = rows.numbers["time"]
+    for row in np.flatnonzero((np.diff(times, prepend=-np.inf) <= 0.0) | (times < 0.0))[:1].tolist():
+        raise RunError(f"{path}:{rows.lines[row]}: times must ascend from 0 s on, is {times[row]:g} s")
+    return rows
+
+
 def demand_good(rows: CsvRows) -> CsvRows:
     """The rows. Raises RunError if one was bad; the message names file and line."""
     if rows.bad:

@@ -181,7 +181,7 @@ class Visits(InPlane):
         number, end, free = 0, 0.0, 0
         while (begin := self._begin(number, end, rng)) <= steps * dt:
             first = max(math.ceil(begin / dt - ROUNDING), free)
-            visit = self.of.truth(longest, dt, rng)
+            visit = self.of.truth(longest if self.lasting is None else longest - 1, dt, rng)
             there = np.isfinite(visit[:, 0])
             visit = visit[: len(visit) if there.all() else int(there.argmin())]
             if first > steps:
@@ -189,7 +189,8 @@ class Visits(InPlane):
             states[first : first + len(visit)] = visit[: steps + 1 - first]
             # the target is absent for a step at least, and what is rounded in one visit is not passed on to the next
             number, free = number + 1, first + len(visit) + 1
-            end = begin + min(self.longest, (len(visit) - 0.5) * dt)
+            whole = self.lasting is not None and len(visit) == longest
+            end = begin + (self.longest if whole else min(self.longest, (len(visit) - 0.5) * dt))
         return states
 
     def _begin(self, number: int, end: float, rng: np.random.Generator) -> float:
@@ -201,13 +202,9 @@ class Visits(InPlane):
     @cached_property
     def begins(self) -> Floats:
         """(n,) when the listed visits begin in s. Raises RunError if the file cannot be used."""
-        if self.path is None:
-            return np.array(self.times or ())
-        rows = csvfile.only_rows(self.path, csvfile.Wanted(numbers={"time": "time"}), "times")
-        times = rows.numbers["time"]
-        for row in np.flatnonzero((np.diff(times, prepend=-np.inf) <= 0.0) | (times < 0.0))[:1].tolist():
-            raise RunError(f"{self.path}:{rows.lines[row]}: times must ascend from 0 s on, is {times[row]:g} s")
-        return times
+        return (
+            np.array(self.times or ()) if self.path is None else csvfile.timed_rows(self.path, "times").numbers["time"]
+        )
 
     @property
     def longest(self) -> float:

@@ -16,7 +16,7 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.radio import Mode, NoPower
 from wsnsim.base.tables import CAUSE
 from wsnsim.network.energy.background_consumption import BackgroundConsumption
-from wsnsim.network.energy.battery_watch import EVERYBODY
+from wsnsim.network.energy.battery_watch import EVERYBODY, LOAD_ALONE
 from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger, affordable
 from wsnsim.network.energy.power_table import PowerTable
 from wsnsim.network.energy.storage import Storage
@@ -349,18 +349,13 @@ class Nodes(NodeStates):
 
     def _watch(self, node: int) -> None:
         """Set a timer for a node that may run out before the end."""
-        left = self.battery - self._spent[node]
-        if self._timed is None:
-            self.consumption.watch(node, left)
-        else:
-            self.consumption.watch(node, left, self._timed.supply(node))
+        supply = LOAD_ALONE if self._timed is None else self._timed.supply(node)
+        self.consumption.watch(node, self.battery - self._spent[node], supply)
 
     def _runs_out(self, node: int) -> bool:
         """Whether what a node can draw is only rounding error."""
-        left = self.battery - self._spent[node]
-        if self._timed is None:
-            return self.consumption.runs_out(node, left)
-        return self.consumption.runs_out(node, left, self._timed.supply(node))
+        supply = LOAD_ALONE if self._timed is None else self._timed.supply(node)
+        return self.consumption.runs_out(node, self.battery - self._spent[node], supply)
 
     def _check(self, node: int) -> None:
         """The timer of a node, or of EVERYBODY, has fired: the node is dead, or gets its next timer."""

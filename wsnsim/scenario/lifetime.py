@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Annotated, Final
 
 from pydantic import AfterValidator, BaseModel, Field, model_validator
@@ -17,6 +18,7 @@ CRITERIA: Final = ("first_death", "dead_10", "half_dead", "coverage", "sink", "t
 HOURS: Final = 24
 YEAR: Final = 365.25 * 86_400.0
 _Share = Annotated[float, Number(Quantity("", gt=0.0, le=1.0))]
+_Factor = Annotated[float, Number(Quantity("", ge=0.0, le=1e6))]
 _Time = Annotated[float, Number(Quantity("s", ge=0.0, le=1e12), finite=True)]
 
 
@@ -28,6 +30,18 @@ def _known(name: str) -> str:
     return name
 
 
+def _ascending(times: tuple[float, ...]) -> tuple[float, ...]:
+    if any(b <= a for a, b in itertools.pairwise(times)):
+        raise refusal("must ascend")
+    return times
+
+
+def _of_day(factors: tuple[float, ...]) -> tuple[float, ...]:
+    if len(factors) != HOURS or not any(factors):
+        raise refusal(f"expected {HOURS} factors, one for each hour and not all 0, got {len(factors)}")
+    return factors
+
+
 class AskedLifetime(BaseModel):
     """What is asked about the life of a network. `wsnsim run` ignores it."""
 
@@ -35,10 +49,10 @@ class AskedLifetime(BaseModel):
     intrusions: Annotated[float, Number(Quantity("1/s", ge=0.0, le=1.0))] | None = Field(
         None, description="visits of a target per time in the long run, such as 1/h (the default); 0: none [1/s]"
     )
-    times: tuple[_Time, ...] | None = Field(
+    times: Annotated[tuple[_Time, ...], AfterValidator(_ascending)] | None = Field(
         None, description="when visits begin, ascending; in place of `intrusions` [s]"
     )
-    profile: tuple[Annotated[float, Number(Quantity("", ge=0.0, le=1e6))], ...] | None = Field(
+    profile: Annotated[tuple[_Factor, ...], AfterValidator(_of_day)] | None = Field(
         None, description="24 factors of the rate of visits, one for each hour of a day"
     )
     horizon: Annotated[float, Number(Quantity("s", gt=0.0, le=1000.0 * YEAR))] = Field(
@@ -57,7 +71,7 @@ class AskedLifetime(BaseModel):
     episodes: Annotated[int, Number(Quantity("", ge=2, le=10_000), whole=True)] = Field(
         192, description="largest number of visits simulated before the first death"
     )
-    paths: Annotated[int, Number(Quantity("", ge=8, le=100_000), whole=True)] = Field(
+    paths: Annotated[int, Number(Quantity("", ge=40, le=100_000), whole=True)] = Field(
         200, description="number of sample paths, rounded up to an even number"
     )
     lead: _Time = Field(60.0, description="simulated time before a visit, in which the network settles [s]")
@@ -67,8 +81,4 @@ class AskedLifetime(BaseModel):
     def _consistent(self) -> AskedLifetime:
         if self.times is not None and (self.intrusions is not None or self.profile is not None):
             raise refusal("times take the place of intrusions and profile: give either")
-        if self.profile is not None and (len(self.profile) != HOURS or not any(self.profile)):
-            raise refusal(f"profile: expected {HOURS} factors, one for each hour and not all 0")
-        if self.times is not None and any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
-            raise refusal("times: must ascend")
         return self

@@ -20,7 +20,7 @@ import simpy
 from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.radio import Mode
 from wsnsim.kernels.nodes import mark_busy
-from wsnsim.network.energy.battery_watch import LOAD_ALONE, BatteryWatch
+from wsnsim.network.energy.battery_watch import BatteryWatch
 from wsnsim.network.energy.ledger import Charges
 from wsnsim.network.energy.network_totals import NetworkTotals
 from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SENSE, SLEEP, SWITCH, PowerTable, RadioLevels
@@ -281,7 +281,7 @@ class BackgroundConsumption:
         """Seconds for which nodes with schedules were awake, by the level of their radios."""
         return self._levels.awake(self._sleep_states, self._settled_at, self._env.now)
 
-    def watch(self, node: int, left: float, supply: BatteryRates = LOAD_ALONE) -> None:
+    def watch(self, node: int, left: float, supply: BatteryRates) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""
         self._watch.watch(node, self._state[node], left, supply)
 
@@ -289,6 +289,6 @@ class BackgroundConsumption:
         """Set a timer for a node."""
         self._watch.timers.set(time, node)
 
-    def runs_out(self, node: int, left: float, supply: BatteryRates = LOAD_ALONE) -> bool:
+    def runs_out(self, node: int, left: float, supply: BatteryRates) -> bool:
         """Whether `left` joules of a node are only rounding error, so that its battery is empty."""
         return self._watch.runs_out(node, self._state[node], left, supply)

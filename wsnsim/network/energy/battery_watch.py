@@ -109,7 +109,7 @@ class BatteryWatch:
         if (resting > 0 or not battery) and battery <= self.most:
             self.timers.set(battery / resting if battery > self._changes else 0.0, EVERYBODY)
 
-    def watch(self, node: int, state: int, left: float, supply: BatteryRates = LOAD_ALONE) -> None:
+    def watch(self, node: int, state: int, left: float, supply: BatteryRates) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""
         if left > self.most + supply.leak * self._horizon:
             return
@@ -137,7 +137,7 @@ class BatteryWatch:
         if due <= self._horizon and self.timers.due(node) > due:
             self.timers.set(due, node)
 
-    def runs_out(self, node: int, state: int, left: float, supply: BatteryRates = LOAD_ALONE) -> bool:
+    def runs_out(self, node: int, state: int, left: float, supply: BatteryRates) -> bool:
         """Whether `left` joules of a node are only what rounding leaves."""
         return left <= (self._power(node, state) + supply.leak) * SOON
 
