@@ -214,6 +214,19 @@ def _kalman(count: int) -> Arguments:
     return means[:, 0].copy(), np.ascontiguousarray(covs[:, :, 0]), *_readings(count, 1)
 
 
+def _association(count: int) -> Arguments:
+    """Likelihoods of a scan of `count` detections about four tracks, what each track has without one, and clutter."""
+    rng = _rng()
+    return rng.exponential(1.0, (4, count)) * (rng.random((4, count)) < 0.6), np.full(4, 0.1), np.full(count, 0.3), 10
+
+
+def _scan(count: int) -> Arguments:
+    """The joint moments of `count` tracks and a range and a bearing, and a scan of three detections."""
+    roots = _rng().normal(size=(count, 6, 8))
+    covs, periods = np.ascontiguousarray(roots @ roots.transpose(0, 2, 1)), np.array([0.0, 2.0 * np.pi])
+    return _rng().normal(size=(count, 6)), covs, 4, _rng().normal(size=(3, 2)), periods
+
+
 ENTRIES: tuple[Entry, ...] = (
     Entry("elementary.particle_keys", "bench.twins:particle_keys", lambda n: (_keys(SEGMENTS), _offsets(n), 1)),
     Entry("acoustic.advance", "bench.twins:advance", lambda n: (_states(n), DRIFT)),
@@ -264,6 +277,15 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("ranging.joint_log_likelihood", "kernels.test_ranging:joint_log_likelihood_twin", _sense("xyzp", RANGE)),
     Entry("ranging.own_log_likelihood", "kernels.test_ranging:own_log_likelihood_twin", _sense("xyzpo", RANGE)),
     Entry("ranging.linearised", "kernels.test_ranging:linearised_twin", _sense("xyp", RANGE)),
+    Entry("association.associate", "kernels.test_association:associate_twin", _association, (8, 4), "detection"),
+    Entry("detections.score", "kernels.test_detections:score_twin", _scan, FEW, "track"),
+    Entry(
+        "detections.condition",
+        "kernels.test_detections:condition_twin",
+        lambda n: (*_scan(n), _rng().dirichlet(np.ones(4), n)[:, 1:].copy()),
+        FEW,
+        "track",
+    ),
     Entry("cuckoo.fly_cuckoos", "kernels.test_cuckoo:fly_cuckoos_twin", _cuckoos),
     Entry("cuckoo.replace_nests", "kernels.test_cuckoo:replace_nests_twin", _nests),
     Entry("cuckoo.accept_greedy", "kernels.test_cuckoo:accept_greedy_twin", _greedy),

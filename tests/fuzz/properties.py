@@ -122,27 +122,37 @@ def estimates_use_what_arrived(run: Run) -> Iterator[str]:
         yield "more members sense than there are"
     first = run.rows("send")[::-1]  # the first row counts: later ones are retransmissions and acknowledgements
     origins = dict(zip(events["sequence"][first].tolist(), events["node"][first].tolist(), strict=True))
-    sensed, heard = run.rows("sense"), run.rows("receive")
+    measured, heard = _measured(run), run.rows("receive")
     tracker = run.setup.tracker
     local = isinstance(tracker, PsoMhpf | ParallelPf)  # members use their own measurements
     packed = tracker.every if isinstance(tracker, InformationDriven) else 1
     wrong = max((abs(getattr(fault, "offset", 0.0)) for fault in run.setup.faults), default=0.0)
     stepped = (wrong + 3.0 * getattr(run.setup.clock, "offset", 0.0)) / run.setup.dt
     astray = int(np.ceil(stepped)) + (stepped > 0.0)  # steps by which time stamps of measurements may be wrong
-    columns = (table[name].tolist() for name in ("target", "step", "time", "issued", "head", "readings"))
-    for target, step, time, issued, head, readings in zip(*columns, strict=True):
+    names = "target" if "target" in table else "track", "step", "time", "issued", "head", "readings"
+    for target, step, time, issued, head, readings in zip(*(table[name].tolist() for name in names), strict=True):
         if not np.isfinite(issued) or readings == 0:
             continue
-        age = step - events["step"][sensed].astype(int)
-        rows = sensed[(age >= -astray) & (age < packed + astray) & (events["target"][sensed] == target)]
-        taken = set(zip(events["node"][rows].tolist(), events["step"][rows].tolist(), strict=True))
-        nodes = {node for node, _ in taken}
+        age = step - measured[:, 1]
+        named = measured[:, 3] == target if "target" in table else True
+        taken = {tuple(row) for row in measured[(age >= -astray) & (age < packed + astray) & named, :3].tolist()}
+        nodes = {node for node, *_ in taken}
         late = (events["time"][heard] >= time) & (events["time"][heard] <= issued) & (events["node"][heard] == head)
         known = set(nodes) if local else {head}
         known |= {origins.get(sequence, -1) for sequence in events["sequence"][heard][late].tolist()}
-        if readings > sum(node in known for node, _ in taken):
+        if readings > sum(node in known for node, *_ in taken):
             who = f"{sorted(nodes)} sensed, the head {head} heard {sorted(known)}"
             yield f"step {step} uses {readings} measurements; {who}"
+
+
+def _measured(run: Run) -> np.ndarray:
+    """(M, 4) the node, the step, the number in its scan, and the target of measurements; -1: readings name none."""
+    detections, rows = run.memory.table("detections"), run.rows("sense")
+    if detections:
+        columns = [detections[name].astype(int) for name in ("node", "step", "detection")]
+        return np.stack([*columns, np.full(columns[0].size, -1)], axis=1)
+    node, step, target = (run.events[name][rows].astype(int) for name in ("node", "step", "target"))
+    return np.stack([node, step, np.zeros(rows.size, dtype=int), target], axis=1)
 
 
 def the_ledger_closes(run: Run) -> Iterator[str]:

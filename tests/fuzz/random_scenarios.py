@@ -11,6 +11,7 @@ import random
 from typing import Any, Final
 
 from tests.fuzz.random_values import of_fields
+from tests.helpers.tracker_kinds import trackers_of_one_target
 from wsnsim.scenario.registry import ROLES, load_class
 
 STARTS: Final = {
@@ -42,6 +43,13 @@ RECEIVERS: Final = "scenarios/recorded/ble/receivers.csv"
 """The nodes that heard it, with their heights."""
 RECORDED_LINKS: Final = "scenarios/recorded/links/grenoble_first_half.k7.gz"
 """Links between 50 nodes, likewise."""
+MAKE_SCANS: Final = ("range", "bearing", "range_bearing")
+"""Sensors whose readings may be detections that name no target."""
+OF_ONE_TARGET: Final = {
+    "tracker": [kind.kind for kind in trackers_of_one_target()],
+    "detection": [kind.kind for kind in ROLES["detection"].kinds if kind.kind != "unlabelled"],
+}
+"""Kinds of these roles where readings name their target."""
 GUIDED: Final = 0.9
 """Probability that a choice avoids what `build` is known to refuse."""
 
@@ -92,7 +100,25 @@ class Sampler:
         radio = self.of_network(tracker["kind"])
         if common["sensor"]["kind"] == "recorded" and self.rng.random() < GUIDED:
             radio["detection"] = {"kind": "perfect"}
-        return {**common, **radio}
+        return self.scans({**common, **radio}, motion in LINE)
+
+    def scans(self, values: Values, line: bool) -> Values:
+        """The scenario, in some cases with readings that name no target; the choice changes no other value."""
+        rng = random.Random(f"scans {self.turn}")
+        if line or values["sensor"]["kind"] not in MAKE_SCANS or rng.random() < 0.6:
+            return values
+        several = [kind.kind for kind in ROLES["tracker"].kinds if kind.kind not in OF_ONE_TARGET["tracker"]]
+        management = {"kind": rng.choice([kind.kind for kind in ROLES["management"].kinds])}
+        tracker = {"kind": rng.choice(several), "filter": {"kind": rng.choice(["ekf", "ukf", "ckf"])}}
+        detection = {"kind": "unlabelled", "probability": rng.choice([1.0, 0.8]), "clutter": rng.choice([0.0, 0.5, 2])}
+        values = {role: value for role, value in values.items() if role != "until"}
+        if values["sensor"]["kind"] == "range_bearing" and rng.random() < 0.3:
+            detection["resolution"] = [1.0, 0.05]
+        return {
+            **values, "tracker": tracker | {"management": management}, "detection": detection,
+            "record": values["record"] | {"detections": True},
+            "wakeup": {"kind": "none"}, "clusters": {"kind": rng.choice(["central", "strongest_signal"])},
+        }  # fmt: skip
 
     def recording(self) -> Values:
         """Readings of a recorded track, and the nodes that took them."""
@@ -121,7 +147,7 @@ class Sampler:
 
     def kind(self, role: str, *without: str) -> str:
         """The kind of a role whose turn it is, in half of the cases; any kind in the others."""
-        names = [info.kind for info in ROLES[role].kinds]
+        names = OF_ONE_TARGET.get(role) or [info.kind for info in ROLES[role].kinds]
         chosen = names[self.turn % len(names)] if self.rng.random() < 0.5 else self.rng.choice(names)
         allowed = [name for name in names if name not in without]
         return self.rng.choice(allowed) if chosen in without and self.rng.random() < GUIDED else chosen

@@ -31,6 +31,11 @@ def enumerated(likelihoods, miss, clutter):
     return result / result.sum(axis=1, keepdims=True)
 
 
+def associate_twin(likelihoods, miss, clutter, most):
+    """The probabilities by enumeration, whatever is computed by belief propagation."""
+    return enumerated(likelihoods, miss, clutter)
+
+
 def case(rng, tracks, detections, gated=0.6, probability=0.9, density=0.3):
     """Random likelihoods of a scan with detections about some tracks."""
     squares = rng.exponential(2.0, (tracks, detections))

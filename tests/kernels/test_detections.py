@@ -9,6 +9,30 @@ from scipy.stats import multivariate_normal
 from wsnsim.kernels.detections import condition, score
 
 
+def innovations(means, covs, first, detections, periods):
+    """(N, M, d) the shortest innovations and (N, d, d) their covariances."""
+    read = slice(first, first + periods.size)
+    apart = detections - means[:, None, read]
+    turn = np.where(periods > 0.0, periods, np.inf)
+    return apart - np.where(periods > 0.0, periods, 0.0) * np.round(apart / turn), covs[:, read, read]
+
+
+def score_twin(means, covs, first, detections, periods):
+    apart, widths = innovations(means, covs, first, detections, periods)
+    squares = np.einsum("nmp,npq,nmq->nm", apart, np.linalg.inv(widths), apart)
+    logs = -0.5 * (squares + np.linalg.slogdet(2.0 * np.pi * widths)[1][:, None])
+    return logs, squares
+
+
+def condition_twin(means, covs, first, detections, periods, probabilities):
+    apart, widths = innovations(means, covs, first, detections, periods)
+    gains = covs[:, :, first : first + periods.size] @ np.linalg.inv(widths)
+    shifts, totals = np.einsum("nm,nmp->np", probabilities, apart), probabilities.sum(axis=1)
+    spreads = np.einsum("nm,nmp,nmq->npq", probabilities, apart, apart) - shifts[:, :, None] * shifts[:, None]
+    means += np.einsum("nap,np->na", gains, shifts)
+    covs += gains @ (spreads - totals[:, None, None] * widths) @ gains.transpose(0, 2, 1)
+
+
 def joint(rng, count, columns):
     roots = rng.normal(size=(count, columns, columns + 2))
     return rng.normal(size=(count, columns)), np.ascontiguousarray(roots @ roots.transpose(0, 2, 1))

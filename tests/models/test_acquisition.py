@@ -190,8 +190,9 @@ def test_on_a_line_one_range_spans_the_places_on_both_sides_of_its_node():
 
 def test_an_infinite_sensing_range_is_an_issue():
     for sensor, count in ((Range(reach=np.inf), 1), (RangeFromOrigin(), 1), (Range(), 0), (SENSOR, 0)):
-        found = [issue.path for issue in FromReadings().check(SimpleNamespace(sensor=sensor))]
+        found = [issue.path for issue in FromReadings().check(SimpleNamespace(sensor=sensor, unlabelled=False))]
         assert found == [("sensor",)] * count
+        assert not list(FromReadings().check(SimpleNamespace(sensor=sensor, unlabelled=True)))
 
 
 def test_the_prior_of_a_line_is_drawn_in_its_own_dimension():

@@ -41,6 +41,7 @@ def test_the_bound_for_readings_that_arrived_is_over_the_steps_with_an_estimate(
         "replicate": np.repeat([7, 4], 4), "target": 0, "step": [1, 2, 3, 4] * 2,
         "error": [0.5, 0.5, NAN, NAN, 1.0, 1.0, 1.0, 1.0],
     })  # fmt: skip
+    monkeypatch.setattr(error_bounds, "is_unlabelled", lambda path: False)
     monkeypatch.setattr(error_bounds, "read_table", lambda path, table, columns: estimates)
     each = bound_from_events(data(found), "ekf", "arrived")
     assert each.to_dict() == pytest.approx({4: np.sqrt(7.5), 7: 1.0})

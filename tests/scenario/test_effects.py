@@ -59,6 +59,7 @@ ENRICHED: Final[dict[tuple[str, str], dict[str, Any]]] = {
     ("sensor", "range"): {"blocked": 0.3},
     ("detection", "imperfect"): {"stuck": 0.3},
     ("link", "log_normal"): {"interference": "sinr"},
+    ("tracker", "lmb"): {"components": 2},
     ("battery", "linear"): {"cut_off": 1.5, "empty": 0.5},
     ("battery", "kinetic"): {"charge": 0.01 / 3.0},
     ("battery", "diffusion"): {"charge": 0.01 / 3.0},

@@ -8,6 +8,7 @@ import math
 import tempfile
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from statistics import fmean
 from typing import Final, NamedTuple
@@ -18,7 +19,9 @@ import wsnsim.experiment as experiment
 import wsnsim.scenario as scenario
 from wsnsim.base.plugin_code import NOT_PYTHON, statements
 from wsnsim.campaign import engines
+from wsnsim.campaign.code_changes import code_id, code_of_plan
 from wsnsim.campaign.engines import WHOLE, Shard
+from wsnsim.campaign.task import COMMAND_LINE
 from wsnsim.recording import read_table
 from wsnsim.recording.folder import Folder, consecutive
 from wsnsim.scenario.sweep_schema import Plan, Point
@@ -157,13 +160,17 @@ def _unit_cost(plan: Plan, folder: Folder, batch: bool) -> tuple[UnitCost, str]:
         return UnitCost(fmean(runs.mean() for runs in seconds), share, share), f"{len(files)} existing files"
     last = len(plan.points) - 1
     chosen = np.unique(np.linspace(0, last, min(MAX_TRIALS, last + 1)).astype(int)).tolist()  # evenly spread
-    trials = [_trial(plan.points[index], plan.block, batch) for index in chosen]
+    code = code_id(code_of_plan(plan))
+    trials = [_trial(plan.points[index], plan.block, batch, code) for index in chosen]
     source = f"trial runs at {len(chosen)} points" if len(chosen) > 1 else "one trial run"
     return UnitCost(*np.mean(trials, axis=0).tolist()), source
 
 
-def _trial(point: Point, block: int, batch: bool) -> UnitCost:
-    """What one replicate costs, or each of a block if that is fast. The results are not kept."""
+def _trial(point: Point, block: int, batch: bool, code: str) -> UnitCost:
+    """What one replicate costs, or each of a block if that is fast. The results are not kept.
+
+    Files have the provenance that a task writes: HDF5 allocates 4 KiB at a time, so a few bytes more can count as many.
+    """
     loaded = scenario.load(json.loads(point.resolved))
     started_at = time.monotonic()
 
@@ -173,12 +180,13 @@ def _trial(point: Point, block: int, batch: bool) -> UnitCost:
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "trial.h5"
+        run = partial(experiment.run, loaded, out=file, command_line=COMMAND_LINE, code=code)
         try:
-            report = experiment.run(loaded, replicates=1, out=file, progress=cut_if_long)
+            report = run(replicates=1, progress=cut_if_long)
         except _TrialCut as cut:
             return UnitCost((time.monotonic() - started_at) / cut.share, math.nan, math.nan)
         first = further = float(file.stat().st_size)
         if report.summaries[0].run["cpu_seconds"] < BLOCK_TIME / block and block > 1:
-            report = experiment.run(loaded, replicates=block, out=file, batch=batch)
+            report = run(replicates=block, batch=batch)
             further = (file.stat().st_size - first) / (block - 1)
         return UnitCost(fmean(summary.run["cpu_seconds"] for summary in report.summaries), first, further)

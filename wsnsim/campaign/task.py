@@ -71,6 +71,8 @@ MAX_MESSAGE: Final = 600
 """Characters of an error message that are kept."""
 MAX_MARKER: Final = 8000
 """Characters of markers that are kept in the report of a failure."""
+COMMAND_LINE: Final = "a campaign's worker"
+"""The command that the provenance of a task's file names."""
 TIMEOUT_MARK: Final = "Timeout ("
 """How the text that faulthandler writes at a timeout begins."""
 IMPORT_TIME: Final = 60.0
@@ -234,7 +236,7 @@ def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> float:
         scenario,
         replicates=range(task.first, task.last + 1),
         out=path,
-        command_line="a campaign's worker",
+        command_line=COMMAND_LINE,
         progress=restart_timeout if task.timeout else None,
         batch=task.batch and not 0.0 < (task.timeout or 0.0) < LEAST_TIMEOUT,
         code=task.code,

@@ -139,12 +139,12 @@ class World(BaseNetwork):
         if target != UNNAMED:
             self._log_crossing(target, step)
         self._sensing.update(target)
-        key, read = {"replicate": self._replicate, "step": step, "time": self._env.now}, self._sensing.readings[target]
+        instant, read = {"step": step, "time": self._env.now}, self._sensing.readings[target]
         available = self._sensed[target]
         if isinstance(available, Scans):
-            write_detections(self._recorder, key, available, read)
+            write_detections(self._recorder, {"replicate": self._replicate, **instant}, available, read)
         else:
-            write_readings(self._recorder, {**key, "target": target}, read)
+            write_readings(self._recorder, {"replicate": self._replicate, "target": target, **instant}, read)
 
     def _head_of(self, target: int) -> int | None:
         return self._coordination.head_of(target)
