@@ -160,7 +160,6 @@ def _component_fields(kind: Any) -> list[tuple[str, type]]:
 
 def _if_foreign(component: Any, port: type, columns: int | None) -> Any:
     own = type(component).__module__.partition(".")[0] == "wsnsim"
-    port = detections.MultiTracker if getattr(component, "multi_target", False) else port
     return (_with_checked_fields if own else partial(checked, port=port))(component, columns=columns)
 
 
@@ -177,6 +176,7 @@ def checked(component: Component, port: type, columns: int | None = None) -> Com
     """
     if "_border" in getattr(component, "__dict__", {"_border": None}):  # it is checked, or cannot be
         return component
+    port = detections.MultiTracker if getattr(component, "multi_target", False) else port
     is_mechanism = port.__name__.endswith("Mechanism")
     result = component if is_mechanism else copy.copy(_with_checked_fields(component, columns))
     object.__setattr__(result, "_border", columns)
