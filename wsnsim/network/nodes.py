@@ -19,7 +19,7 @@ from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.battery_watch import EVERYBODY, LOAD_ALONE
 from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger, affordable
 from wsnsim.network.energy.power_table import PowerTable
-from wsnsim.network.energy.storage import Storage
+from wsnsim.network.energy.storage import ROUNDING, Storage
 from wsnsim.network.node_states import NodeStates, SleepStates
 
 RECEIVE, SWITCH = CAUSE["rx"], CAUSE["switch"]
@@ -292,7 +292,8 @@ class Nodes(NodeStates):
             return
         joules = sum(amount for _, amount in charges)
         given = storage.elapse(node, joules)
-        if (spent := self._spent[node]) < self.battery:
+        spent = self._spent[node]
+        if spent < self.battery and joules - given <= ROUNDING * joules:  # what it lacks may be rounded
             self.ledger.book_charges(node, charges)
             self._spent[node] = spent  # with the charges, which the storage has counted
             return
