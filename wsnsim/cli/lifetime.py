@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import itertools
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -197,8 +196,12 @@ def _named_as_options(given: Mapping[str, Any]) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        options = re.compile(rf"^--set lifetime\.(?={'|'.join(BLOCK)})")
-        issues = [dataclasses.replace(issue, place=options.sub("--", issue.place)) for issue in error.issues]
+        old = tuple(f"--set lifetime.{name}" for name in BLOCK)
+        issues = [
+            dataclasses.replace(issue, place=issue.place.replace("--set lifetime.", "--"))
+            if issue.place.startswith(old) else issue
+            for issue in error.issues
+        ]  # fmt: skip
         raise ScenarioError(issues) from error.__cause__
     except UsageError as error:
         keys = {f"lifetime.{name}": f"--{name}" for name in BLOCK if given[name] is not None}
