@@ -340,7 +340,7 @@ def gospa(result: Result | str | Path, cutoffs: Sequence[float] = (), order: flo
 
         gospa("results/scans_crossing.h5", [5.0, 10.0, 20.0]).groupby("cutoff").gospa.mean()
 
-    Tracks are set beside targets at each step anew. `runs.gospa` is the root mean square of one run at the default c.
+    Tracks are assigned to targets at each step. `runs.gospa` is the root mean square of one run at the default c.
 
     Args:
         result: what `simulate` or `run` returned, or the path of a result file.

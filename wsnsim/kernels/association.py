@@ -25,7 +25,7 @@ LEAST = 1e-15
 ACCURACY = 1e-9
 """The relative error of the probabilities at the fixed point of belief propagation, at which it may end."""
 ITERATIONS = 10_000
-"""Belief propagation ends after so many iterations: where nothing may be missed, it converges slowly (our choice)."""
+"""Most iterations of belief propagation, which converges slowly if detection is nearly certain (our choice)."""
 
 
 @kernel

@@ -321,7 +321,7 @@ class Estimation:
         with np.errstate(divide="ignore", invalid="ignore"):
             if visits.rate is not None:
                 return float(joules / np.float64(quiet + visits.rate * added))
-            lives = (joules - np.arange(visits.begins.size + 1) * added) / quiet  # if so many visits have been
+            lives = (joules - np.arange(visits.begins.size + 1) * added) / quiet  # after 0, 1, 2, ... visits
         which = int((lives <= np.append(visits.begins, np.inf)).argmax())
         return float(max(lives[which], np.append(0.0, visits.begins)[which]))
 

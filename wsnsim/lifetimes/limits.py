@@ -33,7 +33,8 @@ def thinned(shares: Sequence[float], come_back: bool) -> tuple[str, ...]:
     """What is not known of tracking in a network that has lost more nodes than any that was simulated."""
     if come_back:
         return ("visits while nodes are down: all nodes are up in simulated visits, and tracked shares are those",)
-    return (f"visits with more than {max(shares):.0%} of the nodes dead: they are tracked as with so many",)
+    most = f"{max(shares):.0%}"
+    return (f"visits with more than {most} of the nodes dead: the tracked share is that with {most} dead",)
 
 
 def not_modelled(

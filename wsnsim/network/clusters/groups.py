@@ -194,6 +194,6 @@ def _compute(cycles: float) -> Flow[None]:
 
 
 def belief_sent(belief: Any, numbers: int, to: int) -> Flow[Any]:
-    """Send a belief of so many numbers to a node; what arrived there, None if a packet is lost."""
+    """Send a belief to a node, in packets for its numbers; return what arrived, None if a packet is lost."""
     mask = yield Send(to, Parcel(belief, -(-numbers // NUMBERS), PACKET_BITS, "belief"))
     return belief if mask.all() else None

@@ -37,13 +37,13 @@ GATE: Final = 4.0
 FAR: Final = 1e9
 """A sensing range (m) that is as good as unlimited."""
 FRESH: Final = 2
-"""Steps for which nodes go by what a head has told them."""
+"""Number of steps for which a node uses the tracks that a cluster head has broadcast."""
 LEAST_NODES: Final = 2
 """Neighbouring nodes with unexplained detections, from which on a group begins."""
 
 
-class Told(NamedTuple):
-    """What a head told others: its tracks at a step."""
+class BroadcastTracks(NamedTuple):
+    """The tracks that a cluster head broadcast at a step."""
 
     step: int
     head: int
@@ -55,7 +55,7 @@ class MovingGroups(Groups):
 
     def __init__(self, services: HeadServices) -> None:
         super().__init__(services)
-        self._told: dict[int, dict[int, Told]] = {}
+        self._received: dict[int, dict[int, BroadcastTracks]] = {}
         self._inbox: dict[int, list[Any]] = {}
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
@@ -84,13 +84,13 @@ class MovingGroups(Groups):
                 self._services.elections.fill_vacancy(book.open_group(), electorate)
 
     def _forget_old(self) -> None:
-        """Forget what nodes were told more than some steps ago."""
+        """Forget the tracks that nodes received too long ago."""
         since = self._clock.step - FRESH
         kept = {
-            node: {group: each for group, each in told.items() if each.step >= since}
-            for node, told in self._told.items()
+            node: {group: each for group, each in received.items() if each.step >= since}
+            for node, received in self._received.items()
         }
-        self._told = {node: told for node, told in kept.items() if told}
+        self._received = {node: received for node, received in kept.items() if received}
 
     def _begin_with(self, prior: Estimate) -> None:
         """Appoint the node nearest to a known target, with its track."""
@@ -113,7 +113,7 @@ class MovingGroups(Groups):
         free = {node: scan for node, scan in scans.items() if node not in taken and network.can_lead(node)}
         found = {}
         for node, scan in free.items():
-            tracks = self._tracks_told(node)
+            tracks = self._tracks_received(node)
             left = [z for z, known in zip(scan, self._explained(node, scan, tracks), strict=True) if not known]
             if left:
                 found[node] = max(left, key=lambda reading: strength_of(self._setup.sensor, reading))
@@ -178,19 +178,19 @@ class MovingGroups(Groups):
     def _own_scan(self, lead: GroupLead, member: Member) -> Any:
         """The detections of a member, but those which, as far as it knows, other groups' tracks alone explain."""
         scan: Any = member.reading
-        others = self._tracks_told(member.id, but=lead.group.target)
+        others = self._tracks_received(member.id, but=lead.group.target)
         if not scan or not others:
             return scan
-        own = self._tracks_told(member.id, only=lead.group.target)
+        own = self._tracks_received(member.id, only=lead.group.target)
         if member.id == lead.cluster.head:
             own = [self._predicted(track, lead.step) for track in lead.tracks]
         left = self._explained(member.id, scan, own) | ~self._explained(member.id, scan, others)
         return tuple([detection for detection, kept in zip(scan, left.tolist(), strict=True) if kept])
 
-    def _tracks_told(self, node: int, but: int = -1, only: int = -1) -> list[TrackEstimate]:
+    def _tracks_received(self, node: int, but: int = -1, only: int = -1) -> list[TrackEstimate]:
         """The tracks that a node has heard of, predicted for this step: of all groups `but` one, or of one `only`."""
-        told = {number: each for number, each in self._told.get(node, {}).items() if number != but}
-        fresh = [told[only]] if only in told else told.values() if only < 0 else []
+        received = {number: each for number, each in self._received.get(node, {}).items() if number != but}
+        fresh = [received[only]] if only in received else received.values() if only < 0 else []
         fresh = [each for each in fresh if self._clock.step - each.step <= FRESH]
         return [self._predicted(track, each.step) for each in fresh for track in each.tracks]
 
@@ -243,29 +243,29 @@ class MovingGroups(Groups):
         packets = len(tracks) * -(-(size + size * (size + 1) // 2) // NUMBERS)
         parcel = Parcel(None, packets, PACKET_BITS, "tracks")
         heard = yield from self._services.messages.broadcast(group, head, parcel)
-        told = Told(lead.step, head, tracks)
+        received = BroadcastTracks(lead.step, head, tracks)
         for node, mask in heard.items():
             if mask.all():
-                self._told.setdefault(node, {})[group] = told
+                self._received.setdefault(node, {})[group] = received
 
     def _merge(self, lead: GroupLead) -> Acting[None]:
         """Send all tracks to the head of a group of a lower number whose tracks meet those of this one."""
         group, own = lead.group.target, [track for track in lead.tracks if track.confirmed]
         mine = {track.number for track in lead.tracks}
-        for number, told in sorted(self._told.get(lead.cluster.head, {}).items()):
-            if number >= group or self._clock.step - told.step > FRESH or told.head == lead.cluster.head:
+        for number, received in sorted(self._received.get(lead.cluster.head, {}).items()):
+            if number >= group or self._clock.step - received.step > FRESH or received.head == lead.cluster.head:
                 continue
             theirs = [
-                self._predicted(track, told.step)
-                for track in told.tracks
+                self._predicted(track, received.step)
+                for track in received.tracks
                 if track.confirmed and track.number not in mine
             ]
             if any(self._overlap(one, other) >= MEET for one in own for other in theirs):
-                sent = yield from self._sent(lead, lead.belief, told.head)
-                leads = [each.target for each in self._book.groups if each.head == told.head]
+                sent = yield from self._sent(lead, lead.belief, received.head)
+                leads = [each.target for each in self._book.groups if each.head == received.head]
                 if sent is not None and number in leads:
                     self._inbox.setdefault(number, []).append(sent[0])
-                    self._log.add("merge", group, lead.cluster.head, peer=told.head, sequence=number)
+                    self._log.add("merge", group, lead.cluster.head, peer=received.head, sequence=number)
                     raise GroupEnded
 
     def _take_in(self, lead: GroupLead) -> Acting[None]:
