@@ -83,7 +83,8 @@ class MovingGroups(Groups):
         """Close groups whose head has gone, and begin new ones from detections that no group explains."""
         book, step = self._book, self._clock.step
         self._forget_old()
-        book.groups[:] = [group for group in book.groups if group.head is not None or group.election is not None]
+        book.close_groups()
+        self._inbox = {group.target: self._inbox.get(group.target, []) for group in book.groups}
         for prior in self._known(step):
             self._begin_with(prior)
         free = self._unexplained() if self._tracker.management.starts else {}
