@@ -228,3 +228,19 @@ def living_objects(steps: int) -> list[int]:
 def test_groups_that_ended_leave_nothing_in_memory() -> None:
     middle, end = living_objects(400)
     assert end <= 1.2 * middle
+
+
+@pytest.mark.thorough
+def test_bits_and_joules_rise_with_clutter_and_the_ledger_closes() -> None:
+    spent, sent = [], []
+    for clutter in (0.0, 1.0, 3.0):
+        memory = recorded(
+            duration="5 s", clusters={"kind": "central"},
+            detection={"kind": "unlabelled", "probability": 0.95, "clutter": clutter},
+        )  # fmt: skip
+        energy, nodes = memory.table("energy"), memory.table("nodes")
+        each = np.bincount(energy["node"], energy["joules"], 36)
+        np.testing.assert_allclose(each, nodes["energy_initial"] - nodes["energy_left"], rtol=1e-9, atol=1e-15)
+        spent.append(float(each.sum()))
+        sent.append(int(events(memory, "send")["bits"].sum()))
+    assert sent[0] < sent[1] < sent[2] and spent[0] < spent[1] < spent[2]
