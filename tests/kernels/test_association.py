@@ -5,8 +5,8 @@ python -m tests.kernels.test_association        writes the error of belief propa
 
 from __future__ import annotations
 
-import itertools
 import csv
+import itertools
 import math
 from pathlib import Path
 

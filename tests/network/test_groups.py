@@ -210,7 +210,7 @@ def living_objects(steps: int) -> list[int]:
         if now in (steps // 2, steps - 1):
             gc.collect()
             found.append(
-                sum(type(each).__module__.startswith(("wsnsim.network", "simpy")) for each in gc.get_objects())
+                sum(str(type(each).__module__).startswith(("wsnsim.network", "simpy")) for each in gc.get_objects())
             )
 
     scenario = crossing(
