@@ -56,8 +56,8 @@ class _Recorded:
         """Yield what the tracker gives at each step; `known`: the targets are known at the start."""
         priors = self.priors if known else ()
         belief, number = self.tracker.begin(priors, 0.0, self.facts), len(priors)
-        for step in copy.deepcopy(self.steps) if steps is None else steps:
-            outcome = self.tracker.step(copied(belief), *step, self.facts, number)
+        for time, scans, nodes in copy.deepcopy(self.steps) if steps is None else steps:
+            outcome = self.tracker.step(copied(belief), time, scans, nodes, self.facts, number)
             belief, number = outcome.belief, number + sum(event.kind == "start" for event in outcome.events)
             estimates = tuple(self.tracker.estimates(belief, self.facts))
             yield Played(estimates, tuple(outcome.events), tuple(outcome.explained), belief)
@@ -176,7 +176,7 @@ def _check_missed(recorded: _Recorded) -> None:
         assert away <= NEAR * way, "a prediction over several steps of facts.dt is not that by single steps"
 
 
-CHECKS: Final = {
+CHECKS: Final[Mapping[str, Callable[[_Recorded], None]]] = {
     "events": _check_events, "events without known targets": partial(_check_events, known=False),
     "values": _check_values, "repeatable": _check_repeatable, "groups apart": _check_apart,
     "order": _check_order, "bits": _check_bits, "split and merge": _check_groups, "missed steps": _check_missed,
