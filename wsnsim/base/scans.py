@@ -51,7 +51,13 @@ class Facts(NamedTuple):
 
 
 class TrackEvent(NamedTuple):
-    """What happened to a track; of a merged one, `other` is the one that stays."""
+    """What happened to a track.
+
+    Attributes:
+        kind: what happened.
+        track: its number.
+        other: of a merged track, the number of the one that stays; otherwise -1.
+    """
 
     kind: EventKind
     track: int
@@ -59,10 +65,12 @@ class TrackEvent(NamedTuple):
 
 
 class TrackEstimate(NamedTuple):
-    """The estimate of a track: mean (D,) and covariance (D, D) of the state of the scenario's motion.
+    """The estimate of a track.
 
     Attributes:
         number: of the track, unique in a run.
+        mean: (D,) of the state of the scenario's motion.
+        cov: (D, D) its covariance.
         existence: the probability that its target exists; NaN if the tracker does not estimate it.
         confirmed: whether it counts as a target; others are tentative.
         since: when it started, in s.
