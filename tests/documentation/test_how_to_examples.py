@@ -16,7 +16,7 @@ from wsnsim.scenario.sweep import load_sweep
 from wsnsim.testing import check_tracker
 
 (SCENARIO,) = fences("docs/how-to/scenario.md", "yaml")
-READS, PLAIN = fences("docs/how-to/pandas.md", "python")[:2]
+READS, PLAIN = fences("docs/how-to/results.md", "python")[:2]
 
 
 def one(page: str, key: str, language: str = "yaml") -> str:
@@ -66,7 +66,7 @@ def test_the_lines_of_appointed_clusters_run_with_any_scenario_whose_tracker_is_
 
 def test_the_lines_of_a_network_that_sleeps_run_with_any_scenario_whose_tracker_is_in_the_head(tmp_path):
     path = tmp_path / "mine.yaml"
-    path.write_text(f"extends: pso_mhpf\nname: mine\n{one('docs/how-to/sleep.md', 'directed_flood')}")
+    path.write_text(f"extends: pso_mhpf\nname: mine\n{one('docs/how-to/radio.md', 'directed_flood')}")
     slow = ["step=1 s", "duration=29 s", "tracker.kind=ekf"]
     run = wsnsim.experiment.simulate_run(wsnsim.load(path, [*slow, "motion.noise=q_only"]))
     assert 0.25 < run.run["awake"] < 0.6 and run.tracks[0]["woken"] > 0
