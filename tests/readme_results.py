@@ -242,8 +242,8 @@ def information() -> str:
     return (
         f"**Ask only for readings that are worth their energy.** So does the tracker `information_driven`: on an ideal "
         f"radio it has an error of {ours['rmse'][0]:.2f} m, {_of(ours['medians'])} times the bound, for "
-        f"{ours['energy'][0]:.2f} J. No other strategy with an error below {1.5 * ours['rmse'][0]:.2f} m kept its target "
-        f"in all of {none['runs']} runs for less than {none['energy']:.2f} J ({_named(none)}); with one loss in "
+        f"{ours['energy'][0]:.2f} J. No other strategy with an error below {1.5 * ours['rmse'][0]:.2f} m kept its "
+        f"target in all of {none['runs']} runs for less than {none['energy']:.2f} J ({_named(none)}); with one loss in "
         f"{one['runs']} runs, {one['energy']:.2f} J suffice ({_named(one)}): [error against energy](docs/frontier.md)."
     )
 
@@ -258,7 +258,7 @@ def recordings() -> str:
     answers = rows("reality")["answers"]
     ratio, gap = answers[0]["found"][0], answers[1]["found"][0]
     return (
-        f"**Simulated readings flatter.** On a recorded Bluetooth track the error of a particle filter is {ratio[0]:.1f} "
-        f"[{ratio[1]:.1f}, {ratio[2]:.1f}] times that on the same track with simulated readings. A filter that knows the "
-        f"gains of the receivers closes {100 * gap[0]:.0f} % of the gap: [recorded readings](docs/reality.md)."
+        f"**Simulated readings flatter.** On a recorded Bluetooth track the error of a particle filter is "
+        f"{ratio[0]:.1f} [{ratio[1]:.1f}, {ratio[2]:.1f}] times that on the same track with simulated readings. A filter "
+        f"that knows the gains of the receivers closes {100 * gap[0]:.0f} % of the gap: [recorded readings](docs/reality.md)."
     )
