@@ -29,7 +29,7 @@ def meanings(page: str) -> dict[str, str]:
         for name in re.sub(r"\([^)]*\)", "", names).split(","):
             if re.search(r"\w[ -]\w", name):
                 found[" ".join(name.lower().split())] = plain
-        found = dict.fromkeys(re.findall(r"\b[A-Z]{3,}\b", names), plain) | found
+        found = dict.fromkeys(re.findall(r"(?:^|\()([A-Z/]{3,})(?=,|\)| \(|$)", names), plain) | found
     return found
 
 
