@@ -151,7 +151,7 @@ def reproduction() -> str:
     numbers, words = (sum((counted(name)[kind] for name in PAPERS), Counter()) for kind in KINDS[:2])
     return (
         f"**Published figures rarely come out.** Of the {total(numbers)} printed numbers of {len(PAPERS)} papers that "
-        f"can be judged, {_in_words(numbers)}. Of {total(words)} statements such as \"A is more accurate than B\", "
+        f'can be judged, {_in_words(numbers)}. Of {total(words)} statements such as "A is more accurate than B", '
         f"{_in_words(words)}: [paper by paper](docs/papers/index.md)."
     )
 
