@@ -259,6 +259,7 @@ def recordings() -> str:
     ratio, gap = answers[0]["found"][0], answers[1]["found"][0]
     return (
         f"**Simulated readings flatter.** On a recorded Bluetooth track the error of a particle filter is "
-        f"{ratio[0]:.1f} [{ratio[1]:.1f}, {ratio[2]:.1f}] times that on the same track with simulated readings. A filter "
-        f"that knows the gains of the receivers closes {100 * gap[0]:.0f} % of the gap: [recorded readings](docs/reality.md)."
+        f"{ratio[0]:.1f} [{ratio[1]:.1f}, {ratio[2]:.1f}] times that on the same track with simulated readings. A "
+        f"filter that knows the gains of the receivers closes {100 * gap[0]:.0f} % of the gap: "
+        "[recorded readings](docs/reality.md)."
     )

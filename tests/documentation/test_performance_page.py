@@ -1,4 +1,4 @@
-"""docs/performance.md and docs/performance.csv hold what docs/performance.json says. Timings themselves are never tested."""
+"""docs/performance.md and .csv hold what docs/performance.json says. Timings themselves are never tested."""
 
 from __future__ import annotations
 

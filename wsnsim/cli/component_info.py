@@ -62,7 +62,7 @@ def _text(title: str, note: str, rows: Sequence[InfoRow], grid: Sequence[InfoRow
 
 
 def what_it_is(source: str) -> str:
-    """Return 'datasheet' if the name is that of a datasheet, 'scenario' if it is that of a scenario, '' if of neither."""
+    """Return 'datasheet' or 'scenario' if the name is that of one, '' if of neither."""
     file = find_sheet(source, Path())
     if file is not None and sheet_of(file):
         return "datasheet"

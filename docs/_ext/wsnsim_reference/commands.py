@@ -21,12 +21,9 @@ EXIT_CODES = (
 
 def page() -> str:
     """Return the text of the page."""
+    commands = every_command()
     rows = [
-        [
-            purpose if name == names[0] else "",
-            f"[{name}](#{name})",
-            escaped(every_command()[name].get_short_help_str(100)),
-        ]
+        [purpose if name == names[0] else "", f"[{name}](#{name})", escaped(commands[name].get_short_help_str(100))]
         for purpose, names in PURPOSES.items()
         for name in names
     ]
