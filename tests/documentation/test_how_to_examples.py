@@ -13,7 +13,6 @@ from tests.documentation.pages_of_docs import fences, text
 from wsnsim.base.errors import ScenarioError
 from wsnsim.scenario import resolved
 from wsnsim.scenario.sweep import load_sweep
-from wsnsim.testing import check_tracker
 
 (SCENARIO,) = fences("docs/how-to/scenario.md", "yaml")
 READS, PLAIN = fences("docs/how-to/results.md", "python")[:2]
@@ -114,15 +113,3 @@ def test_plain_h5py_and_pandas_read_the_same(folder, monkeypatch):
     names: dict = {}
     exec(PLAIN, names)
     pd.testing.assert_frame_equal(names["estimates"], wsnsim.read("results/pso_mhpf.h5", "estimates"))
-
-
-def test_the_tracker_keeps_the_rules_and_runs_from_a_scenario(folder, monkeypatch):
-    (folder / "mylab.py").write_text(one("docs/explanation/requests.md", "class Loudest", "python"))
-    monkeypatch.syspath_prepend(folder)
-    import mylab
-
-    check_tracker(mylab.Loudest())
-    text = re.sub(r"tracker:.*", 'tracker: {kind: "mylab:Loudest", sd: 30 m}', (folder / "pso_mhpf.yaml").read_text())
-    (folder / "loudest.yaml").write_text(text)
-    report = wsnsim.experiment.run(folder / "loudest.yaml", out=folder / "loudest.h5")
-    assert report.summaries[0].run["rmse"] < 60.0
