@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import wsnsim
-from tests.documentation.pages_of_docs import fences, text
+from tests.documentation.pages_of_docs import ROOT, fences, text
 from wsnsim.base.errors import ScenarioError
 from wsnsim.scenario import resolved
 from wsnsim.scenario.sweep import load_sweep
@@ -58,7 +58,7 @@ def test_the_lines_of_a_radio_that_can_fail_run_with_any_scenario(tmp_path):
 def test_the_lines_of_appointed_clusters_run_with_any_scenario_whose_tracker_is_in_the_head(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(
-        f"extends: jiang_field\nname: mine\n{one('docs/how-to/clusters.md', 'appointed')}", encoding="utf-8"
+        f"extends: jiang_field\nname: mine\n{one('docs/how-to/clusters.md', 'horizon')}", encoding="utf-8"
     )
     assert wsnsim.experiment.simulate_run(wsnsim.load(path, ["duration=2 s", "tracker.kind=ekf"])).run["rmse"] < 5.0
 
@@ -88,6 +88,11 @@ def test_the_sweep_is_one_and_its_blocks_are_combined(tmp_path):
     assert len(plan.points) == 3 * 4 * 2 * 20
     assert plan.until is not None
     assert plan.replicates == plan.until.at_most == 200
+
+
+def test_a_guide_is_short():
+    long = {page.name: len(page.read_text(encoding="utf-8").split()) for page in (ROOT / "docs/how-to").glob("*.md")}
+    assert {name: words for name, words in long.items() if words > 900} == {}
 
 
 def test_every_package_is_shown():

@@ -26,10 +26,12 @@ def meanings(page: str) -> dict[str, str]:
     found: dict[str, str] = {}
     for names, meaning in re.findall(r"^\| (?!term |---)(.+?) \| (.+?) \| [^|]+ \|$", page, re.MULTILINE):
         plain = re.sub(r"[`*]|\[(.*?)\]\(.*?\)", r"\1", meaning)
-        for name in re.sub(r"\([^)]*\)", "", names).split(","):
+        in_full = " ".join(re.sub(r"\([^)]*\)", "", names).split())
+        for name in in_full.split(", "):
             if re.search(r"\w[ -]\w", name):
-                found[" ".join(name.lower().split())] = plain
-        found = dict.fromkeys(re.findall(r"(?:^|\()([A-Z/]{3,})(?=,|\)| \(|$)", names), plain) | found
+                found[name.lower()] = plain
+        for acronym in re.findall(r"(?:^|\()([A-Z/]{3,})(?=,|\)| \(|$)", names):
+            found.setdefault(acronym, plain if acronym == in_full else f"{in_full}: {plain}")
     return found
 
 
