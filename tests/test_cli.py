@@ -360,6 +360,7 @@ def test_a_picture_never_takes_the_place_of_its_result(result: Path, capsys: pyt
         (["rnu"], "unknown command 'rnu' (did you mean 'run'?) (see 'wsnsim --help')"),
         (["run"], "Missing argument 'SCENARIO'. (see 'wsnsim run --help')"),
         (["list", "trakers"], "unknown role 'trakers' (did you mean 'trackers'?)"),
+        (["list", "datashets"], "unknown role 'datashets' (did you mean 'datasheets'?)"),
         (["run", "--seed", "x", "y"],
          "Invalid value for '--seed': 'x' is not a valid integer range. (see 'wsnsim run --help')"),
     ],

@@ -34,7 +34,7 @@ def listed(word: str | None, as_json: bool) -> str | dict[str, Any]:
         return _sweeps(as_json)
     if word in ("datasheet", "datasheets"):
         return _datasheets(as_json)
-    roles = [role_named(word)] if word else list(ROLES.values())
+    roles = [role_named(word, ("scenarios", "sweeps", "datasheets"))] if word else list(ROLES.values())
     if as_json:
         return {"roles": {role.name: _role_json(role) for role in roles}}
     more = "More on a kind: wsnsim info KIND, such as wsnsim info " + next(iter(kinds(roles[0].name)))
