@@ -57,9 +57,7 @@ def test_the_lines_of_a_radio_that_can_fail_run_with_any_scenario(tmp_path):
 
 def test_the_lines_of_appointed_clusters_run_with_any_scenario_whose_tracker_is_in_the_head(tmp_path):
     path = tmp_path / "mine.yaml"
-    path.write_text(
-        f"extends: jiang_field\nname: mine\n{one('docs/how-to/clusters.md', 'horizon')}", encoding="utf-8"
-    )
+    path.write_text(f"extends: jiang_field\nname: mine\n{one('docs/how-to/clusters.md', 'horizon')}", encoding="utf-8")
     assert wsnsim.experiment.simulate_run(wsnsim.load(path, ["duration=2 s", "tracker.kind=ekf"])).run["rmse"] < 5.0
 
 
