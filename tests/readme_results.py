@@ -128,8 +128,8 @@ def reproduction() -> str:
     none = "" if numbers["reproduced"] else "none reproduced, "
     return (
         f"**Published figures rarely come out.** Of {total(numbers)} numbers that five papers print for methods and "
-        f"constants that they describe: {none}{_outcomes(numbers, reach=False)}. Of {total(words)} statements in words, "
-        f"such as which filter has the lower error: {_outcomes(words, reach=False)}. [The papers](docs/papers/index.md)."
+        f"constants that they give: {none}{_outcomes(numbers, reach=False)}. Of {total(words)} statements in words, "
+        f"such as which filter has less error: {_outcomes(words, reach=False)} ([papers](docs/papers/index.md))."
     )
 
 

@@ -62,7 +62,7 @@ def test_outcomes_are_read_from_a_count_line_and_words_that_depend_on_the_readin
     assert outcome_table().splitlines()[-1] == f"| [Wei 2022](wei2022.md) | {cells}"
     outcomes = "7 contradicted (3 out of reach), 2 undecided (1 out of reach)"
     assert f"of 9 printed numbers, {outcomes}; of 3 statements in words, 2" in readme_results.opening("wei2022")
-    assert "describe: none reproduced, 7 contradicted, 2 undecided. Of 3 statements" in readme_results.reproduction()
+    assert "give: none reproduced, 7 contradicted, 2 undecided. Of 3 statements" in readme_results.reproduction()
 
 
 @pytest.mark.parametrize(
