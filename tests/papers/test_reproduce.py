@@ -294,6 +294,8 @@ def test_markdown_of_a_study_that_judges_nothing_has_all_its_rows_and_an_order_i
     assert "| not published |" in said and said.endswith("- registered: yes")
     order = row(quantity="RMSE below that of b (figure 1)", key="a < b", variant="a", published=NAN)
     assert "| a < b: RMSE (figure 1) | - |" in table.markdown([order])
+    share = row(quantity="share by which it is below that of b", key="a", variant="a")
+    assert "| a: share by which it is below that of b | 2 |" in table.markdown([share])
 
 
 def test_a_bound_that_is_not_strict_is_marked_in_the_table_and_its_caution_stands_beneath():

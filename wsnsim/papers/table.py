@@ -239,7 +239,8 @@ def claim_cells(claim: CountedClaim) -> tuple[str, ...]:
 def _said(row: ClaimRow) -> str:
     """What a row is about in one cell."""
     other = row.key.partition(LESS_THAN)[2]
-    return f"{row.key or row.variant}: {row.quantity.replace(f' below that of {other}', '', 1)}"
+    quantity = row.quantity.replace(f" below that of {other}", "", 1) if other else row.quantity
+    return f"{row.key or row.variant}: {quantity}"
 
 
 def _outcome(claim: CountedClaim) -> str:
