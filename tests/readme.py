@@ -60,7 +60,7 @@ def reproduced(name: str) -> str:
 def store_rows(name: str, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write docs/papers/NAME.csv: every row of a paper, with its reading, intervals, verdict and reason."""
     table = pd.DataFrame(rows)[list(COLUMNS)]
-    table.to_csv(rows_of(name), index=False, float_format="%.5g", lineterminator="\n")
+    table.to_csv(rows_of(name), index=False, float_format="%.6g", lineterminator="\n")
 
 
 def table(name: str) -> str:

@@ -21,7 +21,7 @@ def test_the_file_of_a_paper_has_rows_for_each_claim_with_what_was_published(nam
     kept = zip(found["experiment"], found["variant"], found["quantity"], found["published"].map("{:.4g}".format),
                strict=True)  # fmt: skip
     shown = [(one.name, claim) for one in study(name).experiments for claim in one.claims if claim.shown]
-    assert {*kept} == {(one, claim.variant, claim.label, f"{float(f'{claim.published or 0.0:.5g}'):.4g}")
+    assert {*kept} == {(one, claim.variant, claim.label, f"{float(f'{claim.published or 0.0:.6g}'):.4g}")
                         for one, claim in shown}  # fmt: skip
     assert len(found) == len(shown) + sum(bool(claim.other) for _, claim in shown), "an order has a second row"
 
