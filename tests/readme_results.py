@@ -225,10 +225,8 @@ def information() -> str:
 
 
 def _named(row: Any) -> str:
-    """A strategy with its error, its energy and the runs that it lost."""
-    lost, runs = round(row["lost"] * row["runs"]), row["runs"]
-    name = row["variant"].removeprefix("ideal: ")
-    return f"`{name}` ({row['rmse']:.2f} m, {row['energy']:.2f} J, {lost} of {runs} runs lost)"
+    """A strategy with its error."""
+    return f"`{row['variant'].removeprefix('ideal: ')}`, {row['rmse']:.2f} m"
 
 
 def recordings() -> str:
