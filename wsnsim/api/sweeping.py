@@ -23,7 +23,7 @@ from wsnsim.api import arguments
 from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, named_as_in_python, overrides_of, shown
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
 from wsnsim.base.runs import run_count
-from wsnsim.campaign import prepare, run_campaign
+from wsnsim.campaign import describe_failed, prepare, run_campaign
 from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress
 from wsnsim.campaign.sweeping import engine_of, needs_main_guard
 from wsnsim.recording.folder import Folder
@@ -319,7 +319,9 @@ def compare(  # noqa: PLR0913
     arguments.demand_several(trackers)
     found = _swept(source, out, chosen, progress, {"replicates": replicates, "trackers": trackers, "workers": workers})
     if not found.complete:
-        reasons = list(dict.fromkeys(found.failed.values())) or [found.outcome.stopped or "runs are missing"]
+        reasons = describe_failed(found.failed, Folder(found.out).manifest()) or [
+            found.outcome.stopped or "runs are missing"
+        ]
         raise RunError(f"the comparison is not complete: {'; '.join(reasons[:SHOWN])}")
     return shown_comparison(comparison.compare(found.out, metric, by, baseline))
 

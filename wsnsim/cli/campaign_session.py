@@ -200,9 +200,10 @@ def _report_outcome(
     beside = f"{folder.path} also holds {points} points and {runs} runs outside this campaign; they are kept"
     lines = [f"wsnsim: {beside}"] if points or runs else []
     lines += [f"wsnsim: worker {worker} was left out: it {why}" for worker, why in outcome.left_out.items()]
-    lines += [f"wsnsim: {task} failed: {reason}" for task, reason in list(outcome.failed.items())[:MAX_FAILURES]]
-    if (more := len(outcome.failed) - MAX_FAILURES) > 0:
-        lines.append(f"wsnsim: {more} more tasks failed; see {folder.path / 'failed'}")
+    failures = campaign.describe_failed(outcome.failed, manifest)
+    lines += [f"wsnsim: {said}" for said in failures[:MAX_FAILURES]]
+    if (more := len(failures) - MAX_FAILURES) > 0:
+        lines.append(f"wsnsim: {more} more failures; see {folder.path / 'failed'}")
     if outcome.stopped and not interrupts.number:
         lines.append(f"wsnsim: error: the campaign was stopped: {outcome.stopped}")
     if outcome.missing:
