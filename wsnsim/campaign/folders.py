@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -165,10 +164,10 @@ def describe_failed(failed: Mapping[str, str], manifest: Manifest) -> list[str]:
     """One line per point and reason: the replicates that failed. `failed`: {task or point: reason}."""
     found: dict[tuple[str, str], list[int]] = {}
     for task, why in failed.items():
-        point, _, numbers = task.partition(".r")
-        number = numbers.partition("-")[0]
-        alike = re.sub(rf", replicate {int(number)}\b" if number else "$", "", why, count=1)
-        found.setdefault((point, alike), []).extend([int(number)] if number else [])
+        point, _, span = task.partition(".r")
+        number = [int(span.partition("-")[0])] if span else []
+        alike = why.replace(f", replicate {number[0]})", ")") if number else why
+        found.setdefault((point, alike), []).extend(number)
     return [f"{_replicates(manifest, point, numbers)} failed: {why}" for (point, why), numbers in found.items()]
 
 

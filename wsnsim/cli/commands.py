@@ -146,9 +146,12 @@ def recover(unfinished: Path, out: Path | None) -> None:
 
 @group.command()
 @click.argument("words", metavar="[ROLE] KIND|FILE|NAME", nargs=-1)
+@click.option(
+    "--cite", is_flag=True, help="Print what to cite, as BibTeX: wsnsim and the papers of the methods that FILE uses."
+)
 @shared.plugins_option
 @shared.json_option
-def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
+def info(words: tuple[str, ...], cite: bool, plugins: bool, as_json: bool) -> None:
     """Describe a kind: method, parameters, sources and an example.
 
     KIND is a name of `wsnsim list` (coordinated_turn, motion.coordinated_turn) or a plug-in (mylab.trackers:Mine).
@@ -160,9 +163,11 @@ def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
         raise UsageError(f"expected KIND, ROLE KIND, FILE or NAME (such as: wsnsim info ekf), got {len(words)} words")
     if not all(word.strip() for word in words):
         raise UsageError("the name is empty: expected KIND, ROLE KIND, FILE or NAME (such as: wsnsim info ekf)")
+    if cite and (as_json or len(words) > 1):
+        raise UsageError("--cite takes one result, campaign or scenario, and cannot be combined with --json")
     from wsnsim.cli import describe
 
-    echo_answer(describe.answer(words, plugins, as_json))
+    echo_answer(describe.citing(words[0]) if cite else describe.answer(words, plugins, as_json))
 
 
 PLUGIN_ROLES: Final = ("tracker", "sensor", "motion", "mac")
