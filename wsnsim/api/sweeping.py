@@ -45,6 +45,12 @@ class ShownComparison(comparison.Comparison):
 
         return comparison_text.text(self)
 
+    def to_latex(self) -> str:
+        """Return the table as LaTeX for a paper; it needs the package booktabs."""
+        from wsnsim.analysis import comparison_text
+
+        return comparison_text.latex(self)
+
     def __repr__(self) -> str:
         return f"<Comparison {self.name}: {self.metric} of {len(self.table)} points>"
 
@@ -53,7 +59,7 @@ class ShownComparison(comparison.Comparison):
 
         heads, rows = comparison_text.columns(self)
         body = "".join(f"<tr>{_cells(row, 'td')}</tr>" for row in rows)
-        sentences = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in comparison.conclusions_of(self))
+        sentences = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in comparison_text.conclusions(self))
         table = f"<table><thead><tr>{_cells(heads, 'th')}</tr></thead><tbody>{body}</tbody></table>"
         note = f"<p>{html.escape(self.replayed)}</p>" if self.replayed else ""
         return f"<div>{table}<ul>{sentences}</ul>{note}</div>"
