@@ -124,9 +124,11 @@ def aligned(rows: Sequence[Sequence[str]], left: int = 1, at: int = 0) -> list[s
 
     A table that is wider than a terminal is split, first before the column `at`; the first columns begin each part.
     """
-    most = (WIDTH // 2 // max(left, 1), WIDTH // 2)
-    rows = [[shortened(cell, most[i >= left]) for i, cell in enumerate(row)] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    if sum(widths[:left]) + 2 * left + max(widths[left:], default=0) + 2 > WIDTH:  # cells are cut
+        most = (WIDTH // 2 // max(left, 1) - 2, WIDTH // 2 - 2)
+        rows = [[shortened(cell, most[i >= left]) for i, cell in enumerate(row)] for row in rows]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     names, parts = list(range(left)), [list(range(left))]
     for i in range(left, len(widths)):
         wide = sum(widths[j] + 2 for j in ([*parts[-1], i] if i != at else range(len(widths)))) > WIDTH

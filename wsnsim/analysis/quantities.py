@@ -240,4 +240,5 @@ def worth_showing(facts: ResultFacts) -> dict[str, float]:
     dull |= {"in_range", "delivered"} if found.get("packet_delivery_ratio") == 1.0 else set()
     dull |= set() if found.get("ever_lost") else {"losses", "time_lost", "lost_share"}
     dull |= set() if facts.position else {"lost", "ever_lost"}
+    dull |= {"rmse_median"} if facts.count == 1 and "rmse" in found else set()
     return {key: value for key, value in found.items() if key not in dull}
