@@ -151,7 +151,7 @@ ONLY_IF_NOT_ZERO: Final = flagged("nonzero")
 NETWORK_ONLY: Final = flagged("network")
 """What means nothing without a network."""
 CONSISTENCY_NOTE: Final = (
-    "NEES, NIS: squares of errors and of innovations over their covariances; 1: consistent, above 1: overconfident"
+    "NEES, NIS: squared errors and innovations over covariances; 1: consistent, above 1: overconfident"
 )
 DECIDED: Final = 2.0
 """A mean over runs that is more than this times their median is decided by few of them (our choice)."""
