@@ -64,9 +64,9 @@ thorough: $(READY)  ## run expensive tests, more seeds and combinations, and ran
 verify: $(READY)  ## run every shipped scenario and compare it with tests/golden; ARGS=--record
 	@$(PY) -m tests.golden $(ARGS)
 
-docs: $(DOCS)  ## build the documentation into build/docs, every example executed; warnings are errors
+docs: $(DOCS)  ## build the documentation, one folder for any web server: build/docs; every example executed, warnings are errors
 	@NUMBA_CACHE_DIR="$$($(PY) -m tests.helpers.kernel_cache)" \
-	    $(PY) -m sphinx -j 2 -W --keep-going -q -b html docs build/docs $(ARGS)
+	    $(PY) -m sphinx -j 2 -W --keep-going -q -b html -d build/doctrees docs build/docs $(ARGS)
 	@echo "build/docs/index.html"
 
 documentation: $(DOCS)  ## test that the documents say what is so and that their examples run

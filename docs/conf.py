@@ -20,6 +20,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "sphinx.ext.githubpages",  # its file .nojekyll lets GitHub serve _static, too
     "sphinx_gallery.gen_gallery",
     "wsnsim_reference",
 ]

@@ -65,6 +65,7 @@ OWN = {
     "recording": "names",
     "scenario.parameter_info": "numbers",
     "analysis.sweep_lines": "descriptions of our fields",
+    "analysis.citing": "a table we ship",
     "cli.listing": "files we ship",
     "base.border": "annotations of our ports",
     "base.facades": "our façades",

@@ -69,4 +69,4 @@ def test_what_a_bound_takes_of_the_readings_is_kept_with_it_and_noted(tmp_path):
     sweep = {"scenario": str(tmp_path / "receivers.yaml"), "grid": {"tracker.kind": ["ekf", "pf"]}, "replicates": 2}
     wsnsim.sweep(sweep, out=tmp_path / "receivers", workers=1)
     found = error_bounds.with_bounds(compare(tmp_path / "receivers"), Folder(tmp_path / "receivers"))
-    assert found.of_bounds == "; ".join(about) and f"  of the bound: {found.of_bounds}" in text(found)
+    assert found.of_bounds == "; ".join(about) and f"of the bound: {found.of_bounds}" in " ".join(text(found).split())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import subprocess
 import sys
 
@@ -10,12 +11,12 @@ import pytest
 
 import wsnsim
 from tests.stubs import STUBS, stub
-from wsnsim.base.errors import ScenarioError
+from wsnsim.base.errors import ScenarioError, UsageError
 from wsnsim.base.facades import homes
 from wsnsim.base.part import part
 from wsnsim.models import CoordinatedTurn, DiskLink, RangeSensor
 from wsnsim.scenario import build, resolved
-from wsnsim.scenario.fields import part_model
+from wsnsim.scenario.fields import names_of, part_model
 from wsnsim.scenario.kind_info import import_line
 from wsnsim.scenario.python_values import values_of
 from wsnsim.scenario.registry import ROLES, find, load_class
@@ -70,7 +71,7 @@ def test_a_component_survives_its_form_in_a_scenario(role, kind):
     cls = load_class(find(role, kind))
     try:
         component = cls()
-    except (TypeError, ValueError):
+    except (UsageError, ValueError):
         pytest.skip("has no default for some parameter: shipped scenarios have it")
     values = values_of(component, role)
     assert values["kind"] == kind
@@ -123,3 +124,33 @@ def test_a_class_of_ones_own_is_named_by_its_path():
         wsnsim.load("pso_mhpf", {"tracker": Hidden()})
     with pytest.raises(ScenarioError, match="tracker: error: a object is not allowed"):
         wsnsim.load("pso_mhpf", {"tracker": object()})
+
+
+@pytest.mark.parametrize(("role", "kind"), KINDS)
+def test_a_wrong_parameter_of_a_component_is_refused_with_the_names_of_the_right_ones(role, kind):
+    made = load_class(find(role, kind))
+    known = names_of(made)
+    with pytest.raises(UsageError, match=rf"^{made.__name__}\(\): there is no parameter 'zzz' \(.+\)$") as unknown:
+        made(zzz=3)
+    assert set(str(unknown.value).partition("known: ")[2].removesuffix(")").split(", ")) in (set(known), {""})
+    with pytest.raises(UsageError, match=rf"^{made.__name__}\(\): .+, got 3 without a name$"):
+        made(3)
+    for name in known[:1]:
+        with pytest.raises(UsageError, match=rf"'{name}_' \(did you mean '{name}'"):
+            made(**{f"{name}_": 3})
+
+
+def test_parameters_that_are_needed_are_named_and_errors_of_a_component_itself_are_not_renamed():
+    @part
+    class Scaled:
+        factor: float
+        offset: float = 0.0
+
+        def __post_init__(self) -> None:
+            self.factor + 1.0
+
+    with pytest.raises(UsageError, match=r"^Scaled\(\): needs a value of factor$"):
+        Scaled()
+    with pytest.raises(TypeError, match="unsupported operand"):
+        Scaled(factor=None)
+    assert list(inspect.signature(Scaled).parameters) == ["factor", "offset"]

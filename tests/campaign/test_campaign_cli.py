@@ -177,6 +177,14 @@ def test_what_fails_is_named_and_kept_and_the_rest_is_done(poisoned: str, capsys
     assert not list(Path("c/failed").iterdir())
 
 
+def test_a_point_that_fails_in_every_run_for_one_reason_is_named_once(capsys: pytest.CaptureFixture[str]) -> None:
+    few = ["sweep", "pso_mhpf", "--vary", "deploy.nodes=25", "--set", "deploy.draws=1", "--set", "duration=1"]
+    assert main([*few, "--replicates", "3", "-o", "c", "-q"]) == 3
+    [failed, *rest] = [line for line in capsys.readouterr().err.splitlines() if "failed" in line]
+    assert failed.startswith("wsnsim: deploy.nodes = 25: replicates 0-2 failed: deploy: none of 1 sampled deployments")
+    assert failed.endswith("cover: false (seed 20131101)") and not rest
+
+
 @pytest.mark.thorough(fast=["0/2"])
 @pytest.mark.parametrize("shard", ["0/2", "3/2", "1/0", "2", "a/b", "1/2/3", "-1/2"])
 def test_a_shard_that_is_none_is_refused(sweep: str, shard: str, capsys: pytest.CaptureFixture[str]) -> None:

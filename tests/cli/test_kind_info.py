@@ -8,7 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers.recordings import recording
 from wsnsim import scenario
+from wsnsim.analysis.citing import _entry
+from wsnsim.base.version import __version__
 from wsnsim.cli import main
 from wsnsim.cli.describe import kinds_text, word_text
 from wsnsim.scenario.kind_info import OTHER_FORMS, KindInfo, citations, cited_in, kind_info, kinds_named
@@ -253,3 +256,50 @@ def test_keys_at_the_top_and_dotted_keys_are_described(word, shown):
 def test_a_path_after_a_role_is_an_unknown_kind(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", "tracker", "x.yaml"]) == 2
     assert "unknown tracker 'x.yaml'" in capsys.readouterr().err
+
+
+# what a result has to cite
+
+ENTRY = re.compile(r"^@(software|article|misc)\{([A-Za-z0-9-]+),\n((?:  [a-z]+ = \{.+\},?\n)+)\}$", re.MULTILINE)
+
+
+def _entries(text: str) -> dict[str, dict[str, str]]:
+    """{key of a BibTeX entry: its values}; asserts that all lines belong to entries and comments."""
+    assert not re.sub("^%.*$", "", ENTRY.sub("", text), flags=re.MULTILINE).strip()
+    return {
+        found[2]: dict(re.findall(r"^  ([a-z]+) = \{(.+?)\},?$", found[3], re.MULTILINE))
+        for found in ENTRY.finditer(text)
+    }
+
+
+def test_a_result_names_the_software_and_the_papers_of_its_methods_as_bibtex(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["info", "--cite", str(recording("pso_mhpf"))]) == 0
+    found = _entries(capsys.readouterr().out)
+    assert found["wsnsim"]["version"] == __version__
+    assert found["Jiang2013"]["author"] == "Jiang and Song and Lin"
+    assert found["Jiang2013"]["journal"] == "Journal on Communications"
+    assert [found["Jiang2013"][name] for name in ("volume", "number", "pages")] == ["34", "11", "8--17"]
+    assert "Buettner2006" not in found, "which is X-MAC"
+    assert main(["info", "--cite", "li_xmac"]) == 0
+    scenario_alone = _entries(capsys.readouterr().out)
+    assert scenario_alone["Buettner2006"]["doi"] == "10.1145/1182807.1182838" and "Jiang2013" in scenario_alone
+
+
+def test_every_publication_has_an_entry_of_its_own() -> None:
+    found = _entries("\n\n".join(_entry(one, "a test") for one in citations()))
+    assert len(found) == len(citations())
+    for values, one in zip(found.values(), citations(), strict=True):
+        assert values.get("doi", "") == one.doi and one.title.replace("&", r"\&") in values["title"]
+    assert found["Rodrigues2017"]["author"] == "Rodrigues and Montez and Moraes and Portugal and Vasques"
+    assert (
+        found["Wei2022"]["journal"] == r"Computer Measurement \& Control"
+        and found["Wei2022"]["pages"] == "273--279, 291"
+    )
+
+
+def test_a_kind_has_no_entries_and_json_no_bibtex(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["r", "x"], ["small.h5", "--json"]):
+        assert main(["info", "--cite", *words]) == 2
+        assert "--cite takes one result, campaign or scenario" in capsys.readouterr().err

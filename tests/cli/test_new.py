@@ -1,4 +1,4 @@
-"""`wsnsim new --for ROLE NAME`: a plug-in that passes its check, and a scenario that runs it."""
+"""`wsnsim new NAME`: a scenario to start from; with --for ROLE a plug-in that passes its check, and its scenario."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from wsnsim import read
 from wsnsim.cli import main
 from wsnsim.cli.commands import PLUGIN_ROLES, class_name
 from wsnsim.papers.study import study
+from wsnsim.scenario import load, resolved
 from wsnsim.scenario.kind_info import kind_info
 from wsnsim.scenario.tracker_choices import tracker_choices
 
@@ -120,3 +121,45 @@ def test_what_cannot_be_written_says_so(words: list[str], message: str, capsys: 
 
 def test_the_name_of_the_class_follows_from_that_of_the_file() -> None:
     assert [class_name(name) for name in ("near", "my_own_mac", "_2nd")] == ["Near", "MyOwnMac", "Plugin2nd"]
+
+
+def test_a_new_scenario_is_what_a_newcomer_wants_and_follows_its_target(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "field"]) == 0
+    assert capsys.readouterr().out == "field.yaml: written; run it with: wsnsim run field.yaml\n"
+    made = resolved(load("field.yaml"))
+    assert made["deploy"]["nodes"] == 60 and made["energy"]["radio"]["name"] == "CC2420"
+    assert [made[role]["kind"] for role in ("sensor", "tracker", "mac")] == ["range", "ekf", "csma"]
+    assert main(["run", "field.yaml", "-q", "--set", "duration=10 s"]) == 0
+    runs = read("results/field.h5", "runs")
+    assert runs.rmse[0] < 3.0 and runs.tracked[0] > 0.9 and not runs.losses[0]
+    told = Path("field.yaml").read_text()
+    assert told.count("# CHANGE: ") == 5 and max(map(len, told.splitlines())) <= 100
+    Path("field.yaml").write_text("mine")
+    assert main(["new", "field"]) == 2 and Path("field.yaml").read_text() == "mine"
+    assert "file exists: field.yaml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("source", ["li_xmac", "two_targets", "ungm_pf", "beacons"])
+def test_a_scenario_like_another_one_runs_as_that_one_until_a_line_is_changed(source: str) -> None:
+    assert main(["new", "mine", "--like", source]) == 0
+    like, whole = (resolved(load(name)) for name in ("mine.yaml", source))
+    assert like == {**whole, "name": "mine"}
+    lines = Path("mine.yaml").read_text().splitlines()
+    every = [line.removeprefix("# ") for line in lines[1:] if line and not line.startswith("extends: ")]
+    Path("taken.yaml").write_text("\n".join(every))
+    assert resolved(load("taken.yaml")) == like, "every line that may be changed stands for itself"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--like", "li_xmacc"], "did you mean 'li_xmac'?"),
+        (["--like", "li_xmac", "--bench"], "--bench cannot be combined with --like"),
+        (["--like", "li_xmac", "--for", "mac"], "--like cannot be combined with --for"),
+    ],
+)
+def test_what_cannot_be_copied_writes_nothing(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["new", "mine", *words]) == 2
+    assert message in capsys.readouterr().err and not list(Path().iterdir())

@@ -14,7 +14,7 @@ import yaml
 from tests.distribution import wheel
 from tests.distribution.pythons import HOME
 from tests.helpers.git import git
-from wsnsim.base.version import __version__
+from wsnsim.base.version import RELEASED, __version__
 
 AUTHOR_KEYS = {"name", "family-names", "given-names", "orcid", "affiliation"}
 """Of the Citation File Format 1.2.0: those that authors may have here."""
@@ -47,7 +47,8 @@ def test_the_version_is_a_semantic_version() -> None:
 def test_the_citation_has_what_the_format_requires(citation: dict[str, Any], project: dict[str, Any]) -> None:
     assert {"cff-version", "message", "title", "authors"} <= set(citation)
     assert citation["cff-version"] == "1.2.0" and citation["type"] == "software"
-    assert citation["version"] == __version__ and citation["license"] == project["license"]
+    assert (citation["version"], citation["date-released"]) == (__version__, RELEASED)
+    assert citation["license"] == project["license"]
     assert citation["authors"] and all(set(author) <= AUTHOR_KEYS for author in citation["authors"])
     assert [author["name"] for author in citation["authors"]] == [author["name"] for author in project["authors"]]
 

@@ -71,4 +71,4 @@ def test_nor_beside_a_world_in_which_more_happens_than_in_the_papers(more):
         "faults": [],
     }
     assert published(old)[0] == published({**old, **nothing})[0] == {"rmse": 3.371, "energy": 2.33}
-    assert published({**old, **more}) == ({}, "")
+    assert published({**old, **more}) == ({}, "", "")

@@ -5,7 +5,9 @@ from wsnsim.papers import published
 
 
 def figures(name: str, *overrides: str) -> tuple[dict[str, float], str]:
-    return published(scenario.resolved(scenario.load(name, overrides)))
+    values, paper, reason = published(scenario.resolved(scenario.load(name, overrides)))
+    assert bool(reason) == bool(paper) and len(f"  published: {reason}") <= 100
+    return values, paper
 
 
 def test_each_papers_figures_stand_beside_its_own_set_up():

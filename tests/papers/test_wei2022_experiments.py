@@ -36,7 +36,7 @@ def test_table_1_is_as_printed_and_stands_beside_the_papers_set_up():
     for name, figure in wanted.items():
         variant = EXPERIMENTS["table_1"].variants[name]
         resolved = scenario.resolved(scenario.load(variant.scenario, variant.sets))
-        assert published(resolved) == ({"rmse_x": figure}, "Wei 2022")
+        assert published(resolved)[:2] == ({"rmse_x": figure}, "Wei 2022")
 
 
 @pytest.mark.parametrize("name", ["table_2", "table_2_start_drawn", "table_2_noisy_truth"])

@@ -57,7 +57,7 @@ def test_a_page_is_whole_and_asks_for_nothing(page):
 @pytest.mark.thorough
 def test_the_summary_has_the_means_the_intervals_and_what_was_published(tmp_path):
     path = write_result(tmp_path / "x.h5", runs=8)
-    table = page_sections.summary_table([path], ["x"], lambda scenario: ({"energy": 1.82}, "Jiang 2013"))
+    table = page_sections.summary_table([path], ["x"], lambda scenario: ({"energy": 1.82}, "Jiang 2013", "why"))
     cells = cells_of(table)
     assert cells["Monte Carlo runs"] == "8"
     mean, low, high = re.match(r"([\d.]+) m <span[^>]*>\[([\d.]+), ([\d.]+)\]", cells["median per-run RMSE"]).groups()

@@ -238,16 +238,16 @@ def test_the_schema_takes_a_data_sheet_by_its_name_or_by_its_fields() -> None:
 @pytest.mark.parametrize(
     "lines",
     [
-        "mac: {kind: csma}",
-        "link: {kind: log_normal}",
-        "energy: {kind: states, radio: cc2420, processor: msp430f1611}",
-        "faults: [{kind: crash, at: 9 s, fraction: 0.1}]",
+        "mac: {kind: xmac}",
+        "link: {kind: disk}",
+        "sensor: {kind: bearing, sd: 2 deg, reach: 60 m}",
+        "tracker: {kind: ukf}",
     ],
 )
 def test_what_a_new_scenario_mentions_is_good_too(tmp_path: Path, lines: str) -> None:
     key, _, value = lines.partition(": ")
     text = template("fresh")
-    mentioned = value if key in ("energy", "faults") else value.removeprefix("{kind: ").removesuffix("}")
+    mentioned = value if key == "sensor" else value.removeprefix("{kind: ").removesuffix("}")
     assert mentioned in text
     path = tmp_path / "fresh.yaml"
     path.write_text(text)

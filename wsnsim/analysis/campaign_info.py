@@ -55,6 +55,12 @@ def label(values: Iterable[Any]) -> str:
     return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
 
 
+def point_name(keys: Sequence[str], values: Sequence[Any]) -> str:
+    """A point in a sentence: its values of these keys, and the keys themselves if it would begin with a number."""
+    text = label(values)
+    return f"{', '.join(keys)} = {text}" if text[:1].isdigit() else text
+
+
 UNKNOWN: Final = "unknown"
 MAX_NAMED: Final = 8
 """Changed files that a line names."""

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
-from wsnsim.analysis.campaign_info import baseline_point, keys_by_default, label
+from wsnsim.analysis.campaign_info import baseline_point, keys_by_default, label, point_name
 from wsnsim.analysis.conclusions import PairWords, hint, pair_columns, sentence, traffic, with_pairs
 from wsnsim.analysis.quantities import loss_rule
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
@@ -275,8 +275,8 @@ def _concluded(
     sentences, hints = [""] * len(table), [""] * len(table)
     for row, start in baselines.items():
         settings, base = points[row].settings, points[start].settings
-        names = label(settings.get(key) for key in by), label(base.get(key) for key in by)
+        names = [point_name(by, [values.get(key) for key in by]) for values in (settings, base)]
         group = ", ".join(f"{key} = {label([settings.get(key)])}" for key in others)
         sentences[row] = sentence(table.iloc[row].to_dict(), PairWords(*names, group, metric, unit))
-        hints[row] = hint(network[row], network[start], names)
+        hints[row] = hint(network[row], network[start], (names[0], names[1]))
     return table.assign(conclusion=sentences, hint=hints)

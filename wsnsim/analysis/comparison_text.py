@@ -10,23 +10,22 @@ intervals alone; the paired tests of `conclusions` decide on differences.
 from __future__ import annotations
 
 import math
-import textwrap
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, Final
 
 import pandas as pd
 
 from wsnsim.analysis.answer import percent
-from wsnsim.analysis.campaign_info import label
+from wsnsim.analysis.campaign_info import label, point_name
 from wsnsim.analysis.comparison import Comparison
-from wsnsim.analysis.conclusions import ERRORS, number
+from wsnsim.analysis.conclusions import DIFFERENT_PARTICLES, ERRORS, PACKETS_DECIDED, number, verdicts
 from wsnsim.analysis.phrases import aligned, wrapped
 from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
-from wsnsim.base.errors import counted
+from wsnsim.base.errors import counted, printable
 from wsnsim.base.tables import MORE_IS_BETTER, ONE_IS_BEST, UNLABELLED
 from wsnsim.bounds.least_errors import FAULTLESS
 
@@ -122,49 +121,86 @@ def _word(metric: str) -> str:
 
 
 def _name(row: pd.Series, names: tuple[str, ...]) -> str:
-    """The point's values of the compared keys."""
-    return label(_plain(row[name]) for name in names)
+    """The point's values of the compared keys; numbers with their keys."""
+    return point_name(names, [_plain(row[name]) for name in names])
 
 
 def _plain(value: Any) -> Any:
     return None if value is pd.NA or value != value else value
 
 
-WIDTH: Final = 120
-"""Characters of a line of a conclusion."""
 ENERGY: Final = "energy"
 """The metric that is the energy itself."""
+DIFFERENCE: Final = "difference"
+"""The first column of what is about pairs of points."""
 SEEN: Final = 0.995
 """Share of tracked steps above which the column `tracked` is left out."""
 
 
-def text(found: Comparison) -> str:
-    """The answer in a sentence, the table, a line per point, and below it what the columns mean."""
+MOST_LATE: Final = 3
+"""Points up to which a hint gives the latency of each (our choice)."""
+
+
+def text(found: Comparison, explain: bool = False) -> str:
+    """The answer in a sentence, the table, what its pairs show, and notes; `explain`: also what the columns mean."""
     table = found.table
     heads, rows = columns(found)
     counts = table["replicates"]
     many = f"{counts.min()}" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()}"
     title = f"{found.name}: {len(table)} point{'s' * (len(table) != 1)}, {many} run{'s' * (many != '1')} each"
+    notes = [*_notes(found), *(_meanings(found) if explain else [])]
     return "\n".join(
         [
             *wrapped(answer(found)),
-            title,
-            *aligned([heads, *rows], len(found.keys)),
-            *_conclusions(found),
-            *_notes(found),
+            *wrapped(title, indent="  "),
+            *aligned([heads, *rows], len(found.keys), heads.index(DIFFERENCE) if DIFFERENCE in heads else 0),
+            *(line for said in conclusions(found) for line in wrapped(said, "- ")),
+            *(line for note in notes for line in wrapped(note, "  ")),
         ]
     )
 
 
-def _conclusions(found: Comparison) -> list[str]:
-    """A sentence a pair, wrapped, and its hint below it."""
+def latex(found: Comparison) -> str:
+    """The table as LaTeX, for the package booktabs."""
+    heads, rows = columns(found)
+    lines = [" & ".join(map(_in_latex, row)) + r" \\" for row in [heads, *rows]]
+    sides = "l" * len(found.keys) + "r" * (len(heads) - len(found.keys))
+    begin = f"\\begin{{tabular}}{{{sides}}}"
+    return "\n".join([begin, r"\toprule", lines[0], r"\midrule", *lines[1:], r"\bottomrule", r"\end{tabular}", ""])
+
+
+def _in_latex(text: str) -> str:
+    """The text with LaTeX's own characters escaped."""
+    words = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+    return "".join(words.get(c) or (f"\\{c}" if c in "&%$#_{}" else c) for c in printable(text))
+
+
+def conclusions(found: Comparison) -> list[str]:
+    """What the pairs show: a sentence each if they are few, else one for all that are alike; then each hint once."""
     if "conclusion" not in found.table:
         return []
-    lines = []
-    for sentence, hint in zip(found.table["conclusion"], found.table["hint"], strict=True):
-        lines += textwrap.wrap(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
-        lines += textwrap.wrap(f"hint: {hint}" if hint else "", WIDTH, initial_indent="  ", subsequent_indent="  ")
-    return lines
+    paired = found.table[found.table["conclusion"] != ""]
+    return [*(paired["conclusion"] if len(paired) <= MOST_SENTENCES else _alike(found, paired)), *_hints(paired)]
+
+
+def _alike(found: Comparison, paired: pd.DataFrame) -> list[str]:
+    """A sentence on all pairs of which the same holds."""
+    groups: dict[str, list[str]] = {}
+    for _, row in paired.iterrows():
+        for verdict in verdicts(row, found.metric):
+            groups.setdefault(verdict, []).append(label(_plain(row[key]) for key in found.keys))
+    base = point_name(found.by, [found.baseline])
+    return [f"{verdict.format(base)}: {', '.join(names)}" for verdict, names in groups.items()]
+
+
+def _hints(paired: pd.DataFrame) -> list[str]:
+    """Each hint once: the latencies of the points that it is on, and the numbers of particles."""
+    pieces = dict.fromkeys(piece for hint in paired["hint"] for piece in hint.split("; ") if piece)
+    particles = [piece for piece in pieces if piece.startswith(DIFFERENT_PARTICLES)]
+    late = list(dict.fromkeys(piece.removeprefix(PACKETS_DECIDED) for piece in pieces if piece not in particles))
+    more = [f"and {len(late) - MOST_LATE} more points"] if len(late) > MOST_LATE else []
+    said = [PACKETS_DECIDED + "; ".join([*late[:MOST_LATE], *more])] if late else []
+    return [f"hint: {text}" for text in [*said, *particles]]
 
 
 def columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
@@ -180,12 +216,11 @@ def columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
         (shown["nees"], "singular", "singular", _each("{:.0f}".format)),
         (shown["bound"], f"CRLB{faultless}", "bound", _each(_number)),
         (shown["tracked"], "tracked", "tracked", _each(_percents)),
-        (True, "lost at any time", "ever_lost", _shares),
+        (True, "ever lost", "ever_lost", _shares),
         (shown["lost at the end"], "at the end", "lost_fraction", _each(_percents)),
-        (found.metric != ENERGY and (table["energy"] > 0).any(), "energy [J]", "energy", _spreads),
-        (shown["per joule"], f"{name}/J", "error_per_joule", _each(_number)),
-        (shown["per joule"], "Pareto", "front", _each({True: "*", False: ""}.__getitem__)),
-        (shown["difference"], "difference", "difference", _spreads),
+        (found.metric != ENERGY and (table["energy"] > 0).any(), "energy [J]", "energy", _each(_number)),
+        (shown["front"], "Pareto", "front", _each({True: "*", False: ""}.__getitem__)),
+        (shown["difference"], DIFFERENCE, DIFFERENCE, _spreads),
         (shown["difference"], "effect", "effect", _each(partial(_number, digits=2))),
         (shown["difference"], "Wilcoxon p", "p_holm", _each(partial(_number, digits=2))),
         (shown["McNemar"], "McNemar p of losses", "p_losses_holm", _each(partial(_number, digits=2))),
@@ -195,7 +230,7 @@ def columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
 
 
 def _shown_parts(found: Comparison) -> dict[str, bool]:
-    """Which optional columns say something. Metric per joule and Pareto front need energy and a metric beside it."""
+    """Which optional columns say something. The Pareto front needs energy and a metric beside it."""
     table = found.table
     difference = "difference" in table and table["pairs"].notna().any()
     of_error = found.metric != ENERGY and found.metric not in ONE_IS_BEST
@@ -204,55 +239,60 @@ def _shown_parts(found: Comparison) -> dict[str, bool]:
         "bound": "bound" in table and table["bound"].notna().any(),
         "tracked": (table["tracked"] < SEEN).any(),
         "lost at the end": found.metric != "lost" and (table["lost_fraction"] != table["ever_lost"]).any(),
-        "per joule": of_error and (table["energy"] > 0).any(),
+        "front": of_error and (table["energy"] > 0).any(),
         "difference": difference,
         "McNemar": difference and table["p_losses"].notna().any(),
     }
 
 
-def _notes(found: Comparison) -> list[str]:
+def _notes(found: Comparison) -> Iterator[str]:
+    """What a reader must know beside the table."""
+    table, few = found.table, found.table["replicates"].max() < LEAST
+    unknown = int((table["replicates"] - table["known"]).sum())
+    yield f"[ , ]: 95 % intervals{f'; of medians only from {LEAST} runs on' if few else ''}" + (
+        f"; lost: {found.lost}" if found.lost else ""
+    )
+    if unknown:
+        name = run_metric_name(found.metric)
+        yield f"without {name}: {counted(unknown, 'run')}; medians and means are over the others"
+    for head, said in (("no bound: ", found.unbounded), ("of the bound: ", found.of_bounds)):
+        if said:
+            yield f"{head}{said}"
+    yield from filter(None, (found.same, found.replayed, found.unpaired))
+
+
+def _meanings(found: Comparison) -> list[str]:
     """What the columns that are shown mean."""
     table, name, shown = found.table, run_metric_name(found.metric), _shown_parts(found)
-    few, unknown = table["replicates"].max() < LEAST, int((table["replicates"] - table["known"]).sum())
     better = "larger" if found.metric in MORE_IS_BETTER else "smaller"
     among = "point of its group" if found.by and set(found.keys) - set(found.by) else "point"
-    survivors = ",\n  over the runs in which neither lost its target at any time (difference_all: over all runs)"
+    survivors = ", over the runs in which neither lost its target at any time (difference_all: over all runs)"
     some_lost = shown["difference"] and found.metric in ERRORS and (table["pairs"] < table["common"]).any()
     candidates = [
-        (few, f"[ , ]: 95 % confidence intervals of shares by Wilson's score; of medians only from {LEAST} runs on"),
-        (not few, "[ , ]: 95 % confidence intervals, of medians and differences by bootstrap, of shares by Wilson's "
-         "score"),
-        (found.lost, f"lost: {found.lost}"),
+        (True, "intervals: of medians and differences by bootstrap, of shares by Wilson's score"),
+        (True, "ever lost: share of the runs that lost a target at any time"),
         (found.metric in ONE_IS_BEST,
          f"{name}: per degree of freedom; 1 is consistent, above 1 overconfident, below 1 cautious"),
         (shown["nees"],
-         "median over steps: of each run, median over runs; a consistent filter has 0.69 in the plane, 0.45 on a\n"
-         "  line; singular: steps of all runs with a singular covariance, which have no NEES"),
-        (shown["per joule"],
-         f"{name}/J: falls with every joule spent, so a smaller value alone is not better: see Pareto"),
+         "median over steps: of each run, median over runs; a consistent filter has 0.69 in the plane, 0.45 on a"
+         " line; singular: steps of all runs with a singular covariance, which have no NEES"),
         (shown["tracked"],
          "tracked: share of the steps with an estimate in time"
          + f"; {name} is over the steps with an estimate" * (found.metric not in UNLABELLED)),
-        (shown["per joule"] and table["front"].any(),
-         f"Pareto: * is on the Pareto front: no other {among} has both a {better} median {name} and less\n"
-         "  energy; points with more than 5 % of their runs lost at any time are left out"),
+        (shown["front"] and table["front"].any(),
+         f"Pareto: * is on the Pareto front: no other {among} has both a {better} median {name} and less"
+         " energy; points with more than 5 % of their runs lost at any time are left out"),
         (shown["difference"],
          f"difference: median over runs of the paired difference from {found.baseline}{survivors if some_lost else ''};"
-         "\n  effect: rank-biserial correlation, from -1 (always less) to 1 (always more);\n"
-         "  Wilcoxon p: signed-rank test, Holm-corrected over all tests; the interval is of each pair alone"),
+         " effect: rank-biserial correlation, from -1 (always less) to 1 (always more);"
+         " Wilcoxon p: signed-rank test, Holm-corrected over all tests; the interval is of each pair alone"),
         (shown["McNemar"],
          "McNemar p: exact test of runs lost by one of the two alone, Holm-corrected over all tests"),
         (shown["bound"],
-         "CRLB: trajectory-conditional Cramer-Rao lower bound of all readings in range, median over runs;\n"
-         "  not a strict bound: a filter may be below it on some trajectories (--json also has the posterior CRLB)"),
-        (unknown, f"without {name}: {counted(unknown, 'run')}; medians and means are over the others"),
-        (found.unbounded, f"no bound: {found.unbounded}"),
-        (found.of_bounds, f"of the bound: {found.of_bounds}"),
-        (found.same, found.same),
-        (found.replayed, found.replayed),
-        (found.unpaired, found.unpaired),
+         "CRLB: trajectory-conditional Cramer-Rao lower bound of all readings in range, median over runs;"
+         " not a strict bound: a filter may be below it on some trajectories (--json also has the posterior CRLB)"),
     ]  # fmt: skip
-    return [f"  {note}" for wanted, note in candidates if wanted]
+    return [note for wanted, note in candidates if wanted]
 
 
 Cells = Callable[[pd.DataFrame, str], list[str]]

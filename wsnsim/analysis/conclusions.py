@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -159,6 +159,24 @@ def p_value(value: float) -> str:
     return f"{value:.2g}"
 
 
+def verdicts(pair: Pair, metric: str) -> Iterator[str]:
+    """What a pair shows of losses and metric, without its own values; '{}' stands for the baseline."""
+    name = run_metric_name(metric)
+    if pair["p_losses_holm"] <= LEVEL:
+        fewer = "fewer" if pair["lost_alone"] < pair["baseline_lost_alone"] else "more"
+        yield f"lose their target in {fewer} runs than {{}}"
+    if pair["pairs"] < LEAST:
+        yield f"fewer than {LEAST} pairs, too few to compare with {{}} in {name}"
+    elif shows_difference(pair):
+        ranks = ("better", "worse") if metric in ERRORS else ("lower", "higher")
+        yield f"{ranks[pair['difference'] >= 0.0]} than {{}} in {name}"
+    else:
+        yield f"no difference from {{}} in {name} is shown"
+
+
+PACKETS_DECIDED: Final = "packets, not the filter, may have decided: "
+DIFFERENT_PARTICLES: Final = "the numbers of particles differ: "
+"""The beginnings of hints."""
 MOST_LATE: Final = 0.05
 """Share of steps with a late or missing estimate above which the network may have decided [our choice]."""
 READ: Final = ("replicate", "late", "reports", "delay", "handover_bits")
@@ -212,10 +230,10 @@ def hint(here: PointTraffic, there: PointTraffic, names: tuple[str, str]) -> str
     pair = list(zip(names, (here, there), strict=True))
     found = []
     if here.is_late or there.is_late:
-        found.append("packets, not the filter, may have decided: " + "; ".join(_latency(*one) for one in pair))
+        found.append(PACKETS_DECIDED + "; ".join(_latency(*one) for one in pair))
     if here.kind != there.kind and here.particles and there.particles and here.particles != there.particles:
         words = " and ".join(f"{name} has {one.particles} particles" for name, one in pair)
-        found.append(f"the numbers of particles differ: {words}")
+        found.append(f"{DIFFERENT_PARTICLES}{words}")
     return "; ".join(found)
 
 

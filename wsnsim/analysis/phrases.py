@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from wsnsim.base.errors import shortened
+
 MOST_NODES: Final = 24
 """Maximum number of nodes that a sentence lists (our choice)."""
 WIDTH: Final = 100
@@ -117,17 +119,32 @@ def energy_in_words(joules: float) -> str:
     return f"{joules / 1e-9:.3g} nJ"
 
 
-def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
-    """The lines of a table for a terminal, indented by two; its first `left` columns are flush left, others right."""
+def aligned(rows: Sequence[Sequence[str]], left: int = 1, at: int = 0) -> list[str]:
+    """The lines of a table for a terminal, indented by two; its first `left` columns are flush left, others right.
+
+    A table that is wider than a terminal is split, first before the column `at`; the first columns begin each part.
+    """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    sides = ["<" if i < left else ">" for i in range(len(widths))]
-    cells = ((f"{cell:{side}{width}}" for cell, side, width in zip(row, sides, widths, strict=True)) for row in rows)
-    return [f"  {'  '.join(row)}".rstrip() for row in cells]
+    if sum(widths[:left]) + 2 * left + max(widths[left:], default=0) + 2 > WIDTH:  # cells are cut
+        most = (WIDTH // 2 // max(left, 1) - 2, WIDTH // 2 - 2)
+        rows = [[shortened(cell, most[i >= left]) for i, cell in enumerate(row)] for row in rows]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    names, parts = list(range(left)), [list(range(left))]
+    for i in range(left, len(widths)):
+        wide = sum(widths[j] + 2 for j in ([*parts[-1], i] if i != at else range(len(widths)))) > WIDTH
+        if wide and parts[-1] != names:
+            parts.append([*names])
+        parts[-1].append(i)
+    shown = [[f"{row[i]:{'<' if i < left else '>'}{widths[i]}}" for i in part] for part in parts for row in rows]
+    return [f"  {'  '.join(cells)}".rstrip() for cells in shown]
 
 
-def wrapped(sentence: str) -> list[str]:
-    """The lines of a sentence for a terminal."""
-    return textwrap.wrap(sentence, WIDTH, break_long_words=False, break_on_hyphens=False)
+def wrapped(sentence: str, first: str = "", indent: str | None = None) -> list[str]:
+    """The lines of a sentence for a terminal: `first` begins the first one, `indent` (else spaces) the others."""
+    later = " " * len(first) if indent is None else indent
+    return textwrap.wrap(
+        sentence, WIDTH, initial_indent=first, subsequent_indent=later, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def listed(nodes: Sequence[int]) -> str:

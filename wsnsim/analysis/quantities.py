@@ -151,7 +151,7 @@ ONLY_IF_NOT_ZERO: Final = flagged("nonzero")
 NETWORK_ONLY: Final = flagged("network")
 """What means nothing without a network."""
 CONSISTENCY_NOTE: Final = (
-    "NEES, NIS: squares of errors and of innovations over their covariances; 1: consistent, above 1: overconfident"
+    "NEES, NIS: squared errors and innovations over covariances; 1: consistent, above 1: overconfident"
 )
 DECIDED: Final = 2.0
 """A mean over runs that is more than this times their median is decided by few of them (our choice)."""
@@ -240,4 +240,5 @@ def worth_showing(facts: ResultFacts) -> dict[str, float]:
     dull |= {"in_range", "delivered"} if found.get("packet_delivery_ratio") == 1.0 else set()
     dull |= set() if found.get("ever_lost") else {"losses", "time_lost", "lost_share"}
     dull |= set() if facts.position else {"lost", "ever_lost"}
+    dull |= {"rmse_median"} if facts.count == 1 and "rmse" in found else set()
     return {key: value for key, value in found.items() if key not in dull}

@@ -26,8 +26,8 @@ SummaryRow = tuple[str, str, str]
 """The name of a quantity, its measured value, and its published value."""
 Rows = Iterator[SummaryRow]
 Published = Mapping[str, float]
-PublishedLookup = Callable[[Mapping[str, Any]], tuple[Published, str]]
-"""A function that returns the published values of a resolved scenario by quantity, and the paper's name."""
+PublishedLookup = Callable[[Mapping[str, Any]], tuple[Published, str, str]]
+"""Returns the published values of a resolved scenario by quantity, the paper's name, and why runs differ from them."""
 LOSS_KEYS: Final = {"ever_lost": "ever_lost", "lost_fraction": "lost"}
 """Shares of runs, each with its key in `quantities.QUANTITIES`."""
 CONSISTENCY: Final = ("nees", "nees_median", "singular", "nis")
@@ -37,6 +37,8 @@ TRAFFIC: Final = (
     "frames_sent", "frames_lost", "packets_sent", "packet_delivery_ratio", "collided", "retries", "access_failures",
     "cycles",
 )  # fmt: skip
+MOST_IN_A_ROW: Final = 80
+"""Characters of the names and values of state columns that stand in one row."""
 TIME_UNITS: Final = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
 
@@ -51,20 +53,23 @@ def summary_of(
         bounds: whether all three bounds of the error are computed.
         json: whether plain values are wanted.
     """
-    values, paper = published(resolved(report.scenario)) if report.states else ({}, "")
+    values, *paper = published(resolved(report.scenario)) if report.states else ({}, "", "")
     limits = bounds_of_report(report, bounds)
-    return as_json(report, values, limits) if json else text(report, values, paper, limits)
+    return as_json(report, values, limits) if json else text(report, values, (paper[0], paper[1]), limits)
 
 
 def text(
-    report: Report, published: Published | None = None, source: str = "the paper", limits: RunBounds = NOT_COMPUTED
+    report: Report,
+    published: Published | None = None,
+    source: tuple[str, str] = ("the paper", ""),
+    limits: RunBounds = NOT_COMPUTED,
 ) -> str:
     """The summary as lines for a terminal: the answer in a sentence, then what it is of, and the table.
 
     Args:
         report: what `experiment.run` returned.
         published: published values, see `summary`.
-        source: the paper that they are from.
+        source: the paper that they are from, and why runs differ from it.
         limits: the bounds beside the errors.
     """
     figures = as_json(report, published or {}, limits)
@@ -80,7 +85,7 @@ def text(
     took = (
         f"  took {figures['wall_seconds']:.1f} s; {cpu.name} {cpu.text(figures['cpu_seconds'] / figures['replicates'])}"
     )
-    return "\n".join([*wrapped(figures["answer"]), heading, *lines, took])
+    return "\n".join([*wrapped(figures["answer"]), *wrapped(heading, indent="  "), *lines, took])
 
 
 def _frames(report: Report) -> str:
@@ -88,10 +93,10 @@ def _frames(report: Report) -> str:
     return "beacons" if report.scenario.workload.kind == "beacons" else "frames"
 
 
-def _lines_of_target(summary: _SummaryRows, source: str, limits: RunBounds) -> list[str]:
+def _lines_of_target(summary: _SummaryRows, source: tuple[str, str], limits: RunBounds) -> list[str]:
     """The table of a run with targets, and the notes below it."""
     figures = summary.figures
-    rows = [("", "measured", f"published ({source})" if summary.published else ""), *summary.tracks()]
+    rows = [("", "measured", f"published ({source[0]})" if summary.published else ""), *summary.tracks()]
     rows += summary.accuracy(limits.every)
     rows += [*summary.losses(), *summary.tracking(), *summary.latency()]
     if without_network(summary.report):
@@ -100,12 +105,14 @@ def _lines_of_target(summary: _SummaryRows, source: str, limits: RunBounds) -> l
         rows += [*summary.energy(), *summary.network(), *summary.lifetime(), *summary.clocks()]
     table = aligned([row[:2] for row in rows])
     lines = [f"{line}  {row[2]}".rstrip() for line, row in zip(table, rows, strict=True)]
-    lines += [f"  {quantities.BOUND_NOTE}"] if limits.every and math.isfinite(figures["bound"]) else []
+    notes = [f"published: {source[1]}"] if summary.published and source[1] else []
+    notes += [quantities.BOUND_NOTE] if limits.every and math.isfinite(figures["bound"]) else []
     known = math.isfinite(figures.get("bound_localisation", math.nan))
-    lines += [f"  least localisation: {KNOWN_ASSOCIATION}"] if known else []
-    lines += [f"  {CONSISTENCY_NOTE}"] if any(math.isfinite(figures[key]) for key in ONE_IS_BEST) else []
-    lines += [] if figures["bound_reason"] in ("", NOT_COMPUTED.reason) else [f"  no bound: {figures['bound_reason']}"]
-    return lines + [f"  note: {note}" for note in figures["notes"]]
+    notes += [f"least localisation: {KNOWN_ASSOCIATION}"] if known else []
+    notes += [CONSISTENCY_NOTE] if any(math.isfinite(figures[key]) for key in ONE_IS_BEST) else []
+    notes += [] if figures["bound_reason"] in ("", NOT_COMPUTED.reason) else [f"no bound: {figures['bound_reason']}"]
+    notes += [f"note: {note}" for note in figures["notes"]]
+    return lines + [line for note in notes for line in wrapped(note, "  ")]
 
 
 @dataclass(frozen=True)
@@ -154,13 +161,16 @@ class _SummaryRows:
         """Errors, bounds beside them if they are wanted, and consistency."""
         figures, error = self.figures, QUANTITIES["rmse"]
         missing, steps = figures["without_estimate"], figures["present_steps"]
-        of_steps = f"  (of {steps - missing:,.4g} of {steps:,.10g} steps)" if missing else ""
-        yield from self.row("rmse", after=of_steps, pattern=f"{error.form} {self.unit}")
+        about = [f"of {steps - missing:,.4g} of {steps:,.10g} steps"] * bool(missing)
+        about += ["one run: the mean error"] * (figures["replicates"] * figures["targets"] == 1)
+        yield from self.row(
+            "rmse", after=f"  ({'; '.join(about)})" if about else "", pattern=f"{error.form} {self.unit}"
+        )
         yield from self.row("rmse_of_kept", figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]))
         for key, readings in BOUND_KEYS.items():
             if bounds and math.isfinite(figures[key]):
                 yield f"  {bound_name(readings, figures['faults'])}", self.cell(key), ""
-        yield from self.row("rmse_median")
+        yield from self.row("rmse_median", figures["replicates"] > 1)
         yield from self.row("median_error")
         yield from self.columns()
         for key in CONSISTENCY:
@@ -171,7 +181,8 @@ class _SummaryRows:
         measured, units = self.figures["column_rmse"], dict(self.report.states)
         cell = {name: FIGURES["column_rmse"].text(rmse) for name, rmse in measured.items()}
         cell = {name: f"{text} {units[name]}".rstrip() if text != "unknown" else text for name, text in cell.items()}
-        if not any(f"rmse_{name}" in self.published for name in cell):
+        short = len(", ".join([*cell, *cell.values()])) < MOST_IN_A_ROW
+        if short and not any(f"rmse_{name}" in self.published for name in cell):
             yield f"RMSE of {', '.join(cell)}", ", ".join(cell.values()), ""
             return
         for name, value in cell.items():
@@ -195,7 +206,8 @@ class _SummaryRows:
         figures = self.figures
         if not (figures["awake"] < 1.0 or figures["tracked"] < 1.0):
             return
-        yield from self.row("mean_error", math.isfinite(figures["mean_error"]))
+        several = figures["replicates"] * figures["targets"] > 1  # otherwise it is the time-averaged RMSE
+        yield from self.row("mean_error", several and math.isfinite(figures["mean_error"]))
         if math.isfinite(figures["rmse_three"]):
             rmse, mean, middle = map(self.cell, OF_THREE)
             yield "  at a run's steps with three readings", f"RMSE {rmse}, mean {mean}, median {middle}", ""

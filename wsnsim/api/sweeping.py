@@ -23,7 +23,7 @@ from wsnsim.api import arguments
 from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, named_as_in_python, overrides_of, shown
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
 from wsnsim.base.runs import run_count
-from wsnsim.campaign import prepare, run_campaign
+from wsnsim.campaign import describe_failed, prepare, run_campaign
 from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress
 from wsnsim.campaign.sweeping import engine_of, needs_main_guard
 from wsnsim.recording.folder import Folder
@@ -45,6 +45,12 @@ class ShownComparison(comparison.Comparison):
 
         return comparison_text.text(self)
 
+    def to_latex(self) -> str:
+        """Return the table as LaTeX for a paper; it needs the package booktabs."""
+        from wsnsim.analysis import comparison_text
+
+        return comparison_text.latex(self)
+
     def __repr__(self) -> str:
         return f"<Comparison {self.name}: {self.metric} of {len(self.table)} points>"
 
@@ -53,7 +59,7 @@ class ShownComparison(comparison.Comparison):
 
         heads, rows = comparison_text.columns(self)
         body = "".join(f"<tr>{_cells(row, 'td')}</tr>" for row in rows)
-        sentences = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in comparison.conclusions_of(self))
+        sentences = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in comparison_text.conclusions(self))
         table = f"<table><thead><tr>{_cells(heads, 'th')}</tr></thead><tbody>{body}</tbody></table>"
         note = f"<p>{html.escape(self.replayed)}</p>" if self.replayed else ""
         return f"<div>{table}<ul>{sentences}</ul>{note}</div>"
@@ -319,7 +325,9 @@ def compare(  # noqa: PLR0913
     arguments.demand_several(trackers)
     found = _swept(source, out, chosen, progress, {"replicates": replicates, "trackers": trackers, "workers": workers})
     if not found.complete:
-        reasons = list(dict.fromkeys(found.failed.values())) or [found.outcome.stopped or "runs are missing"]
+        reasons = describe_failed(found.failed, Folder(found.out).manifest()) or [
+            found.outcome.stopped or "runs are missing"
+        ]
         raise RunError(f"the comparison is not complete: {'; '.join(reasons[:SHOWN])}")
     return shown_comparison(comparison.compare(found.out, metric, by, baseline))
 

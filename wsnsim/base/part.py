@@ -13,8 +13,11 @@ paths of these issues start at the name of a role.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TypeVar, dataclass_transform
+import functools
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, TypeVar, dataclass_transform
+
+from wsnsim.base.errors import UsageError, did_you_mean, shown_value
 
 T = TypeVar("T")
 
@@ -61,5 +64,35 @@ def part(cls: type[T]) -> type[T]:
 
     Args:
         cls: The class, whose fields are the keys of a scenario; `Quantity` in their annotations gives units and bounds.
+
+    Raises:
+        UsageError: an instance is made with parameters that the class does not have, without names, or without a value
+            that is needed.
     """
-    return dataclass(frozen=True, kw_only=True)(cls)
+    made: Any = dataclass(frozen=True, kw_only=True)(cls)
+    initialise = made.__init__
+
+    @functools.wraps(initialise)
+    def checked(self: T, *values: Any, **given: Any) -> None:
+        try:
+            initialise(self, *values, **given)
+        except TypeError as error:
+            if reason := _misfit(made, values, given):
+                raise UsageError(f"{made.__name__}(): {reason}") from error
+            raise
+
+    made.__init__ = checked
+    return made  # type: ignore[no-any-return]
+
+
+def _misfit(made: Any, values: tuple[Any, ...], given: dict[str, Any]) -> str:
+    """Why these are not the parameters of a component; '' if they are."""
+    known = {field.name: field for field in fields(made) if field.init}
+    if values:
+        allowed = f"give each parameter by its name ({', '.join(known)})" if known else "there is no parameter"
+        return f"{allowed}, got {shown_value(values[0])} without a name"
+    if unknown := next((name for name in given if name not in known), None):
+        return f"there is no parameter '{unknown}' ({did_you_mean(unknown, known)})"
+    absent = [name for name, field in known.items() if field.default is field.default_factory is MISSING]
+    absent = [name for name in absent if name not in given]
+    return f"needs a value of {', '.join(absent)}" if absent else ""

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
         WHOLE as WHOLE, CampaignOutcome as CampaignOutcome, CampaignProgress as CampaignProgress, Shard as Shard,
     )
     from wsnsim.campaign.folders import (
-        collect as collect, demand_permitted as demand_permitted, describe_missing as describe_missing,
-        existing_manifest as existing_manifest, missing as missing, needs_permission as needs_permission,
-        prepare as prepare, reopen as reopen,
+        collect as collect, demand_permitted as demand_permitted, describe_failed as describe_failed,
+        describe_missing as describe_missing, existing_manifest as existing_manifest, missing as missing,
+        needs_permission as needs_permission, prepare as prepare, reopen as reopen,
     )
     from wsnsim.campaign.runner import run_campaign as run_campaign
 

@@ -156,14 +156,26 @@ def missing(folder: Folder) -> dict[str, list[int]]:
 
 def describe_missing(missing: Mapping[str, Iterable[int]], manifest: Manifest, most: int = 10) -> list[str]:
     """One line per point: its missing replicates."""
-    lines = []
-    for point, numbers in list(missing.items())[:most]:
-        settings = ", ".join(f"{key} = {value}" for key, value in manifest.point(point).settings.items())
-        spans = ", ".join(f"{a}" if a == b else f"{a}-{b}" for a, b in consecutive(sorted(numbers), 10**9))
-        lines.append(f"  {settings or point}: replicates {spans}")
-    if len(missing) > most:
-        lines.append(f"  and {len(missing) - most} more points")
-    return lines
+    lines = [f"  {_replicates(manifest, point, numbers)}" for point, numbers in list(missing.items())[:most]]
+    return [*lines, f"  and {len(missing) - most} more points"] if len(missing) > most else lines
+
+
+def describe_failed(failed: Mapping[str, str], manifest: Manifest) -> list[str]:
+    """One line per point and reason: the replicates that failed. `failed`: {task or point: reason}."""
+    found: dict[tuple[str, str], list[int]] = {}
+    for task, why in failed.items():
+        point, _, span = task.partition(".r")
+        number = [int(span.partition("-")[0])] if span else []
+        alike = why.replace(f", replicate {number[0]})", ")") if number else why
+        found.setdefault((point, alike), []).extend(number)
+    return [f"{_replicates(manifest, point, numbers)} failed: {why}" for (point, why), numbers in found.items()]
+
+
+def _replicates(manifest: Manifest, point: str, numbers: Iterable[int]) -> str:
+    """The settings of a point with some of its replicates: 'deploy.nodes = 25: replicates 0-2'."""
+    settings = ", ".join(f"{key} = {value}" for key, value in manifest.point(point).settings.items())
+    spans = ", ".join(f"{a}" if a == b else f"{a}-{b}" for a, b in consecutive(sorted(numbers), 10**9))
+    return f"{settings or point}{f': replicates {spans}' if spans else ''}"
 
 
 def existing_manifest(folder: Folder, name: str) -> Manifest | None:

@@ -55,12 +55,13 @@ def check_comparison(options: Options, plan: Plan | Manifest, by: Sequence[str])
         if key not in plan.keys:
             raise UsageError(f"--by: the campaign does not vary '{key}' ({did_you_mean(key, plan.keys)})")
     campaign_info.baseline_point(plan, tuple(by) or campaign_info.keys_by_default(plan.keys), options.baseline)
-    if options.csv and options.csv.is_dir():
-        raise UsageError(f"--csv {options.csv} is a folder, not a file")
-    if options.csv and (reason := why_not_regular(options.csv)):
-        raise UsageError(f"--csv {options.csv} {reason}")
-    if options.csv and not options.csv.parent.is_dir():
-        raise UsageError(f"--csv {options.csv}: folder does not exist: {options.csv.parent}")
+    for name, path in (("--csv", options.csv), ("--latex", options.latex)):
+        if path and path.is_dir():
+            raise UsageError(f"{name} {path} is a folder, not a file")
+        if path and (reason := why_not_regular(path)):
+            raise UsageError(f"{name} {path} {reason}")
+        if path and not path.parent.is_dir():
+            raise UsageError(f"{name} {path}: folder does not exist: {path.parent}")
 
 
 def print_comparison(folder: Folder, options: Options, plugins: Plugins | None = None) -> int:
@@ -87,21 +88,21 @@ def print_comparison(folder: Folder, options: Options, plugins: Plugins | None =
 
         found = error_bounds.with_bounds(found, folder, plugins)
     if options.csv:
-        _write_csv(found.table, options.csv)
+        _write(options.csv, found.table.map(lambda v: printable(v) if isinstance(v, str) else v).to_csv(index=False))
+    if options.latex:
+        _write(options.latex, comparison_text.latex(found))
     if options.as_json:
         answer = {"answer": comparison_text.answer(found), "folder": str(folder.path)}
         echo_json({**comparison.as_json(found), **answer, **campaign_info.code_json(folder)})
     else:
-        echo("\n".join([comparison_text.text(found), *campaign_info.code_lines(folder)]))
+        more = [] if options.explain else ["  what the columns mean: --explain"]
+        echo("\n".join([comparison_text.text(found, options.explain), *more, *campaign_info.code_lines(folder)]))
     return 0
 
 
-def _write_csv(table: Any, path: Path) -> None:
-    texts = {name: [value for value in table[name] if isinstance(value, str)] for name in table}
-    unsafe = [name for name in table if any(printable(value) != value for value in texts[name])]
-    escaped = {name: [printable(str(value)) for value in table[name]] for name in unsafe}
+def _write(path: Path, text: str) -> None:
     try:
-        table.assign(**escaped).to_csv(path, index=False)
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
 
@@ -200,9 +201,10 @@ def _report_outcome(
     beside = f"{folder.path} also holds {points} points and {runs} runs outside this campaign; they are kept"
     lines = [f"wsnsim: {beside}"] if points or runs else []
     lines += [f"wsnsim: worker {worker} was left out: it {why}" for worker, why in outcome.left_out.items()]
-    lines += [f"wsnsim: {task} failed: {reason}" for task, reason in list(outcome.failed.items())[:MAX_FAILURES]]
-    if (more := len(outcome.failed) - MAX_FAILURES) > 0:
-        lines.append(f"wsnsim: {more} more tasks failed; see {folder.path / 'failed'}")
+    failures = campaign.describe_failed(outcome.failed, manifest)
+    lines += [f"wsnsim: {said}" for said in failures[:MAX_FAILURES]]
+    if (more := len(failures) - MAX_FAILURES) > 0:
+        lines.append(f"wsnsim: {more} more failures; see {folder.path / 'failed'}")
     if outcome.stopped and not interrupts.number:
         lines.append(f"wsnsim: error: the campaign was stopped: {outcome.stopped}")
     if outcome.missing:
@@ -225,7 +227,7 @@ def _resume_command(folder: Folder, shard: Shard, options: Options) -> str:
     words = ["wsnsim", "sweep", str(folder.path)]
     if shard.total > 1:
         words += ["--shard", f"{shard.number}/{shard.total}"]
-    for name in ("jobs", "scheduler", "scheduler_file", "metric", "baseline", "csv"):
+    for name in ("jobs", "scheduler", "scheduler_file", "metric", "baseline", "csv", "latex"):
         value = getattr(options, name)
         if value is not None and (name, value) != ("metric", METRIC):
             words += [f"--{name.replace('_', '-')}", str(value)]

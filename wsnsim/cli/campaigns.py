@@ -35,7 +35,9 @@ _session_options = shared.with_options(
     click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare."),
     click.option("--by", multiple=True, metavar="KEY", help="Key whose values are compared; others are fixed."),
     click.option("--baseline", metavar="VALUE", help="Value that others are compared with; default the first."),
-    click.option("--csv", type=PATH, metavar="FILE", help="Also write the table to this file."),
+    click.option("--csv", type=PATH, metavar="FILE", help="Also write all values of the table to this file."),
+    click.option("--latex", type=PATH, metavar="FILE", help="Also write the table to this file, as LaTeX."),
+    click.option("--explain", is_flag=True, help="Also say what the columns mean."),
     click.option(
         "--bound/--no-bound",
         default=None,
@@ -140,7 +142,9 @@ def collect(shards: tuple[Path, ...], out: Path | None, metric: str, accept_code
     into = Folder(out or shards[0])
     manifest = campaign.collect([Folder(shard) for shard in shards], into, accept_code_change)
     missing = campaign.missing(into)
-    options = session.Options(metric=metric, by=(), baseline=None, csv=None, as_json=as_json, bound=False)
+    options = session.Options(
+        metric=metric, by=(), baseline=None, csv=None, latex=None, explain=False, as_json=as_json, bound=False
+    )
     code = session.print_comparison(into, options)
     if missing:
         echo_lines([f"wsnsim: {into.path} is incomplete:", *campaign.describe_missing(missing, manifest)])

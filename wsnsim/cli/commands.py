@@ -146,9 +146,12 @@ def recover(unfinished: Path, out: Path | None) -> None:
 
 @group.command()
 @click.argument("words", metavar="[ROLE] KIND|FILE|NAME", nargs=-1)
+@click.option(
+    "--cite", is_flag=True, help="Print what to cite, as BibTeX: wsnsim and the papers of the methods that FILE uses."
+)
 @shared.plugins_option
 @shared.json_option
-def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
+def info(words: tuple[str, ...], cite: bool, plugins: bool, as_json: bool) -> None:
     """Describe a kind: method, parameters, sources and an example.
 
     KIND is a name of `wsnsim list` (coordinated_turn, motion.coordinated_turn) or a plug-in (mylab.trackers:Mine).
@@ -160,9 +163,11 @@ def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
         raise UsageError(f"expected KIND, ROLE KIND, FILE or NAME (such as: wsnsim info ekf), got {len(words)} words")
     if not all(word.strip() for word in words):
         raise UsageError("the name is empty: expected KIND, ROLE KIND, FILE or NAME (such as: wsnsim info ekf)")
+    if cite and (as_json or len(words) > 1):
+        raise UsageError("--cite takes one result, campaign or scenario, and cannot be combined with --json")
     from wsnsim.cli import describe
 
-    echo_answer(describe.answer(words, plugins, as_json))
+    echo_answer(describe.citing(words[0]) if cite else describe.answer(words, plugins, as_json))
 
 
 PLUGIN_ROLES: Final = ("tracker", "sensor", "motion", "mac")
@@ -173,9 +178,10 @@ STUDY: Final = "study"
 @group.command()
 @click.argument("name")
 @click.option("--bench", is_flag=True, help="Write a scenario of a standalone filter, without a network.")
+@click.option("--like", metavar="SCENARIO", help="Start from this scenario, whose values are listed to be changed.")
 @click.option("--for", "role", type=click.Choice((*PLUGIN_ROLES, STUDY)),
               help="Also write a plug-in of this role, NAME.py; or a study, the folder NAME.")  # fmt: skip
-def new(name: str, bench: bool, role: str | None) -> None:
+def new(name: str, bench: bool, like: str | None, role: str | None) -> None:
     """Write a commented scenario; with --for, a plug-in or a study.
 
     All are starting points. The scenario is NAME.yaml; the plug-in is NAME.py, and the scenario uses it. A study is a
@@ -188,11 +194,13 @@ def new(name: str, bench: bool, role: str | None) -> None:
     if reason := unsafe_name(stem, "a file"):
         raise UsageError(f"'{name}' {reason}")
     if role is None:
-        _write({Path(f"{stem}.yaml"): template(stem, bench)})
+        if bench and like is not None:
+            raise UsageError("--bench cannot be combined with --like")
+        _write({Path(f"{stem}.yaml"): template(stem, bench) if like is None else _like(like, stem)})
         echo(f"{stem}.yaml: written; run it with: wsnsim run {stem}.yaml")
         return
-    if bench:
-        raise UsageError("--bench cannot be combined with --for")
+    if bench or like is not None:
+        raise UsageError(f"{'--bench' if bench else '--like'} cannot be combined with --for")
     if role == STUDY:
         _write_study(stem)
         return
@@ -203,6 +211,22 @@ def new(name: str, bench: bool, role: str | None) -> None:
     echo(f"{stem}.py and {stem}.yaml: written")
     echo(f"check its rules:  python {stem}.py")
     echo(f"run it:           wsnsim run {stem}.yaml")
+
+
+def _like(source: str, name: str) -> str:
+    """Return the text of a scenario that extends another one, whose values stand in comments."""
+    import yaml
+
+    from wsnsim.scenario import load, resolved
+
+    values = {key: value for key, value in resolved(load(source)).items() if key != "name"}
+    whole = (yaml.safe_dump({key: value}, default_flow_style=True, width=10**9, sort_keys=False).strip()
+             for key, value in values.items())  # fmt: skip
+    lines = [f"# {text[1:-1]}\n" for text in whole]  # without the braces of the mapping
+    return (
+        f"# As {source}, but for what you change: take the '#' from a line and change its values, in SI units.\n"
+        f"{yaml.safe_dump({'extends': source, 'name': name}, sort_keys=False)}\n{''.join(lines)}"
+    )
 
 
 def _write_study(name: str) -> None:

@@ -9,6 +9,7 @@ Such a word is a table or a column of results, a key of scenarios, or a command.
 
 from __future__ import annotations
 
+import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLE_MEANINGS, TABLES, Colu
 from wsnsim.cli import component_info
 from wsnsim.cli.listing import listed, paragraph, wrapped_table
 from wsnsim.cli.shared import every_command, is_campaign, reading
+from wsnsim.recording.folder import Folder
 from wsnsim.scenario.fields import PartError
 from wsnsim.scenario.kind_info import KindInfo, kind_info, kinds_named
 from wsnsim.scenario.registry import AT_TOP, ROLES, find, kinds, role_named, search
@@ -48,6 +50,23 @@ def _what(word: str, plugins: bool, as_json: bool, only_files: bool) -> Answer:
         return {"points": points} if as_json else "\n\n".join(map(lifetime_text.text, points))
     kinds_found = None if only_files else _kinds((word,), as_json)
     return _file(word, plugins, as_json, only_files) if kinds_found is None else kinds_found
+
+
+def citing(word: str) -> str:
+    """Return the BibTeX entries for a result, a campaign's folder or a scenario."""
+    from wsnsim.analysis.citing import bibtex
+    from wsnsim.analysis.plot_data import stored_json
+    from wsnsim.recording import attributes
+    from wsnsim.scenario import load, resolved
+
+    if is_campaign(word):
+        manifest = (folder := Folder(word)).manifest()
+        return bibtex((json.loads(folder.scenario(point.id)) for point in manifest.points), manifest.wsnsim_version)
+    if is_result(word):
+        path = Path(word)
+        with reading(path):
+            return bibtex([stored_json(path, "scenario/resolved_json")], attributes(path)["wsnsim_version"])
+    return bibtex([resolved(load(word))])
 
 
 def _kinds(words: Sequence[str], as_json: bool) -> Answer | None:

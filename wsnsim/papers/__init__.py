@@ -1,6 +1,7 @@
 """The source papers and studies: what each prints and claims (a YAML file), its own measures and figures (Python).
 
-The published values of a simulation set-up that a paper describes: published(resolved scenario) -> (values, source)
+The published values of a simulation set-up that a paper describes, the paper, and why runs differ from it:
+published(resolved scenario) -> (values, source, reason)
 
 Values are 'rmse' (the time-averaged RMSE over runs), 'energy', 'clusters', and 'rmse_px' and the like for the root mean
 square error of a state column. A paper's set-up matches whatever the variant of its tracker.
@@ -20,11 +21,12 @@ class SetUp(DocumentModel):
     """A simulation set-up of a paper, and the published values of the tracker that runs in it.
 
     `values` names, for each value, a table of the paper's `published` by the tracker's kind, and by its number of
-    particles where that matters. `equal` is what a resolved scenario has to have (null: nothing). `default` is what it
-    has to have wherever it says anything.
+    particles where that matters. `differs` says why runs differ from them. `equal` is what a resolved scenario has to
+    have (null: nothing). `default` is what it has to have wherever it says anything.
     """
 
     paper: str
+    differs: str
     values: dict[str, str]
     equal: dict[str, Any]
     default: dict[str, Any]
@@ -42,16 +44,16 @@ def set_ups() -> tuple[SetUp, ...]:
     return read_document(shipped_studies()["jiang2013"].parent / "set_ups.yaml", SetUps).content.set_ups
 
 
-def published(resolved: Mapping[str, Any]) -> tuple[dict[str, float], str]:
-    """The published values for a resolved scenario, and the paper; ({}, '') for a set-up that is in no paper."""
+def published(resolved: Mapping[str, Any]) -> tuple[dict[str, float], str, str]:
+    """The published values for a resolved scenario, the paper and why runs differ; empty if no paper has the set-up."""
     for set_up in set_ups():
         if _fits(resolved, set_up.equal) and _fits(resolved, set_up.default, lenient=True):
             from wsnsim.papers.study import study  # takes long to import and to read
 
             found = study(set_up.paper)
             if values := _values(resolved, set_up, found.published):
-                return values, found.source
-    return {}, ""
+                return values, found.source, set_up.differs
+    return {}, "", ""
 
 
 def _values(resolved: Mapping[str, Any], set_up: SetUp, tables: Mapping[str, Any]) -> dict[str, float]:

@@ -255,7 +255,7 @@ def explained(term: str, explanation: str) -> str:
 
 def _cells(path: Path, published: PublishedLookup | None, plugins: bool, bounds: bool) -> Cells:
     """The summary quantities of a result by name, as HTML."""
-    values, paper = _published_values(path, published)
+    values, paper, differs = _published_values(path, published)
     facts = facts_of_file(path)
     unit = facts.unit
     cells: Cells = {}
@@ -270,7 +270,8 @@ def _cells(path: Path, published: PublishedLookup | None, plugins: bool, bounds:
         cells[quantity.name] = html.escape(quantity.text(value, unit)) + _small(ends)
         cells[quantity.name] += _small(beside(key, middles, facts.consistent, unit))
         if key in PUBLISHED_KEYS and key in values:
-            cells[quantity.name] += _small(f"published {quantity.text(values[key], unit)} ({paper})")
+            about = f"published {quantity.text(values[key], unit)} ({paper})"
+            cells[quantity.name] += f' <span class="small">{explained(about, differs)}</span>'
     if errors.size and bounds:
         cells |= {
             bound_name(readings, facts.faults): html.escape(QUANTITIES["rmse"].text(bound, unit))
@@ -285,11 +286,11 @@ def _small(text: str) -> str:
     return f' <span class="small">{html.escape(text)}</span>' if text else ""
 
 
-def _published_values(path: Path, published: PublishedLookup | None) -> tuple[Mapping[str, float], str]:
-    """The published values of the result's scenario."""
+def _published_values(path: Path, published: PublishedLookup | None) -> tuple[Mapping[str, float], str, str]:
+    """The published values of the result's scenario, the paper, and why runs differ from it."""
     if published is None:
-        return {}, ""
+        return {}, "", ""
     try:
         return published(read_json(path, "scenario/resolved_json"))
     except (ResultError, ValueError):
-        return {}, ""
+        return {}, "", ""
