@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field as field_of
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -334,4 +334,16 @@ class Tracker(Protocol[B]):
             belief: That of the last step.
             scene: What the head knows at this step.
             ahead: The number of model steps, 1 or more.
+        """
+
+
+class Trigger(Protocol):
+    """Decides which members send their readings to a head, and what the head learns from the others."""
+
+    def gather(self, belief: Any, scene: Scene) -> Flow[Any]:
+        """Ask the members for readings; return a `wsnsim.trackers.shared.triggers.Heard`.
+
+        Args:
+            belief: That of the last step, with `mean` and `cov`, and with `shared` if a trigger left it there.
+            scene: What the head knows.
         """
