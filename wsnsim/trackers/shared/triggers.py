@@ -6,7 +6,7 @@
 The head broadcasts its prediction, which is paid for, and its members keep it as a shared estimate. A member compares
 its reading z with what that expects, ẑ, and is silent if they are close. A head that uses silence takes it as
 
-    p + (1 - p) P(silent | z)        p: probability that a reading that is sent does not arrive
+    p + (1 - p) r P(silent | z)        p: probability that a packet does not arrive, r: that the broadcast did
 
 and replaces the posterior, which is a mixture, by the Gaussian with its mean and covariance, one silent member after
 the other, with the readings linearised. So without loss and with a linear sensor one silent member is treated exactly
@@ -132,6 +132,7 @@ class Heard:
         told = self.shared.expects(scene, *nodes)
         now = expected_of(mean[place], cov[np.ix_(place, place)], scene.sensor, *nodes)
         centres, widths = near(scene.sensor, told.values, now.values), self.trigger.widths(told)
+        loss = self.trigger.loss
         for row, slope in enumerate(now.slopes):
             cross = cov[:, place] @ slope
             sd = math.sqrt(float(slope @ cross[place] + now.noise[row]))
@@ -139,7 +140,7 @@ class Heard:
             moments = self.trigger.silence_of(float(centres[row] - centre) / sd, float(widths[row]) / sd)
             if moments.chance < LEAST_CHANCE:
                 continue
-            shift, left = _with_loss(moments, self.trigger.loss)
+            shift, left = _with_loss(moments, loss, (1.0 - loss) ** moment_packets(self.shared.mean.size))
             mean = mean + cross * (shift / sd)
             cov = symmetric(cov - np.outer(cross, cross) * ((1.0 - left) / sd**2))
         return mean, cov
@@ -213,7 +214,7 @@ class EstimateTrigger(Always):
     loss: Annotated[
         float,
         Quantity("", ge=0, lt=1),
-        "p: probability with which a reading that is sent does not arrive, for any cause",
+        "p: probability with which a packet that is sent does not arrive, for any cause",
     ] = 0.0
     shared_every: Annotated[
         int, Quantity("", ge=1, le=1000), "steps from one broadcast of the estimate to the next"
@@ -363,13 +364,16 @@ def expected_of(point: Floats, cov: Floats, sensor: SensorModel, positions: Floa
     return Expected(values[:, 0], slopes, noise[:, 0], cross, (slopes * cross).sum(axis=1) + noise[:, 0])
 
 
-def _with_loss(moments: Moments, loss: float) -> tuple[float, float]:
-    """Mean and variance of a standard normal reading that did not arrive, which may have been lost."""
+def _with_loss(moments: Moments, loss: float, informed: float) -> tuple[float, float]:
+    """Mean and variance of a standard normal reading that did not arrive.
+
+    It was lost, or its member has the shared estimate, with the probability `informed`, and was silent.
+    """
     chance, mean, variance = moments
-    total = chance + loss * (1.0 - chance)
-    first = (1.0 - loss) * chance * mean / total
-    second = (loss + (1.0 - loss) * chance * (variance + mean**2)) / total
-    return first, second - first**2
+    told = (1.0 - loss) * informed * chance
+    total = loss + told
+    first = told * mean / total
+    return first, (loss + told * (variance + mean**2)) / total - first**2
 
 
 def _reading_of_sender(member: Member, head: int, bits: int) -> Parcel | None:
