@@ -25,6 +25,8 @@ PARTNERS: Final = {
     "gmtt": ("directed_flood", "prediction"), "ris": ("none", "detection"),
 }  # fmt: skip
 """Trackers that go with a wake-up protocol, and with what decides who leads."""
+DECIDE: Final = ("acoustic_energy", "range", "rssi", "bearing")
+"""Sensors of one number, which a member can compare with what is expected."""
 OF_LINES: Final = ("squared", "coordinate", "range", "range_from_origin")
 """Sensors of a position of one column."""
 ONLINE: Final = ("acoustic_energy", "range", "rssi", "bearing", "range_bearing")
@@ -100,7 +102,7 @@ class Sampler:
         radio = self.of_network(tracker["kind"])
         if common["sensor"]["kind"] == "recorded" and self.rng.random() < GUIDED:
             radio["detection"] = {"kind": "perfect"}
-        return self.scans({**common, **radio}, motion in LINE)
+        return self.triggers(self.scans({**common, **radio}, motion in LINE))
 
     def scans(self, values: Values, line: bool) -> Values:
         """The scenario, in some cases with readings that name no target; the choice changes no other value."""
@@ -119,6 +121,19 @@ class Sampler:
             "record": values["record"] | {"detections": True},
             "wakeup": {"kind": "none"}, "clusters": {"kind": rng.choice(["central", "strongest_signal"])},
         }  # fmt: skip
+
+    def triggers(self, values: Values) -> Values:
+        """The scenario, in some cases with members that decide whether to send; the choice changes no other value."""
+        rng, tracker = random.Random(f"triggers {self.turn}"), values["tracker"]
+        decides = values["sensor"]["kind"] in DECIDE and "emission" not in values["sensor"] and "assumes" not in tracker
+        if tracker["kind"] not in ("ekf", "ukf", "ckf") or tracker.get("readings") == "nearest" or rng.random() < 0.5:
+            return values
+        trigger = {
+            "kind": rng.choice(["event", "stochastic", "periodic", "random"] if decides else ["periodic", "random"])
+        }
+        if trigger["kind"] in ("event", "stochastic"):
+            trigger |= {"loss": rng.choice([0.0, 0.2]), "shared_every": rng.choice([1, 5])}
+        return {**values, "tracker": tracker | {"trigger": trigger}}
 
     def recording(self) -> Values:
         """Readings of a recorded track, and the nodes that took them."""

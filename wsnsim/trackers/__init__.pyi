@@ -30,6 +30,11 @@ from wsnsim.trackers.range_fixes import GreyTracking as GreyTracking
 from wsnsim.trackers.range_fixes import TwoPhase as TwoPhase
 from wsnsim.trackers.sensor_chains import InteractingKalman as InteractingKalman
 from wsnsim.trackers.sensor_chains import RelayKalman as RelayKalman
+from wsnsim.trackers.shared.triggers import Always as Always
+from wsnsim.trackers.shared.triggers import Event as Event
+from wsnsim.trackers.shared.triggers import Periodic as Periodic
+from wsnsim.trackers.shared.triggers import RandomSending as RandomSending
+from wsnsim.trackers.shared.triggers import Stochastic as Stochastic
 from wsnsim.trackers.sigma_points import CubatureKalman as CubatureKalman
 from wsnsim.trackers.sigma_points import UnscentedKalman as UnscentedKalman
 from wsnsim.trackers.trilateration import Trilateration as Trilateration
@@ -56,5 +61,11 @@ Gmtt = GreyTracking
 Tsstp = TwoPhase
 Imsf = InteractingKalman
 Rkf = RelayKalman
+AlwaysTrigger = Always
+EventTrigger = Event
+PeriodicTrigger = Periodic
+Random = RandomSending
+RandomTrigger = RandomSending
+StochasticTrigger = Stochastic
 Ckf = CubatureKalman
 Ukf = UnscentedKalman

@@ -30,6 +30,7 @@ from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Member, Parcel
 from wsnsim.base.rng import derive, uniforms
 from wsnsim.base.setups import TrackingSetup
+from wsnsim.trackers.shared.gains import gain_prior
 from wsnsim.trackers.shared.moments import predicted, stepped, symmetric
 from wsnsim.trackers.shared.readings import (
     Evidence,
@@ -238,6 +239,9 @@ class EstimateTrigger(Always):
         if len(components_of(sensor)) > 1 or is_relative(sensor) or hasattr(sensor, "reading_bits"):
             why = "compares a reading, one number, with what is expected: not readings of several components, relative "
             yield Issue(("tracker", "trigger"), f"{why}ones or such in few bits; use periodic or random")
+        elif gain_prior(sensor):
+            why = "members do not know the gains that the head estimates; use periodic or random, or assume known gains"
+            yield Issue(("tracker", "trigger"), why)
 
     def gather(self, belief: Any, scene: Scene) -> Flow[Heard]:
         """The readings that reach the head, and whose silence it uses."""
