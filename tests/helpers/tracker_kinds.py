@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wsnsim.base.headless import port_of
+from wsnsim.base.ports import port_of
 from wsnsim.scenario.registry import ROLES, Kind, load_class
 
 

@@ -2,32 +2,41 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from dataclasses import replace
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from tests.helpers.tracker_kinds import trackers_without_a_head
 from wsnsim import experiment, scenario
 from wsnsim.base.arrays import Estimate
-from wsnsim.base.errors import ScenarioError
-from wsnsim.base.requests import PACKET_BITS, Member, Parcel
+from wsnsim.base.errors import RunError, ScenarioError
+from wsnsim.base.requests import PACKET_BITS, Exchange, Gather, Local, Member, Parcel
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import Summary
+from wsnsim.models.bearing import RangeBearing
 from wsnsim.models.linear import ConstantVelocity
+from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range
+from wsnsim.models.sensing import Coordinate
 from wsnsim.offline.loopback import perform
+from wsnsim.testing import check_tracker
 from wsnsim.testing.table import FIRST, Table
 from wsnsim.trackers.covariance_intersection import CovarianceIntersection, NaiveFusion
 from wsnsim.trackers.diffusion import Diffusion
 from wsnsim.trackers.information_consensus import HybridConsensus, InformationConsensus
 from wsnsim.trackers.kalman_consensus import KalmanConsensus
 from wsnsim.trackers.shared.consensus import VALUES, average, neighbourhood
+from wsnsim.trackers.shared.peers import PeerFilter
 
-GRID = "deploy={kind: anchors, places: [[0, 0], [30, 0], [60, 0], [0, 30], [30, 30], [60, 30]]}"
+PLACES = "[[0, 0], [30, 0], [60, 0], [0, 30], [30, 30], [60, 30]]"
 FIXED = (
-    GRID, "motion={kind: constant_velocity, start: [10, 1, 5, 1], variances: [0.1]}",
-    "sensor={kind: range, reach: 500 m, sd: 2 m}", "step=1 s", "duration=6 s", "link.reach=40 m", "energy.battery=2 J", "clusters={kind: none}",
+    f"deploy={{kind: anchors, places: {PLACES}}}",
+    "motion={kind: constant_velocity, start: [10, 1, 5, 1], variances: [0.1]}",
+    "sensor={kind: range, reach: 500 m, sd: 2 m}", "step=1 s", "duration=6 s", "link.reach=40 m", "energy.battery=2 J",
+    "clusters={kind: none}",
 )  # fmt: skip
 """Six nodes in two rows, which hear their neighbours, and all sense."""
 FIXED_REAL = (*FIXED[:5], "clusters={kind: none}", "step=2 s", "duration=30 s", "sink={kind: none}")
@@ -152,8 +161,9 @@ def test_where_frames_are_lost_ratio_consensus_still_finds_the_mean() -> None:
 
 @pytest.mark.parametrize("kind", [row.kind for row in trackers_without_a_head()])
 def test_over_a_lossy_radio_the_ledger_closes_and_joining_is_paid(kind: str) -> None:
-    memory, summary = simulated(f"tracker.kind={kind}", "clusters.kind=none", "link.loss=0.2", "duration=0.6 s",
-                                "deploy={kind: uniform, nodes: 90, width: 250 m, height: 250 m, cover: false}")  # fmt: skip
+    small = "deploy={kind: uniform, nodes: 90, width: 250 m, height: 250 m, cover: false}"
+    changes = f"tracker.kind={kind}", "clusters.kind=none", "link.loss=0.2", "duration=0.6 s", small
+    memory, summary = simulated(*changes)
     nodes, events = memory.table("nodes"), memory.table("events")
     spent = nodes["energy_initial"] - nodes["energy_left"]
     assert summary.run["energy"] == pytest.approx(spent.sum(), rel=1e-9)
@@ -169,7 +179,7 @@ def test_over_a_lossy_radio_the_ledger_closes_and_joining_is_paid(kind: str) -> 
 
 @pytest.mark.parametrize("mac", ["{kind: csma, rate: 250 kbit/s}", "{kind: xmac}", "{kind: tsch}"])
 def test_rounds_are_sent_over_every_mac(mac: str) -> None:
-    real = FIXED_REAL + (f"mac={mac}", "tracker={kind: information_consensus, rounds: 2, participants: 6}")
+    real = (*FIXED_REAL, f"mac={mac}", "tracker={kind: information_consensus, rounds: 2, participants: 6}")
     memory, summary = simulated(*real, name="ekf_real")
     nodes = memory.table("nodes")
     assert np.isfinite(memory.table("estimates")["error"]).sum() >= 2
@@ -178,8 +188,9 @@ def test_rounds_are_sent_over_every_mac(mac: str) -> None:
 
 
 def test_estimation_goes_on_when_a_node_dies_in_the_middle_of_a_round() -> None:
-    memory, _ = simulated(*FIXED, "mac={kind: ideal, rate: 10 kbit/s}", "faults=[{kind: crash, nodes: [4], at: 2.5 s}]",
-                          "tracker={kind: information_consensus, rounds: 3, participants: 6}", "duration=8 s")  # fmt: skip
+    slow, crash = "mac={kind: ideal, rate: 10 kbit/s}", "faults=[{kind: crash, nodes: [4], at: 2.5 s}]"
+    tracker = "tracker={kind: information_consensus, rounds: 3, participants: 6}"
+    memory, _ = simulated(*FIXED, slow, crash, tracker, "duration=8 s")
     found, events = memory.table("estimates"), memory.table("events")
     sent = events["time"][(events["kind"] == KIND["send"]) & (events["what"] == memory.words.code("consensus"))]
     assert (sent[sent < 2.5].max() > 2.4) and (sent[sent > 2.5].min() < 2.6)  # the crash is within a round
@@ -238,3 +249,74 @@ def test_no_consistency_is_claimed_of_a_filter_without_a_covariance(kind: str, s
     for name in ("nees", "sd_x", "sd_y", "cov_xy"):
         assert np.isfinite(found[name]).all() == shown and np.isnan(found[name]).all() != shown
     assert np.isfinite(summary.run["nees"]) == shown and summary.run["singular"] == 0
+
+
+@pytest.mark.parametrize("tracker", ONE_STEP_HOPS, ids=lambda tracker: type(tracker).__name__)
+def test_every_shipped_tracker_without_a_head_keeps_the_rules(tracker: Any) -> None:
+    check_tracker(tracker, BoundedVelocity(), Range(reach=100.0))
+
+
+def test_a_tracker_that_needs_the_number_of_participants_and_counts_them_keeps_the_rules() -> None:
+    check_tracker(HybridConsensus(rounds=4), sensor=RangeBearing())
+
+
+SEEN: dict[int, float] = {}
+
+
+class Peeks(PeerFilter):
+    """Looks at readings that were not sent."""
+
+    def fused(self, scene: Any) -> Any:
+        yield Exchange(lambda member: Parcel(1, 1, PACKET_BITS, "hello"))
+        yield Local(lambda member: SEEN.update({member.id: member.reading or 0.0}))
+        yield Local(lambda member: member.memory.update(mean=member.memory["mean"] + SEEN[4]))
+
+
+class SendsTooMuch(PeerFilter):
+    """Sends four numbers in a bit."""
+
+    def fused(self, scene: Any) -> Any:
+        yield Exchange(lambda member: Parcel(member.memory["mean"].copy(), 1, 1, "mean"))
+
+
+class AsksAHead(PeerFilter):
+    """Sends to a head."""
+
+    def fused(self, scene: Any) -> Any:
+        yield Gather(lambda member: Parcel(1, 1, PACKET_BITS, "hello"))
+
+
+@pytest.mark.parametrize(("cheat", "rule"), [(Peeks, "farther away"), (SendsTooMuch, "declares 1 bits"),
+                                             (AsksAHead, "use Local and Exchange")])  # fmt: skip
+def test_a_tracker_without_a_head_that_cheats_is_caught(cheat: Any, rule: str) -> None:
+    SEEN.clear()
+    with pytest.raises(AssertionError, match=rule):
+        check_tracker(cheat())
+
+
+def test_a_flow_without_a_head_that_requests_one_is_refused_with_its_line() -> None:
+    setup = scenario.build(scenario.load("jiang_field", (*FIXED, "tracker.kind=diffusion")))
+    with pytest.raises(RunError, match="Gather: without a head, use Local and Exchange"):
+        experiment.replicate_of(replace(setup, tracker=AsksAHead()), 0, Memory())
+
+
+class NearCoordinate(Coordinate):
+    """A linear sensor of finite range."""
+
+    reach: ClassVar[float] = 500.0
+
+
+@pytest.mark.thorough
+def test_covariance_intersection_is_consistent_and_naive_fusion_is_not() -> None:
+    def nees(kind: str) -> Any:
+        changes = (*FIXED, "duration=6 s", "record.events=false", f"tracker.kind={kind}")
+        setup = scenario.build(scenario.load("jiang_field", changes))
+        setup = replace(setup, sensor=NearCoordinate(sd=2.0), filter_sensor=NearCoordinate(sd=2.0))
+        memory = Memory()
+        for run in range(200):
+            experiment.replicate_of(setup, run, memory)
+        return memory.table("estimates")["nees"].reshape(200, -1).mean(axis=0)
+
+    upper = chi2.ppf(0.975, 2 * 200) / 200  # of the mean of 200 runs, at each step
+    assert (nees("covariance_intersection") <= upper).all()
+    assert (nees("naive_fusion")[1:] > upper).all()

@@ -26,7 +26,6 @@ from wsnsim.base import (
     answers,
     batteries,
     detections,
-    headless,
     initial_conditions,
     mac_mechanisms,
     mechanisms,
@@ -105,7 +104,7 @@ Component = TypeVar("Component")
 SetupKind = TypeVar("SetupKind", bound=Setup)
 _MODULES: Final = (
     ports, optional_ports, network_ports, radio, medium_access, sleeping, mechanisms, mac_mechanisms,
-    initial_conditions, batteries, detections, headless,
+    initial_conditions, batteries, detections,
 )  # fmt: skip
 NAMES: Final[Mapping[str, Any]] = {name: value for module in _MODULES for name, value in vars(module).items()}
 """What the annotations of ports may name."""
@@ -177,7 +176,7 @@ def checked(component: Component, port: type, columns: int | None = None) -> Com
     """
     if "_border" in getattr(component, "__dict__", {"_border": None}):  # it is checked, or cannot be
         return component
-    port = NAMES.get(headless.port_of(component), port)
+    port = NAMES.get(ports.port_of(component), port)
     is_mechanism = port.__name__.endswith("Mechanism")
     result = component if is_mechanism else copy.copy(_with_checked_fields(component, columns))
     object.__setattr__(result, "_border", columns)

@@ -180,7 +180,7 @@ class MovingHead(LeadsByPlace):
 
 
 @part
-class NoHead:
+class NoHead(LeadsByPlace):
     """No cluster head: every node that senses the target, or is near its own prediction, runs the filter.
 
     A node that begins to sense broadcasts a request; of the participants that hear it, the nearest one broadcasts its
@@ -202,18 +202,6 @@ class NoHead:
     gateway: Annotated[
         Literal["sink", "target"], "the participant nearest to it reports; without a sink, always the target"
     ] = "sink"
-
-    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """None: there is no head."""
-        return None
-
-    def must_hand_over(self, active: int, members: int) -> bool:
-        """Never: there is no head."""
-        return False
-
-    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """None: there is no head."""
-        return None
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue for a run that ends with a cluster."""

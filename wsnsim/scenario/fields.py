@@ -37,17 +37,7 @@ from typing import (
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, model_serializer, model_validator
 from pydantic.types import Strict
 
-from wsnsim.base import (
-    batteries,
-    detections,
-    headless,
-    mechanisms,
-    medium_access,
-    network_ports,
-    ports,
-    radio,
-    sleeping,
-)  # fmt: skip
+from wsnsim.base import batteries, detections, mechanisms, medium_access, network_ports, ports, radio, sleeping
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.scenario.registry import ROLES, find, load_class
@@ -212,22 +202,12 @@ def _field(field: dataclasses.Field[Any], hint: Any) -> tuple[Any, Any]:
     return annotation, Field(description=" ".join(piece for piece in (words.words, unit) if piece) or None, **default)
 
 
-PORT_MODULES: Final = (
-    ports,
-    network_ports,
-    radio,
-    medium_access,
-    sleeping,
-    mechanisms,
-    batteries,
-    detections,
-    headless,
-)
+PORT_MODULES: Final = (ports, network_ports, radio, medium_access, sleeping, mechanisms, batteries, detections)
 
 
 def demand_port(part: type[Any], role: str) -> None:
     """Raise PartError if a class lacks members that the port of its role requires."""
-    name = (headless.port_of(part) if role == "tracker" else "") or ROLES[role].port
+    name = (ports.port_of(part) if role == "tracker" else "") or ROLES[role].port
     port = _members(next(vars(module)[name] for module in PORT_MODULES if name in vars(module)))
     fields = {field.name for field in dataclasses.fields(part)}
     missing = [

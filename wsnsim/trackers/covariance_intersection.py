@@ -29,7 +29,7 @@ from wsnsim.trackers.shared.peers import (
     received,
     store,
     unpacked,
-    widened,
+    update,
 )
 from wsnsim.trackers.shared.readings import moment_packets, parcel
 
@@ -117,9 +117,7 @@ class NaiveFusion(EstimateFusion):
 
 
 def _update(member: Member, scene: Scene) -> None:
-    vector, matrix = information_of(member)
-    read, seen = widened(news_of(member, scene), scene)
-    store(member, vector + read, matrix + seen)
+    update(member, scene, news_of(member, scene))
 
 
 def _estimate(member: Member) -> Parcel:

@@ -11,18 +11,15 @@ from typing import ClassVar
 from wsnsim.base.part import part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Exchange, Flow, Local, Member, Parcel
-from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.peers import (
-    COV,
     MEAN,
     NEWS,
     PeerFilter,
-    inverse,
     inversion_cycles,
     news_of,
     number_packets,
     received,
-    widened,
+    update,
 )
 from wsnsim.trackers.shared.readings import parcel
 
@@ -57,10 +54,7 @@ def _information(member: Member) -> Parcel | None:
 
 
 def _update(member: Member, scene: Scene) -> None:
-    mean, cov = member.memory[MEAN], member.memory[COV]
-    vector, matrix = widened(sum((news for _, news in received(member, READ)), news_of(member, scene)), scene)
-    after = symmetric(inverse(inverse(cov) + matrix))
-    member.memory[MEAN], member.memory[COV] = mean + after @ (vector - matrix @ mean), after
+    update(member, scene, sum((news for _, news in received(member, READ)), news_of(member, scene)))
 
 
 def _estimate(member: Member) -> Parcel:

@@ -13,18 +13,16 @@ import numpy as np
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Exchange, Flow, Local, Member, Parcel
-from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.peers import (
     COV,
     MEAN,
     NEWS,
     PeerFilter,
-    inverse,
     inversion_cycles,
     news_of,
     number_packets,
     received,
-    widened,
+    update,
 )
 from wsnsim.trackers.shared.readings import parcel
 
@@ -56,13 +54,10 @@ class KalmanConsensus(PeerFilter):
     def _update(self, member: Member, scene: Scene) -> None:
         mean, cov = member.memory[MEAN], member.memory[COV]
         heard = [payload for _, payload in received(member, SENT)]
-        read = sum((news for _, news in heard if news is not None), news_of(member, scene))
-        vector, matrix = widened(read, scene)
-        pulled = sum((other - mean for other, _ in heard), np.zeros(mean.size))
         rate = self.pull / (1.0 + float(np.linalg.norm(cov)))
-        after = symmetric(inverse(inverse(cov) + matrix))
-        member.memory[MEAN] = mean + after @ (vector - matrix @ mean) + rate * (cov @ pulled)
-        member.memory[COV] = after
+        pulled = rate * (cov @ sum((other - mean for other, _ in heard), np.zeros(mean.size)))
+        update(member, scene, sum((news for _, news in heard if news is not None), news_of(member, scene)))
+        member.memory[MEAN] += pulled
 
 
 def _message(member: Member) -> Parcel:

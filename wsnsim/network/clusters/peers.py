@@ -16,9 +16,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Estimate, Floats, is_finite, planar
 from wsnsim.base.errors import RunError, WsnsimError
-from wsnsim.base.headless import HeadlessTracker
 from wsnsim.base.network_ports import HeadlessPolicy
-from wsnsim.base.ports import Scene
+from wsnsim.base.ports import HeadlessTracker, Scene
 from wsnsim.base.requests import PACKET_BITS, Exchange, Flow, Member, Parcel
 from wsnsim.network.clusters.cluster import CALLS, Cluster
 from wsnsim.network.clusters.driver import PeerDriver
