@@ -31,11 +31,14 @@ from wsnsim.base.rows import (
     deviation_rmse,
     estimate_rows,
     fingerprint,
+    peer_columns,
     truth_rows,
 )
-from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import Recorder
 
+OF_COVARIANCE: Final = ("sd_x", "sd_y", "cov_xy", "nees")
+"""The columns of `estimates` that are NaN where the filter has no covariance."""
 FIRST_STEPS: Final = 20
 """Steps over which Li (2012) counts unnecessary wake-ups."""
 
@@ -269,11 +272,15 @@ def summarise(
         key = {"replicate": replicate, "target": target}
         columns = estimate_rows(track.estimates, track.heads, motion, truth, result.steps, setup.dt)
         columns.update(track.columns, gaussian=int(setup.posterior_is_gaussian(target)))
+        if isinstance(setup, NetworkSetup) and setup.headless:
+            columns |= peer_columns(track.estimates, motion, truth, result.steps)
+        if not setup.has_covariance:
+            columns |= {name: np.full(result.steps, NAN) for name in OF_COVARIANCE if name in columns}
         if recorder.wants("truth"):
             recorder.write("truth", {**key, **truth_rows(motion, truth, result.steps, setup.dt)})
         if recorder.wants("estimates") and not followed:
             recorder.write("estimates", {**key, **columns})
-        if recorder.wants("covariances") and not followed:
+        if recorder.wants("covariances") and not followed and setup.has_covariance:
             recorder.write("covariances", {**key, **covariance_rows(track.estimates, motion.columns)})
         estimates.append(columns)
         errors[target] = columns["error"]

@@ -129,6 +129,11 @@ class TrackingSetup(Setup):
         return getattr(self.tracker, "member_cycles", 0.0)
 
     @property
+    def has_covariance(self) -> bool:
+        """Whether the covariance of the tracker's estimates is one; see `HeadlessTracker`."""
+        return getattr(self.tracker, "has_covariance", True)
+
+    @property
     def reports_all(self) -> bool:
         """Whether sensors surely report what they measure: detection is perfect, and nothing fails."""
         return not self.faults and is_perfect(self.detection)
@@ -219,6 +224,11 @@ class NetworkSetup(TrackingSetup, RadioSetup):
     def head_protocol(self) -> str:
         """The name of the head protocol of the cluster policy; see `ClusterPolicy`."""
         return self.clusters.protocol
+
+    @property
+    def headless(self) -> bool:
+        """Whether there is no cluster head: every participant runs the filter."""
+        return self.head_protocol == "none"
 
     @cached_property
     def waits(self) -> medium_access.HeadWaits:
@@ -312,6 +322,7 @@ class TableLayout(NamedTuple):
         absences: Whether a target may be absent.
         unlabelled: Whether readings name no target.
         harvests: Whether nodes harvest energy.
+        headless: Whether there is no cluster head.
     """
 
     states: tuple[tuple[str, str], ...] = ()
@@ -321,6 +332,7 @@ class TableLayout(NamedTuple):
     absences: bool = False
     unlabelled: bool = False
     harvests: bool = False
+    headless: bool = False
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -332,6 +344,7 @@ class TableLayout(NamedTuple):
             "absences": self.absences,
             "unlabelled": self.unlabelled,
             "harvests": self.harvests,
+            "headless": self.headless,
         }
 
 
@@ -344,4 +357,5 @@ def table_layout(setup: Setup) -> TableLayout:
     motion = setup.motions[0]
     states = tuple(zip(motion.columns, motion.units, strict=True))
     components, absences = len(components_of(setup.sensor)), setup.has_absences
-    return TableLayout(states, motion.position, components, duty_cycled, absences, setup.unlabelled, harvests)
+    headless = isinstance(setup, NetworkSetup) and setup.headless
+    return TableLayout(states, motion.position, components, duty_cycled, absences, setup.unlabelled, harvests, headless)

@@ -28,6 +28,9 @@ MOST_COMPONENTS: Final = 4
 def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for each ability that the tracker needs, or assumes, and the sensor does not have."""
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
+    if getattr(setup.tracker, "headless", False) != (isinstance(setup, NetworkSetup) and setup.headless):
+        yield _wrong_about_heads(scenario, setup)
+        return
     if setup.unlabelled != getattr(setup.tracker, "multi_target", False):
         yield _wrong_number_of_targets(scenario, setup)
         return
@@ -58,6 +61,16 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
     if HEIGHT in setup.sensor.trait_names and _lacks_heights(setup.deploy):
         able = "kind: file has them, in its column z"
         yield Issue(("deploy",), f"the sensor's law needs the heights of the nodes: {able}")
+
+
+def _wrong_about_heads(scenario: Scenario, setup: TrackingSetup) -> Issue:
+    """The issue of a tracker with a head for a network without one, or the other way round."""
+    kind = scenario.tracker.kind  # type: ignore[attr-defined]
+    if getattr(setup.tracker, "headless", False):
+        message = f"{kind} runs on every participant of a network without a head: it needs clusters: {{kind: none}}"
+        return Issue(("tracker", "kind"), message)
+    able = _able(scenario, "tracker", "headless")
+    return Issue(("tracker", "kind"), f"{kind} needs a cluster head, and clusters: none has none; these do not: {able}")
 
 
 def _wrong_number_of_targets(scenario: Scenario, setup: TrackingSetup) -> Issue:
