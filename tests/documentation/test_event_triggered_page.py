@@ -27,7 +27,7 @@ def test_what_the_page_says_of_its_rows_holds():
         used, ignored = (
             point(loss=0.0, trigger="event", value=value, silence=each, shared_every="") for each in ("used", "ignored")
         )
-        assert used["rmse_m"] < ignored["rmse_m"] and used["readings_sent_a_run"] < ignored["readings_sent_a_run"]
+        assert used["rmse_m"] < ignored["rmse_m"] and used["sent_a_run"] < ignored["sent_a_run"]
     trusted, aware = (point(loss=0.2, trigger="event", p=p) for p in ("", "0.2"))
     assert trusted["rmse_m"] == ROWS[ROWS["loss"] == 0.2]["rmse_m"].max()
     assert trusted["nees_median"] > 2.0 * aware["nees_median"]
@@ -35,3 +35,5 @@ def test_what_the_page_says_of_its_rows_holds():
               ["energy_mj_a_run"] for every in ("", "4", "10")}  # fmt: skip
     always = point(loss=0.0, trigger="always")["energy_mj_a_run"]
     assert energy["10"] < energy["4"] < energy[""] and energy[""] > 2.0 * always
+    diffusion = [point(trigger="diffusion", value=value)["energy_mj_a_run"] for value in ("0.0", "0.25", "0.5", "1.0")]
+    assert diffusion == sorted(diffusion, reverse=True)

@@ -30,20 +30,24 @@ TRUSTED = [{**EVENTS[2], "shared_every": 10}, {**EVENTS[2], "shared_every": 10, 
 """Where frames are lost: silence taken as information, and with the loss as it is."""
 
 
+DIFFUSION = [{"kind": "diffusion", "threshold": each} for each in (0.0, 0.25, 0.5, 1.0, 2.0)]
+HEADLESS = {"clusters": {"kind": "none"}, "link": {"kind": "disk", "reach": "40 m"}}
+
+
 def measured(trigger: dict[str, Any], loss: bool) -> dict[str, Any]:
-    """The figures of one trigger over the runs of the scenario."""
-    changes: dict[str, Any] = {"link": LOSSY} if loss else {}
-    result = wsnsim.run(
-        "event_triggered", tracker={"kind": "ekf", "trigger": trigger}, replicates=RUNS, progress=False, **changes
-    )
+    """The figures of one trigger, or of diffusion without a head, over the runs of the scenario."""
+    tracker, changes = {"kind": "ekf", "trigger": trigger}, {"link": LOSSY} if loss else {}
+    if trigger["kind"] == "diffusion":
+        tracker, changes = trigger, HEADLESS
+    result = wsnsim.run("event_triggered", tracker=tracker, replicates=RUNS, progress=False, **changes)
     events, estimates = result.table("events"), result.table("estimates")
-    sent = events[(events["kind"] == "send") & (events["what"] == "reading")]
+    sent = events[(events["kind"] == "send") & events["what"].isin(["reading", "information", "estimate"])]
     return {
         "loss": LOSSY["loss"] if loss else 0.0, "trigger": trigger["kind"],
         "value": next((trigger[key] for key in ("threshold", "width", "every", "probability") if key in trigger), ""),
         "silence": trigger.get("silence", "used") if trigger["kind"] in ("event", "stochastic") else "",
         "shared_every": trigger.get("shared_every", ""), "p": trigger.get("loss", ""),
-        "readings_sent_a_run": len(sent) / RUNS,
+        "sent_a_run": len(sent) / RUNS,
         "rmse_m": float(np.sqrt((estimates["error"] ** 2).mean())),
         "nees_median": float(estimates["nees"].median()),
         "energy_mj_a_run": float(result.table("runs")["energy"].mean() * 1e3),
@@ -52,19 +56,24 @@ def measured(trigger: dict[str, Any], loss: bool) -> dict[str, Any]:
 
 def table(rows: pd.DataFrame) -> str:
     """The rows of the page: what is saved of the readings, and the error, both over those of sending always."""
-    lines = ["| loss | trigger | readings not sent | error | energy | NEES |", "| --- | --- | --- | --- | --- | --- |"]
-    always = rows[(rows["trigger"] == "always")].set_index("loss")
-    shown = rows[~rows["trigger"].isin(["always"]) & ~(rows["silence"].eq("ignored") & rows["value"].ne("1.0"))]
+    lines = ["| loss | trigger | not sent | error | energy | NEES |", "| --- | --- | --- | --- | --- | --- |"]
+    always = rows[rows["trigger"] == "always"].set_index("loss")
+    headless = rows[(rows["trigger"] == "diffusion") & (rows["value"] == "0.0")].iloc[0]
+    shown = rows[
+        (rows["trigger"] != "always")
+        & ~(rows["trigger"].eq("diffusion") & rows["value"].eq("0.0"))
+        & ~(rows["silence"].eq("ignored") & rows["value"].ne("1.0"))
+    ]
     for row in shown.to_dict("records"):
-        base = always.loc[row["loss"]]
+        base = headless if row["trigger"] == "diffusion" else always.loc[row["loss"]]
         words = [row["trigger"], row["value"], *(["silence ignored"] if row["silence"] == "ignored" else [])]
         words += [f"shared every {row['shared_every']}"] if row["shared_every"] else []
         words += [f"p = {row['p'] or 0}"] if row["loss"] and row["silence"] else []
-        saved = 1.0 - row["readings_sent_a_run"] / base["readings_sent_a_run"]
+        saved = 1.0 - row["sent_a_run"] / base["sent_a_run"]
         lines.append(
             f"| {row['loss']:.0%} | {' '.join(words)} | {saved:.0%}"
             f" | × {row['rmse_m'] / base['rmse_m']:.2f} | × {row['energy_mj_a_run'] / base['energy_mj_a_run']:.2f}"
-            f" | {row['nees_median']:.2f} |"
+            f" | {row['nees_median']:.2f} |".replace("nan", "")
         )
     return "\n".join(lines)
 
@@ -80,6 +89,7 @@ def main() -> None:
     if "--new" in sys.argv[1:]:
         points = [(trigger, False) for trigger in (*WITHOUT, *EVENTS, *SELDOM, *DRAWN, *IGNORED)]
         points += [(trigger, True) for trigger in (WITHOUT[0], WITHOUT[2], *TRUSTED)]
+        points += [(trigger, False) for trigger in DIFFUSION]
         pd.DataFrame([measured(*point) for point in points]).to_csv(ROWS, index=False, float_format="%.6g")
     write_blocks(PAGE, {"curve": table(read())})
 

@@ -135,6 +135,39 @@ def test_a_shared_estimate_lasts_for_as_many_steps_as_it_says():
     assert 0 < len(readings) < 0.2 * len(sent(run({"kind": "always"}, 1)))
 
 
+def diffusion(replicates=1, **parameters):
+    """A network without a head, whose nodes hear those within 40 m."""
+    return wsnsim.run(
+        "event_triggered", tracker={"kind": "diffusion", **parameters}, clusters={"kind": "none"},
+        link={"kind": "disk", "reach": "40 m"}, replicates=replicates, progress=False,
+    )  # fmt: skip
+
+
+def frames(result, what):
+    events = result.table("events")
+    return events[(events["kind"] == "send") & (events["what"] == what)]
+
+
+def test_diffusion_with_a_threshold_that_all_exceed_is_diffusion():
+    always, event = diffusion(), diffusion(threshold=1e-12, heartbeat=1)
+    assert np.allclose(squares(always), squares(event), rtol=1e-6)
+    assert [len(frames(result, "estimate")) for result in (always, event)] == [len(frames(always, "estimate"))] * 2
+
+
+def test_diffusion_at_events_sends_and_spends_less():
+    always, event = diffusion(), diffusion(threshold=1.0)
+    assert len(frames(event, "information")) < 0.4 * len(frames(always, "information"))
+    assert event.table("runs")["energy"][0] < 0.7 * always.table("runs")["energy"][0]
+
+
+def test_diffusion_sends_an_estimate_at_every_heartbeat_even_if_it_is_no_news():
+    steps = frames(diffusion(threshold=1e6, heartbeat=5), "estimate").groupby("node")["step"].apply(list)
+    gaps = [gap for each in steps for gap in np.diff(each)]
+    assert len(frames(diffusion(threshold=1e6), "information")) == 0
+    # a node that left and came back begins again
+    assert len(gaps) > 20 and np.mean(np.equal(gaps, 5)) > 0.8
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -142,6 +175,7 @@ def test_a_shared_estimate_lasts_for_as_many_steps_as_it_says():
         ({"sensor": {"kind": "binary"}}, "use periodic or random"),
         ({"tracker": {"kind": "ekf", "readings": "nearest", "trigger": {"kind": "event"}}}, "use all readings"),
         ({"tracker": {"kind": "ekf", "trigger": {"kind": "event", "threshold": 0}}}, "greater than 0"),
+        ({"tracker": {"kind": "diffusion", "heartbeat": 3}, "clusters": {"kind": "none"}}, "without a threshold"),
         ({"tracker": {"kind": "pf", "trigger": {"kind": "event"}}}, "unknown key"),
         ({"tracker": {"kind": "ekf", "trigger": {"kind": "evnt"}}}, "did you mean 'event'"),
     ],

@@ -129,11 +129,16 @@ def news_of(member: Member, scene: Scene) -> Floats:
     return np.zeros(place * (place + 3) // 2) if found is None else found
 
 
-def update(member: Member, scene: Scene, news: Floats) -> None:
-    """Update a prediction with packed information about the position: M = (P⁻¹ + H)⁻¹, x⁺ = x + M (h - H x)."""
+def updated(member: Member, scene: Scene, news: Floats) -> tuple[Floats, Floats]:
+    """A prediction with packed information about the position: M = (P⁻¹ + H)⁻¹, x⁺ = x + M (h - H x)."""
     vector, matrix = widened(news, scene)
     mean, after = member.memory[MEAN], symmetric(inverse(inverse(member.memory[COV]) + matrix))
-    member.memory[MEAN], member.memory[COV] = mean + after @ (vector - matrix @ mean), after
+    return mean + after @ (vector - matrix @ mean), after
+
+
+def update(member: Member, scene: Scene, news: Floats) -> None:
+    """Update the prediction of a member with packed information about the position."""
+    member.memory[MEAN], member.memory[COV] = updated(member, scene, news)
 
 
 def store(member: Member, vector: Floats, matrix: Floats) -> None:
