@@ -11,7 +11,8 @@ from scipy import stats
 import wsnsim
 from wsnsim import ScenarioError
 from wsnsim.trackers.shared.readings import Evidence
-from wsnsim.trackers.shared.triggers import Event, Heard, SharedEstimate, Stochastic
+from wsnsim.trackers.shared.silence import Heard, SharedEstimate
+from wsnsim.trackers.shared.triggers import Event, Stochastic
 
 NONE = Evidence((), np.empty(0), np.zeros((0, 2)), np.zeros((0, 0)))
 MEAN, COV = np.array([1.0, -0.5]), np.array([[4.0, 0.6], [0.6, 0.5]])

@@ -40,7 +40,8 @@ from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.readings import Evidence, packet_bits, parcel, reading_parcel
-from wsnsim.trackers.shared.triggers import Always, Heard, issues_of
+from wsnsim.trackers.shared.silence import Heard
+from wsnsim.trackers.shared.triggers import Always, issues_of
 from wsnsim.trackers.shared.whole_runs import kalman_runs
 
 POLL = "poll"

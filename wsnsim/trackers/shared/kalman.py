@@ -18,7 +18,7 @@ from wsnsim.base.ports import Scene
 from wsnsim.trackers.shared.heads import GaussianBelief
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence
-from wsnsim.trackers.shared.triggers import SharedEstimate
+from wsnsim.trackers.shared.silence import SharedEstimate
 
 LINEARISE_CYCLES = 20.0
 """CPU cycles to compute what is expected of one reading at one point, with its slope and variance."""

@@ -1,37 +1,28 @@
-"""Triggers: whether a member sends its reading, and what a head learns from one that did not.
+"""Triggers: whether a member sends its reading.
 
     heard = yield from trigger.gather(belief, scene)            instead of `gather_readings`
-    mean, cov = heard.with_silence(mean, cov, scene)            after the update with `heard.seen`
 
-The head broadcasts its prediction, which is paid for, and its members keep it as a shared estimate. A member compares
-its reading z with what that expects, ẑ, and is silent if they are close. A head that uses silence takes it as
-
-    p + (1 - p) r P(silent | z)        p: probability that a packet does not arrive, r: that the broadcast did
-
-and replaces the posterior, which is a mixture, by the Gaussian with its mean and covariance, one silent member after
-the other, with the readings linearised. So without loss and with a linear sensor one silent member is treated exactly
-up to second moments.
+The head may broadcast its prediction, which is paid for, and members keep it as a shared estimate and decide by it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, components_of, is_relative, near
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Scene, SensorModel
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Member, Parcel
 from wsnsim.base.rng import derive, uniforms
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.gains import gain_prior
-from wsnsim.trackers.shared.moments import predicted, stepped, symmetric
+from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.readings import (
     Evidence,
     gather_readings,
@@ -41,110 +32,15 @@ from wsnsim.trackers.shared.readings import (
     parcel,
     reading_parcel,
 )
+from wsnsim.trackers.shared.silence import LEAST_CHANCE, Expected, Heard, Moments, SharedEstimate
 
 SHARED: Final = "shared_estimate"
 DRAW: Final = 11
 """Makes the key of a member's decision to send another than those of its other draws."""
-LEAST_CHANCE: Final = 1e-12
-"""A silence less probable than this is left out: its moments would be rounding errors."""
 FAR: Final = 38.0
 """Standard deviations beyond which the density of a normal is 0 in floating-point numbers."""
 DECISION_CYCLES: Final = 60.0
 """CPU cycles to compare a reading with its limits, or to compute the moments of one silence."""
-
-
-@dataclass(frozen=True, slots=True)
-class SharedEstimate:
-    """What a head has broadcast last: the predicted state, or its position alone if it is for one step.
-
-    Attributes:
-        mean: (D,) or (P,).
-        cov: (D, D) or (P, P) its covariance.
-        step: The step to which it was predicted.
-    """
-
-    mean: Floats
-    cov: Floats
-    step: int
-
-    def expects(self, scene: Scene, positions: Floats, traits: Floats) -> Expected:
-        """What it expects the sensors of S nodes at (S, 2), with traits (S, T), to measure at the step of a scene."""
-        mean, cov, place = self.mean, self.cov, list(scene.motion.position)
-        if mean.size > len(place):
-            mean, cov = stepped(mean, cov, scene.motion, scene.dt, self.step * scene.dt, scene.step - self.step)
-            mean, cov = mean[place], cov[np.ix_(place, place)]
-        return expected_of(mean, cov, scene.sensor, positions, traits)
-
-
-class Expected(NamedTuple):
-    """What the sensors of S nodes are expected to measure of a Gaussian position.
-
-    Attributes:
-        values: (S,) ẑ.
-        slopes: (S, P) H, by the position.
-        noise: (S,) variances R of the readings alone.
-        cross: (S, P) covariances of readings and position, H P.
-        variances: (S,) H P Hᵀ + R.
-    """
-
-    values: Floats
-    slopes: Floats
-    noise: Floats
-    cross: Floats
-    variances: Floats
-
-
-class Moments(NamedTuple):
-    """Silence of one member, in standard deviations of its reading: its probability, and moments if nothing is lost."""
-
-    chance: float
-    mean: float
-    variance: float
-
-
-@dataclass(frozen=True, slots=True)
-class Heard:
-    """What a head has after asking for readings.
-
-    Attributes:
-        seen: The readings that arrived.
-        shared: What it has broadcast last, None if nothing.
-        silent: Rows of `scene.ids` whose silence it uses.
-        trigger: By what they decided.
-    """
-
-    seen: Evidence
-    shared: SharedEstimate | None = None
-    silent: tuple[int, ...] = ()
-    trigger: EstimateTrigger | None = None
-
-    def with_silence(self, mean: Floats, cov: Floats, scene: Scene) -> tuple[Floats, Floats]:
-        """Mean (D,) and covariance (D, D) after the silence of members, which comes after all readings.
-
-        Args:
-            mean: After the update with the readings that arrived.
-            cov: Its covariance.
-            scene: What the head knows.
-        """
-        if not self.silent or self.trigger is None or self.shared is None:
-            return mean, cov
-        rows, place, start = list(self.silent), list(scene.motion.position), mean
-        nodes = scene.positions[rows], scene.traits[rows]
-        told = self.shared.expects(scene, *nodes)
-        now = expected_of(mean[place], cov[np.ix_(place, place)], scene.sensor, *nodes)
-        centres, widths = near(scene.sensor, told.values, now.values), self.trigger.widths(told)
-        loss = self.trigger.loss
-        for row, slope in enumerate(now.slopes):
-            cross = cov[:, place] @ slope
-            sd = math.sqrt(float(slope @ cross[place] + now.noise[row]))
-            centre = now.values[row] + slope @ (mean - start)[place]
-            moments = self.trigger.silence_of(float(centres[row] - centre) / sd, float(widths[row]) / sd)
-            if moments.chance < LEAST_CHANCE:
-                continue
-            shift, left = _with_loss(moments, loss, (1.0 - loss) ** moment_packets(self.shared.mean.size))
-            mean = mean + cross * (shift / sd)
-            cov = symmetric(cov - np.outer(cross, cross) * ((1.0 - left) / sd**2))
-        return mean, cov
 
 
 @part
@@ -300,7 +196,8 @@ class Event(EstimateTrigger):
     def widths(self, told: Expected) -> Floats:
         """(S,) half the length of the interval of readings that are not sent."""
         gains = told.cross / told.variances[:, None]
-        return self.threshold / np.maximum(np.sqrt((gains**2).sum(axis=1)), 1e-300)
+        widths: Floats = self.threshold / np.maximum(np.sqrt((gains**2).sum(axis=1)), 1e-300)
+        return widths
 
     def is_silent(self, apart: float, width: float, member: Member) -> bool:
         """Whether the reading is in the interval."""
@@ -350,34 +247,6 @@ def issues_of(component: Any, setup: TrackingSetup) -> Iterable[Issue]:
     """
     check = getattr(component, "check", None)
     return () if check is None else check(setup)
-
-
-def expected_of(point: Floats, cov: Floats, sensor: SensorModel, positions: Floats, traits: Floats) -> Expected:
-    """What the sensors of S nodes are expected to measure of a Gaussian position, linearised at its mean.
-
-    Args:
-        point: (P,) its mean.
-        cov: (P, P) its covariance.
-        sensor: Their sensor model.
-        positions: (S, 2) of the nodes in m.
-        traits: (S, T) of their sensors.
-    """
-    values, gradients, noise = sensor.linearise(point[:, None], positions, traits)
-    slopes = gradients[:, :, 0]
-    cross = slopes @ cov
-    return Expected(values[:, 0], slopes, noise[:, 0], cross, (slopes * cross).sum(axis=1) + noise[:, 0])
-
-
-def _with_loss(moments: Moments, loss: float, informed: float) -> tuple[float, float]:
-    """Mean and variance of a standard normal reading that did not arrive.
-
-    It was lost, or its member has the shared estimate, with the probability `informed`, and was silent.
-    """
-    chance, mean, variance = moments
-    told = (1.0 - loss) * informed * chance
-    total = loss + told
-    first = told * mean / total
-    return first, (loss + told * (variance + mean**2)) / total - first**2
 
 
 def _reading_of_sender(member: Member, head: int, bits: int) -> Parcel | None:
