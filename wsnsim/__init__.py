@@ -44,7 +44,8 @@ if TYPE_CHECKING:
     from wsnsim.scenario.build import build as build
     from wsnsim.testing import (
         check_battery as check_battery,
-        check_fault as check_fault, check_mac as check_mac, check_motion as check_motion, check_sensor as check_sensor,
+        check_fault as check_fault, check_mac as check_mac, check_motion as check_motion,
+        check_multi_tracker as check_multi_tracker, check_sensor as check_sensor,
         check_sync as check_sync, check_tracker as check_tracker, check_wakeup as check_wakeup,
         check_workload as check_workload,
     )

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from wsnsim.base.batteries import (
         Advance as Advance, Battery as Battery, BatteryState as BatteryState, Income as Income,
     )
+    from wsnsim.base.detections import Management as Management, MultiTracker as MultiTracker
     from wsnsim.base.errors import Issue as Issue
     from wsnsim.base.frames import Burst as Burst, MacFrame as MacFrame, OfferedFrame as OfferedFrame
     from wsnsim.base.initial_conditions import (
@@ -80,6 +81,10 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.rng import (
         derive as derive, derive_all as derive_all, normals as normals, Streams as Streams, uniforms as uniforms,
+    )
+    from wsnsim.base.scans import (
+        Facts as Facts, Scan as Scan, ScanOutcome as ScanOutcome, TrackEstimate as TrackEstimate,
+        TrackEvent as TrackEvent,
     )
     from wsnsim.base.setups import (
         BeaconSetup as BeaconSetup, NetworkSetup as NetworkSetup, RadioSetup as RadioSetup, Setup as Setup,

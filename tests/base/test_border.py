@@ -8,6 +8,7 @@ import operator
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -122,6 +123,33 @@ def test_a_wrong_answer_is_named_with_method_and_place(
     text = str(raised.value)
     assert f"test_border.py:{plugin(base, method, 0).__dict__[method].__code__.co_firstlineno}: Mine.{method}: " in text
     assert said in text
+
+
+class Slotted:
+    """A detection of a plug-in whose instances have no dictionary."""
+
+    __slots__ = ("answer", "probability")
+
+    def __init__(self, answer: float) -> None:
+        self.answer, self.probability = answer, 0.5
+
+    def distort(self, readings: Any, keys: Any) -> Any:
+        return readings * self.answer
+
+
+@dataclass(frozen=True, slots=True)
+class SlottedFields(Slotted):
+    answer: float = 1.0
+
+
+@pytest.mark.parametrize("kind", [Slotted, SlottedFields])
+def test_a_component_with_slots_is_checked_too(kind: Any) -> None:
+    right, wrong = (checked(kind(answer), ports.Detection) for answer in (2.0, NAN))
+    assert right.answer == 2.0 and isinstance(right, kind) and type(right).__name__ == kind.__name__
+    assert checked(right, ports.Detection) is right
+    assert right.distort(np.ones(3), KEYS).tolist() == [2.0] * 3
+    with pytest.raises(PluginAnswerError, match=r"test_border.py:\d+: Slotted.*.distort: expected finite numbers"):
+        wrong.distort(np.ones(3), KEYS)
 
 
 @pytest.mark.parametrize("method", ["measure", "estimate", "start", "decide"])

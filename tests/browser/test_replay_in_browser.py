@@ -152,6 +152,27 @@ def test_going_back_shows_what_going_there_directly_shows(browser, default):
     assert page.value(picture) == direct
 
 
+def test_tracks_detections_merges_and_splits_are_drawn_where_readings_name_no_target(browser, tmp_path, bare):
+    """Two targets cross: their groups merge before and split behind; each track has a colour of its own."""
+    base = load("scans_crossing", ["record.events=true", "duration=40 s"])
+    experiment.run(base, out=tmp_path / "x.h5")
+    html_page.write([tmp_path / "x.h5"], tmp_path / "x.html")
+    events = read(tmp_path / "x.h5", "events")
+    page = browser.open(f"file://{tmp_path / 'x.html'}#frame=20")
+    status = "document.getElementById('status').textContent"
+    assert re.search(r"\d confirmed tracks?, \d+ detections", page.value(status)) and "of groups" not in page.value(
+        status
+    )
+    assert page.value("document.body.innerText").count("track, with its number") == 1
+    for what in ("merge", "split"):
+        step = int(events.step[events.kind.astype(str) == what].iloc[0])
+        page.value(f"location.hash = '#frame={step}'")
+        page.until(f"document.documentElement.dataset.frame === '{step}'")
+        assert f"1 {what} of groups of tracks" in page.value(status)
+    assert page.value(PAINTED) > 500
+    assert page.complaints() == [] and page.requests() == []
+
+
 def test_nothing_moves_by_itself_and_with_reduced_motion_only_slow_rates_are_offered(browser, default):
     page = browser.open(f"file://{default}", reduced=True)
     wait = "new Promise(done => setTimeout(() => done(+document.documentElement.dataset.frame), 700))"

@@ -14,6 +14,7 @@ import pytest
 import wsnsim
 from tests.distribution.pythons import HOME
 from tests.distribution.versions import REQUIRED
+from tests.helpers import unlabelled
 from wsnsim.base.errors import ResultError, ScenarioError, UsageError
 from wsnsim.interop import stonesoup
 
@@ -124,3 +125,11 @@ def test_without_stone_soup_a_scenario_is_refused_with_what_to_install(monkeypat
         wsnsim.simulate(scenario({"kind": KIND}))
     with pytest.raises(UsageError, match="Stone Soup is not installed"):
         stonesoup.to_tracks("x.h5")
+
+
+def test_tracks_that_no_reading_names_are_refused_with_what_to_read_instead(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stonesoup, "_demand", lambda: None)
+    with pytest.raises(ResultError, match="take its tables estimates and detections"):
+        stonesoup.to_tracks(unlabelled.write_result(tmp_path / "x.h5"))

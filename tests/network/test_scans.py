@@ -13,6 +13,7 @@ from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import simulate_run
 from wsnsim.network import world
 from wsnsim.network.scans import _poisson, _shuffled
+from wsnsim.scenario.sweep import load_sweep
 
 WANTED = dict.fromkeys(("truth", "readings", "detections", "estimates", "events", "energy", "nodes", "runs"), True)
 JPDA = {"kind": "jpda", "filter": {"kind": "ekf"}}
@@ -194,3 +195,6 @@ def test_what_cannot_be_done_with_scans_is_refused_with_one_message(case) -> Non
     changes, said = REFUSED[case]
     messages = issues_of(**changes)
     assert len(messages) == 1 and said in messages[0]
+    with pytest.raises(ScenarioError) as refused:
+        load_sweep(scenario(**changes), vary=["seed=1,2"])
+    assert [issue.message for issue in refused.value.issues] == messages

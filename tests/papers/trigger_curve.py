@@ -81,7 +81,8 @@ def table(rows: pd.DataFrame) -> str:
 def read() -> pd.DataFrame:
     """The rows of the file; words and settings as texts."""
     texts = dict.fromkeys(("trigger", "value", "silence", "shared_every", "p"), str)
-    return pd.read_csv(ROWS, dtype=texts, keep_default_na=False)
+    rows = pd.read_csv(ROWS, dtype=texts, keep_default_na=False)
+    return rows.assign(nees_median=pd.to_numeric(rows["nees_median"]))
 
 
 def main() -> None:

@@ -47,12 +47,24 @@ CASES: Final = [
     (mode, role.name, row.kind)
     for mode, scope in MODES.items()
     for role in ROLES.values()
-    if scope.uses(role)
+    if scope.uses(role) or (role.inner and mode == "network")
     for row in role.kinds
     if names_in(load_class(row)) and (role.name != "workload" or mode == "workload")
 ]
 
 
+UNLABELLED: Final[dict[str, Any]] = {
+    "name": "scans", "seed": 7, "duration": 14.0, "step": 1.0, "prior": {"sd": [2, 1, 2, 1]},
+    "deploy": {"kind": "grid", "nodes": 16, "width": 80.0, "height": 80.0, "cover": False},
+    "targets": [
+        {"kind": "waypoints", "points": [[0, -30, y], [14, 30, y]], "presence": [[0, 9]]} for y in (-1.5, 1.5)
+    ],
+    "sensor": {"kind": "range_bearing", "range_sd": 1.0, "bearing_sd": 0.035, "reach": 40.0},
+    "detection": {"kind": "unlabelled", "probability": 0.5, "clutter": 4.0}, "clusters": {"kind": "central"},
+    "energy": {"kind": "first_order"}, "link": {"kind": "disk", "reach": 90.0},
+    "tracker": {"kind": "gnn", "filter": {"kind": "ekf"}},
+}  # fmt: skip
+"""A scenario whose tracker manages tracks: two targets side by side, which leave, amid clutter."""
 ENRICHED: Final[dict[tuple[str, str], dict[str, Any]]] = {
     ("motion", "random_waypoint"): {"pause": [0.1, 0.5]},
     ("sensor", "rssi"): {"noise": "student_t", "shadowing": 2.0},
@@ -60,6 +72,8 @@ ENRICHED: Final[dict[tuple[str, str], dict[str, Any]]] = {
     ("detection", "imperfect"): {"stuck": 0.3},
     ("link", "log_normal"): {"interference": "sinr"},
     ("tracker", "lmb"): {"components": 2},
+    ("management", "m_of_n"): {"duplicate": 10.0},
+    ("management", "sprt"): {"duplicate": 10.0, "false_confirmation": 0.2, "false_deletion": 0.2},
     ("battery", "linear"): {"cut_off": 1.5, "empty": 0.5},
     ("battery", "kinetic"): {"charge": 0.01 / 3.0},
     ("battery", "diffusion"): {"charge": 0.01 / 3.0},
@@ -163,6 +177,10 @@ REASONS: Final[dict[str, dict[str, str]]] = {
         "* share": "enough members are active",
     },
     "acquire": {"*": "no track is lost in a few steps"},
+    "management": {
+        "* known *": "no track starts, ends or merges",
+        "* sprt false_confirmation": "the evidence of sixteen nodes comes in large steps",
+    },
     "tracker": {
         "* ipf threshold": "the cloud stays good",
         "* handover": "no handover in a few steps, and none without a network",
@@ -177,6 +195,10 @@ SLEEP: Final = {"kind": "duty_cycle", "period": 0.1, "awake_share": 0.5, "phases
 
 def base_of(folder: Path, mode: str, role: str, kind: str) -> dict[str, Any]:
     """The values of a short scenario with a kind; the files that it names are put into the folder."""
+    if role == "management":
+        tracker = UNLABELLED["tracker"] | {"management": {"kind": kind}}
+        tracker["management"] |= ENRICHED.get((role, kind), {})
+        return scenario.resolved(scenario.load(UNLABELLED | {"tracker": tracker}))
     example, key = example_of(ROLES[role], kind, ()), ROLES[role].listed if ROLES[role].optional else role
     for name, content in example.files.items():
         (folder / name).write_text(content)
@@ -248,9 +270,10 @@ def hint_of(part: type[Any], name: str) -> Any:
 
 
 def holder(values: dict[str, Any], role: str, name: str) -> tuple[Any, str]:
-    top = values["faults"][0] if role == "fault" else values.get(role) or values["targets"][0]
-    outer, _, inner = name.partition(".")
-    return (top[outer], inner) if inner else (top, outer)
+    inner = values["tracker"]["management"] if role == "management" else None
+    top = inner or (values["faults"][0] if role == "fault" else values.get(role) or values["targets"][0])
+    outer, _, nested = name.partition(".")
+    return (top[outer], nested) if nested else (top, outer)
 
 
 def outcome(values: dict[str, Any]) -> tuple[str, str]:

@@ -6,9 +6,11 @@ import json
 
 import pytest
 
-from wsnsim.base.errors import ScenarioError
+from wsnsim import part
+from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.scenario.tracker_choices import column_of, tracker_choices
+from wsnsim.trackers.multi_target.single_gaussian import Gnn
 
 
 def read(text):
@@ -116,3 +118,57 @@ def test_a_parameter_is_not_varied_twice():
 def test_the_column_is_that_of_the_kind_unless_a_tracker_has_parameters():
     assert column_of(tracker_choices("pf,ekf")) == "tracker.kind"
     assert column_of(tracker_choices("pf,ekf:assumes.noise_scale=3")) == "tracker"
+
+
+HOLDS = {
+    "kind": "jpda",
+    "gate": 0.99,
+    "filter": {"kind": "ukf", "kappa": 1},
+    "management": {"kind": "sprt", "support": 2},
+}
+MINE = {"extends": "scans_crossing", "name": "mine", "tracker": HOLDS}
+
+
+@part
+class PickyGnn(Gnn):
+    """Takes no other filter than ekf."""
+
+    def check(self, setup):
+        if not type(self.filter).__name__.startswith("Ekf"):
+            yield Issue(("tracker", "filter"), "PickyGnn takes ekf")
+
+
+@pytest.mark.parametrize(
+    "how",
+    [{"trackers": "gnn,mht"}, {"trackers": [{"kind": "gnn"}, "mht"]}, {"vary": ["tracker.kind=gnn,mht"]}],
+    ids=["option", "Python", "axis"],
+)
+def test_another_tracker_of_several_targets_keeps_the_filter_and_the_management_and_no_other_key(how):
+    base = tracker_of(load_sweep(MINE).points[0])
+    found = [tracker_of(point) for point in load_sweep(MINE, **how).points]
+    assert [one["kind"] for one in found] == ["gnn", "mht"]
+    for one in found:
+        assert one["filter"] == base["filter"] and one["management"] == base["management"]
+        assert base["gate"] == 0.99 and one["gate"] != base["gate"]
+
+
+def test_a_choice_may_change_what_it_keeps():
+    points = load_sweep(MINE, trackers="gnn:filter.kind=ckf,pda:management.support=4,lmb:filter.kappa=0").points
+    ckf, pda, lmb = map(tracker_of, points)
+    assert ckf["filter"]["kind"] == "ckf" and "kappa" not in ckf["filter"] and ckf["management"]["support"] == 2
+    assert pda["filter"]["kappa"] == 1.0 and pda["management"]["support"] == 4
+    assert lmb["filter"]["kappa"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("base", "trackers", "message"),
+    [
+        (MINE, f"{__name__}:PickyGnn,gnn", "tracker.filter: error: PickyGnn takes ekf"),
+        (MINE, "gnn,ekf", "ekf follows one target"),
+        ("two_targets", "ekf,gnn", "tracker.filter: is missing"),
+    ],
+)
+def test_what_another_kind_cannot_keep_is_refused_with_one_message(base, trackers, message):
+    with pytest.raises(ScenarioError) as refused:
+        load_sweep(base, trackers=trackers)
+    assert len(refused.value.issues) == 1 and message in str(refused.value)

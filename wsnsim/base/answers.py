@@ -11,7 +11,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from numbers import Integral, Real
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from wsnsim.base.requests import (
     Scatter,
     Send,
 )
+from wsnsim.base.scans import EventKind, ScanOutcome, TrackEstimate, TrackEvent
 
 LARGEST: Final = 1e100
 """A greater number is a mistake: no quantity of a network is, and its powers overflow."""
@@ -79,6 +80,7 @@ SHAPES: Final[Mapping[str, Callable[[Any, Mapping[str, Any]], Shape | list[Shape
     "state": lambda part, given: [np.shape(given["keys"])] * 3,
     "tally": lambda part, given: [np.shape(given["keys"])] * 2,
     "profile": lambda part, given: [np.shape(given["times"])] * 2,
+    "step": lambda part, given: [(len(scan.detections),) for scan in given["scans"]],
 }  # fmt: skip
 """The shape of the answer of a method, or those of its arrays, from the component and the arguments by name."""
 CHOICES: Final[Mapping[str, Callable[[Mapping[str, Any]], Sequence[int]]]] = {
@@ -136,8 +138,8 @@ def fault_of(annotation: str, value: Any, wanted: ExpectedAnswer) -> str:
         return array_fault(value, *_ARRAYS[annotation], wanted.shapes[0] if wanted.shapes else None, wanted.infinite)
     if annotation in ("float", "int"):
         return number_fault(value, annotation == "int", -LARGEST if wanted.signed else 0.0, infinite=True)
-    if annotation == "Estimate":
-        return estimate_fault(value, wanted.columns)
+    if annotation in _OF_BELIEFS:
+        return _OF_BELIEFS[annotation](value, wanted)
     return _object_fault(annotation, value, wanted.names.get(annotation))
 
 
@@ -223,6 +225,41 @@ def estimate_fault(estimate: Any, columns: int | None = None) -> str:
         return "the covariance is not symmetric"
     lowest = float(np.linalg.eigvalsh(estimate.cov)[0])
     return "" if lowest >= -ROUNDING * scale else f"the covariance is not positive semidefinite: eigenvalue {lowest:g}"
+
+
+def _tracks_fault(tracks: Any, wanted: ExpectedAnswer) -> str:
+    if not isinstance(tracks, Sequence) or not all(isinstance(track, TrackEstimate) for track in tracks):
+        return told("a sequence of TrackEstimate", tracks)
+    for before, track in zip([None, *tracks], tracks, strict=False):
+        fault = number_fault(track.number, whole=True) or estimate_fault(track, wanted.columns)
+        fault = fault or ("" if track.existence != track.existence else number_fault(track.existence, most=1.0))
+        if fault or (before is not None and before.number >= track.number):
+            return f"track {track.number}: {fault or f'stands after track {before.number}: tracks ascend by number'}"
+    return ""
+
+
+def _outcome_fault(outcome: Any, wanted: ExpectedAnswer) -> str:
+    if not isinstance(outcome, ScanOutcome):
+        return told("a ScanOutcome", outcome)
+    kinds, shapes = get_args(EventKind), wanted.shapes
+    wrong = [event for event in outcome.events if not isinstance(event, TrackEvent) or event.kind not in kinds]
+    if wrong:
+        return told(f"a TrackEvent whose kind is {', '.join(kinds)}", wrong[0])
+    if len(outcome.explained) != len(shapes):
+        return f"explained: expected an array for each of {len(shapes)} scans, not {len(outcome.explained)}"
+    for share, shape in zip(outcome.explained, shapes, strict=True):
+        fault = array_fault(share, "fiu", "real numbers", shape)
+        if fault or not all(-ROUNDING <= each <= 1.0 + ROUNDING for each in share):
+            return f"explained: {fault or told('probabilities', share)}"
+    return cycles_fault(outcome.cycles)
+
+
+_OF_BELIEFS: Final[Mapping[str, Callable[[Any, ExpectedAnswer], str]]] = {
+    "Estimate": lambda value, wanted: estimate_fault(value, wanted.columns),
+    "Sequence[TrackEstimate]": _tracks_fault,
+    "ScanOutcome": _outcome_fault,
+}
+"""By annotation, what is wrong with what a tracker tells of its belief."""
 
 
 def cycles_fault(cycles: Any) -> str:

@@ -174,11 +174,15 @@ def checked(component: Component, port: type, columns: int | None = None) -> Com
     Raises:
         PluginAnswerError: A property is wrong.
     """
-    if "_border" in getattr(component, "__dict__", {"_border": None}):  # it is checked, or cannot be
+    if "_border" in getattr(component, "__dict__", ()):
         return component
     port = NAMES.get(ports.port_of(component), port)
-    is_mechanism = port.__name__.endswith("Mechanism")
-    result = component if is_mechanism else copy.copy(_with_checked_fields(component, columns))
+    if port.__name__.endswith("Mechanism"):  # others hold it
+        result = component if hasattr(component, "__dict__") else None
+    else:
+        result = _with_room(_with_checked_fields(component, columns))
+    if result is None:
+        return component
     object.__setattr__(result, "_border", columns)
     for name, (returns, parameters) in _members_of(cast(Any, type(component)), port).items():
         if parameters is None:
@@ -188,6 +192,18 @@ def checked(component: Component, port: type, columns: int | None = None) -> Com
         elif returns != "None":
             object.__setattr__(result, name, _checked_method(result, name, returns, parameters))
     return result
+
+
+def _with_room(component: Component) -> Component | None:
+    """A copy that can hold methods of its own, of a class with `__slots__` one of a subclass; None if there is none."""
+    kind: Any = type(component)
+    if hasattr(component, "__dict__"):
+        return copy.copy(component)
+    if kind.__new__ is not object.__new__ or "__slots__" not in vars(kind):  # a tuple, or no class of Python's
+        return None
+    room = {"__module__": kind.__module__, "__qualname__": kind.__qualname__}
+    fields = {"__getattr__": lambda _, name: getattr(component, name)}  # asked where a slot is empty
+    return cast(Component, object.__new__(type(kind.__name__, (kind,), room | fields)))
 
 
 def _checked_method(component: Any, name: str, returns: str, parameters: tuple[str, ...]) -> Callable[..., Any]:

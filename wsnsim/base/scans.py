@@ -20,12 +20,14 @@ class Scan:
         time: the instant in s.
         detections: (M, d) readings of d components; M is 0 if nothing was detected.
         bits: the size of the scan on the air.
+        heard: the probability that a detection that the node made is in the scan: below 1 where the radio loses some.
     """
 
     node: int
     time: float
     detections: Floats
     bits: int = 0
+    heard: float = 1.0
 
 
 class Facts(NamedTuple):
@@ -49,7 +51,13 @@ class Facts(NamedTuple):
 
 
 class TrackEvent(NamedTuple):
-    """What happened to a track; of a merged one, `other` is the one that stays."""
+    """What happened to a track.
+
+    Attributes:
+        kind: what happened.
+        track: its number.
+        other: of a merged track, the number of the one that stays; otherwise -1.
+    """
 
     kind: EventKind
     track: int
@@ -57,10 +65,12 @@ class TrackEvent(NamedTuple):
 
 
 class TrackEstimate(NamedTuple):
-    """The estimate of a track: mean (D,) and covariance (D, D) of the state of the scenario's motion.
+    """The estimate of a track.
 
     Attributes:
         number: of the track, unique in a run.
+        mean: (D,) of the state of the scenario's motion.
+        cov: (D, D) its covariance.
         existence: the probability that its target exists; NaN if the tracker does not estimate it.
         confirmed: whether it counts as a target; others are tentative.
         since: when it started, in s.

@@ -160,12 +160,13 @@ def to_tracks(result: Any, replicate: int | None = None) -> set[Any]:
 
     Raises:
         UsageError: Stone Soup is not installed.
+        ResultError: Readings name no target.
     """
     _demand()
+    estimates = _table(result, "estimates", replicate)
     from stonesoup.types.state import GaussianState, State
     from stonesoup.types.track import Track
 
-    estimates = _table(result, "estimates", replicate)
     names = list(estimates.columns[list(estimates.columns).index("issued") + 1 : list(estimates.columns).index("sd_x")])
     covariances = _covariances(result, names, replicate)
     tracks = set()
@@ -260,6 +261,8 @@ def _table(result: Any, name: str, replicate: int | None) -> Any:
         frame = DataFrame(read_table(result, name))
     else:
         frame = result.table(name)
+    if name == "estimates" and "target" not in frame:
+        raise ResultError("the readings of this result name no target: take its tables estimates and detections")
     return frame if replicate is None else frame[frame["replicate"] == replicate]
 
 

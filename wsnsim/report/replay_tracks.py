@@ -11,6 +11,7 @@ from wsnsim.analysis.multi_target import followed_runs, is_unlabelled
 from wsnsim.analysis.plot_data import Columns
 from wsnsim.analysis.track_plots import places_of_detections
 from wsnsim.base.arrays import Bools, Ints
+from wsnsim.base.tables import KIND
 from wsnsim.recording import tables
 from wsnsim.report.replay_encoding import ReplayEncoder, quantised, thinned
 
@@ -39,7 +40,7 @@ def marks_of(path: str | Path, replicate: int) -> TrackMarks:
 
 
 def add_unlabelled(encoder: ReplayEncoder, marks: TrackMarks) -> None:
-    """Add the tracks with their numbers and whether they are confirmed, the detections, and the switches."""
+    """Add the tracks, the detections, the switches, and how many groups merge and split."""
     run = encoder.run
     if run.unlabelled:
         held = run.unlabelled
@@ -47,6 +48,8 @@ def add_unlabelled(encoder: ReplayEncoder, marks: TrackMarks) -> None:
         x, y = run.places(held)
         columns = {"x": x, "y": y, "number": held["track"].astype("<u4"), "confirmed": held["confirmed"].astype("u1")}
         _add(encoder, "track", frames, columns, shown)
+        for what in ("merge", "split") if run.events else ():
+            encoder.add(what, encoder.frame_of(run.events["step"][run.events["kind"] == KIND[what]].astype(np.int64)))
     if marks.detections:
         held = marks.detections
         frames, shown = _shown(encoder, held["step"])

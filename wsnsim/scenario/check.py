@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final, cast, get_args
 
 from pydantic import Field, ValidationError, create_model
@@ -95,10 +95,32 @@ def _assigned(tree: LocatedValue, assignments: Iterable[Assignment]) -> tuple[Lo
         if len(keys) > 2:  # the path may lead into a datasheet
             tree = _with_sheets(tree)
         try:
-            tree = tree.assigned(keys, node)
+            tree = _with_held(tree.assigned(keys, node), tree, keys)
         except LookupError as error:
             issues.append(node.spot.issue(keys, str(error.args[0])))
     return tree, issues
+
+
+def _with_held(tree: LocatedValue, before: LocatedValue, keys: Keys) -> LocatedValue:
+    """Return the tree after a new kind, with the components that the old kind held where the new one holds such, too.
+
+    So another tracker of several targets keeps filter and management. Other keys are those of the old kind alone.
+    """
+    role, old, new = AT_TOP.get(str(keys[0])), before.at(keys[:-1]), tree.at(keys[:-1])
+    if role is None or keys[-1] != "kind" or old is None or new is None:
+        return tree
+    former, later = (_roles_at(role, node) for node in (old, new))
+    held = [name for name, inner in later.items() if former.get(name) == inner and name in old.value]
+    return tree.assigned(keys[:-1], LocatedValue(new.value | {name: old.value[name] for name in held}, new.spot))
+
+
+def _roles_at(role: Role, node: LocatedValue) -> Mapping[str, Inner]:
+    """Return the roles of the components that a component holds; none if its kind is unknown."""
+    kind = node.child("kind")
+    try:
+        return roles_of(_model_of(role.name, str(kind.value), kind.spot).part) if kind else {}
+    except (LookupError, ImportError, PartError):  # reported where it stands
+        return {}
 
 
 def _with_sheets(tree: LocatedValue) -> LocatedValue:

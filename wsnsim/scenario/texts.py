@@ -275,6 +275,8 @@ class LocatedValue:
     def assigned(self, path: Keys, new: LocatedValue, depth: int = 0) -> LocatedValue:
         """Return the tree with `new` at a path; missing mappings are created. A new kind drops the role's other keys.
 
+        `check` puts back components that both kinds hold.
+
         Raises:
             LookupError: the path leads through a scalar, or to an item that the list does not have.
         """

@@ -5,7 +5,8 @@
 
 Trackers are separated by commas. A tracker's parameters follow its kind after a colon, as KEY=VALUE with the keys of
 the section `tracker`, nested ones with dots, and values as those of --set. Commas between brackets or quotes belong to
-a value. A part that is KEY=VALUE without a kind belongs to the tracker before it.
+a value. A part that is KEY=VALUE without a kind belongs to the tracker before it. Other parameters are defaults, except
+that components within the scenario's tracker, such as a filter, are kept where the new kind holds such, too.
 """
 
 from __future__ import annotations

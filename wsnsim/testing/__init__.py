@@ -26,6 +26,7 @@ from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac, check_wakeup
 from wsnsim.testing.mechanisms import check_fault, check_sync, check_workload
 from wsnsim.testing.models import check_motion, check_sensor
+from wsnsim.testing.multi_trackers import check_multi_tracker
 from wsnsim.testing.privacy import demand_missed_steps, examine, same
 from wsnsim.testing.table import FIRST, SECOND, Table, another, demand, examined, passed_on, track
 from wsnsim.testing.whole_runs import demand_angles, demand_whole_runs
@@ -36,6 +37,7 @@ __all__ = [
     "check_fault",
     "check_mac",
     "check_motion",
+    "check_multi_tracker",
     "check_sensor",
     "check_sync",
     "check_tracker",

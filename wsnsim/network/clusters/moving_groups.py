@@ -1,6 +1,7 @@
 """Groups that move with their tracks, where readings name no target: they begin, merge, split and end.
 
-A group begins with an election among neighbouring nodes that have detections which no group explains. Each head
+A group begins with an election among neighbouring nodes that have detections which no group explains, and which are
+near one of the step before, since clutter seldom is. Each head
 broadcasts its tracks at each step: who hears them takes what they explain for explained. Groups merge where confirmed
 tracks meet: the head of the higher number sends its tracks to the other one. A group whose tracks have parted hands
 some of them to a head nearer to them. It ends with its last track.
@@ -11,7 +12,8 @@ from `MEET` on they meet, below `PART` they have parted (our choices). Heads go 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -19,14 +21,14 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Estimate, Floats, components_of, near, planar
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.requests import PACKET_BITS, Member, Parcel
-from wsnsim.base.scans import TrackEstimate
+from wsnsim.base.scans import Scan, TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.election import strength_of
-from wsnsim.network.clusters.groups import NUMBERS, GroupLead, Groups, belief_sent
+from wsnsim.network.clusters.groups import NUMBERS, Arrived, GroupLead, Groups, belief_sent
 from wsnsim.network.clusters.head_services import HeadServices
-from wsnsim.network.clusters.network_view import one_step_on
 from wsnsim.network.clusters.track import GroupEnded, Handover, Track
+from wsnsim.network.clusters.track_book import outdone
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.radio.datagrams import Datagram
 
@@ -36,10 +38,16 @@ GATE: Final = 4.0
 """Standard deviations of a reading about its expected value within which it is explained."""
 FAR: Final = 1e9
 """A sensing range (m) that is as good as unlimited."""
-FRESH: Final = 2
+FRESH: Final = 4
 """Number of steps for which a node uses the tracks that a cluster head has broadcast."""
 LEAST_NODES: Final = 2
 """Neighbouring nodes with unexplained detections, from which on a group begins."""
+SWIFT: Final = 3.0
+"""Deviations of the speed of targets that may begin, which they reach at most (our choice)."""
+STILL: Final = 0.1
+"""Least share of the space of readings that a detection may move from one step to the next (our choice)."""
+PATIENCE: Final = 3
+"""Steps in a row without a track that end a group where radios are mostly off: joins may be under way (our choice)."""
 
 
 class BroadcastTracks(NamedTuple):
@@ -57,6 +65,10 @@ class MovingGroups(Groups):
         super().__init__(services)
         self._received: dict[int, dict[int, BroadcastTracks]] = {}
         self._inbox: dict[int, list[Any]] = {}
+        self._before: Mapping[int, Any] = {}
+        low, high = np.array(self._space or [(0.0, np.inf)]).T
+        share = SWIFT * self._tracker.management.rate_sd * self._clock.dt / self._facts.sensor.reach
+        self._step_at_most = (high - low) * min(max(share, STILL), 1.0)
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """None: a group without a head has ended."""
@@ -70,7 +82,8 @@ class MovingGroups(Groups):
         """Close groups whose head has gone, and begin new ones from detections that no group explains."""
         book, step = self._book, self._clock.step
         self._forget_old()
-        book.groups[:] = [group for group in book.groups if group.head is not None or group.election is not None]
+        book.close_groups()
+        self._inbox = {group.target: self._inbox.get(group.target, []) for group in book.groups}
         for prior in self._known(step):
             self._begin_with(prior)
         free = self._unexplained() if self._tracker.management.starts else {}
@@ -114,10 +127,21 @@ class MovingGroups(Groups):
         found = {}
         for node, scan in free.items():
             tracks = self._tracks_received(node)
-            left = [z for z, known in zip(scan, self._explained(node, scan, tracks), strict=True) if not known]
+            known = self._explained(node, scan, tracks) | ~self._lasting(scan, self._before.get(node, ()))
+            left = [z for z, no in zip(scan, known.tolist(), strict=True) if not no]
             if left:
                 found[node] = max(left, key=lambda reading: strength_of(self._setup.sensor, reading))
+        self._before = scans
         return found
+
+    def _lasting(self, scan: Any, before: Any) -> Bools:
+        """(M,) which detections of a node are near one of its scan before; all, if none are false."""
+        sensor, size = self._facts.sensor, len(components_of(self._facts.sensor))
+        new, old = (np.array(each, dtype=np.float64).reshape(-1, size) for each in (scan, before))
+        if not self._facts.clutter:
+            return np.ones(len(new), dtype=np.bool_)
+        steps = [np.abs(near(sensor, old.reshape(-1), np.tile(z, len(old))).reshape(-1, size) - z) for z in new]
+        return np.array([bool((step <= self._step_at_most).all(axis=1).any()) for step in steps])
 
     def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
         """Form a cluster, track in it step by step, and merge, split or hand over."""
@@ -128,13 +152,15 @@ class MovingGroups(Groups):
         if belief is None:
             self._log.add("begin", track.target, cluster.head)
             step, belief = self._clock.step, self._first_belief(self._clock.step, ())
-        lead, enough = self._lead_of(track, cluster, belief, step), -1
+        lead, enough, idle = self._lead_of(track, cluster, belief, step), -1, 0
         if step == 0 and lead.tracks:  # they are known at this instant
             yield track.tick
         while True:
             yield from self._take_in(lead)
             yield from self._step(lead)
-            if not lead.tracks:
+            self._leave_to_others(lead)
+            idle = 0 if lead.tracks else idle + 1
+            if idle >= (1 if self._setup.waits.joins is None else PATIENCE):
                 self._log.add("end", track.target, cluster.head)
                 raise GroupEnded
             yield from self._merge(lead)
@@ -144,7 +170,7 @@ class MovingGroups(Groups):
             small = self._setup.clusters.must_hand_over(active, lead.cluster.size)
             if enough < 0:  # a cluster that is too small from its first step on is so until fewer are in range
                 enough = active if small else lead.cluster.size
-            elif small and active < enough:
+            elif small and active < enough and lead.tracks:
                 following = yield from self._hand_over(lead)
                 if following is not None:
                     return following
@@ -177,29 +203,32 @@ class MovingGroups(Groups):
 
     def _own_scan(self, lead: GroupLead, member: Member) -> Any:
         """The detections of a member, but those which, as far as it knows, other groups' tracks alone explain."""
-        scan: Any = member.reading
-        others = self._tracks_received(member.id, but=lead.group.target)
-        if not scan or not others:
-            return scan
-        own = self._tracks_received(member.id, only=lead.group.target)
         if member.id == lead.cluster.head:
-            own = [self._predicted(track, lead.step) for track in lead.tracks]
-        left = self._explained(member.id, scan, own) | ~self._explained(member.id, scan, others)
-        return tuple([detection for detection, kept in zip(scan, left.tolist(), strict=True) if kept])
+            return member.reading
+        own = self._tracks_received(member.id, only=lead.group.target)
+        left = self._mine(member.id, member.reading, own, self._tracks_received(member.id, but=lead.group.target))
+        return tuple([detection for detection, kept in zip(member.reading, left.tolist(), strict=True) if kept])
+
+    def _heard(self, lead: GroupLead, arrived: Arrived, step: int) -> list[Scan]:
+        """The scans of a step, without what others' tracks alone explain, as far as the head knows."""
+        head, scans = lead.cluster.head, super()._heard(lead, arrived, step)
+        own = [self._predicted(track, lead.step, step) for track in lead.tracks]
+        others = self._tracks_received(head, but=lead.group.target)
+        return [
+            replace(scan, detections=scan.detections[self._mine(scan.node, scan.detections, own, others)])
+            for scan in scans
+        ]
+
+    def _mine(self, node: int, scan: Any, own: Sequence[TrackEstimate], others: Sequence[TrackEstimate]) -> Bools:
+        """(M,) which detections of a node others' tracks do not explain, or own ones too."""
+        return self._explained(node, scan, own) | ~self._explained(node, scan, others)
 
     def _tracks_received(self, node: int, but: int = -1, only: int = -1) -> list[TrackEstimate]:
         """The tracks that a node has heard of, predicted for this step: of all groups `but` one, or of one `only`."""
         received = {number: each for number, each in self._received.get(node, {}).items() if number != but}
         fresh = [received[only]] if only in received else received.values() if only < 0 else []
         fresh = [each for each in fresh if self._clock.step - each.step <= FRESH]
-        return [self._predicted(track, each.step) for each in fresh for track in each.tracks]
-
-    def _predicted(self, track: TrackEstimate, step: int) -> TrackEstimate:
-        """A track of a step, predicted for the present one."""
-        estimate, dt = Estimate(track.mean, track.cov), self._clock.dt
-        for before in range(step, self._clock.step):
-            estimate = one_step_on(estimate, self._facts.motion, dt, before * dt)
-        return track._replace(mean=estimate.mean, cov=estimate.cov)
+        return [self._predicted(track, each.step, self._clock.step) for each in fresh for track in each.tracks]
 
     def _explained(self, node: int, scan: Any, tracks: Sequence[TrackEstimate]) -> Bools:
         """(M,) which detections of a node lie in the gate of one of the tracks."""
@@ -243,22 +272,35 @@ class MovingGroups(Groups):
         packets = len(tracks) * -(-(size + size * (size + 1) // 2) // NUMBERS)
         parcel = Parcel(None, packets, PACKET_BITS, "tracks")
         heard = yield from self._services.messages.broadcast(group, head, parcel)
-        received = BroadcastTracks(lead.step, head, tracks)
+        self._received.setdefault(head, {})[group] = BroadcastTracks(lead.step, head, tracks)  # it may lead others too
         for node, mask in heard.items():
-            if mask.all():
-                self._received.setdefault(node, {})[group] = received
+            whole = mask.reshape(len(tracks), -1).all(axis=1).tolist()
+            received = tuple([track for track, arrived in zip(tracks, whole, strict=True) if arrived])
+            if received:
+                self._received.setdefault(node, {})[group] = BroadcastTracks(lead.step, head, received)
+
+    def _leave_to_others(self, lead: GroupLead) -> None:
+        """End the tracks whose targets others track, as far as the head has heard."""
+        others = self._tracks_received(lead.cluster.head, but=lead.group.target)
+        now = [self._predicted(track, lead.step, self._clock.step) for track in lead.tracks]
+        self._keep(lead, {track.number for track in now if not outdone(track, others)})
+
+    def _keep(self, lead: GroupLead, numbers: Collection[int]) -> None:
+        """Keep some of the tracks; the others are duplicates."""
+        for track in self._tracker.estimates(lead.belief, self._facts):
+            if track.number not in numbers:
+                self._log.add("delete", lead.group.target, lead.cluster.head, "duplicate", sequence=track.number)
+        lead.belief = self._tracker.only(lead.belief, numbers)
+        lead.tracks = self._tracker.estimates(lead.belief, self._facts)
 
     def _merge(self, lead: GroupLead) -> Acting[None]:
         """Send all tracks to the head of a group of a lower number whose tracks meet those of this one."""
         group, own = lead.group.target, [track for track in lead.tracks if track.confirmed]
-        mine = {track.number for track in lead.tracks}
         for number, received in sorted(self._received.get(lead.cluster.head, {}).items()):
             if number >= group or self._clock.step - received.step > FRESH or received.head == lead.cluster.head:
                 continue
             theirs = [
-                self._predicted(track, received.step)
-                for track in received.tracks
-                if track.confirmed and track.number not in mine
+                self._predicted(track, received.step, self._clock.step) for track in received.tracks if track.confirmed
             ]
             if any(self._overlap(one, other) >= MEET for one in own for other in theirs):
                 sent = yield from self._sent(lead, lead.belief, received.head)
@@ -280,7 +322,12 @@ class MovingGroups(Groups):
             for belief in [lead.belief, *arrived]
         ]
         lead.belief, lead.step = self._tracker.joined(each), step
-        lead.tracks = self._tracker.estimates(lead.belief, self._facts)
+        sets = [self._tracker.estimates(belief, self._facts) for belief in each]
+        self._keep(lead, {
+            track.number
+            for i, own in enumerate(sets) for track in own
+            if not outdone(track, [other for j, others in enumerate(sets) if j != i for other in others])
+        })  # fmt: skip
         yield from self._recruit(lead.group, lead.cluster)
 
     def _split(self, lead: GroupLead) -> Acting[None]:
@@ -302,6 +349,7 @@ class MovingGroups(Groups):
         lead.belief = self._tracker.only(lead.belief, {track.number for track in lead.tracks} - numbers)
         lead.tracks = self._tracker.estimates(lead.belief, self._facts)
         new = self._book.open_group()
+        self._received.setdefault(head, {})[new.target] = BroadcastTracks(lead.step, successor, far)
         self._log.add("split", lead.group.target, head, peer=successor, sequence=new.target)
         handover = Handover(
             successor, lead.step, belief, previous_head=head, hops=driver.hops, bits=driver.collection.bits

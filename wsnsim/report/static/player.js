@@ -32,6 +32,7 @@ function describe() {
   if (replay.col.sense_node && replay.col.sense_node.length) lines.push(counted(sensing, "sensing node"));
   if (replay.from.link) lines.push(`${countOf("link", "link")} in use, ${countOf("broadcast", "broadcast")}`);
   if (replay.from.track) lines.push(`${counted(tracksNow(), "confirmed track")}, ${countOf("detection", "detection")}`);
+  for (const what of ["merge", "split"]) if (rows(what)[1] > rows(what)[0]) lines.push(`${countOf(what, what)} of groups of tracks`);
   if (replay.from.particle) lines.push(countOf("particle", "particle"));
   byId("status").textContent = lines.join("\n");
   if (!playing && opened && document.activeElement !== slider) byId("spoken").textContent = lines.join(". ");
