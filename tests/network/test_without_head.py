@@ -27,7 +27,7 @@ from wsnsim.offline.loopback import perform
 from wsnsim.testing import check_tracker
 from wsnsim.testing.table import FIRST, Table
 from wsnsim.trackers.covariance_intersection import CovarianceIntersection, NaiveFusion
-from wsnsim.trackers.diffusion import Diffusion
+from wsnsim.trackers.diffusion import DiffusionFilter
 from wsnsim.trackers.information_consensus import HybridConsensus, InformationConsensus
 from wsnsim.trackers.kalman_consensus import KalmanConsensus
 from wsnsim.trackers.shared.consensus import VALUES, average, neighbourhood
@@ -91,7 +91,7 @@ def test_frames_are_rounds_times_senders_and_joules_follow() -> None:
 
 
 ONE_STEP_HOPS: Final = {
-    KalmanConsensus(): 1, Diffusion(): 2, InformationConsensus(rounds=3, participants=7): 3,
+    KalmanConsensus(): 1, DiffusionFilter(): 2, InformationConsensus(rounds=3, participants=7): 3,
     HybridConsensus(rounds=3, participants=7): 3, InformationConsensus(rounds=3, participants=7, weights="ratio"): 3,
     CovarianceIntersection(rounds=3): 3, NaiveFusion(rounds=2): 2,
 }  # fmt: skip

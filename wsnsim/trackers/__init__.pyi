@@ -7,7 +7,7 @@ from wsnsim.trackers.covariance_intersection import CovarianceIntersection as Co
 from wsnsim.trackers.covariance_intersection import NaiveFusion as NaiveFusion
 from wsnsim.trackers.cuckoo_pf import CuckooPf as CuckooPf
 from wsnsim.trackers.cuckoo_pf import ImprovedCuckooPf as ImprovedCuckooPf
-from wsnsim.trackers.diffusion import Diffusion as Diffusion
+from wsnsim.trackers.diffusion import DiffusionFilter as DiffusionFilter
 from wsnsim.trackers.ekf import ExtendedKalman as ExtendedKalman
 from wsnsim.trackers.gaussian_pf import GaussianPf as GaussianPf
 from wsnsim.trackers.gaussian_pf import GravitationalGaussianPf as GravitationalGaussianPf
@@ -43,6 +43,7 @@ from wsnsim.trackers.trilateration import Trilateration as Trilateration
 Pf = Sir
 CsPf = CuckooPf
 IcsPf = ImprovedCuckooPf
+Diffusion = DiffusionFilter
 Ekf = ExtendedKalman
 Gpf = GaussianPf
 GsaGpf = GravitationalGaussianPf
