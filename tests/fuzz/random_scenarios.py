@@ -11,7 +11,8 @@ import random
 from typing import Any, Final
 
 from tests.fuzz.random_values import of_fields
-from tests.helpers.tracker_kinds import trackers_of_one_target
+from tests.helpers.tracker_kinds import trackers_of_one_target, trackers_without_a_head
+from wsnsim.base.ports import port_of
 from wsnsim.scenario.registry import ROLES, load_class
 
 STARTS: Final = {
@@ -50,8 +51,9 @@ MAKE_SCANS: Final = ("range", "bearing", "range_bearing")
 OF_ONE_TARGET: Final = {
     "tracker": [kind.kind for kind in trackers_of_one_target()],
     "detection": [kind.kind for kind in ROLES["detection"].kinds if kind.kind != "unlabelled"],
+    "clusters": [kind.kind for kind in ROLES["clusters"].kinds if kind.kind != "none"],
 }
-"""Kinds of these roles where readings name their target."""
+"""Kinds of these roles where readings name their target, and there is a head."""
 GUIDED: Final = 0.9
 """Probability that a choice avoids what `build` is known to refuse."""
 
@@ -102,14 +104,27 @@ class Sampler:
         radio = self.of_network(tracker["kind"])
         if common["sensor"]["kind"] == "recorded" and self.rng.random() < GUIDED:
             radio["detection"] = {"kind": "perfect"}
-        return self.triggers(self.scans({**common, **radio}, motion in LINE))
+        return self.headless(self.triggers(self.scans({**common, **radio}, motion in LINE)))
+
+    def headless(self, values: Values) -> Values:
+        """The scenario, in some cases without a head; the choice changes no other value."""
+        rng = random.Random(f"headless {self.turn}")
+        if values["detection"]["kind"] == "unlabelled" or rng.random() < 0.7:
+            return values
+        tracker = {"kind": rng.choice([kind.kind for kind in trackers_without_a_head()])}
+        if tracker["kind"].endswith("_consensus") and tracker["kind"] != "kalman_consensus":
+            tracker |= {"rounds": rng.randint(1, 4), "weights": rng.choice(["metropolis", "ratio"])}
+        clusters = {"kind": "none", "radius": rng.choice([None, 0.0, 50.0]), "gateway": rng.choice(["sink", "target"])}
+        assumes = {name: value for name, value in values["tracker"].items() if name == "assumes"}
+        values = {role: value for role, value in values.items() if role != "until"}
+        return {**values, "tracker": tracker | assumes, "clusters": clusters, "wakeup": {"kind": "none"}}
 
     def scans(self, values: Values, line: bool) -> Values:
         """The scenario, in some cases with readings that name no target; the choice changes no other value."""
         rng = random.Random(f"scans {self.turn}")
         if line or values["sensor"]["kind"] not in MAKE_SCANS or rng.random() < 0.6:
             return values
-        several = [kind.kind for kind in ROLES["tracker"].kinds if kind.kind not in OF_ONE_TARGET["tracker"]]
+        several = [kind.kind for kind in ROLES["tracker"].kinds if port_of(load_class(kind)) == "MultiTracker"]
         management = {"kind": rng.choice([kind.kind for kind in ROLES["management"].kinds])}
         tracker = {"kind": rng.choice(several), "filter": {"kind": rng.choice(["ekf", "ukf", "ckf"])}}
         detection = {"kind": "unlabelled", "probability": rng.choice([1.0, 0.8]), "clutter": rng.choice([0.0, 0.5, 2])}

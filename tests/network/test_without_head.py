@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from wsnsim.base.arrays import Estimate
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.requests import PACKET_BITS, Exchange, Gather, Local, Member, Parcel
 from wsnsim.base.tables import KIND, Memory
+from wsnsim.bounds import bounds_of_run
 from wsnsim.experiment import Summary
 from wsnsim.models.bearing import RangeBearing
 from wsnsim.models.linear import ConstantVelocity
@@ -25,7 +27,7 @@ from wsnsim.offline.loopback import perform
 from wsnsim.testing import check_tracker
 from wsnsim.testing.table import FIRST, Table
 from wsnsim.trackers.covariance_intersection import CovarianceIntersection, NaiveFusion
-from wsnsim.trackers.diffusion import Diffusion
+from wsnsim.trackers.diffusion import DiffusionFilter
 from wsnsim.trackers.information_consensus import HybridConsensus, InformationConsensus
 from wsnsim.trackers.kalman_consensus import KalmanConsensus
 from wsnsim.trackers.shared.consensus import VALUES, average, neighbourhood
@@ -89,7 +91,7 @@ def test_frames_are_rounds_times_senders_and_joules_follow() -> None:
 
 
 ONE_STEP_HOPS: Final = {
-    KalmanConsensus(): 1, Diffusion(): 2, InformationConsensus(rounds=3, participants=7): 3,
+    KalmanConsensus(): 1, DiffusionFilter(): 2, InformationConsensus(rounds=3, participants=7): 3,
     HybridConsensus(rounds=3, participants=7): 3, InformationConsensus(rounds=3, participants=7, weights="ratio"): 3,
     CovarianceIntersection(rounds=3): 3, NaiveFusion(rounds=2): 2,
 }  # fmt: skip
@@ -320,3 +322,11 @@ def test_covariance_intersection_is_consistent_and_naive_fusion_is_not() -> None
     upper = chi2.ppf(0.975, 2 * 200) / 200  # of the mean of 200 runs, at each step
     assert (nees("covariance_intersection") <= upper).all()
     assert (nees("naive_fusion")[1:] > upper).all()
+
+
+def test_there_is_no_bound_for_readings_that_arrived_where_they_arrive_nowhere(tmp_path: Path) -> None:
+    path = tmp_path / "x.h5"
+    experiment.run(scenario.load("jiang_field", (*FIXED, "tracker.kind=diffusion")), out=path)
+    found = {bound.query.readings: bound.reason for bound in bounds_of_run(path)}
+    assert not found.pop("in_range")
+    assert all("from neighbour to neighbour" in reason for reason in found.values()) and found

@@ -175,6 +175,7 @@ REASONS: Final[dict[str, dict[str, str]]] = {
         "* central [xy]": "the node nearest to the point is the same",
         "* patience": "no head loses its target in a few steps",
         "* share": "enough members are active",
+        "* none gateway": "there is no sink",
     },
     "acquire": {"*": "no track is lost in a few steps"},
     "management": {

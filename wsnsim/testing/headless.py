@@ -29,7 +29,7 @@ def beside(source: int, to: int, parcel: Parcel) -> Bools:
     return np.full(parcel.packets, abs(NODES.index(source) - NODES.index(to)) == 1)
 
 
-class _Line:
+class _PeersInARow:
     """Nodes that run a tracker; `rounds`: the number of exchanges in each step; `sent`: bits."""
 
     def __init__(self, tracker: HeadlessTracker, table: Table, lose: Lose = beside) -> None:
@@ -86,22 +86,23 @@ def check_headless(tracker: HeadlessTracker, motion: MotionModel, sensor: Sensor
     tracker = examined(tracker, Tracker, len(motion.columns))
     plain = Table(motion, sensor, seed)
     with demand("sound"):
-        line = _Line(tracker, plain)
+        line = _PeersInARow(tracker, plain)
         first = list(line.run())
         assert line.sent > 0, "nothing ever crosses the air"
     with demand("repeatable"):
-        again = list(_Line(tracker, Table(motion, sensor, seed)).run())
+        again = list(_PeersInARow(tracker, Table(motion, sensor, seed)).run())
         assert _equal(first, again).all(), "the same seed gives two different tracks"
     altered = partial(Table, motion, sensor, seed, lambda node, value: another(value) if node == NODES[0] else value)
     for name, lose in (("locality", beside), ("silence", silent)):
         with demand(name):
-            line, other = _Line(tracker, Table(motion, sensor, seed), lose), _Line(tracker, altered(), lose)
+            line = _PeersInARow(tracker, Table(motion, sensor, seed), lose)
+            other = _PeersInARow(tracker, altered(), lose)
             kept = _equal(list(line.run(1)), list(other.run(1)))[0]
             reach = line.rounds if lose is beside else 0
             assert kept[reach + 1 :].all(), f"a reading arrives farther away than over {reach} hops"
     with demand("loss"):
         for share in (0.3, 0.9):
-            list(_Line(tracker, Table(motion, sensor, seed), _lossy(share, seed)).run())
+            list(_PeersInARow(tracker, Table(motion, sensor, seed), _lossy(share, seed)).run())
 
 
 def _lossy(share: float, seed: int) -> Lose:

@@ -36,7 +36,7 @@ COPIES, SENDS = "copies", "sends"
 
 
 @part
-class Diffusion(PeerFilter):
+class DiffusionFilter(PeerFilter):
     """Diffusion Kalman filter: an update with the readings of all neighbours, then the mean of their estimates.
 
     Each participant weighs its own estimate and those of its n neighbours that arrive equally, by 1 / (1 + n): the

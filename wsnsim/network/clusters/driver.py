@@ -317,7 +317,6 @@ class PeerDriver(Driver):
         members, alive = self._members, self._alive
         parcels = {member.id: request.parcel_of(member) for member in self._addressed(request.who)}
         sent = {node: parcel for node, parcel in parcels.items() if parcel is not None}
-        self._services.intervals.shorten_for_next_step(parcels)
         heard: dict[int, dict[int, Bools]] = {}
         if not sent:
             return heard
@@ -329,4 +328,5 @@ class PeerDriver(Driver):
                 if node in members and alive[node]:
                     members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask, burst.source))
                     heard.setdefault(node, {})[burst.source] = mask
+        self._services.intervals.shorten_for_next_step({**parcels, **heard})
         return heard

@@ -84,7 +84,7 @@ class PeerProtocol:
 
     def release(self, track: Track, cluster: Cluster) -> None:
         """Dismiss all participants."""
-        self._services.processes.dismiss(cluster.members, track.target)
+        self._services.processes.dismiss(cluster.roster(), track.target)
 
     def _follow(self, track: Track) -> Acting[None]:
         """Take the steps of a track until the end of the run."""
@@ -158,8 +158,7 @@ class PeerProtocol:
             return
         self._record(part, scene, step, readings)
         inviter = self._nearest_to_prediction(part, scene)
-        last = scene.time
-        self._services.wake_ahead.wake(track, inviter.id, self._tracker.belief_of(inviter), scene, last)
+        self._services.wake_ahead.wake(track, inviter.id, self._tracker.belief_of(inviter), scene, scene.time)
         yield from self._invite(part, scene, inviter)
         self._drop(part, [member.id for member in peers.living() if not self._stays(part, scene, member)])
         track.clusters[-1].members = max(track.clusters[-1].members, peers.size)
