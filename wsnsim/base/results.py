@@ -108,9 +108,16 @@ def _delays(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
         "delay": metrics.median_error(issued - steps),
         "received": int(np.isfinite(received).sum()),
         "report_delay": metrics.median_error(received - steps),
+        "overtaken": _overtaken(received),
         "due": due,
         "in_time": in_time / due if due else NAN,
     }
+
+
+def _overtaken(received: Floats) -> int:
+    """How many reports (K,) arrived after one of a later step; NaN: it did not arrive."""
+    earliest = np.fmin.accumulate(received[::-1])[::-1]
+    return int(np.count_nonzero(received[:-1] > earliest[1:]))
 
 
 def _followed(columns: Mapping[str, Any], dt: float) -> dict[str, Any]:
@@ -328,7 +335,7 @@ def _of_target(held: Mapping[str, Any], rows: Ints, motion: MotionModel) -> Trac
         received[step], heads[step + 1] = held["received"][row], held["head"][row]
     nobody = np.zeros(rows.size, dtype=np.int64)
     columns = {"received": received, "woken": nobody, "ineffective": nobody}
-    counts_of_none = {"reacquired": 0, "called": 0, "dismissed": 0, "handover_bits": NAN}
+    counts_of_none = {"reacquired": 0, "late_readings": 0, "called": 0, "dismissed": 0, "handover_bits": NAN}
     return TrackResult(found, heads.tolist(), columns, counts_of_none)
 
 

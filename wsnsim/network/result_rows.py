@@ -50,6 +50,7 @@ class NetworkOutcome:
         tracks: one per target; none in a network without targets.
         woken: numbers of nodes that woke, and of those that woke unnecessarily, (targets, steps + 1, 2).
         received: time in s at which the sink received the estimate of (target, step).
+        late_readings: {target: number of readings that its tracker used in a later step}.
         book: the tracks of readings that name no target.
     """
 
@@ -64,6 +65,7 @@ class NetworkOutcome:
     woken: Ints = field(default_factory=lambda: np.zeros((0, 1, 2), dtype=np.int64))
     received: Mapping[tuple[int, int], float] = field(default_factory=dict)
     radio_on: float | None = None
+    late_readings: Mapping[int, int] = field(default_factory=dict)
     book: TrackBook | None = None
 
 
@@ -95,7 +97,10 @@ def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float =
         columns = outcome.book.columns(setup.filter_motion(0), outcome.received, setup.dt)
         clusters = sum(len(group.clusters) for group in outcome.tracks)
         return RunResult(outcome.steps, (), totals, joules, clusters, setup.report_every, columns)
-    tracks = [TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(t)) for t in outcome.tracks]
+    tracks = [
+        TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(outcome, t))
+        for t in outcome.tracks
+    ]
     clusters = sum(len(track.clusters) for track in outcome.tracks)
     return RunResult(outcome.steps, tracks, totals, joules, clusters, setup.report_every)
 
@@ -107,12 +112,18 @@ def network_columns(outcome: NetworkOutcome, track: Track) -> dict[str, Any]:
     return {"woken": woken[:, 0], "ineffective": woken[:, 1], "received": np.array(received)}
 
 
-def _track_columns(track: Track) -> dict[str, float]:
+def _track_columns(outcome: NetworkOutcome, track: Track) -> dict[str, float]:
     """The columns of the table `tracks` that only a network has."""
     called, dismissed = (sum(map(attrgetter(name), track.rounds)) for name in ("called", "dismissed"))
     bits = [cluster.handover_bits for cluster in track.clusters if cluster.handover_bits]
     mean_bits = sum(bits) / len(bits) if bits else NAN
-    return {"reacquired": track.reacquired, "called": called, "dismissed": dismissed, "handover_bits": mean_bits}
+    return {
+        "reacquired": track.reacquired,
+        "late_readings": outcome.late_readings.get(track.target, 0),
+        "called": called,
+        "dismissed": dismissed,
+        "handover_bits": mean_bits,
+    }
 
 
 def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:
