@@ -75,8 +75,9 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.requests import (
         Broadcast as Broadcast, Compute as Compute, Delivery as Delivery, Flow as Flow, Gather as Gather,
-        Gathered as Gathered, GatheredReadings as GatheredReadings, GatherReadings as GatherReadings, Local as Local,
-        Member as Member, PACKET_BITS as PACKET_BITS, Parcel as Parcel, Scatter as Scatter, Send as Send,
+        Gathered as Gathered, GatheredReadings as GatheredReadings, GatherLate as GatherLate,
+        GatherReadings as GatherReadings, Local as Local, Member as Member, PACKET_BITS as PACKET_BITS,
+        Parcel as Parcel, Scatter as Scatter, Send as Send,
     )
     from wsnsim.base.rng import (
         derive as derive, derive_all as derive_all, normals as normals, Streams as Streams, uniforms as uniforms,

@@ -100,7 +100,17 @@ class Sampler:
         radio = self.of_network(tracker["kind"])
         if common["sensor"]["kind"] == "recorded" and self.rng.random() < GUIDED:
             radio["detection"] = {"kind": "perfect"}
-        return self.scans({**common, **radio}, motion in LINE)
+        return self.scans(self.late({**common, **radio}), motion in LINE)
+
+    def late(self, values: Values) -> Values:
+        """The scenario, in some cases with a tracker that uses late readings; the choice changes no other value."""
+        rng, tracker = random.Random(f"late {self.turn}"), values["tracker"]
+        kind = load_class(next(info for info in ROLES["tracker"].kinds if info.kind == tracker["kind"]))
+        if not hasattr(kind, "late_window") or tracker.get("readings") == "nearest" or rng.random() < 0.5:
+            return values
+        ways = ["refilter", "retrodict"] if getattr(kind, "retrodicts", False) else ["refilter"]
+        late = {"late": rng.choice(ways), "late_window": self.step * rng.choice([1.5, 5.0])}
+        return {**values, "tracker": tracker | late}
 
     def scans(self, values: Values, line: bool) -> Values:
         """The scenario, in some cases with readings that name no target; the choice changes no other value."""

@@ -5,7 +5,7 @@
 The head keeps its last steps in its belief: what it believed before each, what it knew and what it used. `refilter`
 goes back to the first step of which readings are late, and makes it and all later ones again, with their random
 numbers: the belief is then that of a filter to which the late readings had come in time. `retrodict` corrects the
-present Gaussian at once, by the l-step algorithm of Bar-Shalom, Chen and Mallick (2004).
+present Gaussian at once, by the l-step algorithm of Bar-Shalom, Chen, Mallick (2004).
 
 A handover carries the belief with all that has arrived until then, but no past steps: the next head starts without any.
 """
