@@ -51,7 +51,7 @@ def _row(data: Data, variant: str) -> dict[str, Any]:
         "runs": len(data.of(variant, "runs")),
         "error": statistics.median(data.of_runs(variant, "rmse").to_numpy()).value,
         "energy": statistics.mean(data.of_runs(variant, "energy").to_numpy()).value,
-        "late": float(tracks["late_readings"].mean()), "estimates": float(tracks["reports"].mean()),
+        "late": float(tracks["late_readings"].fillna(0.0).mean()), "estimates": float(tracks["reports"].mean()),
         "lost": int(data.lost(variant).sum()),
     }  # fmt: skip
 

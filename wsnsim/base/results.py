@@ -108,13 +108,12 @@ def _delays(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
         "delay": metrics.median_error(issued - steps),
         "received": int(np.isfinite(received).sum()),
         "report_delay": metrics.median_error(received - steps),
-        "overtaken": _overtaken(received),
         "due": due,
         "in_time": in_time / due if due else NAN,
     }
 
 
-def _overtaken(received: Floats) -> int:
+def overtaken(received: Floats) -> int:
     """How many reports (K,) arrived after one of a later step; NaN: it did not arrive."""
     earliest = np.fmin.accumulate(received[::-1])[::-1]
     return int(np.count_nonzero(received[:-1] > earliest[1:]))
@@ -287,6 +286,7 @@ def summarise(
         deviations.append(deviation_rmse(columns, motion, truth))
         rows.append({**key, **track_row(columns, rule), **track.counts})
         rows[-1].update(absence_columns(columns, rule) if setup.has_absences else {})
+        rows[-1].update({"overtaken": overtaken(columns["received"])} if setup.uses_late_readings else {})
     column_rmse = np.array(deviations) if deviations else np.empty((0, 0))
     run = {"replicate": replicate, **_run_row(result, errors, rows)}
     tracking = setup if isinstance(setup, TrackingSetup) else None
@@ -335,7 +335,7 @@ def _of_target(held: Mapping[str, Any], rows: Ints, motion: MotionModel) -> Trac
         received[step], heads[step + 1] = held["received"][row], held["head"][row]
     nobody = np.zeros(rows.size, dtype=np.int64)
     columns = {"received": received, "woken": nobody, "ineffective": nobody}
-    counts_of_none = {"reacquired": 0, "late_readings": 0, "called": 0, "dismissed": 0, "handover_bits": NAN}
+    counts_of_none = {"reacquired": 0, "called": 0, "dismissed": 0, "handover_bits": NAN}
     return TrackResult(found, heads.tolist(), columns, counts_of_none)
 
 

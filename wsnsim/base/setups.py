@@ -115,6 +115,11 @@ class TrackingSetup(Setup):
         )
 
     @property
+    def uses_late_readings(self) -> bool:
+        """Whether the tracker uses readings that arrive after their step."""
+        return getattr(self.tracker, "late", "ignore") != "ignore"
+
+    @property
     def unlabelled(self) -> bool:
         """Whether nodes report scans, whose detections name no target."""
         return isinstance(self.detection, ReportsScans)
@@ -312,6 +317,7 @@ class TableLayout(NamedTuple):
         absences: Whether a target may be absent.
         unlabelled: Whether readings name no target.
         harvests: Whether nodes harvest energy.
+        late_readings: Whether the tracker uses late readings.
     """
 
     states: tuple[tuple[str, str], ...] = ()
@@ -321,6 +327,7 @@ class TableLayout(NamedTuple):
     absences: bool = False
     unlabelled: bool = False
     harvests: bool = False
+    late_readings: bool = False
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -332,6 +339,7 @@ class TableLayout(NamedTuple):
             "absences": self.absences,
             "unlabelled": self.unlabelled,
             "harvests": self.harvests,
+            "late_readings": self.late_readings,
         }
 
 
@@ -343,5 +351,6 @@ def table_layout(setup: Setup) -> TableLayout:
         return TableLayout(duty_cycled=duty_cycled, harvests=harvests)
     motion = setup.motions[0]
     states = tuple(zip(motion.columns, motion.units, strict=True))
-    components, absences = len(components_of(setup.sensor)), setup.has_absences
-    return TableLayout(states, motion.position, components, duty_cycled, absences, setup.unlabelled, harvests)
+    components, late = len(components_of(setup.sensor)), setup.uses_late_readings
+    some = (duty_cycled, setup.has_absences, setup.unlabelled, harvests, late)
+    return TableLayout(states, motion.position, components, *some)

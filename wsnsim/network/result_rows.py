@@ -50,7 +50,7 @@ class NetworkOutcome:
         tracks: one per target; none in a network without targets.
         woken: numbers of nodes that woke, and of those that woke unnecessarily, (targets, steps + 1, 2).
         received: time in s at which the sink received the estimate of (target, step).
-        late_readings: {target: number of readings that its tracker used in a later step}.
+        late_readings: {target: number of readings that its tracker used in a later step}; empty if it uses none.
         book: the tracks of readings that name no target.
     """
 
@@ -97,8 +97,9 @@ def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float =
         columns = outcome.book.columns(setup.filter_motion(0), outcome.received, setup.dt)
         clusters = sum(len(group.clusters) for group in outcome.tracks)
         return RunResult(outcome.steps, (), totals, joules, clusters, setup.report_every, columns)
+    late = {target: {"late_readings": used} for target, used in outcome.late_readings.items()}
     tracks = [
-        TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(outcome, t))
+        TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(t) | late.get(t.target, {}))
         for t in outcome.tracks
     ]
     clusters = sum(len(track.clusters) for track in outcome.tracks)
@@ -112,18 +113,12 @@ def network_columns(outcome: NetworkOutcome, track: Track) -> dict[str, Any]:
     return {"woken": woken[:, 0], "ineffective": woken[:, 1], "received": np.array(received)}
 
 
-def _track_columns(outcome: NetworkOutcome, track: Track) -> dict[str, float]:
+def _track_columns(track: Track) -> dict[str, float]:
     """The columns of the table `tracks` that only a network has."""
     called, dismissed = (sum(map(attrgetter(name), track.rounds)) for name in ("called", "dismissed"))
     bits = [cluster.handover_bits for cluster in track.clusters if cluster.handover_bits]
     mean_bits = sum(bits) / len(bits) if bits else NAN
-    return {
-        "reacquired": track.reacquired,
-        "late_readings": outcome.late_readings.get(track.target, 0),
-        "called": called,
-        "dismissed": dismissed,
-        "handover_bits": mean_bits,
-    }
+    return {"reacquired": track.reacquired, "called": called, "dismissed": dismissed, "handover_bits": mean_bits}
 
 
 def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:

@@ -84,7 +84,7 @@ class World(BaseNetwork):
         self._sensing, self._sensed = make_sensing(sensing, readings, setup.nodes_search), sensed
         self._intervals = WakeIntervals(setup, clock, nodes, self._stack.mac)
         self._processors = Processors(clock, nodes, log, setup.energy, setup.cpu)
-        self._late = LateReadings()
+        self._late = LateReadings(dict.fromkeys(range(len(self._tracks)), 0) if setup.uses_late_readings else {})
         self._estimates = Estimates(network, self._reports, self._stack.sinks, recorder, replicate)
         self._coordination = ClusterCoordination(
             self._tracks,

@@ -90,7 +90,7 @@ class RequestCosts:
 
 ASLEEP = {"woken": 0, "ineffective": 0}
 """No node is woken without a network."""
-UNCALLED = {"reacquired": 0, "late_readings": 0, "called": 0, "dismissed": 0, "handover_bits": float("nan")}
+UNCALLED = {"reacquired": 0, "called": 0, "dismissed": 0, "handover_bits": float("nan")}
 
 
 class OfflineRun:

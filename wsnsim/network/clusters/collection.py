@@ -60,10 +60,10 @@ class LateReadings:
     """Keeps readings that arrive after their head has gone on, for as long as it leads.
 
     Attributes:
-        used: {target: number of late readings that its tracker was given}.
+        used: {target: number of late readings that its tracker was given}; empty if trackers use none.
     """
 
-    used: dict[int, int] = field(default_factory=dict)
+    used: dict[int, int]
     _kept: dict[int, tuple[int, list[Gathering]]] = field(default_factory=dict)
 
     def keep(self, target: int, head: int, gathering: Gathering) -> None:
@@ -86,7 +86,7 @@ class LateReadings:
         found = {
             node: arrived for node, each in gathering.datagrams.items() if (arrived := each.arrivals()) is not None
         }
-        self.used[target] = self.used.get(target, 0) + len(found.keys() - gathering.counted)
+        self.used[target] += len(found.keys() - gathering.counted)
         gathering.counted.update(found)
         each = {node: (found[node][1] - gathering.began, gathering.datagrams[node].hops) for node in found}
         values = np.array([gathering.values[node] for node in found], dtype=np.float64)

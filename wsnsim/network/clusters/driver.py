@@ -117,7 +117,7 @@ class Driver:
         self._head = head
         self._members = members
         self.collection = Collection(self._env, services.transport, target, head, window, one_hop)
-        self._uses_late = getattr(services.network.setup.tracker, "late", "ignore") != "ignore"
+        self._uses_late = services.network.setup.uses_late_readings
         self._by_radio: dict[type, Callable[[Any], Acting[Any]]] = {
             Gather: self._gather,
             GatherReadings: self._gather_readings,
