@@ -77,7 +77,8 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.requests import (
         Broadcast as Broadcast, Compute as Compute, Delivery as Delivery, Exchange as Exchange, Flow as Flow,
-        Gather as Gather, Gathered as Gathered, GatheredReadings as GatheredReadings, GatherReadings as GatherReadings,
+        Gather as Gather, Gathered as Gathered, GatheredReadings as GatheredReadings, GatherLate as GatherLate,
+        GatherReadings as GatherReadings,
         Local as Local, Member as Member, PACKET_BITS as PACKET_BITS, Parcel as Parcel, Scatter as Scatter,
         Send as Send,
     )

@@ -104,7 +104,7 @@ class Sampler:
         radio = self.of_network(tracker["kind"])
         if common["sensor"]["kind"] == "recorded" and self.rng.random() < GUIDED:
             radio["detection"] = {"kind": "perfect"}
-        return self.headless(self.triggers(self.scans({**common, **radio}, motion in LINE)))
+        return self.headless(self.triggers(self.scans(self.late({**common, **radio}), motion in LINE)))
 
     def headless(self, values: Values) -> Values:
         """The scenario, in some cases without a head; the choice changes no other value."""
@@ -118,6 +118,16 @@ class Sampler:
         assumes = {name: value for name, value in values["tracker"].items() if name == "assumes"}
         values = {role: value for role, value in values.items() if role != "until"}
         return {**values, "tracker": tracker | assumes, "clusters": clusters, "wakeup": {"kind": "none"}}
+
+    def late(self, values: Values) -> Values:
+        """The scenario, in some cases with a tracker that uses late readings; the choice changes no other value."""
+        rng, tracker = random.Random(f"late {self.turn}"), values["tracker"]
+        kind = load_class(next(info for info in ROLES["tracker"].kinds if info.kind == tracker["kind"]))
+        if not hasattr(kind, "late_window") or tracker.get("readings") == "nearest" or rng.random() < 0.5:
+            return values
+        ways = ["refilter", "retrodict"] if getattr(kind, "retrodicts", False) else ["refilter"]
+        late = {"late": rng.choice(ways), "late_window": self.step * rng.choice([1.5, 5.0])}
+        return {**values, "tracker": tracker | late}
 
     def scans(self, values: Values, line: bool) -> Values:
         """The scenario, in some cases with readings that name no target; the choice changes no other value."""
@@ -143,6 +153,7 @@ class Sampler:
         decides = values["sensor"]["kind"] in DECIDE and "emission" not in values["sensor"] and "assumes" not in tracker
         if tracker["kind"] not in ("ekf", "ukf", "ckf") or tracker.get("readings") == "nearest" or rng.random() < 0.5:
             return values
+        tracker = {name: value for name, value in tracker.items() if not name.startswith("late")}
         trigger = {
             "kind": rng.choice(["event", "stochastic", "periodic", "random"] if decides else ["periodic", "random"])
         }

@@ -186,6 +186,8 @@ REASONS: Final[dict[str, dict[str, str]]] = {
         "* ipf threshold": "the cloud stays good",
         "* handover": "no handover in a few steps, and none without a network",
         "* deadline": "every answer is in time",
+        "* late": "every reading is in time",
+        "* late_window": "every reading is in time",
         "* imm added_sd": "the models have the same columns",
         "standalone * reading_bits": "readings take one packet in any case",
     },

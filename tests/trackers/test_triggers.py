@@ -175,6 +175,7 @@ def test_diffusion_sends_an_estimate_at_every_heartbeat_even_if_it_is_no_news():
         ({"sensor": {"kind": "range_bearing", "reach": "50 m"}}, "not readings of several components"),
         ({"sensor": {"kind": "binary"}}, "use periodic or random"),
         ({"tracker": {"kind": "ekf", "readings": "nearest", "trigger": {"kind": "event"}}}, "use all readings"),
+        ({"tracker": {"kind": "ukf", "late": "refilter", "trigger": {"kind": "event"}}}, "use trigger: always"),
         ({"tracker": {"kind": "ekf", "trigger": {"kind": "event", "threshold": 0}}}, "greater than 0"),
         ({"tracker": {"kind": "diffusion", "heartbeat": 3}, "clusters": {"kind": "none"}}, "without a threshold"),
         ({"tracker": {"kind": "pf", "trigger": {"kind": "event"}}}, "unknown key"),

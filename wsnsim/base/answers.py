@@ -22,6 +22,7 @@ from wsnsim.base.requests import (
     Compute,
     Exchange,
     Gather,
+    GatherLate,
     GatherReadings,
     Local,
     Parcel,
@@ -291,7 +292,7 @@ def ids_fault(ids: Iterable[Any] | None, size: float = np.inf) -> str:
     return told(f"ids of nodes{most}", found[0]) if found else ""
 
 
-REQUESTS: Final = (Local, Compute, Gather, GatherReadings, Scatter, Broadcast, Send, Exchange)
+REQUESTS: Final = (Local, Compute, Gather, GatherReadings, GatherLate, Scatter, Broadcast, Send, Exchange)
 
 
 def request_fault(request: Any) -> str:
@@ -329,6 +330,7 @@ _FAULTS: Final[Mapping[type, Callable[[Any], str]]] = {
     Compute: lambda request: cycles_fault(request.cycles),
     Gather: _gather_fault,
     GatherReadings: _gather_fault,
+    GatherLate: lambda request: number_fault(request.since) or number_fault(request.until),
     Scatter: _scatter_fault,
     Broadcast: lambda request: parcel_fault(request.parcel),
     Send: lambda request: ids_fault([request.to]) or parcel_fault(request.parcel),

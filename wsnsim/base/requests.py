@@ -10,6 +10,7 @@ engine; energy, airtime and loss belong to the driver.
 | Local | each addressed member computes on what it holds | tuple of ids that computed |
 | Gather | members send to the head (the head's own parcel costs nothing) | {id: (payload, mask)} of what arrived |
 | GatherReadings | members send their own measurements to the head, each in one packet | GatheredReadings: arrays |
+| GatherLate | nothing is sent | {step: GatheredReadings} of readings that arrived after their step |
 | Scatter | the head sends to single members (to itself: at no cost) | {id: mask}; a silent network replies {} |
 | Broadcast | the head sends once to all within range | {id: mask} of the members that received it |
 | Send | the head sends to any node, over several hops if needed (to itself: at no cost) | mask |
@@ -19,7 +20,7 @@ engine; energy, airtime and loss belong to the driver.
 A mask is a (packets,) boolean array: which packets of the parcel arrived. An id that is missing from a reply means
 that nothing arrived from it, or at it. The replies to `Gather` and `GatherReadings` also say how long each parcel took
 (`delays`, s) and over how many hops (`hops`). With a `deadline` the head goes on that many seconds after its request,
-with what has arrived by then; what arrives later is paid for all the same, and ignored.
+with what has arrived by then; what arrives later is paid for all the same, and ignored unless `GatherLate` asks for it.
 """
 
 from __future__ import annotations
@@ -286,6 +287,22 @@ class GatheredReadings:
 
 
 @dataclass(slots=True)
+class GatherLate:
+    """The head looks at measurements that it requested by `GatherReadings` and that arrived after it had gone on.
+
+    Nothing is sent for it. The reply has all of them that have arrived until now, also those of earlier replies. A head
+    that leads no more drops what arrives for it.
+
+    Attributes:
+        since: The first step whose measurements are wanted.
+        until: The last one.
+    """
+
+    since: int
+    until: int
+
+
+@dataclass(slots=True)
 class Scatter:
     """The head sends each member its own parcel, which arrives in the member's inbox.
 
@@ -346,7 +363,7 @@ class Exchange:
     who: Sequence[NodeId] | None = None
 
 
-Request: TypeAlias = Local | Gather | GatherReadings | Scatter | Broadcast | Send | Compute | Exchange
+Request: TypeAlias = Local | Gather | GatherReadings | GatherLate | Scatter | Broadcast | Send | Compute | Exchange
 Flow: TypeAlias = Generator[Request, Any, Belief]
 
 

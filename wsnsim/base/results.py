@@ -116,6 +116,12 @@ def _delays(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
     }
 
 
+def overtaken(received: Floats) -> int:
+    """How many reports (K,) arrived after one of a later step; NaN: it did not arrive."""
+    earliest = np.fmin.accumulate(received[::-1])[::-1]
+    return int(np.count_nonzero(received[:-1] > earliest[1:]))
+
+
 def _followed(columns: Mapping[str, Any], dt: float) -> dict[str, Any]:
     """Share of steps with an estimate, and errors of the steps with at least three measurements."""
     times, issued, readings = (np.asarray(columns[name]) for name in ("time", "issued", "readings"))
@@ -287,6 +293,7 @@ def summarise(
         deviations.append(deviation_rmse(columns, motion, truth))
         rows.append({**key, **track_row(columns, rule), **track.counts})
         rows[-1].update(absence_columns(columns, rule) if setup.has_absences else {})
+        rows[-1].update({"overtaken": overtaken(columns["received"])} if setup.uses_late_readings else {})
     column_rmse = np.array(deviations) if deviations else np.empty((0, 0))
     run = {"replicate": replicate, **_run_row(result, errors, rows)}
     tracking = setup if isinstance(setup, TrackingSetup) else None

@@ -115,6 +115,11 @@ class TrackingSetup(Setup):
         )
 
     @property
+    def uses_late_readings(self) -> bool:
+        """Whether the tracker uses readings that arrive after their step."""
+        return getattr(self.tracker, "late", "ignore") != "ignore"
+
+    @property
     def unlabelled(self) -> bool:
         """Whether nodes report scans, whose detections name no target."""
         return isinstance(self.detection, ReportsScans)
@@ -323,6 +328,7 @@ class TableLayout(NamedTuple):
         unlabelled: Whether readings name no target.
         harvests: Whether nodes harvest energy.
         headless: Whether there is no cluster head.
+        late_readings: Whether the tracker uses late readings.
     """
 
     states: tuple[tuple[str, str], ...] = ()
@@ -333,6 +339,7 @@ class TableLayout(NamedTuple):
     unlabelled: bool = False
     harvests: bool = False
     headless: bool = False
+    late_readings: bool = False
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -345,6 +352,7 @@ class TableLayout(NamedTuple):
             "unlabelled": self.unlabelled,
             "harvests": self.harvests,
             "headless": self.headless,
+            "late_readings": self.late_readings,
         }
 
 
@@ -356,6 +364,6 @@ def table_layout(setup: Setup) -> TableLayout:
         return TableLayout(duty_cycled=duty_cycled, harvests=harvests)
     motion = setup.motions[0]
     states = tuple(zip(motion.columns, motion.units, strict=True))
-    components, absences = len(components_of(setup.sensor)), setup.has_absences
-    headless = isinstance(setup, NetworkSetup) and setup.headless
-    return TableLayout(states, motion.position, components, duty_cycled, absences, setup.unlabelled, harvests, headless)
+    components, headless = len(components_of(setup.sensor)), isinstance(setup, NetworkSetup) and setup.headless
+    some = (duty_cycled, setup.has_absences, setup.unlabelled, harvests, headless, setup.uses_late_readings)
+    return TableLayout(states, motion.position, components, *some)

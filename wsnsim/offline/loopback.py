@@ -69,8 +69,8 @@ def perform(
 
 def answer_to(request: requests.Request, members: dict[int, requests.Member], head: int, lose: Lose) -> Any:
     """The answer to a request in a network that loses packets as `lose` says."""
-    if isinstance(request, requests.Compute):
-        return None
+    if isinstance(request, requests.Compute | requests.GatherLate):
+        return None if isinstance(request, requests.Compute) else {}
     if isinstance(request, requests.GatherReadings):
         return _gather_readings(request, members, head, lose)
     if isinstance(request, requests.Local):

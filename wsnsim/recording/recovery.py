@@ -53,6 +53,7 @@ def _copy(content: Content, tmp: Path, final: Path) -> None:
         "absences": has("tracks", "time_present"),
         "harvests": has("nodes", "harvested"),
         "headless": has("estimates", "disagreement"),
+        "late_readings": has("tracks", "late_readings"),
         "unlabelled": has("estimates", "track") or has("runs", "gospa"),
     }
     components = 2 if has("readings", "component") or has("detections", "component") else 1

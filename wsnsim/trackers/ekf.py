@@ -36,19 +36,19 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.gains import gain_prior, gains_before, gains_of
 from wsnsim.trackers.shared.gaussian_port import LinearisedPort
-from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
+from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
 from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.readings import Evidence, packet_bits, parcel, reading_parcel
 from wsnsim.trackers.shared.silence import Heard
-from wsnsim.trackers.shared.triggers import Always, issues_of
+from wsnsim.trackers.shared.triggers import Always, trigger_issues
 from wsnsim.trackers.shared.whole_runs import kalman_runs
 
 POLL = "poll"
 
 
 @part
-class ExtendedKalman(HeadFilter):
+class ExtendedKalman(LateFilter):
     """Extended Kalman filter on all readings that reach the head, or on that of the nearest sensor alone.
 
     `nearest` polls only the member that is nearest to the predicted position: a packet down that polls it, and its
@@ -65,6 +65,7 @@ class ExtendedKalman(HeadFilter):
 
     linear_gaussian: ClassVar[bool] = True
     assumes_gaussian: ClassVar[bool] = True
+    retrodicts: ClassVar[bool] = True
     estimates_gains: ClassVar[bool] = True
 
     readings: Annotated[Literal["all", "nearest"], "whose readings update the filter"] = "all"
@@ -77,16 +78,18 @@ class ExtendedKalman(HeadFilter):
         return self.readings == "all"
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Yield an issue if the reading of the nearest sensor says nothing by itself."""
+        """Yield an issue if the reading of the nearest sensor says nothing by itself, or would have to be late."""
         if self.readings == "nearest" and is_relative(setup.filter_sensor):
             yield Issue(("tracker", "readings"), "of readings of which only the differences count, use all")
+        if self.readings == "nearest" and self.late != "ignore":
+            yield Issue(("tracker", "late"), "the head waits for the reading of the nearest sensor: use readings: all")
         if self.readings == "nearest" and self.trigger != Always():
             yield Issue(
                 ("tracker", "trigger"), "the head polls the nearest member, which does not decide: use all readings"
             )
-        yield from issues_of(self.trigger, setup)
+        yield from trigger_issues(self, setup)
 
-    def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
+    def one_step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
         """One step: N_act - 1 readings reach the head, or one; it predicts, and updates with what arrived."""
         mean, cov = predicted(belief.mean, belief.cov, scene)
         place = np.array(scene.motion.position)

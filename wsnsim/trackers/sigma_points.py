@@ -30,11 +30,11 @@ from wsnsim.base.requests import Compute, Flow
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.gaussian import cholesky
 from wsnsim.trackers.shared.gaussian_port import GaussianBank, LinearisedPort, joined
-from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
+from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
 from wsnsim.trackers.shared.kalman import LINEARISE_CYCLES, KalmanBelief, is_definite, kalman_estimate
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence
-from wsnsim.trackers.shared.triggers import Always, issues_of
+from wsnsim.trackers.shared.triggers import Always, trigger_issues
 
 
 class Weights(NamedTuple):
@@ -52,23 +52,24 @@ class Weights(NamedTuple):
 
 
 @part
-class SigmaPointFilter(HeadFilter):
+class SigmaPointFilter(LateFilter):
     """A sigma-point Kalman filter in the head, on all readings that reach it. A subclass gives `weights`."""
 
     tells_prediction: ClassVar[bool] = True
     assumes_gaussian: ClassVar[bool] = True
+    retrodicts: ClassVar[bool] = True
 
     trigger: Annotated[Trigger, OfRole("trigger"), "when a member sends its reading"] = Always()
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if members cannot decide by their readings."""
-        yield from issues_of(self.trigger, setup)
+        yield from trigger_issues(self, setup)
 
     def weights(self, size: int) -> Weights:
         """The rule for a state of `size` columns."""
         raise NotImplementedError
 
-    def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
+    def one_step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
         """One step: N_act - 1 readings reach the head; it predicts, and updates with what arrived."""
         heard = yield from self.trigger.gather(belief, scene)
         seen = heard.seen

@@ -7,7 +7,7 @@ If the head dies during a flow, the flow is closed and its belief is lost.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -26,6 +26,7 @@ from wsnsim.base.requests import (
     Gather,
     Gathered,
     GatheredReadings,
+    GatherLate,
     GatherReadings,
     Local,
     Member,
@@ -34,7 +35,7 @@ from wsnsim.base.requests import (
     Send,
 )
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network.clusters.collection import Collection
+from wsnsim.network.clusters.collection import Collection, Gathering, LateReadings
 from wsnsim.network.clusters.network_view import NetworkView, WakeIntervals
 from wsnsim.network.event_log import Acting, EventLog, StepClock
 from wsnsim.network.nodes import Nodes
@@ -75,12 +76,16 @@ class HeadDied(Exception):
 
 
 class DriverServices(NamedTuple):
-    """What drivers use. `intervals`: the nodes' wake intervals, short at the head and at members that hear from it."""
+    """What drivers use. `intervals`: the nodes' wake intervals, short at the head and at members that hear from it.
+
+    `late`: what arrives after its head has gone on.
+    """
 
     network: NetworkView
     transport: Transport
     processors: Processors
     intervals: WakeIntervals
+    late: LateReadings
 
 
 class Driver:
@@ -114,6 +119,13 @@ class Driver:
         self._head = head
         self._members = members
         self.collection = Collection(self._env, services.transport, target, head, window, one_hop)
+        self._uses_late = services.network.setup.uses_late_readings
+        self._by_radio: dict[type, Callable[[Any], Acting[Any]]] = {
+            Gather: self._gather,
+            GatherReadings: self._gather_readings,
+            Scatter: self._scatter,
+            Broadcast: self._broadcast,
+        }
         self.readings = 0
         self.heard: dict[int, Reading] = {}
         self.answered: set[int] = set()
@@ -142,20 +154,17 @@ class Driver:
                     seconds, answer = self._compute(self._head, request.cycles), None
                     if seconds:
                         yield self._env.timeout(seconds)
-                elif type(request) is Gather:
-                    answer = yield from self._gather(request)
-                elif type(request) is GatherReadings:
-                    answer = yield from self._gather_readings(request)
-                elif type(request) is Scatter:
-                    answer = yield from self._scatter(request)
-                elif type(request) is Broadcast:
-                    answer = yield from self._broadcast(request)
+                elif type(request) is GatherLate:
+                    late = self._services.late
+                    answer = late.arrived(self._target, self._head, request.since, request.until)
+                elif type(request) in self._by_radio:
+                    answer = yield from self._by_radio[type(request)](request)
                 elif type(request) is Send:
                     answer = yield from self._send(request, flow)
                 else:
                     raise RunError(
                         f"a tracker requested {request!r}; requests to a head are Local, Compute, Gather, "
-                        "GatherReadings, Scatter, Broadcast and Send"
+                        "GatherReadings, GatherLate, Scatter, Broadcast and Send"
                     )
                 if not self._alive[self._head]:
                     raise HeadDied
@@ -225,7 +234,10 @@ class Driver:
         readings = request.readings_of(self._addressed(request.who))
         form = Parcel(None, 1, request.packet_bits, request.what)
         parcels, deadline = [form] * len(readings), self._deadline_of(request)
+        step, began = self._services.network.clock.step, self._env.now
         masks, journeys = yield from self.collection.gather(list(readings), parcels, deadline)
+        if self._uses_late and (missing := self.collection.missing):
+            self._services.late.keep(self._target, self._head, Gathering(step, began, missing, readings))
         arrived = [node for node, mask in zip(readings, masks, strict=True) if mask is not None]
         self.answered.update(arrived)
         if readings:

@@ -249,6 +249,20 @@ def issues_of(component: Any, setup: TrackingSetup) -> Iterable[Issue]:
     return () if check is None else check(setup)
 
 
+def trigger_issues(tracker: Any, setup: TrackingSetup) -> Iterator[Issue]:
+    """What speaks against the trigger of a tracker: itself, or late readings, which a head needs of all members.
+
+    Args:
+        tracker: A tracker with `trigger` and `late`.
+        setup: The scenario.
+    """
+    if tracker.late != "ignore" and tracker.trigger != Always():
+        yield Issue(
+            ("tracker", "late"), "a head that uses late readings needs all members to send: use trigger: always"
+        )
+    yield from issues_of(tracker.trigger, setup)
+
+
 def _reading_of_sender(member: Member, head: int, bits: int) -> Parcel | None:
     """The reading of a member that does not stay silent; the head's own costs nothing."""
     if member.id != head and member.memory.get("silent", False):
