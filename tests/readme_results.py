@@ -147,21 +147,21 @@ def measured(name: str, quantity: str) -> dict[str, float]:
 
 
 def reproduction() -> str:
-    """How many printed numbers, and orders in words, of each paper come out."""
-    numbers, words = (
-        "; ".join(_short(name, kind) for name in PAPERS if total(counted(name)[kind])) for kind in KINDS[:2]
-    )
+    """How many printed numbers, and statements in words, of all papers come out."""
+    numbers, words = (sum((counted(name)[kind] for name in PAPERS), Counter()) for kind in KINDS[:2])
     return (
-        "**Published figures rarely come out.** Of the numbers that each paper prints (those on methods that we had to "
-        f"reconstruct, or set by constants of ours, are not counted): {numbers}. Of what it states in words: {words}: "
-        "[the papers](docs/papers/index.md)."
+        f"**Published figures rarely come out.** Of the {total(numbers)} printed numbers of {len(PAPERS)} papers that "
+        f'can be judged, {_in_words(numbers)}. Of {total(words)} statements such as "A is more accurate than B", '
+        f"{_in_words(words)}: [paper by paper](docs/papers/index.md)."
     )
 
 
-def _short(name: str, kind: str) -> str:
-    """The outcomes of a paper's claims of a kind in short."""
-    found = counted(name)[kind]
-    return f"{_titled(name)} {_outcomes(found)}"
+def _in_words(found: Counter[str]) -> str:
+    """How many claims have each outcome; outcomes of none but 'reproduced' are left out."""
+    said = {**dict.fromkeys(OUTCOMES), "dependent": "dependent on how the paper is read"}
+    parts = [f"{found[word] or 'none'} {'are' if found[word] > 1 else 'is'} {said[word] or word}"
+             for word in OUTCOMES if found[word] or word == OUTCOMES[0]]  # fmt: skip
+    return ", ".join(parts)
 
 
 def fairness() -> str:
@@ -240,11 +240,11 @@ def information() -> str:
     none, one = (min((row for row in others if round(row["lost"] * row["runs"]) <= most), key=itemgetter("energy"))
                  for most in (0, 1))  # fmt: skip
     return (
-        f"**Ask only for readings that are worth their energy.** On an ideal radio, `information_driven` has an error "
-        f"of {ours['rmse'][0]:.2f} m, {_of(ours['medians'])} times the bound, for {ours['energy'][0]:.2f} J "
-        f"({ours['runs']} runs). Of the other strategies within 1.5 times that error, the cheapest that lost none of "
-        f"{none['runs']} runs ({_named(none)}) needs {none['energy']:.2f} J, the cheapest that lost at most one "
-        f"({_named(one)}) {one['energy']:.2f} J: [error against energy](docs/frontier.md)."
+        f"**Ask only for readings that are worth their energy.** So does the tracker `information_driven`: on an ideal "
+        f"radio it has an error of {ours['rmse'][0]:.2f} m, {_of(ours['medians'])} times the bound, for "
+        f"{ours['energy'][0]:.2f} J. No other strategy with an error below {1.5 * ours['rmse'][0]:.2f} m kept its "
+        f"target in all of {none['runs']} runs for less than {none['energy']:.2f} J ({_named(none)}); with one loss in "
+        f"{one['runs']} runs, {one['energy']:.2f} J suffice ({_named(one)}): [error against energy](docs/frontier.md)."
     )
 
 
@@ -258,7 +258,8 @@ def recordings() -> str:
     answers = rows("reality")["answers"]
     ratio, gap = answers[0]["found"][0], answers[1]["found"][0]
     return (
-        f"**Simulated readings flatter.** On a recorded Bluetooth track a particle filter errs {ratio[0]:.1f} "
-        f"[{ratio[1]:.1f}, {ratio[2]:.1f}] times as much as on the same track with simulated readings; known gains of "
-        f"the receivers recover {100 * gap[0]:.0f} % of the gap: [recorded readings](docs/reality.md)."
+        f"**Simulated readings flatter.** On a recorded Bluetooth track the error of a particle filter is "
+        f"{ratio[0]:.1f} [{ratio[1]:.1f}, {ratio[2]:.1f}] times that on the same track with simulated readings. A "
+        f"filter that knows the gains of the receivers closes {100 * gap[0]:.0f} % of the gap: "
+        "[recorded readings](docs/reality.md)."
     )

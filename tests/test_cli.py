@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -18,8 +19,10 @@ from tests.helpers.commands import run_process
 from tests.helpers.thorough import thorough
 from wsnsim.cli import main
 from wsnsim.cli.progress import MODES, RUN, display
+from wsnsim.cli.shared import PURPOSES, every_command
 from wsnsim.experiment import Progress
 from wsnsim.scenario.registry import ROLES
+from wsnsim.scenario.texts import shipped
 
 HEAVY = ("numpy", "pandas", "scipy", "numba", "h5py", "matplotlib", "networkx", "pydantic", "yaml", "simpy")
 QUICK = ("--set", "duration=0.4 s", "--set", "tracker.particles=40")
@@ -69,8 +72,10 @@ def test_help_imports_nothing_but_the_standard_library_click_and_wsnsim() -> Non
 
 def test_help_shows_the_first_sentence_of_every_command_in_full(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
-    lines = capsys.readouterr().out.partition("Commands:")[2].strip().splitlines()
-    assert len(lines) > 15 and [line for line in lines if not line.endswith(".") or line.endswith("...")] == []
+    sections = dict(re.findall(r"^(.+):\n((?:  .+\n)+)", capsys.readouterr().out, re.MULTILINE))
+    lines = [line for purpose in PURPOSES for line in sections[purpose].splitlines()]
+    assert sorted(line.split()[0] for line in lines) == sorted(every_command())
+    assert [line for line in lines if not line.endswith(".") or line.endswith("...")] == []
 
 
 def test_threads_of_numerical_libraries_are_held_to_one_unless_the_user_says(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -93,7 +98,7 @@ def test_list_shows_the_kinds_and_finds_a_role_by_its_plural(capsys: pytest.Capt
         assert word in trackers
 
 
-@pytest.mark.parametrize("word", [*ROLES, "scenarios", "sweeps", "parts"])
+@pytest.mark.parametrize("word", [*ROLES, "scenarios", "sweeps", "datasheets"])
 def test_a_list_fits_a_hundred_columns_and_leaves_no_word_out(word: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", word]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -121,11 +126,15 @@ def test_list_as_json_is_one_object_with_every_row(capsys: pytest.CaptureFixture
     assert answer["roles"]["motion"]["kinds"][0]["kind"] == "bounded_velocity"
 
 
-def test_list_scenarios_says_what_each_is_and_leaves_out_bases(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_scenarios_says_what_each_shows_in_a_line_of_its_group(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "scenarios", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["scenarios"]
-    assert found["pso_mhpf"].startswith("Jiang, Song, Lin (2013)")
-    assert "jiang2013" not in found
+    assert sorted(found) == sorted(shipped()), "wsnsim/scenario/scenarios.table has a row for each"
+    assert main(["list", "scenarios"]) == 0
+    groups = [block.splitlines() for block in capsys.readouterr().out.split("\n\n")]
+    assert [lines[0] for lines in groups] == ["start here", "several unlabelled targets", "papers", "radios",
+                                              "recorded", "scale"]  # fmt: skip
+    assert [line.split()[0] for lines in groups for line in lines[1:]] == list(found)
 
 
 @pytest.mark.thorough
@@ -351,6 +360,7 @@ def test_a_picture_never_takes_the_place_of_its_result(result: Path, capsys: pyt
         (["rnu"], "unknown command 'rnu' (did you mean 'run'?) (see 'wsnsim --help')"),
         (["run"], "Missing argument 'SCENARIO'. (see 'wsnsim run --help')"),
         (["list", "trakers"], "unknown role 'trakers' (did you mean 'trackers'?)"),
+        (["list", "datashets"], "unknown role 'datashets' (did you mean 'datasheets'?)"),
         (["run", "--seed", "x", "y"],
          "Invalid value for '--seed': 'x' is not a valid integer range. (see 'wsnsim run --help')"),
     ],
@@ -367,6 +377,8 @@ def test_a_scenario_that_is_missing_is_named(capsys: pytest.CaptureFixture[str])
     assert capsys.readouterr().err == (
         "pso_mhfp: error: file not found, and no shipped scenario has this name (did you mean 'pso_mhpf'?)\n"
     )
+    assert main(["run", "nosuch.yaml"]) == 2
+    assert capsys.readouterr().err.endswith("no shipped scenario has this name (`wsnsim list scenarios` shows all)\n")
 
 
 def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(

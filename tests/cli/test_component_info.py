@@ -68,7 +68,7 @@ def test_no_line_of_a_description_exceeds_100_columns(name: str, capsys: pytest.
 
 def test_a_sheet_as_json_is_in_si_units(capsys: pytest.CaptureFixture[str]) -> None:
     answer = json.loads(said(capsys, "info", "cc2420", "--json"))
-    assert (answer["part"], answer["sheet"], answer["name"]) == ("cc2420", "radio", "CC2420")
+    assert (answer["datasheet"], answer["sheet"], answer["name"]) == ("cc2420", "radio", "CC2420")
     rate = answer["values"]["rate"]
     assert (rate["value"], rate["unit"], rate["what"]) == (250e3, "bit/s", "bit rate on the air")
     assert "SWRS041" in rate["source"]
@@ -152,11 +152,11 @@ def test_a_bad_scenario_has_its_faults_told(capsys: pytest.CaptureFixture[str]) 
     assert "link.reach: 's' is a unit of time" in capsys.readouterr().err
 
 
-def test_the_lists_of_parts_and_of_the_new_roles(capsys: pytest.CaptureFixture[str]) -> None:
-    parts = json.loads(said(capsys, "list", "parts", "--json"))["parts"]
+def test_the_lists_of_datasheets_and_of_the_new_roles(capsys: pytest.CaptureFixture[str]) -> None:
+    parts = json.loads(said(capsys, "list", "datasheets", "--json"))["datasheets"]
     assert parts["sa1100"]["sheet"] == "processor" and "StrongARM" in parts["sa1100"]["what"]
     assert set(parts) == set(shipped_parts())
-    assert "cc2420" in said(capsys, "list", "parts")
+    assert "cc2420" in said(capsys, "list", "datasheets")
     for word, kind in (
         ("faults", "clock_step"), ("packings", "frames"), ("cpus", "processor (default)"), ("clocks", "drift"),
         ("detections", "imperfect"), ("sinks", "node"), ("workloads", "beacons"), ("macs", "tdma"),

@@ -34,7 +34,7 @@ LINES: Final[dict[str, tuple[list[str], str]]] = {
     "import": (["import ns3 walk.tcl --id 0"], "walk_ns3.csv"),
     "info": (["info pso_mhpf", "info reach", "info small.yaml", "info results/small.h5"], "small"),
     "lifetime": (["lifetime --help"], "how long a network lives"),
-    "list": (["list", "list scenarios", "list sweeps", "list parts"], "cc2420"),
+    "list": (["list", "list scenarios", "list sweeps", "list datasheets"], "cc2420"),
     "new": (["new mine"], "mine.yaml"),
     "plot": (["plot results/small.h5"], "small.png"),
     "recover": (["recover killed/run.host.1.tmp"], "run.h5"),

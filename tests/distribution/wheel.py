@@ -28,6 +28,7 @@ DATA = (
     "trackers/__init__.pyi",
     "base/columns.table",
     "scenario/kinds.table",
+    "scenario/scenarios.table",
     "scenario/units.table",
     "testing/scenarios/mac.yaml",
     "_scenarios/pso_mhpf.yaml",

@@ -10,8 +10,9 @@ import pytest
 from tests.documentation import example_server
 from tests.documentation.executed_pages import ROOT, ExampleError, blocks, commands, run_page
 
-FOLDERS = ("tutorials", "how-to", "explanation")
-PAGES = [ROOT / "README.md", *(page for name in FOLDERS for page in sorted((ROOT / "docs" / name).glob("*.md")))]
+FOLDERS = ("docs/tutorials", "docs/how-to", "docs/explanation", "tests/documentation/owners")
+PAGES = [ROOT / "README.md", ROOT / "docs/plugins.md"]
+PAGES += [page for name in FOLDERS for page in sorted((ROOT / name).glob("*.md"))]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(page.relative_to(ROOT)) for page in PAGES])

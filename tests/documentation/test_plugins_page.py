@@ -1,4 +1,4 @@
-"""The examples of docs/plugins.md pass their checks and run, as they are printed there."""
+"""The examples of docs/plugins.md, files in docs/plugins, pass their checks and run from the scenarios beside them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,18 @@ from wsnsim import testing
 from wsnsim.scenario.fields import demand_port
 from wsnsim.trackers.ekf import ExtendedKalman
 
-PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
-MODULES = dict(re.findall(r"```python\n# (\w+)\.py\n(.*?)```", PAGE, re.DOTALL))
-SCENARIOS = dict(re.findall(r"```yml\n(.*?kind: \"(\w+):.*?)```", PAGE, re.DOTALL))
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def check_laboratory(tracker):
+    """The sensor, the motion and the tracker of `mylab.py`, apart and together."""
+    module = sys.modules[type(tracker).__module__]
+    testing.check_sensor(module.Bearing())
+    testing.check_motion(module.Friction())
+    testing.check_tracker(tracker)
+    testing.check_tracker(tracker, motion=module.Friction(), sensor=module.Bearing())
+
+
 CHECKS = {
     "punctual": ("Punctual", {}, testing.check_tracker),
     "overheating": ("Overheating", {"at": 0.1}, testing.check_fault),
@@ -26,21 +35,23 @@ CHECKS = {
     "neighbourhood": ("Neighbourhood", {}, testing.check_wakeup),
     "nearby": ("Nearby", {}, lambda policy: demand_port(type(policy), "clusters")),
     "aloha": ("PureAloha", {}, testing.check_mac),
+    "mylab": ("Unscented", {}, check_laboratory),
     "camera": ("Camera", {}, lambda sensor: testing.check_tracker(ExtendedKalman(), sensor=sensor)),
 }
 
 
 @pytest.fixture
-def module(request, tmp_path, monkeypatch):
+def module(request, monkeypatch):
     """A module of the page, importable by its name."""
-    (tmp_path / f"{request.param}.py").write_text(MODULES[request.param], encoding="utf-8")
-    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.syspath_prepend(DOCS / "plugins")
     yield importlib.import_module(request.param)
     del sys.modules[request.param]
 
 
 def test_every_example_of_the_page_is_checked_and_has_a_scenario():
-    assert MODULES.keys() == CHECKS.keys() == set(SCENARIOS.values())
+    shown = re.findall(r"\]\(plugins/(\w+)\.py\)", (DOCS / "plugins.md").read_text(encoding="utf-8"))
+    for ending in ("py", "yaml"):
+        assert {path.stem for path in (DOCS / "plugins").glob(f"*.{ending}")} == set(shown) == CHECKS.keys()
 
 
 @pytest.mark.parametrize("module", CHECKS, indirect=True)
@@ -51,9 +62,7 @@ def test_an_example_passes_its_check(module):
 
 
 @pytest.mark.parametrize("module", CHECKS, indirect=True)
-def test_an_example_runs_from_its_scenario(module, tmp_path):
-    (text,) = (text for text, name in SCENARIOS.items() if name == module.__name__)
-    path = tmp_path / "mine.yaml"
-    path.write_text(text, encoding="utf-8")
+def test_an_example_runs_from_its_scenario(module):
+    path = DOCS / "plugins" / f"{module.__name__}.yaml"
     result = wsnsim.experiment.simulate_run(wsnsim.load(path, ["duration=4 s"]))
     assert result.run["frames_sent"] > 0

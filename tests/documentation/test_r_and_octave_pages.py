@@ -1,7 +1,7 @@
-"""The R, Octave and MATLAB scripts of the guides read what pandas reads.
+"""The R, Octave and MATLAB scripts of the guide read what pandas reads.
 
-Each block is a script of its own. It is executed as it stands on the page, in a folder in which the commands of both
-pages were run, and followed by lines that write its variables to a file. Without R, Octave or a package that a script
+Each block is a script of its own. It is executed as it stands on the page, in a folder in which the commands of the
+page were run, and followed by lines that write its variables to a file. Without R, Octave or a package that a script
 uses, its test is skipped. MATLAB scripts are executed by Octave with the package hdf5oct.
 """
 
@@ -22,10 +22,10 @@ import wsnsim
 from tests.documentation.executed_pages import ROOT, run_page
 from tests.documentation.pages_of_docs import fences, text
 
-R_PAGE, MATLAB_PAGE = "docs/how-to/r.md", "docs/how-to/matlab.md"
-R_CSV, R_CAMPAIGN, R_RHDF5, R_CATEGORIES, R_HDF5R = fences(R_PAGE, "r")
-OCTAVE_LOAD, OCTAVE_CATEGORIES, OCTAVE_INTEGERS = fences(MATLAB_PAGE, "octave")
-(MATLAB_HDF5,) = fences(MATLAB_PAGE, "matlab")
+PAGE = "docs/how-to/results.md"
+R_CSV, R_CAMPAIGN, R_RHDF5, R_CATEGORIES, R_HDF5R = fences(PAGE, "r")
+OCTAVE_LOAD, OCTAVE_CATEGORIES, OCTAVE_INTEGERS = fences(PAGE, "octave")
+(MATLAB_HDF5,) = fences(PAGE, "matlab")
 RESULT = "results/pso_mhpf.h5"
 SECONDS = 120.0
 """A script that takes longer than this is stopped."""
@@ -78,11 +78,10 @@ def octave_in():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with the results and exports of both pages."""
+    """A folder with the results and exports of the page."""
     folder = tmp_path_factory.mktemp("guides") / "work"
     folder.mkdir()
-    assert run_page(ROOT / R_PAGE, folder) == 4
-    assert run_page(ROOT / MATLAB_PAGE, folder) == 2
+    assert run_page(ROOT / PAGE, folder) == 7
     return folder
 
 
@@ -195,7 +194,7 @@ def test_the_functions_of_matlab_read_the_hdf5_file(octave_in, folder):
 
 
 def test_octave_without_a_package_reads_a_table_that_is_named(octave_in, folder):
-    (call,) = re.findall(r"`(load\('results/[^`]*\))`", text(MATLAB_PAGE))
+    (call,) = re.findall(r"`(load\('results/[^`]*\))`", text(PAGE))
     octave_in(folder, f"named = {call}; save('-v7', 'back.mat', '-struct', 'named');\n")
     (estimates,) = loadmat(folder / "back.mat")["estimates"][0]
     columns = {name: estimates[name] for name in estimates.dtype.names}

@@ -16,9 +16,10 @@ README = text("README.md")
 ROWS = [line for line in README.splitlines() if line.startswith("|")]
 
 
-def test_it_has_at_most_two_hundred_lines_and_no_table_is_wider_than_a_screen():
+def test_it_has_at_most_a_thousand_words_and_no_table_is_wider_than_a_screen():
+    assert len(README.split()) <= 1000
     assert len(README.splitlines()) <= 200
-    assert len(ROWS) > 20
+    assert len(ROWS) >= 10
     assert [row for row in ROWS if len(row) > 100] == []
 
 
@@ -65,7 +66,9 @@ def test_outcomes_are_read_from_a_count_line_and_words_that_depend_on_the_readin
     assert "7 contradicted (3 of which no number of our runs could have reproduced)" in readme_results.opening(
         "wei2022"
     ).replace("\n", " ")
-    assert "Wei 2022 7 contradicted, 2 undecided (1 at any number of our runs)." in readme_results.reproduction()
+    said = readme_results.reproduction()
+    assert "the 9 printed numbers of 1 papers that can be judged, none is reproduced, 7 are contradicted, 2 are" in said
+    assert '3 statements such as "A is more accurate than B", none is reproduced, 2 are undecided, 1 is dep' in said
 
 
 @pytest.mark.parametrize(
@@ -87,7 +90,7 @@ def test_pairs_of_tracker_and_mac_without_a_usable_interval_are_counted(usable, 
 
 def test_every_link_leads_to_a_file_that_exists():
     targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", README) + re.findall(r"^\[\w+\]: (\S+)", README, re.MULTILINE)
-    assert len(targets) > 25
+    assert len(targets) > 20
     assert [target for target in targets if not (ROOT / target).exists()] == []
 
 
@@ -101,8 +104,8 @@ def test_what_is_validated_names_tests_and_targets_that_exist():
     rows = [line for line in section.splitlines() if line.startswith("|")][2:]
     named = re.findall(r"`(tests/[\w/]+(?:\.py)?)`", section)
     targets = re.findall(r"`make (\w+)`", section)
-    assert len(rows) >= 12 and all(re.search(r"`tests/|`make |\]", row) for row in rows)
-    assert len(named) >= 8 and [name for name in named if not (ROOT / name).exists()] == []
+    assert len(rows) >= 9 and all(re.search(r"`tests/|`make |\]", row) for row in rows)
+    assert len(named) >= 6 and [name for name in named if not (ROOT / name).exists()] == []
     assert targets and set(targets) <= set(re.findall(r"^(\w+):", text("Makefile"), re.MULTILINE))
 
 
@@ -121,5 +124,5 @@ def test_no_entry_of_the_changelog_and_no_term_of_the_glossary_stands_twice():
     entries = re.findall(r"^- .*", text("CHANGELOG.md"), re.MULTILINE)
     rows = re.findall(r"^\| ([^|(]+?) (?:\([^|]*\) )?\|", text("docs/glossary.md"), re.MULTILINE)
     terms = [term.removesuffix(" of a claim") for term in rows if term not in ("term", "---", "short")]
-    assert len(entries) > 20 and len(set(entries)) == len(entries)
+    assert len(entries) > 10 and len(set(entries)) == len(entries)
     assert len(terms) > 100 and len(set(terms)) == len(terms)

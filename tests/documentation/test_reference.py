@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -107,3 +108,19 @@ def test_a_page_is_written_only_when_it_has_changed(tmp_path: Path, pages: dict[
     (tmp_path / "kinds" / "gone.md").write_text("# a role that was removed\n")
     wsnsim_reference.write_pages(tmp_path)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.md")} == before
+
+
+def test_the_first_occurrence_of_a_term_on_a_page_explains_itself(pages: dict[str, str]) -> None:
+    nodes = pytest.importorskip("docutils.nodes")
+    utils = pytest.importorskip("docutils.utils")
+    from wsnsim_reference import tooltips
+
+    rows = "| term | meaning | source |\n| --- | --- | --- |\n| medium access (MAC, `mac`) | *runs* it | LEACH |\n"
+    assert tooltips.meanings(rows) == {"medium access": "runs it", "MAC": "medium access: runs it"}
+    tree = utils.new_document("page")
+    tree += nodes.paragraph("", "Cluster heads and a cluster head.")
+    app = SimpleNamespace(builder=SimpleNamespace(format="html"), srcdir=EXTENSIONS.parent)
+    tooltips.explain(app, tree, "tutorials/first_run")
+    (only,) = tree.findall(nodes.abbreviation)
+    assert (only.astext(), tree.astext()) == ("Cluster head", "Cluster heads and a cluster head.")
+    assert only["explanation"] in (EXTENSIONS.parent / "glossary.md").read_text(encoding="utf-8")

@@ -95,7 +95,7 @@ def test_results_become_tracks_truths_and_detections(tmp_path: Path) -> None:
 
 @needs_stonesoup
 def test_the_examples_of_the_page_run(capsys: pytest.CaptureFixture[str]) -> None:
-    page = (HOME / "docs" / "how-to" / "stone_soup.md").read_text(encoding="utf-8")
+    page = (HOME / "docs" / "how-to" / "standalone.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```\{code-block\} python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     names: dict[str, Any] = {}
     for block in blocks:

@@ -53,8 +53,8 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...], plugins: bool, t
 def list_(role: str | None, as_json: bool) -> None:
     """List kinds of components, scenarios, sweeps or datasheets.
 
-    ROLE is the role of the kinds (trackers, motions, ...), or `scenarios`, `sweeps` or `parts` (the datasheets of
-    radios and processors that come with wsnsim). Without it, the kinds of all roles are listed.
+    ROLE is the role of the kinds (trackers, motions, ...), or `scenarios`, `sweeps` or `datasheets` (of radios and
+    processors) for what comes with wsnsim. Without it, the kinds of all roles are listed.
     """
     from wsnsim.cli import listing
 
@@ -153,7 +153,7 @@ def info(words: tuple[str, ...], plugins: bool, as_json: bool) -> None:
 
     KIND is a name of `wsnsim list` (coordinated_turn, motion.coordinated_turn) or a plug-in (mylab.trackers:Mine).
     Other things can be described, too. FILE is a result, the folder of a campaign, or a scenario, whose radio is
-    described. NAME is a datasheet (`wsnsim list parts`), a table or a column of results (estimates, rmse), or a
+    described. NAME is a datasheet (`wsnsim list datasheets`), a table or a column of results (estimates, rmse), or a
     parameter (reach).
     """
     if not 1 <= len(words) <= 2:

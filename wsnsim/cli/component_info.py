@@ -62,10 +62,10 @@ def _text(title: str, note: str, rows: Sequence[InfoRow], grid: Sequence[InfoRow
 
 
 def what_it_is(source: str) -> str:
-    """Return 'part' if the name is that of a datasheet, 'scenario' if it is that of a scenario, '' if of neither."""
+    """Return 'datasheet' or 'scenario' if the name is that of one, '' if of neither."""
     file = find_sheet(source, Path())
     if file is not None and sheet_of(file):
-        return "part"
+        return "datasheet"
     return "scenario" if find_or_none(source) is not None else ""
 
 
@@ -107,7 +107,7 @@ def _describe_datasheet(sheet: datasheets.Datasheet, as_json: bool) -> str | dic
     values = {
         row.name: {"value": row.value, "unit": row.si, "what": row.description, "source": row.note} for row in rows
     }
-    plain = {"part": sheet.file.stem, "file": str(sheet.file), "sheet": sheet.sheet, "values": values}
+    plain = {"datasheet": sheet.file.stem, "file": str(sheet.file), "sheet": sheet.sheet, "values": values}
     return plain | {name: given[name].value for name in ("name", "source") if name in given}
 
 

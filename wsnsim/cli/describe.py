@@ -30,7 +30,7 @@ Answer = str | dict[str, Any]
 
 def answer(words: Sequence[str], plugins: bool, as_json: bool) -> Answer:
     """Return what the words of `wsnsim info` name, as a text or as plain values."""
-    if len(words) == 2 and words[0] not in ("scenario", "part"):
+    if len(words) == 2 and words[0] not in ("scenario", "datasheet"):
         return _kinds(words, as_json) or ""
     return _what(words[-1], plugins, as_json, only_files=len(words) == 2)
 

@@ -6,19 +6,20 @@ None of the listed kinds is imported.
 from __future__ import annotations
 
 import itertools
-import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.scenario import shipped
+import wsnsim.scenario
+from wsnsim.base.files import read_sections
 from wsnsim.scenario.registry import ROLES, Role, kinds, role_named
 from wsnsim.scenario.texts import sheet_of, shipped_parts, shipped_sweeps
 
 COLUMNS: Final = ("kind", "idea", "paper")
+SCENARIOS: Final = Path(wsnsim.scenario.__file__).with_name("scenarios.table")
 WIDEST: Final = 100
 """Columns of the widest table: what a terminal shows."""
 NARROWEST: Final = 12
@@ -26,26 +27,34 @@ NARROWEST: Final = 12
 
 
 def listed(word: str | None, as_json: bool) -> str | dict[str, Any]:
-    """The table for a word: the name of a role, 'scenarios', 'sweeps' or 'parts'; without a word, all roles."""
+    """The table for a word: a role, 'scenarios', 'sweeps' or 'datasheets'; without a word, all roles."""
     if word in ("scenario", "scenarios"):
-        # a file without the key `name` is a base that scenarios extend
-        named = {n: p for n, p in shipped().items() if re.search(r"^name:", _text(p), re.MULTILINE)}
-        return _files("scenarios", ["scenario", "description"], named, as_json)
+        return _scenarios(as_json)
     if word in ("sweep", "sweeps"):
-        return _files("sweeps", ["sweep", "question"], shipped_sweeps(), as_json)
-    if word in ("part", "parts"):
+        return _sweeps(as_json)
+    if word in ("datasheet", "datasheets"):
         return _datasheets(as_json)
-    roles = [role_named(word)] if word else list(ROLES.values())
+    roles = [role_named(word, ("scenarios", "sweeps", "datasheets"))] if word else list(ROLES.values())
     if as_json:
         return {"roles": {role.name: _role_json(role) for role in roles}}
     more = "More on a kind: wsnsim info KIND, such as wsnsim info " + next(iter(kinds(roles[0].name)))
     return "\n\n".join([*(_role_text(role) for role in roles), more])
 
 
-def _files(key: str, headings: list[str], files: Mapping[str, Path], as_json: bool) -> str | dict[str, Any]:
-    """The table of files: name, and first sentence of the comment at the top."""
-    descriptions = {name: _first_sentence(_text(path)) for name, path in files.items()}
-    return {key: descriptions} if as_json else wrapped_table(headings, [list(row) for row in descriptions.items()])
+def _scenarios(as_json: bool) -> str | dict[str, Any]:
+    """The shipped scenarios in groups: name, and what each shows."""
+    groups = read_sections(SCENARIOS)
+    if as_json:
+        return {"scenarios": {name: shows for group in groups for name, shows in group.rows}}
+    names = max(len(name) for group in groups for name, _ in group.rows)
+    tables = ([group.heading[0], *(f"  {name:{names}}  {shows}" for name, shows in group.rows)] for group in groups)
+    return "\n\n".join("\n".join(lines) for lines in tables)
+
+
+def _sweeps(as_json: bool) -> str | dict[str, Any]:
+    """The shipped sweeps: name, and first sentence of the comment at the top."""
+    questions = {name: _first_sentence(_text(path)) for name, path in shipped_sweeps().items()}
+    return {"sweeps": questions} if as_json else wrapped_table(["sweep", "question"], [*map(list, questions.items())])
 
 
 def _datasheets(as_json: bool) -> str | dict[str, Any]:
@@ -54,9 +63,9 @@ def _datasheets(as_json: bool) -> str | dict[str, Any]:
         name: {"sheet": sheet_of(path), "what": _first_sentence(_text(path))} for name, path in shipped_parts().items()
     }
     if as_json:
-        return {"parts": found}
+        return {"datasheets": found}
     rows = [[name, row["sheet"], row["what"]] for name, row in found.items()]
-    return wrapped_table(["part", "datasheet of a", "description"], rows)
+    return wrapped_table(["datasheet", "of a", "description"], rows)
 
 
 def _role_json(role: Role) -> dict[str, Any]:

@@ -41,6 +41,16 @@ COMMANDS: Final = {
     "running": ("run", "watch"),
 }
 """The modules of this package, and the commands that each of them adds when it is imported."""
+PURPOSES: Final = {
+    "Start": ("list", "info", "new", "check", "schema"),
+    "Run": ("run", "watch", "lifetime"),
+    "Look": ("plot", "report", "trace"),
+    "Compare and publish": ("compare", "export", "reproduce"),
+    "Bring data": ("import", "fit"),
+    "Trust": ("verify", "diff", "recover"),
+    "Campaigns": ("sweep", "collect"),
+}
+"""The commands by what they are for."""
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
@@ -55,6 +65,13 @@ class _CommandGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return sorted(name for names in COMMANDS.values() for name in names)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        for purpose, names in PURPOSES.items():
+            with formatter.section(purpose):
+                formatter.write_dl(
+                    [(f"{name:9}", every_command()[name].get_short_help_str(formatter.width)) for name in names]
+                )
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):

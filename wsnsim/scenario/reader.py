@@ -100,7 +100,7 @@ def _extended(text: ScenarioText, folder: Path, extending: tuple[Path, ...]) -> 
 
 
 def _nearest(source: str | Path) -> str:
-    return did_you_mean(Path(source).stem, shipped())
+    return did_you_mean(Path(source).stem, shipped(), "`wsnsim list scenarios` shows all")
 
 
 LARGEST: Final = 200_000

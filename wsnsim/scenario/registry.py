@@ -21,7 +21,7 @@ import functools
 import importlib
 import importlib.machinery
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -150,8 +150,8 @@ SEARCHED: Final[list[str]] = []
 """The folders that `search` added to Python's path."""
 
 
-def role_named(word: str) -> Role:
-    """Return the role of this name, singular or plural.
+def role_named(word: str, others: Sequence[str] = ()) -> Role:
+    """Return the role of this name, singular or plural. `others`: what else the word may mean.
 
     Raises:
         UsageError: there is none; the message names the nearest.
@@ -159,7 +159,7 @@ def role_named(word: str) -> Role:
     for role in ROLES.values():
         if word in (role.name, role.plural):
             return role
-    names = [role.plural for role in ROLES.values()]
+    names = [*(role.plural for role in ROLES.values()), *others]
     near = [ROLES[name].plural if name in ROLES else name for name in nearest(word, [*names, *ROLES])]
     raise UsageError(f"unknown role '{word}' ({did_you_mean(near[0] if near else word, names)})")
 

@@ -1,6 +1,7 @@
 """A Sphinx extension that writes the reference from the code before Sphinx reads the pages.
 
-The pages of the Python reference are written by hand; `python_entries` says how autodoc shows their entries.
+The pages of the Python reference are written by hand; `python_entries` says how autodoc shows their entries, and
+`tooltips` explains terms of the glossary on all other pages.
 
 The other pages are `reference/kinds/*.md` (a page per role), `reference/tables.md`, `reference/commands.md`,
 `reference/scenario_file.md` and `reference/datasheets.md`. They are not kept in git, and a page is written only if it
@@ -18,9 +19,10 @@ from wsnsim_reference import commands, datasheets, kinds, scenario_file, tables
 
 def setup(app: Any) -> dict[str, bool]:
     """Register the extension with Sphinx."""
-    from wsnsim_reference import python_entries  # needs Sphinx, which the pages do not
+    from wsnsim_reference import python_entries, tooltips  # need Sphinx, which the pages do not
 
     python_entries.setup(app)
+    tooltips.setup(app)
     app.connect("builder-inited", lambda builder: write_pages(Path(builder.srcdir) / "reference"))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import click
 
 import wsnsim.cli  # noqa: F401  (registers the commands)
-from wsnsim.cli.shared import every_command, group
+from wsnsim.cli.shared import PURPOSES, every_command, group
 from wsnsim_reference.markdown import code, escaped, fence, generated, table
 
 EXIT_CODES = (
@@ -21,14 +21,17 @@ EXIT_CODES = (
 
 def page() -> str:
     """Return the text of the page."""
+    commands = every_command()
     rows = [
-        [f"[{name}](#{name})", escaped(one.get_short_help_str(100))] for name, one in sorted(every_command().items())
+        [purpose if name == names[0] else "", f"[{name}](#{name})", escaped(commands[name].get_short_help_str(100))]
+        for purpose, names in PURPOSES.items()
+        for name in names
     ]
     return generated(
         "Commands",
         escaped(" ".join((group.help or "").split())),
         "Results go to standard output, progress and errors to standard error. `--json` prints one JSON object.",
-        table(("command", "does"), rows),
+        table(("", "command", "does"), rows),
         "Exit codes:",
         table(("code", "meaning"), EXIT_CODES),
         *(block for name, one in sorted(every_command().items()) for block in _command(name, one)),

@@ -19,8 +19,8 @@ def page() -> str:
     return generated(
         "Datasheets",
         "`energy: {kind: states, radio: cc2420, processor: msp430f1611}` names two datasheets: YAML files with the "
-        "power of a radio and of a processor in each state. `wsnsim list parts` lists those that come with wsnsim, and "
-        "`wsnsim info part cc2420` shows one. A file `mine.yaml` beside the scenario, with `sheet: radio` (or "
+        "power of a radio and of a processor in each state. `wsnsim list datasheets` lists those that are shipped, "
+        "and `wsnsim info datasheet cc2420` shows one. A file `mine.yaml` beside the scenario, with `sheet: radio` (or "
         "`processor`) and the fields below, is used by `radio: mine`; its key `sources` says where each value is from. "
         "A scenario may change a value: `energy.radio.receive`.",
         *(block for sort in SORTS for block in _fields(sort)),

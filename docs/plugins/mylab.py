@@ -1,15 +1,3 @@
-# Several components in one file
-
-One Python file can hold a sensor, a motion model and a tracker of your own. This page builds such a file, checks it, and runs it: nodes
-that measure bearings, a target that friction slows, and an unscented Kalman filter (UKF). To begin with a file that already passes,
-`wsnsim new --for sensor NAME` writes one; see [your own sensor](own_sensor.md), [motion model](own_motion.md) and [MAC](own_mac.md).
-
-## The file
-
-Shapes: N targets or particles, S nodes, D state columns. Angles are in radians, everything else in SI units.
-
-```python
-# file: mylab.py
 """Bearings, a target with friction, and an unscented Kalman filter."""
 
 from dataclasses import replace
@@ -178,48 +166,3 @@ class Unscented:
 def wrapped(angles):
     """Angles moved into -π to π."""
     return (angles + np.pi) % (2 * np.pi) - np.pi
-```
-
-## Check it
-
-```python
-import mylab
-from wsnsim.testing import check_motion, check_sensor, check_tracker
-
-check_sensor(mylab.Bearing())
-check_motion(mylab.Friction())
-check_tracker(mylab.Unscented())
-check_tracker(mylab.Unscented(), motion=mylab.Friction(), sensor=mylab.Bearing())
-```
-
-A check is silent if all rules hold. Otherwise its message names the rule that is broken.
-
-## Run it
-
-```yaml
-# file: mine.yaml
-extends: jiang_field
-name: mine
-duration: 5 s
-step: 0.25 s
-motion:  {kind: "mylab:Friction", friction: 0.02, start: [-60, 8, -40, 6]}
-sensor:  {kind: "mylab:Bearing", sd: 0.03 rad}
-tracker: {kind: "mylab:Unscented"}
-```
-
-```console
-$ wsnsim check mine.yaml
-...
-mine.yaml: ok
-$ wsnsim run mine.yaml --replicates 5
-The target was followed in all 5 runs, ...
-...
-$ wsnsim compare mine.yaml --trackers ekf,mylab:Unscented --replicates 5
-...
-ekf ...
-mylab:Unscented ...
-...
-```
-
-The module is found beside the scenario's file, in the working folder, or on Python's path. Keys, units and bounds come from the annotated
-fields. [Plug-ins](../plugins.md) has the rules, all roles, and what others must allow before they run a result with a plug-in.
