@@ -10,7 +10,7 @@ sys.path[:0] = [str(HERE / "_ext"), str(HERE.parent)]
 from wsnsim import __version__  # noqa: E402
 
 project = "wsnsim"
-author = "The wsnsim authors"
+author = "the wsnsim developers"
 project_copyright = "the wsnsim authors"
 version = release = __version__
 

@@ -1,4 +1,4 @@
-"""Tables of results in docs/papers and the results of the README: `make readme`, from campaigns in results/
+"""Tables of results in docs/papers, the rows beside them, and the results of the README: `make readme`
 
 python -m tests.readme                          runs what is missing: two hours on two cores if nothing is there
 python -m tests.readme commercial_radio         these blocks only: one of BLOCKS
@@ -11,11 +11,14 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import pandas as pd
 
 import wsnsim
-from tests.readme_results import PAPERS, frontier_opening, opening, outcome_table, results
+from tests.readme_results import PAPERS, frontier_opening, opening, outcome_table, results, rows_of
 from tests.readme_tables import TABLES
 from wsnsim.papers.study import PAGES, study
 
@@ -28,21 +31,42 @@ CAMPAIGNS = HOME / "results/reproduce/full"
 FIGURES = HOME / "results/figures"
 OTHER = "other commits"
 """What is said of experiments whose runs are not here, or were made by several commits."""
+COLUMNS = (
+    "experiment", "reading", "quantity", "variant", "where", "kind", "counted", "basis", "literal", "paired",
+    "published", "read", "measured", "low", "high", "statistic", "replicates", "published_runs",
+    "published_runs_assumed", "verdict", "ratio_low", "ratio_high", "undecidable", "bound", "bound_kind", "median",
+    "median_low", "median_high", "astray", "astray_low", "astray_high", "lost_fraction", "reacquired", "reason",
+    "caution",
+)  # fmt: skip
+"""Columns of docs/papers/NAME.csv."""
 PICTURES = ("jiang2013_figure_9.png",)
 Made = Callable[[str], str]
 
 
 def reproduced(name: str) -> str:
-    """The main rows of a paper: what `wsnsim reproduce` answers as Markdown; it also draws the paper's figures."""
-    command = [sys.executable, "-m", "wsnsim", "reproduce", "--markdown", name, "--full", "--figures", str(FIGURES)]
-    answer = subprocess.run(command, cwd=HOME, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
-    return "\n".join(line for line in answer.splitlines() if not line.startswith(REGISTERED))
+    """A row for each claim of a paper, as `wsnsim reproduce` gives them in Markdown; all rows go into a CSV file.
+
+    It also draws the paper's figures.
+    """
+    command = [sys.executable, "-m", "wsnsim", "reproduce", name, "--full", "--figures", str(FIGURES)]
+    rows, said = (
+        subprocess.run([*command, form], cwd=HOME, stdout=subprocess.PIPE, text=True, check=True).stdout
+        for form in ("--json", "--markdown")
+    )
+    store_rows(name, json.loads(rows)["rows"])
+    return "\n".join(line for line in said.strip().splitlines() if not line.startswith(REGISTERED))
+
+
+def store_rows(name: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write docs/papers/NAME.csv: every row of a paper, with its reading, intervals, verdict and reason."""
+    table = pd.DataFrame(rows)[list(COLUMNS)]
+    table.to_csv(rows_of(name), index=False, float_format="%.6g", lineterminator="\n")
 
 
 def table(name: str) -> str:
-    """A table of `readme_tables`, from its campaign, whose missing runs are made. Equal commands share a campaign."""
+    """A table of `readme_tables`, from its campaign, whose missing runs are made."""
     words, made = TABLES[name]
-    folder = HOME / "results/readme" / next(key for key, (command, _) in TABLES.items() if command == words)
+    folder = HOME / "results/readme" / name
     command = [sys.executable, "-m", "wsnsim", *words, "--out", str(folder)]
     subprocess.run(command, cwd=HOME, stdout=subprocess.DEVNULL, check=True)
     return made(wsnsim.read(folder, "tracks"), wsnsim.read(folder, "runs"))
@@ -90,8 +114,6 @@ def _commit(place: Path) -> str:
 BLOCKS: dict[str, tuple[Path, Made]] = {
     **{name: (DOCS / f"papers/{name}.md", reproduced) for name in PAPERS},
     "commercial_radio": (DOCS / "papers/commercial_radio.md", table),
-    "sleeping": (DOCS / "papers/li2012.md", table),
-    "sleeping_rarely": (DOCS / "papers/li2012.md", table),
     "run_times": (DOCS / "papers/index.md", run_times),
     **{
         f"{name}_counts": (DOCS / f"papers/{name}.md", lambda block: opening(block.removesuffix("_counts")))

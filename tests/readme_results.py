@@ -5,18 +5,22 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
 from textwrap import fill
-from typing import Any, NamedTuple
+from typing import Any
 
-from wsnsim.papers.counts import KINDS, NEVER
+import pandas as pd
+
+from wsnsim.papers.counts import KINDS
+from wsnsim.papers.table import OUT_OF_REACH
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAPERS = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
 OUTCOMES = ("reproduced", "contradicted", "undecided", "dependent")
 """The first words of the outcomes of claims."""
+WORDS = {"dependent": "dependent on the reading"}
 OUTCOME = re.compile(rf"(\d+) ({'|'.join(OUTCOMES)})[a-z ]*(?:\((\d+) of which)?")
 SLEEPING = "[radios that sleep](docs/duty_cycles.md)"
 COUNT_LINE = r"^- {}: (\d+ (?:printed|in words|derived).*); (\d+) readings? counted at most$"
@@ -66,28 +70,23 @@ def total(outcomes: Counter[str]) -> int:
 
 
 def opening(name: str) -> str:
-    """How many of a paper's printed numbers, and of the orders that it states, have each outcome."""
-    numbers, words, derived = (counted(name)[kind] for kind in KINDS)
-    parts = [f"{total(found)} {what}: {_outcomes(found, ('contradicted', 'undecided'))}"
-             for found, what in ((numbers, "printed numbers"), (words, "orders and relations stated in words"))
-             if total(found)] or ["nothing"]  # fmt: skip
-    said = [f"**Counted:** {'; '.join(parts)}."]
-    if total(derived):
-        said += [f"{total(derived)} that follow from printed numbers are shown and not counted."]
-    if readings(name) > 1:
-        said += [f"Up to {readings(name)} readings of a claim are counted."]
-    return fill(" ".join([*said, "[The rule](../verdicts.md#what-is-counted)."]), 140, break_on_hyphens=False)
+    """How many of a paper's printed numbers, and of what it states in words, have each outcome."""
+    numbers, words, _ = (counted(name)[kind] for kind in KINDS)
+    named = {"printed numbers": numbers, "statements in words": words}
+    parts = [f"of {total(found)} {what}, {_outcomes(found)}" for what, found in named.items() if total(found)]
+    said = f"**Outcome:** {'; '.join(parts) or 'nothing is counted'}."
+    said += " Claims on what we had to choose or rebuild are not counted. [The rule](../verdicts.md#what-is-counted)."
+    return fill(said, 140, break_on_hyphens=False)
 
 
-def _outcomes(found: Counter[str], never: Sequence[str] = ("undecided",)) -> str:
-    """The outcomes of claims in words; of those in `never`, how many no number of our runs could have reproduced."""
-    parts = []
-    for word in filter(found.get, OUTCOMES):
-        among = found[f"never {word}"] if word in never else 0
-        words = "dependent on the reading" if word == "dependent" else word
-        said = NEVER if word == "contradicted" else "at any number of our runs"
-        parts.append(f"{found[word]} {words}" + (f" ({among} {said})" if among else ""))
-    return ", ".join(parts)
+def _outcomes(found: Counter[str], reach: bool = True) -> str:
+    """The outcomes of claims in words; with `reach`, how many of each no number of our runs could have reproduced."""
+    never = {
+        word: f" ({found[f'never {word}']} {OUT_OF_REACH})" for word in OUTCOMES if reach and found[f"never {word}"]
+    }
+    return ", ".join(
+        f"{found[word]} {WORDS.get(word, word)}{never.get(word, '')}" for word in filter(found.get, OUTCOMES)
+    )
 
 
 def outcome_table() -> str:
@@ -111,39 +110,16 @@ def _titled(name: str) -> str:
     return f"{name[:-4].capitalize()} {name[-4:]}"
 
 
-class ShownRow(NamedTuple):
-    """A row of a paper's page: its experiment and quantity, and its cells by heading."""
-
-    experiment: str
-    quantity: str
-    cells: dict[str, str]
-
-
-def shown_rows(name: str, text: str = "") -> Iterator[ShownRow]:
-    """Yield the rows of a paper's tables, on its page or in a text."""
-    experiment, quantity, heads = "", "", []
-    _, _, block = (text or page(name)).partition(f"<!-- {name}: made by make readme -->")
-    for line in block.replace("\\", "").splitlines():
-        if line.startswith("### Claims"):
-            return
-        if found := re.match(rf"### {name}, (\S+)$", line):
-            experiment = found[1]
-        elif found := re.match(r"\*\*(.+)\*\*$", line):
-            quantity, heads = found[1], []
-        elif line.startswith("| ") and not line.startswith("| ---"):
-            cells = line.strip("| ").split(" | ")
-            if heads:
-                yield ShownRow(experiment, quantity, dict(zip(heads, cells, strict=True)))
-            heads = heads or cells
+def rows_of(name: str) -> Path:
+    """The file with all rows of a paper."""
+    return DOCS / f"papers/{name}.csv"
 
 
 def measured(name: str, quantity: str) -> dict[str, float]:
-    """{variant: the first measured value} of a quantity in a paper's tables."""
-    found: dict[str, float] = {}
-    for row in shown_rows(name):
-        if row.quantity.partition(" (")[0] == quantity:
-            found.setdefault(row.cells["variant"], float(row.cells["measured [95 %]"].split(" ")[0]))
-    return found
+    """{variant: the first measured value} of a quantity in a paper's rows."""
+    table = pd.read_csv(rows_of(name))
+    these = table[table["quantity"].str.partition(" (")[0] == quantity].drop_duplicates("variant")
+    return dict(zip(these["variant"], these["measured"], strict=True))
 
 
 def reproduction() -> str:
@@ -249,7 +225,7 @@ def information() -> str:
 
 
 def _named(row: Any) -> str:
-    """A strategy and its error."""
+    """A strategy with its error."""
     return f"`{row['variant'].removeprefix('ideal: ')}`, {row['rmse']:.2f} m"
 
 

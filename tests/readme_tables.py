@@ -1,4 +1,4 @@
-"""The README's tables of the commercial radio and of the sleeping network, from campaigns in results/readme.
+"""The table of docs/papers/commercial_radio.md, from a campaign in results/readme.
 
 TABLES[block] -> (words of the `wsnsim` command that runs the campaign, table(tracks, runs) -> Markdown)
 """
@@ -23,18 +23,6 @@ RADIO_ROWS = {
     "ekf_real": "`ekf_real`: slots, four-packet handover, reports to a sink",
 }
 """The scenarios of the table, and what its rows call them."""
-SLEEPERS = {
-    "gmtt_literal": "gmtt, literal",
-    "gmtt": "gmtt, repaired",
-    "tsstp": "tsstp",
-    "cluster": "cluster",
-    "ris": "ris",
-}
-"""The scenarios of the tables of the sleeping network, and what `wsnsim reproduce li2012` calls them."""
-FIRST = "gmtt_literal"
-DENSITIES = (200, 300, 400)
-RARELY = 300
-"""Nodes of the table of one location every 10 s."""
 
 
 def commercial_radio(tracks: pd.DataFrame, runs: pd.DataFrame) -> str:
@@ -55,57 +43,10 @@ def commercial_radio(tracks: pd.DataFrame, runs: pd.DataFrame) -> str:
     return _markdown(heads, rows)
 
 
-def sleeping(tracks: pd.DataFrame, runs: pd.DataFrame) -> str:
-    """One row per density and tracker, located every 2 s."""
-    heads = ["nodes", "tracker", "steps tracked, % [95 %]", "by three ranges, %", "error",
-             "latency at the head, at the sink", "reports at the sink, %", "unnecessary wake-ups in 20 steps",
-             "called, and dismissed, per step"]  # fmt: skip
-    rows = []
-    for nodes in DENSITIES:
-        for name, label in SLEEPERS.items():
-            of, steps = _point(tracks, runs, name, nodes, 2.0)
-            rows.append(
-                [str(nodes) if name == FIRST else "", f"`{label}`" + ": nobody is woken" * (name == "ris"),
-                 *_tracked(of), f"{_latency(of['delay'].median())}, {_latency(of['report_delay'].median())}",
-                 f"{100 * (of['received'] / of['due']).mean():.0f}", _short(of["ineffective_twenty"].mean()),
-                 _short((of["dismissed"] / steps).mean())]
-            )  # fmt: skip
-    return _markdown(heads, rows)
-
-
-def sleeping_rarely(tracks: pd.DataFrame, runs: pd.DataFrame) -> str:
-    """One row per tracker, located every 10 s."""
-    heads = [f"{RARELY} nodes, every 10 s", "steps tracked, % [95 %]", "by three ranges, %", "error",
-             "reacquisitions per run", "unnecessary wake-ups per step"]  # fmt: skip
-    rows = []
-    for name, label in SLEEPERS.items():
-        of, steps = _point(tracks, runs, name, RARELY, 10.0)
-        needless = (of["ineffective"] / steps).mean()
-        rows.append([f"`{label}`", *_tracked(of), _short(of["reacquired"].mean()), _short(needless)])
-    return _markdown(heads, rows)
-
-
 TABLES: dict[str, tuple[tuple[str, ...], Callable[[pd.DataFrame, pd.DataFrame], str]]] = {
     "commercial_radio": (("compare", *RADIO_ROWS, "--no-bound", "--replicates", "6"), commercial_radio),
-    "sleeping": (("sweep", "sleeping", "--replicates", "20"), sleeping),
-    "sleeping_rarely": (("sweep", "sleeping", "--replicates", "20"), sleeping_rarely),
 }
-"""By the name of the block in the README."""
-
-
-def _point(tracks: pd.DataFrame, runs: pd.DataFrame, name: str, nodes: int, step: float) -> tuple[pd.DataFrame, float]:
-    """The tracks of one point of the sweep, and the steps of its runs."""
-    of, run = (
-        each[(each["scenario"] == name) & (each["deploy.nodes"] == nodes) & (each["step"] == step)]
-        for each in (tracks, runs)
-    )
-    return of, float(run["steps"].max())
-
-
-def _tracked(of: pd.DataFrame) -> list[str]:
-    """Steps tracked with their interval, those by three ranges, and the error at these."""
-    share = _with_interval(100 * of["tracked"], metrics.mean_error, "{:.1f}")
-    return [share, f"{100 * of['tracked_three'].mean():.1f}", f"{of['median_error_three'].median():.2f}"]
+"""By the name of the block of the page."""
 
 
 def _with_interval(values: pd.Series, statistic: Callable[..., float], form: str) -> str:

@@ -145,7 +145,7 @@ def test_no_page_is_wider_than_a_phone(browser, address, site):
 
 
 def test_a_wide_table_scrolls_inside_the_page_of_a_phone(browser, address):
-    at(browser, address, "papers/li2012.html", width=PHONE)
+    at(browser, address, "papers/index.html", width=PHONE)
     holder = "document.querySelector('article table').parentElement"
     assert browser.value(f"{holder}.scrollWidth > {holder}.clientWidth + 100")
     browser.value(f"{holder}.scrollLeft = 80")

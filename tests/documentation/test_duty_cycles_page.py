@@ -8,10 +8,12 @@ import re
 
 from tests.bench.page import spliced
 from tests.papers import duty_cycles_page as page
+from tests.papers.page_files import hypotheses, registered
 from wsnsim.papers.study import study
 
 ROWS = json.loads(page.ROWS.read_text(encoding="utf-8")) if page.ROWS.exists() else {}
 TEXT = page.PAGE.read_text(encoding="utf-8")
+WORDS = registered("duty_cycles")
 REGISTERED = study("duty_cycles").registered
 
 
@@ -20,19 +22,26 @@ def test_the_page_is_made_from_its_rows():
         assert spliced(TEXT, name, block) == TEXT, "python -m tests.papers.duty_cycles_page writes it"
 
 
+def test_its_files_have_all_rows_and_are_linked():
+    made = page.files(ROWS)
+    assert {name: (page.PAGE.parent / name).read_text(encoding="utf-8") for name in made} == made
+    assert [name for name in made if f"]({name})" not in TEXT] == []
+    assert made["duty_cycles_rows.csv"].count("\n") > 150 and "\nli_again," in made["duty_cycles_rows.csv"]
+
+
 def test_every_figure_of_the_page_is_there():
     shown = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", TEXT)
     assert shown and all((page.PAGE.parent / name).stat().st_size > 20_000 for name in shown)
 
 
 def test_definitions_and_hypotheses_stand_word_for_word_as_they_were_when_the_replication_was_registered():
-    registered = TEXT[TEXT.index("**Definitions.**") : TEXT.index("**Departures from the registration**")]
-    digest = hashlib.sha256(" ".join(registered.split()).encode()).hexdigest()
+    words = WORDS[WORDS.index("**Definitions.**") : WORDS.index("**Departures from the registration**")]
+    digest = hashlib.sha256(" ".join(words.split()).encode()).hexdigest()
     assert digest == "bf71f7044945b2bc9488decb6b6849c33b6da2fbe3bb821cd57e6755b4901e35"
 
 
 def test_its_hypotheses_have_the_registered_thresholds():
-    text, spread, slow = " ".join(TEXT.split()), REGISTERED["spread"], REGISTERED["slow"]
+    text, spread, slow = " ".join(WORDS.split()), REGISTERED["spread"], REGISTERED["slow"]
     found, usable = REGISTERED["found"], REGISTERED["usable"]
     said = [f"at least {usable['in_time']:g} times that of the same tracker",
             f"at most {usable['error']:g} times the least",
@@ -50,8 +59,8 @@ def test_its_hypotheses_have_the_registered_thresholds():
 
 
 def test_every_hypothesis_is_answered_once_both_fields_have_been_run():
-    numbers = set(re.findall(r"^(\d+)\. ", TEXT, re.MULTILINE))
-    answered = {str(page.number(words)) for words, *_ in page.compared(ROWS)}
+    numbers = set(hypotheses("duty_cycles"))
+    answered = {page.number(words) for words, *_ in page.compared(ROWS)}
     assert answered <= numbers and (answered == numbers or not {*page.FIELDS} <= {*ROWS})
 
 
@@ -61,7 +70,7 @@ def test_the_replication_answers_the_hypotheses_of_the_first_study_on_the_seeds_
     fields = {each["words"]: name for name in page.FIELDS for each in ROWS[name]["answers"]}
     again = {page.ASIDE.sub("", words): name for words, name in fields.items()}
     assert all((found is not None) == (again[words] in run) for words, _, found in pairs)
-    assert re.search(r"20261123 on Li's field, 20261124 on Jiang's", TEXT)
+    assert re.search(r"20261123 on Li's field, 20261124 on Jiang's", WORDS)
     least = {name: min(row["runs"] for row in ROWS[name]["rows"].values()) for name in page.LEAST_RUNS if name in ROWS}
     answered = {name for name in least if ROWS[name]["answers"]}
     assert answered == {name for name, count in least.items() if count >= page.LEAST_RUNS[name]}
@@ -77,11 +86,7 @@ def test_answers_that_changed_are_counted_and_named():
     first = {"10: a > 1": "yes", "2: b > 1": "yes", "3: c > 1": "no"}
     again = {"10: a > 1": "no", "2: b > 1": "undecided", "3: c > 1 (no interval is usable)": "no"}
     text = page._changed(study(first) | study(again, "li_again"))
-    assert text.splitlines() == [
-        "Of 3 answers the replication repeats 1; 2 are others, 1 of them the opposite.", "",
-        "- 2: b > 1: yes in the first study, **undecided** in the replication",
-        "- 10: a > 1: yes in the first study, **no** in the replication",
-    ]  # fmt: skip
+    assert text == "Of 3 answers the replication repeats 1; 2 are others (hypotheses 2, 10), 1 of them the opposite."
 
 
 def test_answers_without_a_replication_are_counted():
@@ -93,4 +98,5 @@ def test_answers_without_a_replication_are_counted():
     assert page._changed(found).endswith(
         " Of `jiang_again`, which needs 6 runs of each point, these have fewer: ekf, csma (4)."
     )
-    assert page._answers(found).splitlines()[-1] == "| 15: a > 1 | 1 [0.9, 1.1] | **yes** | - | not run |"
+    assert page.files(found)["duty_cycles_answers.csv"].splitlines()[-1] == '15: a > 1,"1 [0.9, 1.1]",yes,-,not run'
+    assert page._answers(found).splitlines()[16].endswith("it is above 1.2. | **yes** | - |")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import re
 
 from tests.bench.page import spliced
 from tests.papers import frontier_page as page
+from tests.papers.page_files import hypotheses, registered
 from wsnsim.papers.study import study
 
 ROWS = json.loads(page.ROWS.read_text(encoding="utf-8")) if page.ROWS.exists() else {}
@@ -19,8 +19,15 @@ def test_the_page_is_made_from_its_rows():
         assert spliced(TEXT, name, block) == TEXT, "python -m tests.papers.frontier_page writes it"
 
 
+def test_its_files_have_all_rows_and_are_linked():
+    made = page.files(ROWS)
+    assert {name: (page.PAGE.parent / name).read_text(encoding="utf-8") for name in made} == made
+    assert [name for name in made if f"]({name})" not in TEXT] == []
+    assert made["frontier_strategies.csv"].count("\n") == len(ROWS["frontier"]["strategies"]) + 1 > 80
+
+
 def test_its_hypotheses_have_the_registered_thresholds():
-    text = " ".join(TEXT.split())
+    text = " ".join(registered("frontier").split())
     said = [f"at most {REGISTERED['ideal']:.2f} times the bound", f"at most {REGISTERED['joules']:g} J",
             f"above {REGISTERED['greatest']:g} m", f"below {REGISTERED['near_walls']:g}.",
             f"{REGISTERED['radio_settled']:g} times the bound after 1 s", f"{REGISTERED['radio_whole']:g} times over",
@@ -32,6 +39,5 @@ def test_its_hypotheses_have_the_registered_thresholds():
 
 
 def test_every_hypothesis_is_answered_once_its_experiment_has_been_run():
-    numbers = set(re.findall(r"^(\d+)\. ", TEXT, re.MULTILINE))
-    answered = {each["words"].split(":")[0].split(" ")[0] for part in ROWS.values() for each in part.get("answers", ())}
-    assert answered <= numbers and (answered == numbers or len(ROWS) < len(page.CONTENT))
+    answered = {int(each["words"].split(":")[0].split(" ")[0]) for each in page.answers(ROWS)}
+    assert answered == set(hypotheses("frontier"))

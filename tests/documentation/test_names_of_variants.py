@@ -1,4 +1,4 @@
-"""Variants have one name: the tables of networks in docs/papers use the names of the papers' files."""
+"""Variants have one name: the table of networks in docs/papers uses names of scenarios."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import re
 import pytest
 
 from tests.documentation.pages_of_docs import block
-from tests.readme_tables import SLEEPERS
 from wsnsim.papers.study import PAPERS, study
 from wsnsim.scenario import shipped
 
@@ -24,30 +23,6 @@ def tables(page: str, *names: str) -> list[list[list[str]]]:
 def named(table: list[list[str]]) -> list[str]:
     """The names in backticks at the start of a row's first two cells."""
     return [found[1] for row in table[1:] for cell in row[:2] if (found := NAME.match(cell))]
-
-
-def trackers(name: str) -> set[str]:
-    """The variants of a paper, without a number of nodes or particles at their end."""
-    return {re.sub(r", \d+$", "", one) for experiment in study(name).experiments for one in experiment.variants}
-
-
-def test_the_networks_that_sleep_name_trackers_as_reproduce_does() -> None:
-    found = [named(table) for table in tables("li2012", "sleeping", "sleeping_rarely")]
-    assert len(found) == 2
-    for names in found:
-        assert set(names) <= trackers("li2012"), set(names) - trackers("li2012")
-
-
-def test_the_tables_of_networks_that_sleep_give_the_literal_outcome_first() -> None:
-    assert [*SLEEPERS.values()][:2] == ["gmtt, literal", "gmtt, repaired"]
-    for scenario, label in SLEEPERS.items():
-        found = {
-            what.scenario
-            for experiment in study("li2012").experiments
-            for variant, what in experiment.variants.items()
-            if re.sub(r", \d+$", "", variant) == label
-        }
-        assert found == {scenario} <= set(shipped()) | {"gmtt_literal"}
 
 
 def test_the_commercial_radio_names_scenarios_and_readings_that_are_shipped() -> None:

@@ -23,6 +23,9 @@ TEXT = page.PAGE.read_text(encoding="utf-8")
 def test_the_page_is_made_from_its_rows():
     for name, block in page.blocks(ROWS).items():
         assert spliced(TEXT, name, block) == TEXT, "python -m tests.papers.reality_page writes it"
+    made = page.files(ROWS)
+    assert {name: (page.PAGE.parent / name).read_text(encoding="utf-8") for name in made} == made
+    assert all(f"]({name})" in TEXT for name in made)
 
 
 def test_the_page_shows_every_figure_of_the_experiments():

@@ -1,4 +1,4 @@
-"""How often the rule says `reproduces`, and that docs/verdicts.md shows it: noise must not help."""
+"""How often the rule says `reproduces`, and that docs/verdict_power.csv has it: noise must not help."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def test_more_runs_do_not_make_it_less_likely_to_reproduce_what_is_right(power):
     assert right["mean, spread 0.2 | 100"][-1] > 0.95 and right["RMSE, spread 0.2 | 50"][-1] > 0.7
 
 
-def test_the_document_shows_these_probabilities(power):
-    held = verdict_power.in_document(DOCUMENT.read_text(encoding="utf-8"))
-    assert list(held) == list(power)
+def test_the_file_beside_the_document_has_these_probabilities(power):
+    held = verdict_power.stored()
+    assert list(held) == list(power) and "](verdict_power.csv)" in DOCUMENT.read_text(encoding="utf-8")
     for name, cells in power.items():
         assert np.allclose(held[name], cells, atol=SAMPLING, equal_nan=True), name
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.page import write_blocks
+from tests.papers.page_files import answer_table, as_csv, hypotheses, write_files
 from tests.papers.studies import module
 from wsnsim.analysis import statistics
 from wsnsim.base.arrays import Bools
@@ -25,7 +26,7 @@ from wsnsim.papers.measures import Data
 from wsnsim.papers.study import study
 from wsnsim.recording.folder import Folder
 
-hypotheses = module("duty_cycles", "hypotheses")
+answers_of = module("duty_cycles", "hypotheses").OF_EXPERIMENT
 _study = module("duty_cycles")
 best_lines, best_points = _study.best_lines, _study.best_points
 _points = module("duty_cycles", "points")
@@ -78,7 +79,7 @@ def content(before: Mapping[str, Any]) -> dict[str, Any]:
     for name in EXPERIMENTS:
         if (data := campaign(name)) is not None:
             few = runs_missing(data, LEAST_RUNS.get(name, 1))
-            found[name] = of_field(data, [] if few else hypotheses.OF_EXPERIMENT[name](data)) | {"too_few": few}
+            found[name] = of_field(data, [] if few else answers_of[name](data)) | {"too_few": few}
     if (data := campaign(EXACT)) is not None:
         found[EXACT] = {"rows": of_field(data, [])["rows"]}
     if (data := campaign("waiting")) is not None:
@@ -125,21 +126,27 @@ def _common(data: Data, variant: str, table: str) -> Bools:
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
-    made = {
+    return {
         "answers": _answers(found),
         "changed": _changed(found),
-        "waiting": _waiting(found),
         "shared_cells": _shared_cells(found),
         "price": _price(found),
-        EXACT: _got(found[EXACT]["rows"]) if EXACT in found else NOT_YET,
     }
-    for name in EXPERIMENTS:
-        rows = found[name]["rows"] if name in found else None
-        if name != "li_again":  # 58 rows that are like those of the first study
-            made |= {f"{name}_got": _got(rows) if rows else NOT_YET, f"{name}_paid": _paid(rows) if rows else NOT_YET}
-        if not name.startswith("found"):
-            made[f"{name}_best"] = "\n".join(f"- {line}" for line in found[name]["best"]) if rows else NOT_YET
-    return made
+
+
+def files(found: Mapping[str, Any]) -> dict[str, str]:
+    """{name of a CSV file beside the page: its text}: all rows, best intervals and answers."""
+    rows = [{"experiment": name, "tracker, MAC": variant, **row} for name in (*EXPERIMENTS, EXACT)
+            for variant, row in found.get(name, {}).get("rows", {}).items()]  # fmt: skip
+    waiting = found.get("waiting", {"rows": {}})["rows"]
+    rows += [{"experiment": "waiting", "tracker, MAC": name, "energy, J": row[0]} for name, row in waiting.items()]
+    best = [{"experiment": name, "tracker and MAC": words, "best interval": said} for name in EXPERIMENTS
+            for words, _, said in (line.partition(": ") for line in found.get(name, {}).get("best", ()))]  # fmt: skip
+    heads = ("hypothesis", "first study", "answer", "replication", "answer of the replication")
+    answers = [dict(zip(heads, (words, *_said(first), *_said(again)), strict=True))
+               for words, first, again in compared(found)]  # fmt: skip
+    parts = {"rows": rows, "best": best, "answers": answers}
+    return {f"duty_cycles_{name}.csv": as_csv(content) for name, content in parts.items()}
 
 
 def compared(found: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any], Mapping[str, Any] | None]]:
@@ -159,19 +166,22 @@ def number(words: str) -> int:
 
 
 def _answers(found: Mapping[str, Any]) -> str:
-    head = ["hypothesis", "first study: found [95 %]", "answer", "replication: found [95 %]", "answer"]
-    return _table(head, [[words, *_said(first), *_said(again)] for words, first, again in compared(found)])
+    first, again = ({}, {})
+    for words, one, other in compared(found):
+        first.setdefault(number(words), []).append(one["answer"])
+        again.setdefault(number(words), []).extend([other["answer"]] if other else [])
+    return answer_table(("first study", "replication"), hypotheses("duty_cycles"), (first, again))
 
 
 def _said(answer: Mapping[str, Any] | None) -> tuple[str, str]:
     """What was found, and the answer; of a replication that has not been run, dashes."""
     if answer is None:
         return "-", "not run"
-    return " and ".join(map(_interval, answer["found"])), f"**{answer['answer']}**"
+    return " and ".join(map(_interval, answer["found"])), answer["answer"]
 
 
 def _changed(found: Mapping[str, Any]) -> str:
-    """How many answers the replication repeats, and a line for each that is another."""
+    """How many answers the replication repeats, and which hypotheses have others."""
     missing = "".join(map(_too_few, ((name, found.get(name, {}).get("too_few")) for name in LEAST_RUNS)))
     both = [(words, first["answer"], again["answer"]) for words, first, again in compared(found) if again]
     if not both:
@@ -179,12 +189,12 @@ def _changed(found: Mapping[str, Any]) -> str:
     other = [each for each in both if each[1] != each[2]]
     without = len(compared(found)) - len(both)
     open_ = f" {without} answers have no replication: their points are missing.{missing}" if without else ""
-    lines = [f"- {words}: {one} in the first study, **{two}** in the replication" for words, one, two in other]
     same = f"Of {len(both)} answers the replication repeats {len(both) - len(other)}"
-    if not lines:
+    if not other:
         return f"{same}.{open_}"
     opposed = sum({one, two} == {"yes", "no"} for _, one, two in other)
-    return "\n".join([f"{same}; {len(other)} are others, {opposed} of them the opposite.{open_}", "", *lines])
+    numbers = ", ".join(map(str, dict.fromkeys(number(words) for words, *_ in other)))
+    return f"{same}; {len(other)} are others (hypotheses {numbers}), {opposed} of them the opposite.{open_}"
 
 
 def _too_few(of: tuple[str, Mapping[str, int] | None]) -> str:
@@ -194,20 +204,6 @@ def _too_few(of: tuple[str, Mapping[str, int] | None]) -> str:
         return ""
     named = ", ".join(f"{point} ({count})" for point, count in few.items())
     return f" Of `{name}`, which needs {LEAST_RUNS[name]} runs of each point, these have fewer: {named}."
-
-
-def _got(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    return _table(["tracker, MAC", "runs", *GOT, "lost"], [
-        [name, str(row["runs"]), *(_cell(words, row[words]) for words in GOT), f"{row['lost'][0]:.0%}"]
-        for name, row in rows.items()
-    ])  # fmt: skip
-
-
-def _paid(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    return _table(["tracker, MAC", *PAID, *(f"{words}, J" for words in CAUSES)], [
-        [name, *(_cell(words, row[words]) for words in PAID), *(f"{row['causes'][words]:.3g}" for words in CAUSES)]
-        for name, row in rows.items()
-    ])  # fmt: skip
 
 
 def _shared_cells(found: Mapping[str, Any]) -> str:
@@ -227,7 +223,7 @@ def _price(found: Mapping[str, Any]) -> str:
     field = found.get("li", {})
     if "best_points" not in field:
         return NOT_YET
-    columns = ("energy, J", "latency at the head, s", "delivered", "error, m", "RMSE of a run, m")
+    columns = ("energy, J", "latency at the head, s", "delivered", "RMSE of a run, m")
     lines = []
     for one in field["best_points"]:
         csma, point = field["rows"][one["csma"]], field["rows"].get(one["point"])
@@ -245,13 +241,6 @@ def _slots_and_cells(variant: str) -> str:
     """'ekf, tsch 31, shared 4' -> '31 slots, 4 cells'."""
     _, mac, *more = variant.split(", ")
     return f"{mac.removeprefix('tsch ')} slots, {more[0].removeprefix('shared ') + ' cells' if more else '1 cell'}"
-
-
-def _waiting(found: Mapping[str, Any]) -> str:
-    if "waiting" not in found:
-        return NOT_YET
-    rows = [[name.partition(", ")[2], _interval(row[0])] for name, row in found["waiting"]["rows"].items()]
-    return _table(["MAC", "energy without a target, J"], rows)
 
 
 def _cell(words: str, found: Sequence[float]) -> str:
@@ -273,6 +262,7 @@ def main() -> None:
     if "--new" in sys.argv[1:]:
         found = json.loads(json.dumps(content(found), default=float))
         ROWS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    write_files(files(found))
     write_blocks(PAGE, blocks(found))
 
 

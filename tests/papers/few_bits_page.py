@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.page import write_blocks
+from tests.papers.page_files import as_csv, write_files
 from tests.papers.studies import module
 from wsnsim.analysis import statistics
 from wsnsim.papers.measures import Data
@@ -53,8 +54,18 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     rows = found["rows"]
     return {
         "answers": answers(found["tests"]), "counts": counts(found["tests"]), "conclusions": _conclusions(rows),
-        "rows": _rows(rows), "ratios": _ratios(rows),
+        "ratios": _ratios(rows),
     }  # fmt: skip
+
+
+def files(found: Mapping[str, Any]) -> dict[str, str]:
+    """{name of the CSV file beside the page: its text}: all rows, with ratios to readings in full."""
+    rows = []
+    for name, row in found["rows"].items():
+        figures = {f"{words} ({statistic})": row["levels"][measure] for measure, (words, statistic) in LEVELS.items()}
+        ratios = {f"{measure} over full": row["ratios"][measure][:3] for measure in LEVELS}
+        rows.append({"radio: tracker, readings": name, "runs": row["runs"], "lost": row["lost"], **figures, **ratios})
+    return {"few_bits.csv": as_csv(rows)}
 
 
 def answer(words: Iterable[str]) -> str:
@@ -121,17 +132,6 @@ def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:
     ])  # fmt: skip
 
 
-def _rows(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    heads = [head for words, _ in LEVELS.values() for head in (words, "over full")]
-    cells = [
-        [name, str(row["runs"]), *(cell for measure in LEVELS for cell in
-                                   (f"{row['levels'][measure]:.3g}", interval(row["ratios"][measure]))),
-         str(row["lost"])]
-        for name, row in rows.items()
-    ]  # fmt: skip
-    return table(["radio: tracker, readings", "runs", *heads, "lost"], cells)
-
-
 def _ratios(rows: Mapping[str, Mapping[str, Any]]) -> str:
     """A line for each radio: what the bits of the particle filter's readings change."""
     lines = []
@@ -162,7 +162,9 @@ def main() -> None:
     if "--new" in sys.argv[1:]:
         new = content(Data(Folder(CAMPAIGN), study("few_bits")))
         ROWS.write_text(json.dumps(new, indent=1) + "\n", encoding="utf-8")
-    write_blocks(PAGE, blocks(json.loads(ROWS.read_text(encoding="utf-8"))))
+    found = json.loads(ROWS.read_text(encoding="utf-8"))
+    write_files(files(found))
+    write_blocks(PAGE, blocks(found))
 
 
 if __name__ == "__main__":

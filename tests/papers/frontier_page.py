@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,7 +25,9 @@ import pandas as pd
 from tests.bench.page import write_blocks
 from tests.papers.frontier_merge import merged, merged_strategies, number, of_row
 from tests.papers.frontier_runs import ADDED
-from tests.papers.frontier_table import frontier_table
+from tests.papers.frontier_table import followers, rows_of
+from tests.papers.page_files import answer_table, as_csv, write_files
+from tests.papers.page_files import hypotheses as registered_hypotheses
 from tests.papers.studies import module
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.figure_style import write_figure
@@ -47,7 +50,7 @@ SETTLED, medians, of_medians, pooled, squares = (
     _bound.squares,
 )
 _strategies = module("frontier", "strategies")
-conclusions, limit, strategies = _strategies.conclusions, _strategies.limit, _strategies.strategies
+limit, strategies = _strategies.limit, _strategies.strategies
 
 HOME = Path(__file__).parents[2]
 PAGE, ROWS = HOME / "docs/frontier.md", HOME / "docs/frontier.json"
@@ -62,7 +65,6 @@ LEAST = 5
 """Runs below which an experiment is not shown."""
 MANY_DIGITS = 1e4
 """From here on numbers have three digits and an exponent: a filter that diverges may have any NEES."""
-NOT_YET = "*The runs have not been made yet.*"
 SWEEPS = {radio: f"settings_{radio}" for radio in settings.SWEPT_RADIOS.values()}
 
 
@@ -185,151 +187,77 @@ CONTENT: Mapping[str, Callable[[Data], dict[str, Any]]] = {
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
-    bound = _seeds(found, AT_THE_BOUND)
-    return {
-        "answers": _answers(found),
-        "bound": _beside(bound),
-        "consistency": _nees(bound),
-        "on_a_radio": _on_a_radio(_seeds(found, (*ON_A_RADIO, WITHOUT_SLOTS))),
-        **{name: _of(found, name.removesuffix("_table"), of) for name, of in TABLES.items()},
-        "factors": _factors(),
-        **{f"settings_{radio}": _settings(radio) for radio in SWEEPS},
-    }  # fmt: skip
+    return {"answers": _answers(found), **{name: of(found[part]) for name, (part, of) in TABLES.items()}}
 
 
-def _seeds(found: Mapping[str, Any], parts: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """{variant: row} of experiments that differ in the seed."""
-    return {name: row for part in parts if part in found for name, row in found[part]["rows"].items()}
+def files(found: Mapping[str, Any]) -> dict[str, str]:
+    """{name of a CSV file beside the page: its text}: strategies, what the sweep chose, all other rows, and answers."""
+    others = [{"experiment": part, "variant": variant, **{key: row[key] for key in row if key != "lost_by_run"}}
+              for part in found if "rows" in found[part] for variant, row in found[part]["rows"].items()]  # fmt: skip
+    said = [{"hypothesis": each["words"], "found [95 %]": " and ".join(map(_text, each["found"])),
+             "answer": each["answer"]} for each in answers(found)]  # fmt: skip
+    parts = {"strategies": rows_of(found["frontier"]), "settings": [*_settings()], "rows": others, "answers": said}
+    return {f"frontier_{name}.csv": as_csv(content) for name, content in parts.items()}
 
 
-def _beside(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    cells = [[_last(name), str(row["runs"]), *_cells(row)] for name, row in rows.items()]
-    return _table(["seed", "runs", *BESIDE], cells) if cells else NOT_YET
+def answers(found: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The answers of all experiments, by the number of their hypothesis."""
+    said = [each for name in CONTENT if name in found for each in found[name].get("answers", ())]
+    return sorted(said, key=lambda each: int(number(each)))
 
 
-def _on_a_radio(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    """The same for every way in which members get the channel, the shipped one first."""
-    cells = [[_access(name), _last(name), str(row["runs"]), *_cells(row)] for name, row in rows.items()]
-    return _table(["members send", "seed", "runs", *BESIDE], sorted(cells, key=lambda row: SENDING.index(row[0])))
+def _answers(found: Mapping[str, Any]) -> str:
+    """The first sentence of each hypothesis, and its answers."""
+    words = {key: (FIRST.match(each) or [each])[0] for key, each in registered_hypotheses("frontier").items()}
+    by_number: dict[int, list[str]] = {}
+    for each in answers(found):
+        by_number.setdefault(int(number(each)), []).append(each["answer"])
+    return answer_table(["answer"], words, [by_number])
 
 
-SENDING = ("in slots, idle ones skipped", "in slots, idle ones kept", "without slots (CSMA/CA)")
-
-
-def _access(variant: str) -> str:
-    if variant.startswith("CSMA"):
-        return SENDING[2]
-    return SENDING[1] if "idle slots kept" in variant else SENDING[0]
-
-
-def _nees(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    cells = [[_last(name), *map(_text, row["nees"].values())] for name, row in rows.items()]
-    return _table(["seed", *next(iter(rows.values()))["nees"]], cells) if cells else NOT_YET
-
-
-BESIDE = ("pooled error / bound", "after 1 s", "median error / median bound", "after 1 s ", "energy, J", "lost",
-          "greatest RMSE, m", "in time")  # fmt: skip
-
-
-def _cells(row: Mapping[str, Any]) -> list[str]:
-    """The cells of BESIDE."""
-    ratios = [_text(row[key]) for key in ("pooled", "settled", "medians", "settled_medians")]
-    return [*ratios, _short(row["energy"]), str(row["lost"]), f"{row['greatest']:.2f}", f"{row['in_time'][0]:.1%}"]
-
-
-def _of(found: Mapping[str, Any], name: str, of: Callable[[Mapping[str, Any]], str]) -> str:
-    return of(found[name]) if name in found else NOT_YET
+FIRST = re.compile(r".*?\.(?= [A-Z]|$)")
 
 
 def _asleep_table(found: Mapping[str, Any]) -> str:
-    head = ["tracker", "RMSE of a run, median, m", "energy, J", "steps with an estimate in time",
-            "lost", "time without a track, s"]  # fmt: skip
+    head = ["tracker", "RMSE of a run, median, m", "energy, J", "steps in time", "lost"]
     return _table(head, [
-        [name.partition(": ")[2], _text(row["rmse"]), _short(row["energy"]), f"{row['in_time'][0]:.0%}",
-         f"{row['lost']} of {row['runs']}", _text(row["without"])] for name, row in found["rows"].items()
-    ])  # fmt: skip
-
-
-def _real_radio(found: Mapping[str, Any]) -> str:
-    head = ["tracker", "margin, m", "seed", "runs", "in time", "lost", "median error / median bound",
-            "RMSE of a run, median, m", "energy, J"]  # fmt: skip
-    rows = []
-    for name, row in found["rows"].items():
-        tracker, margin, seed = name.partition(": ")[2].split(", ")
-        figures = [_text(row[key]) for key in ("in_time", "lost", "over_bound", "rmse")]
-        rows.append([tracker, margin.split()[1], seed.split()[1], str(row["runs"]), *figures, _short(row["energy"])])
-    return _table(head, rows)
-
-
-def _robustness(found: Mapping[str, Any]) -> str:
-    head = ["tracker and what it knows", "RMSE of a run, median, m", "pooled error / bound for that knowledge",
-            "NEES of the position away from walls", "lost"]  # fmt: skip
-    return _table(head, [
-        [name.partition(": ")[2], _text(row["rmse"]), _text(row["pooled"]), _text(row["nees"]["position, away"]),
+        [name.partition(": ")[2], f"{row['rmse'][0]:.2f}", f"{row['energy'][0]:.1f}", f"{row['in_time'][0]:.0%}",
          f"{row['lost']} of {row['runs']}"] for name, row in found["rows"].items()
     ])  # fmt: skip
 
 
-def _frontier_block(found: Mapping[str, Any]) -> str:
-    """The conclusions from the rows of the strategies."""
-    lines = conclusions([of_row(row) for row in found["strategies"]], found["bound"])
-    return "\n".join(f"- {line}" for line in lines)
-
-
-TABLES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
-    "asleep": _asleep_table, "real_radio": _real_radio, "robustness": _robustness, "frontier": _frontier_block,
-    "frontier_table": frontier_table,
-}  # fmt: skip
-
-
-def _factors() -> str:
-    """What is swept, by radio and strategy."""
-    sweep = study("frontier").published["sweep"]
-    rows = []
-    for radio in SWEEPS:
-        for group in sweep[radio]:
-            levels = {**sweep["usual"], **group}
-            others = [*dict.fromkeys([levels["base"], *levels["particles"]])]
-            rows.append([radio, ", ".join(f"`{name}`" for name in group["strategies"]),
-                         *(_levels(each) for each in (levels["fraction"], levels["handover"], others))])  # fmt: skip
-    return _table(["radio", "strategies", "handover fraction, or share", "handover", "particles, or `keep`"], rows)
-
-
-def _levels(words: Sequence[str]) -> str:
-    return "-" if list(words) == [""] else "; ".join(word or "default" for word in words)
-
-
-def _settings(radio: str) -> str:
-    """The choices of a stored sweep, and what the sweep found of them."""
-    if radio not in settings.stored():
-        return NOT_YET
-    sweep = settings.stored()[radio]
-    results = {one.variant: one for one in sweep.results}
-    rows = []
-    for name, choice in sweep.choices.items():
-        for word, variant in zip(("fair", "frugal"), choice, strict=True):
-            if word == "fair" or variant != choice.fair:
-                one = results[variant]
-                said = variant.removeprefix(f"{radio}: {name}").removeprefix(", ") or "the defaults"
-                rows.append([name, word, said, f"{one.rmse:.2f}", f"{one.energy:.3g}", f"{one.lost:.0%}",
-                             f"{one.in_time:.0%}"])  # fmt: skip
-    heads = ["strategy", "", "setting", "RMSE in the sweep, m", "energy, J", "lost", "in time"]
-    return _table(heads, rows)
-
-
-def _answers(found: Mapping[str, Any]) -> str:
-    answers = [each for name in CONTENT if name in found for each in found[name].get("answers", ())]
-    if not answers:
-        return NOT_YET
-    answers.sort(key=lambda each: int(number(each)))
-    return _table(["hypothesis", "found [95 %]", "answer"], [
-        [each["words"].replace(">=", "≥").replace("<=", "≤"), " and ".join(map(_text, each["found"])),
-         f"**{each['answer']}**"] for each in answers
+def _real_radio(found: Mapping[str, Any]) -> str:
+    """What each tracker has on the real radio: the least and the largest value of the seeds."""
+    by_tracker: dict[str, list[Mapping[str, Any]]] = {}
+    for name, row in found["rows"].items():
+        by_tracker.setdefault(name.partition(": ")[2].split(", ")[0], []).append(row)
+    columns = {"in_time": ".0%", "lost": ".0%", "over_bound": ".2f", "energy": ".0f"}
+    return _table(["tracker", "in time", "runs lost", "median error / median bound", "energy, J"], [
+        [name, *(_range([row[key][0] for row in rows], form) for key, form in columns.items())]
+        for name, rows in by_tracker.items()
     ])  # fmt: skip
 
 
-def _last(variant: str) -> str:
-    return variant.rpartition(", ")[2].removeprefix("seed ")
+def _range(values: Sequence[float], form: str) -> str:
+    return " to ".join(dict.fromkeys(f"{each:{form}}" for each in (min(values), max(values))))
+
+
+TABLES: Mapping[str, tuple[str, Callable[[Mapping[str, Any]], str]]] = {
+    "asleep": ("asleep", _asleep_table), "real_radio": ("real_radio", _real_radio), "frontier": ("frontier", followers),
+}  # fmt: skip
+"""{block of the page: the experiment that it shows, and the function that makes it}."""
+
+
+def _settings() -> Iterator[dict[str, Any]]:
+    """The choices of the stored sweeps, and what the sweeps found of them."""
+    for radio, sweep in settings.stored().items():
+        results = {one.variant: one for one in sweep.results}
+        for name, choice in sweep.choices.items():
+            for word, variant in zip(("fair", "frugal"), choice, strict=True):
+                one = results[variant]
+                said = variant.removeprefix(f"{radio}: {name}").removeprefix(", ") or "the defaults"
+                figures = {"RMSE, m": one.rmse, "energy, J": one.energy, "lost": one.lost, "in time": one.in_time}
+                yield {"radio": radio, "strategy": name, "choice": word, "setting": said, **figures}
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -340,10 +268,6 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def _text(found: Sequence[float]) -> str:
     value, low, high = (f"{each:.2f}" if abs(each) < MANY_DIGITS else f"{each:.3g}" for each in found)
     return f"{value} [{low}, {high}]"
-
-
-def _short(found: Sequence[float]) -> str:
-    return "{:.3g} [{:.3g}, {:.3g}]".format(*found)
 
 
 def _store_sweeps(commits: Sequence[str]) -> None:
@@ -376,6 +300,7 @@ def main() -> None:
         before = json.loads(json.dumps(content(before), default=float))
         ROWS.write_text(json.dumps(before, indent=1) + "\n", encoding="utf-8")
         draw(before["frontier"])
+    write_files(files(before))
     write_blocks(PAGE, blocks(before))
 
 

@@ -1,8 +1,7 @@
-"""The table of the frontier: every strategy on either radio, by its error."""
+"""The strategies of the frontier: those that follow the target as a table, and all as rows."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -15,33 +14,26 @@ _strategies = module("frontier", "strategies")
 RADIOS, Strategy = _strategies.RADIOS, _strategies.Strategy
 CHOSEN = _settings.CHOSEN
 
-HEAD = {
-    "ideal": ("strategy", "setting", "RMSE, m [95 %]", "x bound", "energy, J", "lost", "in time", "follows"),
-    "realistic": ("radio", "strategy", "setting", "RMSE, m [95 %]", "x bound", "energy, J", "lost", "in time",
-                  "follows"),
-}  # fmt: skip
-TITLES = {
-    "ideal": "On the ideal radio:",
-    "realistic": "On a realistic radio (CC2420):",
-}
-FAR = 100.0
-"""From here on an error (m) has no decimals."""
+HEAD = ("radio", "strategy", "setting", "RMSE, m [95 %]", "x bound", "energy, J")
+NEAR = 1.5
+"""Median RMSE over the median bound up to which the page shows a strategy."""
 
 
-def frontier_table(part: Mapping[str, Any]) -> str:
-    """A table for each radio, of the rows that docs/frontier.json has of the frontier."""
-    rows = [(of_row(row), int(row["runs"])) for row in part["strategies"]]
-    return "\n\n".join("\n".join(_table(radio, rows, part["bound"])) for radio in RADIOS)
+def followers(part: Mapping[str, Any]) -> str:
+    """The strategies of docs/frontier.json that follow the target within NEAR times the bound, by radio and error."""
+    found = sorted(map(of_row, part["strategies"]), key=lambda one: one.rmse)
+    rows = [(one.air, *_name(one.variant), *_figures(one, part["bound"])) for radio in RADIOS for one in found
+            if one.radio == radio and one.follows and one.rmse <= NEAR * part["bound"]]  # fmt: skip
+    return "\n".join(f"| {' | '.join(row)} |" for row in (HEAD, ["---"] * len(HEAD), *rows))
 
 
-def _table(radio: str, rows: list[tuple[Strategy, int]], bound: float) -> Iterator[str]:
-    yield f"{TITLES[radio]}\n"
-    here = [row for row in rows if row[0].radio == radio]
-    yield _line(HEAD[radio])
-    yield _line(["---"] * len(HEAD[radio]))
-    for one, runs in sorted(here, key=lambda row: row[0].rmse if math.isfinite(row[0].rmse) else math.inf):
-        first = [one.air] if radio != RADIOS[0] else []
-        yield _line([*first, *_name(one.variant), *_figures(one, runs, bound)])
+def rows_of(part: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield every strategy on either radio, with its setting and its error over the bound, for the CSV file."""
+    for row in part["strategies"]:
+        one, (strategy, setting) = of_row(row), _name(row["variant"])
+        named = {"radio": one.air, "strategy": strategy.strip("`"), "setting": setting}
+        figures = {key: row[key] for key in ("rmse", "low", "high", "energy", "lost", "in_time", "runs")}
+        yield {**named, **figures, "rmse over bound": one.rmse / part["bound"], "follows": one.follows}
 
 
 def _name(variant: str) -> tuple[str, str]:
@@ -56,16 +48,5 @@ def _name(variant: str) -> tuple[str, str]:
     return shown, "defaults = fair" if variant in chosen else "defaults"
 
 
-def _figures(one: Strategy, runs: int, bound: float) -> list[str]:
-    lost = f"{round(one.lost * runs)} of {runs}"
-    error = f"{_short(one.rmse)} [{_short(one.low)}, {_short(one.high)}]"
-    follows = "**yes**" if one.follows else "no"
-    return [error, f"{one.rmse / bound:.2f}", f"{one.energy:.3g}", lost, f"{one.in_time:.0%}", follows]
-
-
-def _short(metres: float) -> str:
-    return f"{metres:.2f}" if metres < FAR else f"{metres:.0f}"
-
-
-def _line(cells: Any) -> str:
-    return "| " + " | ".join(cells) + " |"
+def _figures(one: Strategy, bound: float) -> list[str]:
+    return [f"{one.rmse:.2f} [{one.low:.2f}, {one.high:.2f}]", f"{one.rmse / bound:.2f}", f"{one.energy:.3g}"]

@@ -21,6 +21,7 @@ from scipy import stats
 from tests.bench.page import spliced
 from tests.helpers.stored_visits import joined, stored_visit
 from tests.lifetimes import validation
+from tests.papers.page_files import as_csv, write_files
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.experiment import load
 from wsnsim.lifetimes.estimate import Estimation, Lifetime, LifetimePlan
@@ -259,47 +260,39 @@ def _found(rows: Rows) -> dict[int, str]:
     }
 
 
+def _said(values: Any, form: str = ".2f") -> str:
+    return ", ".join(f"{value:{form}}" for value in values)
+
+
 def _intervals(names: Sequence[str]) -> str:
     return _said([interval(name) for name in names], ".0f")
 
 
 def _conclusions(rows: Rows) -> str:
-    errors = 100.0 * np.abs(baseline_errors(rows))
-    lines = ["- **Orders** in the three deployments:"]
-    for rate in RATES:
-        half, first = (_said(taus(rows, rate, criterion)) for criterion in ("half_dead", "first_death"))
-        intervals = _intervals(best_tracking(rows, rate))
-        lines.append(
-            f"  - {rate:g} an hour: tau {half} for half dead, {first} for the first death; best X-MAC interval that"
-            f" tracks {intervals} ms"
-        )
-    rate = RATES[-1]
+    errors, rate = 100.0 * np.abs(baseline_errors(rows)), RATES[-1]
     early = 1.0 - of(rows, list(rows), life(rate, "first_death")) / of(rows, list(rows), life(rate, "two_term"))
-    lines.append(
-        f"- **Two terms** differ from half dead by {np.median(errors):.2f} % (median) and {errors.max():.1f} % (largest"
-        f" of {errors.size}). At {rate:g} an hour the first death comes {100 * early.min():.0f} to"
+    return (
+        f"Two terms differ from half dead by {np.median(errors):.2f} % (median) and {errors.max():.1f} % (largest of"
+        f" {errors.size}). At {rate:g} an hour the first death comes {100 * early.min():.0f} to"
         f" {100 * early.max():.0f} % earlier than they say."
     )
-    return "\n".join(lines)
 
 
 def _table_of(rows: Rows) -> str:
-    lives_ = [f"{rate:g}/h" for rate in RATES]
-    heads = ["variant", "run, J", "quiet, uW", "visit, mJ", "tracked, %", *lives_]
+    heads = ["variant", "run, J", "tracked, %", *(f"{rate:g}/h" for rate in RATES)]
     lines = ["| " + " | ".join(heads) + " |", "| --- " * len(heads) + "|"]
-    for name, each in rows.items():
-        mean = {key: float(np.mean([row[key] for row in each])) for key in ("run", "quiet", "visit", "tracked")}
-        cells = [f"{mean['run']:.2f}", f"{1e6 * mean['quiet']:.0f}", f"{1e3 * mean['visit']:.1f}"]
-        cells.append(f"{100 * mean['tracked']:.0f}")
-        for rate in RATES:
-            days = [np.mean([life(rate, key)(row) for row in each]) for key in ("first_death", "half_dead", "two_term")]
-            cells.append(" · ".join(f"{day:.0f}" for day in days))
-        lines.append(f"| {name} | {' | '.join(cells)} |")
+    for name in rows:
+        days = [f"{of(rows, [name], life(rate)).mean():.0f}" for rate in RATES]
+        spent, tracked = (of(rows, [name], value).mean() for value in (joules, lambda row: row["tracked"]))
+        lines.append(f"| {name} | {spent:.2f} | {100 * tracked:.0f} | {' | '.join(days)} |")
     return "\n".join(lines)
 
 
-def _said(values: Any, form: str = ".2f") -> str:
-    return ", ".join(f"{value:{form}}" for value in values)
+def files(rows: Rows) -> dict[str, str]:
+    """{name of the CSV file beside the page: its text}: a row for each variant and deployment, with days of life."""
+    named = [{"variant": name, "deployment": seed, **row} for name, each in rows.items()
+             for seed, row in zip(DEPLOYMENTS, each, strict=True)]  # fmt: skip
+    return {"lifetimes.csv": as_csv(named)}
 
 
 def draw(rows: Rows) -> None:
@@ -341,6 +334,7 @@ def main() -> None:
         ROWS.write_text(json.dumps(new, indent=1) + "\n", encoding="utf-8")
     rows: Rows = json.loads(ROWS.read_text(encoding="utf-8"))
     draw(rows)
+    write_files(files(rows))
     text = PAGE.read_text(encoding="utf-8")
     held = json.loads(validation.HELD.read_text(encoding="utf-8"))
     for name, block in {**blocks(rows), "validation": validation.markdown(held)}.items():

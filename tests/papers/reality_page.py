@@ -14,6 +14,7 @@ from typing import Any
 
 import wsnsim
 from tests.bench.page import write_blocks
+from tests.papers.page_files import as_csv, write_files
 from tests.papers.studies import module
 from wsnsim.base.tables import Memory
 from wsnsim.papers.measures import Data
@@ -104,14 +105,6 @@ def blocks(rows: Mapping[str, Any]) -> dict[str, str]:
         "answers": _answers(rows["answers"], rows["runs"][0]),
         "gaps": _gaps(rows["gaps"]),
         "calibration": _calibration(rows["calibrated"]),
-        "residuals": _table(
-            ["track", "sd, dB", "kurtosis", "correlation at 1 s", "scatter, dB", "heard"],
-            [
-                [name, _two(each["sd"], ".1f"), _two(each["kurtosis"], ".1f"), _two(each["correlation"], ".2f"),
-                 f"{each['scatter']:.1f}", f"{each['heard']:.0%}"]
-                for name, each in rows["residuals"].items()
-            ],
-        ),
         "lines": "\n".join(f"- {line}" for line in rows["lines"]),
         "network": _network(rows["network"]),
     }  # fmt: skip
@@ -127,12 +120,23 @@ def _answers(answers: Iterable[Mapping[str, Any]], runs: int) -> str:
 
 
 def _gaps(gaps: Sequence[Mapping[str, Any]]) -> str:
-    names = list(gaps[0]["tracks"])
-    rows = [
-        [gap["tracker"], *(f"{gap['tracks'][name][0]:.2f}" for name in names), f"**{gap['median']:.2f}**"]
-        for gap in gaps
-    ]
-    return _table(["tracker", *names, "median"], rows)
+    """The medians over the tracks, half of the trackers beside the other half."""
+    cells, half = [(gap["tracker"], f"{gap['median']:.2f}") for gap in gaps], len(gaps) // 2
+    pairs = zip(cells[:half], cells[half:], strict=True)
+    return _table(["tracker", "median"] * 2, [[*one, *other] for one, other in pairs])
+
+
+def files(rows: Mapping[str, Any]) -> dict[str, str]:
+    """{name of a CSV file beside the page: its text}: the gap on each track, and what the readings themselves say."""
+    residuals = [{"track": name, **_before_and_after(row)} for name, row in rows["residuals"].items()]
+    return {"reality.csv": as_csv(rows["gaps"]), "reality_residuals.csv": as_csv(residuals)}
+
+
+def _before_and_after(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Values under path loss alone and with gains in columns of their own."""
+    words = ("path loss alone", "with gains")
+    pairs = {key: dict(zip(words, value, strict=True)) for key, value in row.items() if isinstance(value, list)}
+    return {**row, **pairs}
 
 
 def _calibration(found: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
@@ -166,10 +170,6 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _two(pair: Sequence[float], form: str) -> str:
-    return f"{pair[0]:{form}} → {pair[1]:{form}}"
-
-
 def _interval(value: float, low: float, high: float) -> str:
     return f"{value:.2f} [{low:.2f}, {high:.2f}]"
 
@@ -179,7 +179,9 @@ def main() -> None:
     if "--new" in sys.argv[1:]:
         new = content(*(Data(Folder(CAMPAIGNS / name), study("reality")) for name in ("tracks", "trackers")))
         ROWS.write_text(json.dumps(new, indent=1) + "\n", encoding="utf-8")
-    write_blocks(PAGE, blocks(json.loads(ROWS.read_text(encoding="utf-8"))))
+    rows = json.loads(ROWS.read_text(encoding="utf-8"))
+    write_files(files(rows))
+    write_blocks(PAGE, blocks(rows))
 
 
 if __name__ == "__main__":

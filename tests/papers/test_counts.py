@@ -76,8 +76,7 @@ def test_undecided_and_contradicted_numbers_that_could_not_have_reproduced_are_t
             row("does not reproduce", "gpf, 50")]  # fmt: skip
     claims = counted_claims(rows)
     assert [claim_cells(claim)[-1] for claim in claims] == [
-        "undecided; cannot be reproduced at 50 published runs", "undecided",
-        "contradicted; cannot be reproduced at 50 published runs (assumed)", "contradicted",
+        "undecided, out of reach", "undecided", "contradicted, out of reach", "contradicted",
     ]  # fmt: skip
     never = "(1 of which no number of our runs could have reproduced)"
     assert f": 2 contradicted {never}, 2 undecided {never};" in count_line(claims)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from tests.papers.frontier_merge import merged, merged_strategies, of_row
-from tests.papers.frontier_table import frontier_table
+from tests.papers.frontier_merge import merged, merged_strategies
+from tests.papers.frontier_table import followers, rows_of
 from tests.papers.studies import module
 from wsnsim.papers.rows import Interval
 from wsnsim.papers.study import study
@@ -47,17 +47,20 @@ def test_answers_on_strategies_follow_from_all_of_them_and_those_on_pairs_stay()
     assert [one["words"] for one in found["answers"] if one["words"].startswith("15")] == ["15: median"]
 
 
-def test_the_table_is_sorted_by_error_and_names_the_setting():
+def test_the_table_has_those_that_follow_near_the_bound_by_error_and_the_file_has_all():
     part = {"bound": 0.1, "strategies": [
-        row("ideal: ekf, fair", 0.3, 0.2, lost=0.1), row("ideal: gpf", 0.2, 0.4), row("slots: ukf", 150.0, 441.2),
-        row("ideal: ppf, own readings", float("nan"), 1.0),
+        row("ideal: ekf, fair", 0.14, 0.2, lost=0.1), row("ideal: gpf", 0.14, 0.4), row("slots: ukf", 0.11, 441.2),
+        row("ideal: pf, fair", 0.12, 0.5), row("ideal: ppf, own readings", float("nan"), 1.0),
+        row("ideal: rkf", 0.2, 1.0),
     ]}  # fmt: skip
-    lines = [line for line in frontier_table(part).splitlines() if line.startswith("| ") and "---" not in line]
-    assert lines[1] == "| `gpf` | defaults | 0.20 [0.10, 0.40] | 2.00 | 0.4 | 0 of 10 | 100% | **yes** |"
-    assert lines[2] == "| `ekf` | fair | 0.30 [0.15, 0.60] | 3.00 | 0.2 | 1 of 10 | 100% | no |"
-    assert "own readings" in lines[3]
-    assert lines[5].startswith("| slots | `ukf` | defaults = fair | 150 [75.00, 300] |")
-    assert of_row(part["strategies"][0]).follows is False
+    assert followers(part).splitlines()[2:] == [
+        "| ideal | `pf` | fair | 0.12 [0.06, 0.24] | 1.20 | 0.5 |",
+        "| ideal | `gpf` | defaults | 0.14 [0.07, 0.28] | 1.40 | 0.4 |",
+        "| slots | `ukf` | defaults = fair | 0.11 [0.06, 0.22] | 1.10 | 441 |",
+    ]
+    rows = [*rows_of(part)]
+    assert [one["strategy"] for one in rows] == ["ekf", "gpf", "ukf", "pf", "ppf, own readings", "rkf"]
+    assert [one["follows"] for one in rows[:3]] == [False, True, True] and rows[0]["setting"] == "fair"
 
 
 def test_hypothesis_8_is_answered_from_the_runs_that_were_lost():

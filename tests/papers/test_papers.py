@@ -173,11 +173,6 @@ def test_a_variant_whose_scenario_is_wrong_is_said_with_its_place_before_anythin
         reproduce.plan(str(found.folder), found.experiments[0])
 
 
-def test_a_main_row_that_is_no_claim_is_said_with_its_place(edited):
-    with pytest.raises(ScenarioError, match=r"error: main.0.figures_1_to_4.velcity: no id is 'velcity' .*'velocity'"):
-        edited("      velocity: all", "      velcity: all").experiments  # noqa: B018
-
-
 def test_computing_takes_the_operations_of_an_estimate_at_the_rate_of_the_processor():
     tables = {
         "runs": pd.DataFrame({"replicate": [3, 4], "cycles": [4e6, 8e6], "steps": [10, 10]}),

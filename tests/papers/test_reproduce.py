@@ -35,7 +35,7 @@ KEYS = {"paper", "experiment", "quantity", "variant", "published", "measured", "
          "published_runs", "published_runs_assumed", "ratio_low", "ratio_high", "within", "undecidable", "counted",
          "paired", "reading", "where", "astray", "astray_low", "astray_high", "median", "median_low", "median_high",
          "reacquired", "losses", "time_lost",
-        "lost_rule"}  # fmt: skip
+        "lost_rule", "kind"}  # fmt: skip
 SHORT = ("duration=16 s",)
 SMALL = Experiment(
     name="small",
@@ -266,7 +266,8 @@ def test_when_it_is_stopped_the_same_command_goes_on(tmp_path):
 
 
 def row(**more):
-    experiment, claim = study("jiang2013").main[0]
+    experiment = study("jiang2013").experiments[0]
+    claim = experiment.claims[0]
     basis = ClaimRow(
         claim.label, "a_b", 2.0, 1.5, 1.0, 2.0, 10, 0.1, 0.5, "unconditional", Judgement("reproduces", 0.95, 1.05),
         "because", paper="jiang2013", experiment=experiment.name, id=claim.id, key=claim.key,
@@ -274,14 +275,27 @@ def row(**more):
     return replace(basis, **more)
 
 
-def test_markdown_has_the_main_rows_alone_and_nothing_in_them_is_markup():
-    said = table.markdown([row(), row(quantity="unheard of", key="other")])
-    assert r"### jiang2013, figures\_4\_to\_9" in said.splitlines()
-    assert r"| a\_b | 2 | 1.5 [1, 2] | 0.5 u | reproduces | 10 | 10 % |" in said.splitlines()
-    assert "Why: because." in said.splitlines() and "**unheard" not in said
-    assert "- jiang2013: 2 printed numbers: 2 reproduced; " in said, "of all claims, not of main rows alone"
-    assert f"- reproduces: {RULE['reproduces']}" in said and "cannot" not in said
-    assert table.markdown([]) == table.markdown([row(paper="x")]) == "No main row belongs to the chosen experiments."
+def test_markdown_has_a_row_for_each_claim_with_its_readings_and_nothing_in_them_is_markup():
+    again = row(experiment="other", measured=3.0, judgement=Judgement("does not reproduce", 1.4, 1.6))
+    silent = [row(paired=True), row(literal=False), row(judgement=Judgement("not published"))]
+    derived, ours = row(where="from table 1"), row(id="x", key="a_b", basis="our constant")
+    said = table.markdown([row(), again, *silent, derived, ours]).splitlines()
+    first, second = (line.partition(" (figure 9) | 2 | ") for line in said[2:4])
+    assert first[0] == r"| pso\_mhpf: RMSE, m" and second[0] == r"| a\_b: RMSE, m"
+    apart = "(reproduced under 1 of 2, contradicted under 1 of 2)"
+    assert first[2] == f"1.5 to 3 | dependent on the reading {apart} |"
+    assert second[2] == "1.5 [1, 2] | reproduced (our constant) |" and said[4] == ""
+    assert said[5].startswith("- jiang2013: 1 printed number: 1 dependent on the reading; 1 derived (not counted)")
+    assert said[6].startswith("- (our constant): set by") and len(said) == 7
+
+
+def test_markdown_of_a_study_that_judges_nothing_has_all_its_rows_and_an_order_is_written_as_one():
+    said = table.markdown([row(judgement=Judgement("not published"))], ["registered: yes"])
+    assert "| not published |" in said and said.endswith("- registered: yes")
+    order = row(quantity="RMSE below that of b (figure 1)", key="a < b", variant="a", published=NAN)
+    assert "| a < b: RMSE (figure 1) | - |" in table.markdown([order])
+    share = row(quantity="share by which it is below that of b", key="a", variant="a")
+    assert "| a: share by which it is below that of b | 2 |" in table.markdown([share])
 
 
 def test_a_bound_that_is_not_strict_is_marked_in_the_table_and_its_caution_stands_beneath():
@@ -321,9 +335,7 @@ def test_when_a_track_is_lost_stands_below_every_table_with_shares_of_lost_runs(
     rules = ["error above 20 m or no estimate for 4 s", "no estimate for 1 s"]
     rows = [row(losses=Losses(lost_rule=rules[0])), row(losses=Losses(lost_rule=rules[1]), paper="li2012")]
     expected = [f"lost (jiang2013): {rules[0]}, at any time", f"lost (li2012): {rules[1]}, at any time"]
-    for said in (table.text(rows), table.markdown([row(losses=Losses(lost_rule=rules[0]))])):
-        assert expected[0] in said
-    assert expected[1] in table.text(rows)
+    assert all(words in table.text(rows) for words in expected)
     assert "lost (" not in table.text([row(losses=Losses(lost_rule=rules[0]), lost_fraction=NAN)])
 
 

@@ -38,8 +38,6 @@ experiments:
       - {says: more is better, of: more, measure: "over:pf; median:rmse", below: 10}
     claims:
       - {of: all, id: own, quantity: steps, measure: "mean:own"}
-main:
-  - few: {own: [pf]}
 """
 CODE = "MEASURES = {'own': lambda data, variant: data.of_runs(variant, 'steps')}\n"
 
@@ -68,7 +66,7 @@ def changed(folder, before, after):
     (folder / "study.yaml").write_text(text.replace(before, after, 1))
 
 
-def test_a_folder_is_run_resumed_and_answered_and_the_main_rows_are_its_own(mine, monkeypatch, capsys):
+def test_a_folder_is_run_resumed_and_answered(mine, monkeypatch, capsys):
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     assert main(["reproduce", "mine/", "--progress", "none"]) == 0
     said = capsys.readouterr()
@@ -77,7 +75,7 @@ def test_a_folder_is_run_resumed_and_answered_and_the_main_rows_are_its_own(mine
     files = {path: path.stat().st_mtime_ns for path in Path("results").rglob("*.h5")}
     assert main(["reproduce", "mine/study.yaml", "--progress", "none", "--markdown"]) == 0
     said = capsys.readouterr()
-    assert "10 runs, 10 of them on disk" in said.err and "| pf | 3 [3, 3] |" in said.out and "| more |" not in said.out
+    assert "10 runs, 10 of them on disk" in said.err and "| pf: steps | - | 3 [3, 3] | not published |" in said.out
     assert {path: path.stat().st_mtime_ns for path in Path("results").rglob("*.h5")} == files
 
 
@@ -128,16 +126,13 @@ def test_a_changed_measure_is_measured_again(mine, monkeypatch):
         ("median:rmse", "median:rms", r"hypotheses.0.measure: median: unknown name 'rms' .did you mean 'rmse'"),
         ("name: few", "name: ../few", r"name: '../few' cannot name a folder"),
         ("    claims:", "    figures: [{name: ../x, caption: x}]\n    claims:", r"figures: '../x' cannot name a file"),
-        ("few: {own: [pf]}", "few: {own: [fp]}", r"main.0.few.own: no claim is 'fp' .known: more, pf"),
-        ("few: {own: [pf]}", "fw: {own: all}", r"main.0.fw.own: no experiment is 'fw' .did you mean 'few'"),
-        ("few: {own: [pf]}", "few: {own: [3]}", r"main.0.few.own"),
         (
             "    variants: {pf: ungm_pf, more: [ungm_pf, tracker.particles=200]}\n",
             "",
             r"name: has no variants, neither",
         ),
         ("[ungm_pf, tracker.particles=200]", "[]", r"variants.more: names no scenario"),
-        (TEXT[TEXT.index("  - name") : TEXT.index("main:")], "  []\n", r"experiments: a study needs an experiment"),
+        (TEXT[TEXT.index("  - name") :], "  []\n", r"experiments: a study needs an experiment"),
     ],
 )
 def test_what_is_wrong_with_a_study_is_said_with_its_place(mine, before, after, words):
@@ -168,7 +163,6 @@ def test_variants_and_claims_may_come_from_its_python_and_are_checked_like_the_o
     other = "def made(name):\n    return {'variants': {'pf': 'ungm_pf', 'more': 'ungm_grid'}, 'claims': [%s]}\n"
     (mine / "study.py").write_text(code)
     (mine / "other.py").write_text(other % "{'of': 'pf', 'quantity': 'x', 'measure': 'rmse'}")
-    changed(mine, "main:\n  - few: {own: [pf]}\n", "")
     (experiment,) = study("mine").experiments
     assert list(experiment.variants) == ["pf", "more"] and experiment.claims[0].measure == "rmse"
     study.cache_clear()

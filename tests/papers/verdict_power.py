@@ -1,18 +1,17 @@
 """How often the rule of the verdicts says `reproduces`, if the true ratio of measured and published value is 1 or 1.3.
 
-python -m tests.papers.verdict_power docs      write the table into docs/verdicts.md and the curves beside it
+python -m tests.papers.verdict_power      write docs/verdict_power.csv and the curves beside it
 
 The runs are log-normal, some of them astray. The intervals and verdicts are those of `wsnsim.papers.verdicts`.
 """
 
 from __future__ import annotations
 
-import re
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.resampling import MEAN, MEDIAN, TIME_MEAN_RMSE, Sample, Statistic, weights
@@ -26,7 +25,8 @@ RATIO = 1.3
 TIMES = 16.0
 SHARE = 0.02
 NAN = float("nan")
-MARKS = ("<!-- power: begin -->\n", "<!-- power: end -->\n")
+ROWS = Path(__file__).parents[2] / "docs/verdict_power.csv"
+COLUMNS = ("statistic, runs", "published runs", "runs", "reproduces at a ratio of 1, %", "at 1.3, %")
 
 
 @dataclass(frozen=True)
@@ -127,30 +127,20 @@ def table() -> dict[str, list[tuple[float, float]]]:
     }
 
 
-def markdown(found: dict[str, list[tuple[float, float]]]) -> str:
-    """The table in Markdown: per cent of `reproduces` for a ratio of 1 / of 1.3."""
-    head = f"| statistic, runs | published runs | {' | '.join(f'n = {count}' for count in COUNTS)} |"
-    lines = [f"| {name} | {' | '.join(map(_cell, cells))} |" for name, cells in found.items()]
-    return "\n".join([head, "|" + " --- |" * (2 + len(COUNTS)), *lines, ""])
+def as_rows(found: dict[str, list[tuple[float, float]]]) -> pd.DataFrame:
+    """The table as rows: per cent of `reproduces` for a true ratio of 1, and of 1.3."""
+    named = ((*name.rsplit(" | ", 1), count, cell) for name, cells in found.items()
+             for count, cell in zip(COUNTS, cells, strict=True))  # fmt: skip
+    rows = [(words, int(runs), count, *np.round(100.0 * np.array(cell), 1)) for words, runs, count, cell in named]
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _cell(pair: tuple[float, float]) -> str:
-    one, more = ("-" if np.isnan(value) else f"{100 * value:.1f}" for value in pair)
-    return f"{one} / {more}"
-
-
-def in_document(text: str) -> dict[str, list[tuple[float, float]]]:
-    """The table that a document holds."""
-    held = text.partition(MARKS[0])[2].partition(MARKS[1])[0]
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in held.splitlines()[2:]]
-    return {
-        f"{words} | {runs}": [_values(cell) for cell in cells] for words, runs, *cells in rows
-    }  # fmt: skip
-
-
-def _values(cell: str) -> tuple[float, float]:
-    one, more = (NAN if value == "-" else float(value) / 100.0 for value in cell.split(" / "))
-    return one, more
+def stored() -> dict[str, list[tuple[float, float]]]:
+    """The table that docs/verdict_power.csv holds."""
+    found: dict[str, list[tuple[float, float]]] = {}
+    for words, published, _, one, more in pd.read_csv(ROWS).itertuples(index=False):
+        found.setdefault(f"{words} | {published}", []).append((one / 100.0, more / 100.0))
+    return found
 
 
 def draw(found: dict[str, list[tuple[float, float]]], file: Path) -> None:
@@ -178,14 +168,9 @@ def draw(found: dict[str, list[tuple[float, float]]], file: Path) -> None:
 
 def main() -> None:
     """Write the table and the curves."""
-    folder = Path(sys.argv[1])
-    found, document = table(), folder / "verdicts.md"
-    text = document.read_text(encoding="utf-8")
-    pattern = re.escape(MARKS[0]) + ".*?" + re.escape(MARKS[1])
-    document.write_text(
-        re.sub(pattern, lambda _: MARKS[0] + markdown(found) + MARKS[1], text, flags=re.DOTALL), encoding="utf-8"
-    )
-    draw(found, folder / "verdict_power.png")
+    found = table()
+    as_rows(found).to_csv(ROWS, index=False, lineterminator="\n")
+    draw(found, ROWS.with_suffix(".png"))
     print("the rule before:", {count: former_rule(count) for count in (10, 30, 100, 400)})
 
 

@@ -32,7 +32,7 @@ from wsnsim.cli.shared import PATH, group
 @shared.batch_option
 @shared.accept_code_option
 @shared.json_option
-@click.option("--markdown", is_flag=True, help="Print the main rows as a Markdown table.")
+@click.option("--markdown", is_flag=True, help="Print Markdown: a row for each claim.")
 @shared.quiet_option
 @shared.progress_option
 @click.pass_obj
@@ -53,7 +53,6 @@ def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out
     """
     from wsnsim.cli.reproduction_session import ReproductionSession
     from wsnsim.papers import reproduce as reproducing
-    from wsnsim.papers.study import study
 
     if as_json and markdown:
         raise UsageError("--json cannot be combined with --markdown")
@@ -73,5 +72,5 @@ def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out
     session.announce(chosen)
     code = session.run_all(chosen, interrupts)
     if not interrupts.number:
-        session.print_answer(as_json, markdown, [study(source) for source in sources])
+        session.print_answer(as_json, markdown)
     return code

@@ -16,7 +16,7 @@ from wsnsim.cli.shared import INCOMPLETE, echo, echo_json
 from wsnsim.papers import reproduce as reproducing
 from wsnsim.papers import table
 from wsnsim.papers.reproduction import ClaimRow, Experiment
-from wsnsim.papers.study import Study, study
+from wsnsim.papers.study import study
 from wsnsim.recording.folder import Folder
 
 MAX_REASONS: Final = 3
@@ -97,12 +97,12 @@ class ReproductionSession:
             for figure in reproducing.draw(source, experiment, folder, self.figures):
                 echo(f"wsnsim: {figure}", err=True)
 
-    def print_answer(self, as_json: bool, markdown: bool, studies: Sequence[Study]) -> None:
+    def print_answer(self, as_json: bool, markdown: bool) -> None:
         """Print the rows and lines of all experiments."""
         if as_json:
             echo_json({"schema_version": 1, "rows": reproducing.as_json(self.rows), "lines": self.lines})
         elif markdown:
-            echo(table.markdown(self.rows, self.lines, studies))
+            echo(table.markdown(self.rows, self.lines))
         else:
             echo("\n\n".join(filter(None, [table.text(self.rows), "\n".join(self.lines)])))
 

@@ -1,6 +1,7 @@
 """The claims of a paper, counted: each printed number once, and each order or relation that it states in words once.
 
-    counted_claims(rows) -> [CountedClaim, ...]   claims with the rows that are readings of them
+    judged_claims(rows) -> [CountedClaim, ...]    claims with the rows that are readings of them
+    counted_claims(rows) -> [CountedClaim, ...]   those of evidence
     count_line(claims) -> str                     of the claims of one paper
 
 Rows of one paper, place (`where`), quantity and variant in several experiments are readings of one claim. What follows
@@ -55,16 +56,24 @@ class CountedClaim(NamedTuple):
         return "reproduced" not in self.by_reading and all(row.judgement.undecidable for row in self.rows)
 
 
-def counted_claims(rows: Sequence[ClaimRow]) -> list[CountedClaim]:
-    """The claims that rows of evidence are about; rows of repairs, and verdicts that say nothing, are left out."""
+def judged_claims(rows: Sequence[ClaimRow]) -> list[CountedClaim]:
+    """The claims that rows are about, each with the rows that are readings of it, in the order of their first row.
+
+    Rows of repairs, medians beside orders, and verdicts that say nothing are left out.
+    """
     claims: dict[tuple[str, ...], list[ClaimRow]] = {}
     for row in rows:
-        if row.counted and row.verdict in OUTCOMES:
-            claims.setdefault((row.paper, row.where, row.id or row.quantity, row.key), []).append(row)
-    return [CountedClaim(_kind(readings[0]), tuple(readings)) for readings in claims.values()]
+        if row.literal and not row.paired and row.verdict in OUTCOMES:
+            claims.setdefault((row.paper, row.where, row.id or row.quantity, row.key, row.basis), []).append(row)
+    return [CountedClaim(kind_of(readings[0]), tuple(readings)) for readings in claims.values()]
 
 
-def _kind(row: ClaimRow) -> Kind:
+def counted_claims(rows: Sequence[ClaimRow]) -> list[CountedClaim]:
+    """The claims that rows of evidence are about."""
+    return judged_claims([row for row in rows if row.counted])
+
+
+def kind_of(row: ClaimRow) -> Kind:
     """What a row is about. Our reading of a curve or of words is no printed number."""
     order = LESS_THAN in row.key
     if row.where.startswith(FROM) or (order and row.where.startswith("table")):

@@ -22,6 +22,7 @@ import wsnsim.campaign as campaign
 from wsnsim.base.errors import ScenarioError, UsageError, did_you_mean
 from wsnsim.base.runs import tracked
 from wsnsim.campaign.engines import LocalEngine, available_cores
+from wsnsim.papers.counts import kind_of
 from wsnsim.papers.measures import VARIANT, Data
 from wsnsim.papers.reproduction import ClaimRow, Experiment, Variant, rendered, row_of
 from wsnsim.papers.rows import answered, rows_of
@@ -245,6 +246,7 @@ def _plain(row: ClaimRow) -> dict[str, Any]:
     nested = ("title", "id", "key", "short", "judgement", "astray", "median", "losses")
     return {
         **{name: value for name, value in vars(row).items() if name not in nested},
+        "kind": kind_of(row),
         "verdict": row.verdict,
         "ratio_low": row.judgement.low,
         "ratio_high": row.judgement.high,

@@ -62,7 +62,7 @@ class Claim:
         judged: False if the two values cannot be compared, such as seconds on two machines.
         fraction: True for a fraction of at most 1; a few runs cannot move it far from a published value of 1/2 or more.
         literal: False for repairs and other readings, which are not counted among the paper's claims.
-        id: the name under which reasons and the list of main rows refer to the claim.
+        id: the name under which reasons refer to the claim.
         shown: False for a value that only reasons use.
         other: for the order of two variants: the variant whose measure is larger; otherwise ''.
         basis: what the claim rests on, see BASES.

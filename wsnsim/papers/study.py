@@ -7,7 +7,7 @@ study('jiang2013').published['rmse']     what the paper prints
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple, final
 
@@ -120,39 +120,7 @@ class Study:
                 issues.append(self._document.issue(("experiments", index, "name"), f"a second experiment is '{name}'"))
         if issues:
             raise ScenarioError(dict.fromkeys(issues))
-        self._main_of(found)
         return tuple(found)
-
-    @property
-    def main(self) -> list[tuple[Experiment, Claim]]:
-        """The claims whose rows Markdown tables have, in their order."""
-        return self._main_of(self.experiments)
-
-    def _main_of(self, found: Sequence[Experiment]) -> list[tuple[Experiment, Claim]]:
-        experiments = {experiment.name.removeprefix(self._prefix): experiment for experiment in found}
-        return [
-            pair
-            for index, group in enumerate(self._document.content.main)
-            for name, chosen in group.items()
-            for label, keys in chosen.items()
-            for pair in self._chosen(experiments, name, label, keys, ("main", index, name, label))
-        ]
-
-    def _chosen(
-        self, experiments: Mapping[str, Experiment], name: str, label: str, keys: str | tuple[str, ...], path: Keys
-    ) -> Iterator[tuple[Experiment, Claim]]:
-        """The claims of an id, all or those of some keys. Raises ScenarioError."""
-        claims: dict[str, dict[str, Claim]] = {}
-        for claim in experiments[name].claims if name in experiments else ():
-            claims.setdefault(claim.id, {})[claim.key] = claim
-        found = claims.get(label, {})
-        wanted = tuple(found) if keys == ALL else (keys,) if isinstance(keys, str) else keys
-        levels = (("experiment", name, experiments), ("id", label, claims), *(("claim", key, found) for key in wanted))
-        for what, word, known in levels:
-            if word not in known:
-                message = f"no {what} is '{word}' ({did_you_mean(word, known)})"
-                raise ScenarioError([self._document.issue(path, message)])
-        yield from ((experiments[name], claim) for key, claim in found.items() if key in wanted)
 
     @property
     def measures(self) -> Mapping[str, Callable[..., Any]]:

@@ -120,8 +120,7 @@ class ExperimentEntry(DocumentModel):
 class StudyDocument(DocumentModel):
     """A study: what is run, what is claimed and registered about the results, and what the measures and figures need.
 
-    `published` holds what a paper prints, `registered` thresholds that were written before the runs. `main` lists the
-    rows that Markdown tables have: for an experiment, the ids of claims and their variants or orders, or `all`.
+    `published` holds what a paper prints, `registered` thresholds that were written before the runs.
     `published_runs` is the number of Monte Carlo runs behind a published value, where a claim gives no other.
     """
 
@@ -131,7 +130,6 @@ class StudyDocument(DocumentModel):
     published: dict[str, Any] = {}  # noqa: RUF012 (pydantic copies it)
     registered: dict[str, Any] = {}  # noqa: RUF012 (pydantic copies it)
     experiments: tuple[ExperimentEntry, ...]
-    main: tuple[dict[str, dict[str, str | tuple[str, ...]]], ...] = ()
 
 
 ENTRY: Final = "study"

@@ -1,7 +1,7 @@
-"""The rows of a reproduction as a table for a terminal, and the main rows as Markdown tables.
+"""The rows of a reproduction as a table for a terminal, and the claims as a Markdown table.
 
 text(rows) -> str         cells(row) -> cells by HEADS         legend(rows) -> the meaning of words and marks
-markdown(rows, lines, studies) -> str                           of the rows that docs/papers shows
+markdown(rows, lines) -> str                                    a row for each claim, as docs/papers shows them
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ from itertools import groupby
 from typing import Final
 
 from wsnsim.analysis.phrases import aligned
-from wsnsim.papers.counts import CountedClaim, count_line, counted_claims
-from wsnsim.papers.reproduction import BASES, ClaimRow
+from wsnsim.papers.counts import CountedClaim, count_line, counted_claims, judged_claims
+from wsnsim.papers.reproduction import BASES, LESS_THAN, ClaimRow
 from wsnsim.papers.rows import ends
-from wsnsim.papers.study import PAPERS, Study, study
 from wsnsim.papers.verdicts import ASTRAY, RULE, AstrayShare
 
 KINDS: Final = {"unconditional": "u", "per_trajectory": "t", "active": "active", "arrived": "arrived"}
@@ -40,6 +39,14 @@ WORDS_ASTRAY: Final = f"share of runs with more than {ASTRAY:g} times the median
 WORDS_LOST: Final = "share of runs (re-acquisitions in a run, mean over runs)"
 OTHER_BASES: Final = tuple(basis for basis in BASES if basis != "evidence")
 """Bases on which a verdict is not counted."""
+OUT_OF_REACH: Final = "out of reach"
+CLAIM_HEADS: Final = ("claim", "published", "measured [95 %]", "outcome")
+CLAIM_MARKS: Final = {
+    OUT_OF_REACH: "the paper made so few runs that no number of ours could reproduce the value",
+    **{f"({basis})": f"{words}; not counted" for basis, words in BASES.items() if basis in OTHER_BASES},
+    ABOUT: WORDS_READ,
+}
+"""Marks of a claim's cells, and what they mean."""
 HEADS: Final = (
     "quantity", "variant", "published", "measured [95 %]", "statistic", "bound", "runs", "astray", "lost", "verdict",
 )  # fmt: skip
@@ -74,12 +81,18 @@ def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
 def verdict_counts(rows: Sequence[ClaimRow]) -> Iterator[str]:
     """Yield the outcomes of each paper's claims, and the verdicts of each kind on its rows that are not counted."""
     for paper, block in groupby(rows, key=lambda row: row.paper):
-        yield from _counted(paper, list(block))
+        these = list(block)
+        yield from (*_counts(these), *_uncounted(paper, these))
 
 
-def _counted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
-    if claims := counted_claims(rows):
-        yield f"{name}: {count_line(claims)}"
+def _counts(rows: Sequence[ClaimRow]) -> Iterator[str]:
+    """Yield the outcomes of each paper's claims."""
+    for paper, block in groupby(counted_claims(rows), key=lambda claim: claim.rows[0].paper):
+        yield f"{paper}: {count_line(list(block))}"
+
+
+def _uncounted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
+    """Yield the verdicts of each kind on rows of a paper that are not counted."""
     judged = [row for row in rows if row.verdict in RULE and row.verdict != "not judged" and not row.paired]
     kinds: dict[str, list[ClaimRow]] = {
         basis: [row for row in judged if row.literal and row.basis == basis] for basis in OTHER_BASES
@@ -124,7 +137,7 @@ def cells(row: ClaimRow) -> tuple[str, ...]:
     return (
         row.quantity,
         row.variant,
-        f"{ABOUT} {_number(row.published)}" if row.read and math.isfinite(row.published) else _number(row.published),
+        _published(row),
         _measured(row),
         row.short or "-",
         _bound(row),
@@ -133,6 +146,11 @@ def cells(row: ClaimRow) -> tuple[str, ...]:
         _lost(row),
         _verdict(row),
     )
+
+
+def _published(row: ClaimRow) -> str:
+    """The published value; of one that we read from a curve, that it is about that."""
+    return f"{ABOUT} {_number(row.published)}" if row.read and math.isfinite(row.published) else _number(row.published)
 
 
 def _runs(row: ClaimRow) -> str:
@@ -200,111 +218,46 @@ def _number(value: float) -> str:
     return f"{value:.4g}" if math.isfinite(value) else "-"
 
 
-SHOWN: Final = (
-    "variant", "published", "measured [95 %]", "bound", "verdict", "statistic", "runs", "astray", "lost",
-)  # fmt: skip
-"""The columns of a table, in their order."""
-CLAIM_HEADS: Final = (
-    "quantity", "variant", "counted among", "published", "measured / published, by reading", "outcome",
-)  # fmt: skip
-
-
-def main_rows(rows: Sequence[ClaimRow], studies: Sequence[Study] = ()) -> list[ClaimRow]:
-    """The rows that the files of the papers, or of these studies, list as main, in that order."""
-    found: dict[tuple[str, ...], list[ClaimRow]] = {}
-    for row in rows:
-        found.setdefault((row.paper, row.experiment, row.id, row.key), []).append(row)
-    named = {row.paper for row in rows}
-    known = [*(study(name) for name in PAPERS if name in named), *(one for one in studies if one.name not in PAPERS)]
-    keys = [(one.name, experiment.name, claim.id, claim.key) for one in known for experiment, claim in one.main]
-    return [row for key in keys for row in found.get(key, ())]
-
-
-def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = (), studies: Sequence[Study] = ()) -> str:
-    """The main rows by experiment and quantity, the number of verdicts on all claims, the legend and `lines`."""
-    chosen = main_rows(rows, studies)
-    if not chosen and not lines:
-        return "No main row belongs to the chosen experiments."
-    return "\n".join([*_tables(chosen), *(_claims(rows) if chosen else ()), *_notes(chosen),
-                      *(f"- {line}" for line in lines)])  # fmt: skip
-
-
-def _claims(rows: Sequence[ClaimRow]) -> Iterator[str]:
-    """Yield the lines of a table of each paper's claims that are counted or derived, and their numbers by outcome."""
-    for paper, block in groupby(counted_claims(rows), key=lambda claim: claim.rows[0].paper):
-        found = map(claim_cells, sorted(block, key=lambda claim: claim.kind.startswith("derived")))
-        yield from (f"### Claims of {paper}, each printed number once", "", *_markdown([CLAIM_HEADS, *found]), "")
-    yield from ("Verdicts on all claims:", *(f"- {_plain(line)}" for line in verdict_counts(rows)))
+def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = ()) -> str:
+    """A row for each judged claim (if none is judged, for each row), the verdicts counted, marks, and `lines`."""
+    claims = [claim for claim in judged_claims(rows) if not claim.kind.startswith("derived")]
+    found = [*map(claim_cells, claims)] or [(_said(row), _published(row), _measured(row), row.verdict) for row in rows]
+    said = " ".join(cell for cells in found for cell in cells)
+    marks = [f"{mark}: {words}" for mark, words in CLAIM_MARKS.items() if mark in said]
+    notes = [f"- {_plain(line)}" for line in (*_counts(rows), *marks, *lines)]
+    return "\n".join([*_markdown([CLAIM_HEADS, *found]), "", *notes])
 
 
 def claim_cells(claim: CountedClaim) -> tuple[str, ...]:
-    """The cells of a claim, by CLAIM_HEADS."""
-    row = claim.rows[0]
-    ratios = "; ".join(ends(one.judgement.low, one.judgement.high).strip() or "-" for one in claim.rows)
-    return row.quantity, row.variant, claim.kind, _number(row.published), ratios, _outcome(claim)
+    """The cells of a claim, by CLAIM_HEADS: of several readings, the least and the largest measured value."""
+    row, values = claim.rows[0], [one.measured for one in claim.rows if math.isfinite(one.measured)]
+    several = len(claim.rows) > 1 and values
+    measured = f"{_number(min(values))} to {_number(max(values))}" if several else _measured(row)
+    return _said(row), _published(row), measured, _outcome(claim)
+
+
+def _said(row: ClaimRow) -> str:
+    """What a row is about in one cell."""
+    other = row.key.partition(LESS_THAN)[2]
+    quantity = row.quantity.replace(f" below that of {other}", "", 1) if other else row.quantity
+    return f"{row.key or row.variant}: {quantity}"
 
 
 def _outcome(claim: CountedClaim) -> str:
-    """The outcome of a claim, under how many readings others hold, and whether it could have reproduced at all."""
+    """The outcome of a claim, under how many readings others hold, whether it is out of reach, and what it rests on."""
     row, found, readings = claim.rows[0], claim.by_reading, len(claim.rows)
     apart = [
         f"{one} under {found[one]} of {readings}" for one in ("reproduced", "contradicted") if 0 < found[one] < readings
     ]
     outcome = claim.outcome + (f" ({', '.join(apart)})" if apart else "")
-    if not claim.undecidable:
-        return outcome
-    assumed = f" ({ASSUMED})" if row.published_runs_assumed else ""
-    return f"{outcome}; cannot be reproduced at {row.published_runs} published runs{assumed}"
-
-
-def _tables(rows: Sequence[ClaimRow]) -> Iterator[str]:
-    """Yield the lines of a heading per experiment, and of a table per quantity with the reasons beneath it."""
-    experiments: dict[tuple[str, str, str], dict[str, list[ClaimRow]]] = {}
-    for row in rows:
-        quantities = experiments.setdefault((row.paper, row.experiment, _titled(row)), {})
-        quantities.setdefault(row.quantity, []).append(row)
-    for (name, experiment, title), quantities in experiments.items():
-        yield from (f"### {_plain(f'{name}, {experiment}')}", "", *([f"{_plain(title)}.", ""] if title else []))
-        for quantity, these in quantities.items():
-            yield from (f"**{_plain(quantity)}**", "", *_table(list(map(cells, these))), "", *_reasons(these), "")
-
-
-def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
-    """Yield the lines of a table in the order of SHOWN; columns without a value in any row are left out."""
-    columns = [HEADS.index(head) for head in SHOWN]
-    used = [column for column in columns if any(row[column] != "-" for row in rows)]
-    yield from _markdown([[row[column] for column in used] for row in (HEADS, *rows)])
+    basis = "" if row.basis == "evidence" else f" ({row.basis})"
+    return outcome + (f", {OUT_OF_REACH}" if claim.undecidable else "") + basis
 
 
 def _markdown(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Yield the lines of a table whose first row is its head."""
     for row in (rows[0], ["---"] * len(rows[0]), *rows[1:]):
         yield "| " + " | ".join(map(_plain, row)) + " |"
-
-
-def _reasons(rows: Sequence[ClaimRow]) -> Iterator[str]:
-    """Yield the reasons of rows: once if all rows share it, otherwise each with the variants that have it."""
-    variants: dict[str, dict[str, None]] = {}
-    for row in rows:
-        if row.reason:
-            variants.setdefault(row.reason, {})[row.variant] = None
-    if len(variants) == 1 and all(row.reason for row in rows):
-        yield f"Why: {_plain(rows[0].reason)}."
-        return
-    for reason, names in variants.items():
-        yield f"- {_plain('; '.join(names))}: {_plain(reason)}."
-
-
-def _notes(chosen: Sequence[ClaimRow]) -> Iterator[str]:
-    """The legend of the rows, and the cautions about their bounds."""
-    if chosen:
-        yield from ("", "Verdicts and bounds:")
-        yield from (f"- {_plain(line.strip())}" for line in legend(chosen))
-        cautions: dict[str, dict[str, None]] = {}
-        for row in chosen:
-            for caution in filter(None, row.caution.split("; ")):
-                cautions.setdefault(caution, {})[f"{row.paper}, {row.experiment}"] = None
-        yield from (f"- of the bound ({_plain('; '.join(where))}): {caution}" for caution, where in cautions.items())
 
 
 def _plain(cell: str) -> str:

@@ -1,4 +1,4 @@
-"""The hypotheses that docs/duty_cycles.md registered, and their answers, which follow from the rows of the runs.
+"""The hypotheses of docs/registered/duty_cycles.txt, and their answers, which follow from the rows of the runs.
 
     OF_EXPERIMENT[name](data) -> [Answer, ...]        of the experiment with this name
     lines(data) -> [line, ...]                        the same in words

@@ -1,4 +1,4 @@
-"""The answers to what docs/reality.md registered, and what the rows say beside them.
+"""The answers to docs/registered/reality.txt, and what the rows say beside them.
 
     answers(data) -> [Answer, ...]      gaps(data) -> [Gap, ...]      conclusions(data) -> [line, ...]
 

@@ -1,0 +1,69 @@
+"""What stands beside the pages of studies: CSV files with all rows, and what was registered before the runs.
+
+as_csv(rows) -> str                                  registered(study) -> str, docs/registered/STUDY.txt word for word
+hypotheses(study) -> {number: its words}             answer_table(study, heads, answers) -> Markdown
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+DOCS = Path(__file__).parents[2] / "docs"
+ANSWERS = ("yes", "no", "undecided")
+
+
+def as_csv(rows: Iterable[Mapping[str, Any]]) -> str:
+    """Rows as CSV: [value, low, high] takes three columns, and a mapping those of its keys."""
+    table = pd.DataFrame([dict(_cells(row)) for row in rows])
+    return table.to_csv(index=False, float_format="%.5g", lineterminator="\n")
+
+
+def _cells(row: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in row.items():
+        if isinstance(value, Mapping):
+            yield from _cells(value, f"{before}{name}: ")
+        elif isinstance(value, list | tuple):
+            yield from ((f"{before}{name}{ending}", each) for ending, each in zip(("", " low", " high"), value))  # noqa: B905 (a share has its count as well)
+        else:
+            yield before + name, value
+
+
+def write_files(files: Mapping[str, str]) -> None:
+    """Write files of docs."""
+    for name, content in files.items():
+        (DOCS / name).write_text(content, encoding="utf-8")
+
+
+def registered(study: str) -> str:
+    """What was registered before the runs of a study."""
+    return (DOCS / f"registered/{study}.txt").read_text(encoding="utf-8")
+
+
+def hypotheses(study: str) -> dict[int, str]:
+    """{number: words} of the registered hypotheses of a study."""
+    found = re.findall(r"^(\d+)\. (.*?)(?=\n\d+\. |\n\n|\Z)", registered(study), re.MULTILINE | re.DOTALL)
+    return {int(number): " ".join(words.split()) for number, words in found}
+
+
+def answer_table(heads: Sequence[str], words: Mapping[int, str], answers: Sequence[Mapping[int, Sequence[str]]]) -> str:
+    """A row for each hypothesis: its words, and in each study how many of its tests have each answer."""
+    rows = [[str(number), said, *(_counted(these.get(number, ())) for these in answers)]
+            for number, said in words.items()]  # fmt: skip
+    return "\n".join(
+        f"| {' | '.join(row)} |" for row in (["", "hypothesis", *heads], ["---"] * (2 + len(heads)), *rows)
+    )
+
+
+def _counted(answers: Sequence[str]) -> str:
+    """'yes' where all answers are, else how many have each."""
+    found = Counter(answers)
+    return (
+        ", ".join(f"**{word}**" if len(found) == 1 else f"{found[word]} {word}" for word in ANSWERS if found[word])
+        or "-"
+    )
