@@ -1,6 +1,6 @@
 """The tables of docs/headless.md, from the full campaign of the study `headless`; ratios and tests as in few_bits.
 
-wsnsim reproduce scenarios/studies/headless --full; python -m tests.papers.headless_page --new FOLDER
+wsnsim reproduce scenarios/studies/headless --full; python -m tests.papers.headless_page --new FOLDER OF_WIDER
 python -m tests.papers.headless_page                                                 write from docs/headless.json
 """
 
@@ -24,10 +24,11 @@ STUDY = HOME / "scenarios/studies/headless"
 PAGE, ROWS = HOME / "docs/headless.md", HOME / "docs/headless.json"
 
 
-def content(data: Data) -> dict[str, Any]:
-    """Everything that the page shows, as plain values."""
+def content(data: Data, wider: Data) -> dict[str, Any]:
+    """Everything that the page shows, as plain values. `wider`: the experiment that was not registered."""
     tests = [row | {"words": few_bits.words(row)} for row in few_bits.tested(data)]
-    return {"tests": tests, "rows": {name: _row(data, name) for name in data.variants}}
+    rows = {name: _row(data, name) for name in data.variants}
+    return {"tests": tests, "rows": rows | {name: _row(wider, name) for name in wider.variants if "75 m" in name}}
 
 
 def _row(data: Data, variant: str) -> dict[str, Any]:
@@ -44,18 +45,18 @@ def _row(data: Data, variant: str) -> dict[str, Any]:
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
     cells = [
-        [name, f"{row['levels']['error']:.3g}", interval(row["ratios"]["error"]), f"{row['levels']['traffic']:.3g}",
-         interval(row["ratios"]["traffic"]), str(row["lost"])]
+        [name, f"{row['levels']['error']:.3g}", *(interval(row["ratios"][measure]) for measure in ("error", "traffic")),
+         str(row["lost"])]
         for name, row in found["rows"].items()
     ]  # fmt: skip
-    head = ["radio: tracker", "error, m", "over ekf", "traffic, J", "over ekf", "lost"]
+    head = ["radio: tracker", "error, median, m", "error over ekf", "traffic over ekf", "runs lost"]
     return {"answers": answers(found["tests"]), "counts": counts(found["tests"]), "rows": table(head, cells)}
 
 
 def main() -> None:
     """Write docs/headless.json if asked to, then the blocks of docs/headless.md."""
     if "--new" in sys.argv[1:]:
-        new = content(Data(Folder(Path(sys.argv[-1])), study(str(STUDY))))
+        new = content(*(Data(Folder(Path(folder)), study(str(STUDY))) for folder in sys.argv[-2:]))
         ROWS.write_text(json.dumps(new, indent=1) + "\n", encoding="utf-8")
     write_blocks(PAGE, blocks(json.loads(ROWS.read_text(encoding="utf-8"))))
 

@@ -311,8 +311,8 @@ class HeadlessPolicy(ClusterPolicy, Protocol):
     """A policy without heads.
 
     A node is a participant while it senses the target, or while its own prediction, known to within `radius` m, is no
-    farther from it; None: the sensing range. `gateway`: the participant nearest to the 'sink' reports its estimate, or
-    the one nearest to its own estimate of the 'target'.
+    farther from it; None: the communication range. `gateway`: the participant nearest to the 'sink' reports its
+    estimate, or the one nearest to its own estimate of the 'target'.
     """
 
     radius: float | None

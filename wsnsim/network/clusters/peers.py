@@ -66,7 +66,7 @@ class PeerProtocol:
         self._setup, self._clock, self._log = services.network.setup, services.network.clock, services.network.log
         self._tracker = cast(HeadlessTracker, self._setup.tracker)
         self._policy = cast(HeadlessPolicy, self._setup.clusters)
-        self._radius = self._setup.sensor.reach if self._policy.radius is None else self._policy.radius
+        self._radius = self._setup.link.reach if self._policy.radius is None else self._policy.radius
         points = self._setup.sink_points if self._policy.gateway == "sink" else ()
         self._sink = np.array(points[0]) if points else None
         self._begun: set[int] = set()
