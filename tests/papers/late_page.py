@@ -59,7 +59,7 @@ def _row(data: Data, variant: str) -> dict[str, Any]:
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
     return {"answers": _answers(found["tests"]), "counts": _counts(found["tests"]), "points": _points(found),
-            "rows": _rows(found["rows"])}  # fmt: skip
+            "conclusions": _conclusions(found["rows"])}  # fmt: skip
 
 
 def _answers(tests: Sequence[Mapping[str, Any]]) -> str:
@@ -89,12 +89,18 @@ def _points(found: Mapping[str, Any]) -> str:
     return _table(["radio, ms", *heads], rows)
 
 
-def _rows(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    cells = [
-        [name, f"{row['error']:.3g}", f"{row['energy']:.3g}", f"{row['late']:.3g}", f"{row['estimates']:.3g}",
-         str(row["lost"])] for name, row in rows.items()
+def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """Errors and late readings at 500 ms, and how far the radios that always listen are from them."""
+    said = [
+        f"{radio} {rows[f'{radio} 500, ignore']['error']:.1f} m, by refilter"
+        f" {rows[f'{radio} 500, refilter']['error']:.1f} m with {rows[f'{radio} 500, refilter']['late']:.1f} late"
+        " readings a run" for radio in ("xmac", "contikimac", "tsch")
     ]  # fmt: skip
-    return _table(["variant", "error, m", "energy, J", "late readings used", "estimates", "lost"], cells)
+    timely = rows["csma, flood"]
+    return (
+        f"Median errors at 500 ms, ignoring: {'; '.join(said)}. Radios that always listen have {timely['error']:.1f} m"
+        f" for {timely['energy']:.0f} J."
+    )
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

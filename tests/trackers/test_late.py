@@ -14,6 +14,7 @@ from tests.helpers.range_cluster import Chase, straight
 from wsnsim.base.arrays import Floats
 from wsnsim.base.requests import Compute, GatheredReadings, GatherLate, GatherReadings, Send, all_arrived
 from wsnsim.models.ranging import Range
+from wsnsim.testing import check_tracker
 from wsnsim.trackers.bootstrap_pf import CentralPf
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.gaussian_pf import GaussianPf
@@ -188,3 +189,9 @@ def test_operations_are_those_of_the_steps_that_are_made_again() -> None:
     a_step = ignored.cycles / 8
     assert 2.9 * a_step < again.cycles - ignored.cycles < 3.1 * a_step, "steps 4, 5 and 6, with one reading more"
     assert at_once.cycles - ignored.cycles > 0.0
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("tracker", [ExtendedKalman(late="retrodict"), CentralPf(particles=50, late="refilter")])
+def test_filters_that_use_late_readings_keep_the_contract_of_trackers(tracker) -> None:
+    check_tracker(tracker)

@@ -15,7 +15,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy import stats
 
-from wsnsim.papers.toolkit import COLOURS, Data, Floats, plotting, statistics
+from wsnsim.papers.toolkit import COLOURS, Data, Floats, statistics
 
 WAYS: Final = ("refilter", "retrodict", "wait")
 LABELS: Final = {"refilter": "filtered again", "retrodict": "retrodicted", "wait": "waited for"}
@@ -126,9 +126,8 @@ def figure(figure: Figure, data: Data) -> None:
         at = np.arange(len(points)) + 0.2 * (shift - 1)
         axes.errorbar(at, found[:, 0], yerr=bars, color=colour, fmt="o", label=LABELS[way])
     axes.axhline(1.0, color="k", linewidth=0.8)
-    axes.set(yscale="log", ylabel="RMSE / that of ignoring")
+    axes.set(ylabel="RMSE / that of ignoring")
     axes.set_xticks(range(len(points)), [f"{radio}\n{interval} ms" for radio, interval in points])
-    plotting.plain_numbers(axes)
     axes.legend(frameon=False)
 
 
