@@ -34,8 +34,9 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.requests import (
         Broadcast as Broadcast, Compute as Compute, Delivery as Delivery, Flow as Flow, Gather as Gather,
-        Gathered as Gathered, GatheredReadings as GatheredReadings, GatherReadings as GatherReadings, Local as Local,
-        Member as Member, Parcel as Parcel, Scatter as Scatter, Send as Send,
+        Gathered as Gathered, GatheredReadings as GatheredReadings, GatherLate as GatherLate,
+        GatherReadings as GatherReadings, Local as Local, Member as Member, Parcel as Parcel,
+        Scatter as Scatter, Send as Send,
     )
     from wsnsim.base.tables import Memory as Memory
     from wsnsim.bounds import bound as bound

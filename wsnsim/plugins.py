@@ -62,8 +62,9 @@ if TYPE_CHECKING:
     )
     from wsnsim.base.part import OfRole as OfRole, part as part, Quantity as Quantity
     from wsnsim.base.ports import (
-        Acquire as Acquire, Detection as Detection, KnownNodes as KnownNodes, MotionModel as MotionModel,
-        PriorModel as PriorModel, Scene as Scene, SensorModel as SensorModel, Tracker as Tracker,
+        Acquire as Acquire, Detection as Detection, HeadlessTracker as HeadlessTracker, KnownNodes as KnownNodes,
+        MotionModel as MotionModel, PriorModel as PriorModel, Scene as Scene, SensorModel as SensorModel,
+        Tracker as Tracker,
     )
     from wsnsim.base.quiet import (
         Hearing as Hearing, KnowsLongRun as KnowsLongRun, RadioUse as RadioUse, SendsUpkeep as SendsUpkeep,
@@ -75,9 +76,11 @@ if TYPE_CHECKING:
         ModePower as ModePower, RecordsLinks as RecordsLinks, StartsWithOffsets as StartsWithOffsets,
     )
     from wsnsim.base.requests import (
-        Broadcast as Broadcast, Compute as Compute, Delivery as Delivery, Flow as Flow, Gather as Gather,
-        Gathered as Gathered, GatheredReadings as GatheredReadings, GatherReadings as GatherReadings, Local as Local,
-        Member as Member, PACKET_BITS as PACKET_BITS, Parcel as Parcel, Scatter as Scatter, Send as Send,
+        Broadcast as Broadcast, Compute as Compute, Delivery as Delivery, Exchange as Exchange, Flow as Flow,
+        Gather as Gather, Gathered as Gathered, GatheredReadings as GatheredReadings, GatherLate as GatherLate,
+        GatherReadings as GatherReadings,
+        Local as Local, Member as Member, PACKET_BITS as PACKET_BITS, Parcel as Parcel, Scatter as Scatter,
+        Send as Send,
     )
     from wsnsim.base.rng import (
         derive as derive, derive_all as derive_all, normals as normals, Streams as Streams, uniforms as uniforms,
@@ -110,6 +113,7 @@ if TYPE_CHECKING:
     from wsnsim.trackers.shared.moments import (
         forecast as forecast, fused_by_variance as fused_by_variance, predicted as predicted, symmetric as symmetric,
     )
+    from wsnsim.trackers.shared.peers import PeerFilter as PeerFilter
     from wsnsim.trackers.shared.readings import (
         Evidence as Evidence, gather_readings as gather_readings, moment_packets as moment_packets, parcel as parcel,
         reading_parcel as reading_parcel, state_packets as state_packets,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wsnsim.base.results import TrackRule, absence_columns, track_row
+from wsnsim.base.results import TrackRule, absence_columns, overtaken, track_row
 
 STEPS, DT = 700, 0.02
 RULE = TrackRule(50, 20.0, DT, 0, np.ones(STEPS, dtype=bool))
@@ -49,3 +49,18 @@ def test_nothing_but_its_cost_is_asked_of_a_track_while_its_target_is_absent():
     assert row["lost_at"] == pytest.approx(450 * DT)
     kept = absence_columns(found, rule)
     assert kept["time_present"] == pytest.approx(600 * DT) and kept["false_time"] == pytest.approx(100 * DT)
+
+
+@pytest.mark.parametrize(
+    ("received", "count"),
+    [
+        ([1.0, 2.0, 3.0], 0),
+        ([3.0, 2.0, 4.0], 1),
+        ([5.0, 4.0, 3.0], 2),
+        ([np.nan, 4.0, 3.0, np.nan], 1),
+        ([], 0),
+        ([1.0], 0),
+    ],
+)
+def test_a_report_is_overtaken_if_one_of_a_later_step_arrives_before_it(received, count):
+    assert overtaken(np.array(received)) == count

@@ -11,7 +11,8 @@ import random
 from typing import Any, Final
 
 from tests.fuzz.random_values import of_fields
-from tests.helpers.tracker_kinds import trackers_of_one_target
+from tests.helpers.tracker_kinds import trackers_of_one_target, trackers_without_a_head
+from wsnsim.base.ports import port_of
 from wsnsim.scenario.registry import ROLES, load_class
 
 STARTS: Final = {
@@ -25,6 +26,8 @@ PARTNERS: Final = {
     "gmtt": ("directed_flood", "prediction"), "ris": ("none", "detection"),
 }  # fmt: skip
 """Trackers that go with a wake-up protocol, and with what decides who leads."""
+DECIDE: Final = ("acoustic_energy", "range", "rssi", "bearing")
+"""Sensors of one number, which a member can compare with what is expected."""
 OF_LINES: Final = ("squared", "coordinate", "range", "range_from_origin")
 """Sensors of a position of one column."""
 ONLINE: Final = ("acoustic_energy", "range", "rssi", "bearing", "range_bearing")
@@ -48,8 +51,9 @@ MAKE_SCANS: Final = ("range", "bearing", "range_bearing")
 OF_ONE_TARGET: Final = {
     "tracker": [kind.kind for kind in trackers_of_one_target()],
     "detection": [kind.kind for kind in ROLES["detection"].kinds if kind.kind != "unlabelled"],
+    "clusters": [kind.kind for kind in ROLES["clusters"].kinds if kind.kind != "none"],
 }
-"""Kinds of these roles where readings name their target."""
+"""Kinds of these roles where readings name their target, and there is a head."""
 GUIDED: Final = 0.9
 """Probability that a choice avoids what `build` is known to refuse."""
 
@@ -100,14 +104,37 @@ class Sampler:
         radio = self.of_network(tracker["kind"])
         if common["sensor"]["kind"] == "recorded" and self.rng.random() < GUIDED:
             radio["detection"] = {"kind": "perfect"}
-        return self.scans({**common, **radio}, motion in LINE)
+        return self.headless(self.triggers(self.scans(self.late({**common, **radio}), motion in LINE)))
+
+    def headless(self, values: Values) -> Values:
+        """The scenario, in some cases without a head; the choice changes no other value."""
+        rng = random.Random(f"headless {self.turn}")
+        if values["detection"]["kind"] == "unlabelled" or rng.random() < 0.7:
+            return values
+        tracker = {"kind": rng.choice([kind.kind for kind in trackers_without_a_head()])}
+        if tracker["kind"].endswith("_consensus") and tracker["kind"] != "kalman_consensus":
+            tracker |= {"rounds": rng.randint(1, 4), "weights": rng.choice(["metropolis", "ratio"])}
+        clusters = {"kind": "none", "radius": rng.choice([None, 0.0, 50.0]), "gateway": rng.choice(["sink", "target"])}
+        assumes = {name: value for name, value in values["tracker"].items() if name == "assumes"}
+        values = {role: value for role, value in values.items() if role != "until"}
+        return {**values, "tracker": tracker | assumes, "clusters": clusters, "wakeup": {"kind": "none"}}
+
+    def late(self, values: Values) -> Values:
+        """The scenario, in some cases with a tracker that uses late readings; the choice changes no other value."""
+        rng, tracker = random.Random(f"late {self.turn}"), values["tracker"]
+        kind = load_class(next(info for info in ROLES["tracker"].kinds if info.kind == tracker["kind"]))
+        if not hasattr(kind, "late_window") or tracker.get("readings") == "nearest" or rng.random() < 0.5:
+            return values
+        ways = ["refilter", "retrodict"] if getattr(kind, "retrodicts", False) else ["refilter"]
+        late = {"late": rng.choice(ways), "late_window": self.step * rng.choice([1.5, 5.0])}
+        return {**values, "tracker": tracker | late}
 
     def scans(self, values: Values, line: bool) -> Values:
         """The scenario, in some cases with readings that name no target; the choice changes no other value."""
         rng = random.Random(f"scans {self.turn}")
         if line or values["sensor"]["kind"] not in MAKE_SCANS or rng.random() < 0.6:
             return values
-        several = [kind.kind for kind in ROLES["tracker"].kinds if kind.kind not in OF_ONE_TARGET["tracker"]]
+        several = [kind.kind for kind in ROLES["tracker"].kinds if port_of(load_class(kind)) == "MultiTracker"]
         management = {"kind": rng.choice([kind.kind for kind in ROLES["management"].kinds])}
         tracker = {"kind": rng.choice(several), "filter": {"kind": rng.choice(["ekf", "ukf", "ckf"])}}
         detection = {"kind": "unlabelled", "probability": rng.choice([1.0, 0.8]), "clutter": rng.choice([0.0, 0.5, 2])}
@@ -119,6 +146,20 @@ class Sampler:
             "record": values["record"] | {"detections": True},
             "wakeup": {"kind": "none"}, "clusters": {"kind": rng.choice(["central", "strongest_signal"])},
         }  # fmt: skip
+
+    def triggers(self, values: Values) -> Values:
+        """The scenario, in some cases with members that decide whether to send; the choice changes no other value."""
+        rng, tracker = random.Random(f"triggers {self.turn}"), values["tracker"]
+        decides = values["sensor"]["kind"] in DECIDE and "emission" not in values["sensor"] and "assumes" not in tracker
+        if tracker["kind"] not in ("ekf", "ukf", "ckf") or tracker.get("readings") == "nearest" or rng.random() < 0.5:
+            return values
+        tracker = {name: value for name, value in tracker.items() if not name.startswith("late")}
+        trigger = {
+            "kind": rng.choice(["event", "stochastic", "periodic", "random"] if decides else ["periodic", "random"])
+        }
+        if trigger["kind"] in ("event", "stochastic"):
+            trigger |= {"loss": rng.choice([0.0, 0.2]), "shared_every": rng.choice([1, 5])}
+        return {**values, "tracker": tracker | {"trigger": trigger}}
 
     def recording(self) -> Values:
         """Readings of a recorded track, and the nodes that took them."""

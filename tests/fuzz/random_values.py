@@ -21,6 +21,8 @@ TYPICAL: Final = {
 """A value of each unit for fields without a default; 1 for other units."""
 MOST_COUNT: Final = 40
 """The largest whole number that is sampled: particles, cells and iterations cost time."""
+OWN_TURN: Final = ("late", "late_window")
+"""Fields whose choice changes no other value: random_scenarios gives them."""
 GIVEN: Final = 0.5
 """Probability that a field with a default is given a value."""
 
@@ -31,7 +33,7 @@ def of_fields(part: type[Any], rng: random.Random) -> dict[str, Any]:
     values = {}
     for field in dataclasses.fields(part):
         default = None if field.default is dataclasses.MISSING else field.default
-        if field.init and (default is None or rng.random() < GIVEN):
+        if field.init and field.name not in OWN_TURN and (default is None or rng.random() < GIVEN):
             values[field.name] = _of_hint(hints[field.name], default, rng)
     return {name: value for name, value in values.items() if value is not None}
 

@@ -190,7 +190,7 @@ def test_every_kind_of_every_role_occurs_in_the_random_scenarios() -> None:
     for number in range(400):
         values = sampled(number)
         found = {name: values.get(LISTS.get(name, name), []) for name in ROLES}
-        found["management"] = values.get("tracker", {}).get("management", [])
+        found |= {inner: values.get("tracker", {}).get(inner, []) for inner in ("management", "trigger")}
         parts = ((name, part) for name, held in found.items() for part in (held if isinstance(held, list) else [held]))
         missing -= {(name, part.get("kind")) for name, part in parts}
         if not missing:

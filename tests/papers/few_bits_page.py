@@ -53,7 +53,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
     rows = found["rows"]
     return {
-        "answers": _answers(found["tests"]), "counts": _counts(found["tests"]), "conclusions": _conclusions(rows),
+        "answers": answers(found["tests"]), "counts": counts(found["tests"]), "conclusions": _conclusions(rows),
         "ratios": _ratios(rows),
     }  # fmt: skip
 
@@ -82,17 +82,17 @@ def by_number(tests: Iterable[Mapping[str, Any]]) -> dict[int, list[Mapping[str,
     return found
 
 
-def _answers(tests: Sequence[Mapping[str, Any]]) -> str:
+def answers(tests: Sequence[Mapping[str, Any]]) -> str:
     rows = []
     for number, these in by_number(tests).items():
         words = " and ".join([these[0]["words"].partition(": ")[2], *(f"< {each['below']:g}" for each in these[1:])])
         p = max(each["p_holm"] for each in these)
-        rows.append([str(number), words, _interval(these[0]["found"]), f"{p:.2g}",
+        rows.append([str(number), words, interval(these[0]["found"]), f"{p:.2g}",
                      f"**{answer(each['answer'] for each in these)}**"])  # fmt: skip
-    return _table(["", "hypothesis", "found [95 %]", "p (Holm)", "answer"], rows)
+    return table(["", "hypothesis", "found [95 %]", "p (Holm)", "answer"], rows)
 
 
-def _counts(tests: Sequence[Mapping[str, Any]]) -> str:
+def counts(tests: Sequence[Mapping[str, Any]]) -> str:
     """How many hypotheses have each answer, and which."""
     found = {number: answer(each["answer"] for each in these) for number, these in by_number(tests).items()}
     said = []
@@ -106,7 +106,7 @@ def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:
     """What bits, their loss and thresholds that adapt change, in figures."""
 
     def over(variant: str, measure: str) -> str:
-        return _interval(rows[variant]["ratios"][measure])
+        return interval(rows[variant]["ratios"][measure])
 
     eight, one, adaptive = "pf, fixed 8", "pf, fixed 1", "pf, adaptive 2"
     radios = ("ideal", "xmac 125")
@@ -148,12 +148,12 @@ def _said(measure: str, values: Iterable[float]) -> str:
     return f"{measure} {', '.join(f'{value:.2f}' for value in values)}"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _interval(found: Sequence[float]) -> str:
+def interval(found: Sequence[float]) -> str:
     return "{:.3f} [{:.3f}, {:.3f}]".format(*found[:3])
 
 

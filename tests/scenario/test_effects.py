@@ -175,6 +175,7 @@ REASONS: Final[dict[str, dict[str, str]]] = {
         "* central [xy]": "the node nearest to the point is the same",
         "* patience": "no head loses its target in a few steps",
         "* share": "enough members are active",
+        "* none gateway": "there is no sink",
     },
     "acquire": {"*": "no track is lost in a few steps"},
     "management": {
@@ -185,6 +186,8 @@ REASONS: Final[dict[str, dict[str, str]]] = {
         "* ipf threshold": "the cloud stays good",
         "* handover": "no handover in a few steps, and none without a network",
         "* deadline": "every answer is in time",
+        "* late": "every reading is in time",
+        "* late_window": "every reading is in time",
         "* imm added_sd": "the models have the same columns",
         "standalone * reading_bits": "readings take one packet in any case",
     },

@@ -20,7 +20,9 @@ from wsnsim.base.errors import shown_value
 from wsnsim.base.requests import (
     Broadcast,
     Compute,
+    Exchange,
     Gather,
+    GatherLate,
     GatherReadings,
     Local,
     Parcel,
@@ -290,7 +292,7 @@ def ids_fault(ids: Iterable[Any] | None, size: float = np.inf) -> str:
     return told(f"ids of nodes{most}", found[0]) if found else ""
 
 
-REQUESTS: Final = (Local, Compute, Gather, GatherReadings, Scatter, Broadcast, Send)
+REQUESTS: Final = (Local, Compute, Gather, GatherReadings, GatherLate, Scatter, Broadcast, Send, Exchange)
 
 
 def request_fault(request: Any) -> str:
@@ -309,8 +311,8 @@ def _local_fault(request: Local) -> str:
     return ids_fault(request.who) or ("" if callable(request.cycles) else cycles_fault(request.cycles))
 
 
-def _gather_fault(request: Gather | GatherReadings) -> str:
-    if isinstance(request, Gather) and not callable(request.parcel_of):
+def _gather_fault(request: Gather | GatherReadings | Exchange) -> str:
+    if isinstance(request, Gather | Exchange) and not callable(request.parcel_of):
         return told("a function as parcel_of", request.parcel_of)
     if isinstance(request, GatherReadings) and (fault := number_fault(request.packet_bits, least=1)):
         return f"packet_bits: {fault}"
@@ -328,7 +330,9 @@ _FAULTS: Final[Mapping[type, Callable[[Any], str]]] = {
     Compute: lambda request: cycles_fault(request.cycles),
     Gather: _gather_fault,
     GatherReadings: _gather_fault,
+    GatherLate: lambda request: number_fault(request.since) or number_fault(request.until),
     Scatter: _scatter_fault,
     Broadcast: lambda request: parcel_fault(request.parcel),
     Send: lambda request: ids_fault([request.to]) or parcel_fault(request.parcel),
+    Exchange: _gather_fault,
 }

@@ -39,7 +39,7 @@ from wsnsim.base import (
 from wsnsim.base.answers import is_protocol
 from wsnsim.base.errors import PluginAnswerError, WsnsimError
 from wsnsim.base.plugin_code import code_place, line_place, plugin_fault
-from wsnsim.base.requests import Flow, Gather, Local, Member, Parcel, Request
+from wsnsim.base.requests import Exchange, Flow, Gather, Local, Member, Parcel, Request
 from wsnsim.base.setups import Setup, TrackingSetup
 
 _SIZES: Final = ("positions.__len__", "size.__int__", "radio.nodes.size.__int__", "_nodes.size.__int__")
@@ -176,7 +176,7 @@ def checked(component: Component, port: type, columns: int | None = None) -> Com
     """
     if "_border" in getattr(component, "__dict__", ()):
         return component
-    port = detections.MultiTracker if getattr(component, "multi_target", False) else port
+    port = NAMES.get(ports.port_of(component), port)
     if port.__name__.endswith("Mechanism"):  # others hold it
         result = component if hasattr(component, "__dict__") else None
     else:
@@ -188,7 +188,7 @@ def checked(component: Component, port: type, columns: int | None = None) -> Com
         if parameters is None:
             _demand(result, name, returns, getattr(result, name), {})
         elif returns.startswith("Flow"):
-            object.__setattr__(result, name, checked_flow(result, name))
+            object.__setattr__(result, name, checked_flow(result, name, "None" not in returns))
         elif returns != "None":
             object.__setattr__(result, name, _checked_method(result, name, returns, parameters))
     return result
@@ -280,8 +280,14 @@ MOST_REQUESTS: Final = 10_000
 """Of one flow: shipped trackers make at most a few dozen. A flow with more would hardly ever end."""
 
 
-def checked_flow(tracker: Any, name: str) -> Callable[..., Flow[Any]]:
-    """Return a method of a tracker whose requests are checked before they are performed, and whose belief is."""
+def checked_flow(tracker: Any, name: str, gives_belief: bool = True) -> Callable[..., Flow[Any]]:
+    """Return a method of a tracker whose requests are checked before they are performed.
+
+    Args:
+        tracker: The tracker.
+        name: The name of the method.
+        gives_belief: Whether the flow must return a belief.
+    """
     method, who = getattr(tracker, name), f"{type(tracker).__name__}.{name}"
 
     def flow(*arguments: Any, **options: Any) -> Flow[Any]:
@@ -290,7 +296,7 @@ def checked_flow(tracker: Any, name: str) -> Callable[..., Flow[Any]]:
             fault = answers.told("a generator, a function with yield", made)
             raise PluginAnswerError(f"{who}: {fault}", code_place(type(tracker), name))
         belief = yield from _performed(made, who)
-        if belief is None and name != "hand_over":
+        if belief is None and gives_belief:
             raise PluginAnswerError(f"{who}: {answers.told('a belief', None)}", code_place(type(tracker), name))
         return belief
 
@@ -323,15 +329,16 @@ def _performed(made: Flow[Any], who: str) -> Flow[Any]:
 
 
 def _with_checked_functions(request: Request, who: str, place: str) -> Request:
-    """The request; what the functions of a Local or a Gather return is checked for each member."""
+    """The request; what the functions of a Local, a Gather or an Exchange return is checked for each member."""
     if isinstance(request, Local) and callable(request.cycles):
         return replace(request, cycles=_checked(request.cycles, answers.cycles_fault, f"{who}: Local", place))
-    if isinstance(request, Gather):
+    if isinstance(request, Gather | Exchange):
 
         def fault(parcel: Parcel | None) -> str:
             return "" if parcel is None else answers.parcel_fault(parcel)
 
-        return replace(request, parcel_of=_checked(request.parcel_of, fault, f"{who}: Gather", place))
+        name = f"{who}: {type(request).__name__}"
+        return replace(request, parcel_of=_checked(request.parcel_of, fault, name, place))
     return request
 
 

@@ -36,6 +36,7 @@ NOUNS: Final = {
     "link": "Link", "mac": "Mac", "packing": "Packing", "routing": "Routing", "sleep": "Sleep", "cpu": "Cpu",
     "clock": "Clock", "sync": "Sync", "detection": "Detection", "sink": "Sink", "workload": "Workload",
     "fault": "Fault", "wakeup": "WakeUp", "clusters": "Clusters", "acquire": "Acquire", "management": "Management",
+    "trigger": "Trigger",
 }  # fmt: skip
 """What follows the kind, by role."""
 TRACKERS: Final = "wsnsim.trackers"
@@ -96,7 +97,7 @@ def _kind_homes(package: str) -> dict[str, tuple[str, str]]:
 
 def package_of(role: str) -> str:
     """Return the package whose names the kinds of a role are."""
-    return TRACKERS if role in ("tracker", "management") else MODELS
+    return TRACKERS if role in ("tracker", "management", "trigger") else MODELS
 
 
 def import_name(role: str, kind: str, class_name: str) -> str:

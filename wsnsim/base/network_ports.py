@@ -106,8 +106,9 @@ class FaultEvent(Protocol):
     """An injected fault: its `mechanism`, its beginning (`at`, s), its `duration` (s; None: until the end of the run).
 
     The nodes it hits are given by exactly one of `nodes` (ids), `fraction` (of all, sampled), `region` (x, y, radius in
-    m) and `head` (the cluster head of that target when the fault begins). A plug-in also offers `start`: see
-    `StartsFault`; with a class attribute `standalone = True` it acts without a network, too, on readings alone.
+    m) and `head` (the cluster head of that target when the fault begins; without heads, the node that reports). A
+    plug-in also offers `start`: see `StartsFault`; with a class attribute `standalone = True` it acts without a
+    network, too, on readings alone.
     """
 
     @property
@@ -253,6 +254,7 @@ class ClusterPolicy(Protocol):
     - 'open': the head that `successor` names leads; every node that senses belongs to the cluster, without a frame.
     - 'moving': the head is chosen again at each step; see `MovingPolicy`.
     - 'appointing': the head appoints members from its prediction; see `AppointingPolicy`.
+    - 'none': there is no head; see `HeadlessPolicy`.
     """
 
     @property
@@ -303,6 +305,18 @@ class MovingPolicy(ClusterPolicy, Protocol):
     quiet: float | None
     cap: float | None
     patience: float
+
+
+class HeadlessPolicy(ClusterPolicy, Protocol):
+    """A policy without heads.
+
+    A node is a participant while it senses the target, or while its own prediction, known to within `radius` m, is no
+    farther from it; None: the communication range. `gateway`: the participant nearest to the 'sink' reports its
+    estimate, or the one nearest to its own estimate of the 'target'.
+    """
+
+    radius: float | None
+    gateway: str
 
 
 @runtime_checkable

@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field as field_of
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from wsnsim.base.arrays import Estimate, Floats, Ints, Keys
 from wsnsim.base.network_ports import Field
 from wsnsim.base.radio import free_packets
-from wsnsim.base.requests import Flow
+from wsnsim.base.requests import Flow, Member, Parcel
 
 B = TypeVar("B")
 
@@ -335,3 +335,57 @@ class Tracker(Protocol[B]):
             scene: What the head knows at this step.
             ahead: The number of model steps, 1 or more.
         """
+
+
+class Trigger(Protocol):
+    """Decides which members send their readings to a head, and what the head learns from the others."""
+
+    def gather(self, belief: Any, scene: Scene) -> Flow[Any]:
+        """Ask the members for readings; return a `wsnsim.trackers.shared.silence.Heard`.
+
+        Args:
+            belief: That of the last step, with `mean` and `cov`, and with `shared` if a trigger left it there.
+            scene: What the head knows.
+        """
+
+
+class HeadlessTracker(Protocol):
+    """A tracking strategy of a network without a head: every participant runs it on what it holds and receives.
+
+    Its belief is in its memory. `step` requests `Local` and `Exchange` alone; in both, `who=None` means all of them.
+
+    A class of this port says `headless: ClassVar[bool] = True`. It says `has_covariance: ClassVar[bool] = False` if the
+    covariance of its estimates is none: then no standard deviation and no NEES are recorded.
+    """
+
+    def begin(self, member: Member, prior: Estimate) -> None:
+        """Begin at a participant, from what it knows of the target: the prior, or a first estimate from readings."""
+
+    def step(self, scene: Scene) -> Flow[None]:
+        """One step of all participants.
+
+        Args:
+            scene: What every node knows, such as the time and the models; it names no node.
+        """
+
+    def belief_of(self, member: Member) -> Any:
+        """What a participant believes; None if it has not begun."""
+
+    def announcement(self, member: Member) -> Parcel:
+        """What a participant broadcasts to nodes that are to join: its belief."""
+
+    def join(self, member: Member, payload: Any) -> None:
+        """Begin at a node from an announcement that arrived whole."""
+
+    def estimate(self, belief: Any) -> Estimate:
+        """The estimate of one participant's belief."""
+
+    def forecast(self, belief: Any, scene: Scene, ahead: int) -> Estimate:
+        """The estimate predicted for `ahead` steps later, by one participant."""
+
+
+def port_of(tracker: Any) -> str:
+    """The name of the port of a component or a class, if it is a tracker of another port than `Tracker`; else ''."""
+    if getattr(tracker, "multi_target", False):
+        return "MultiTracker"
+    return "HeadlessTracker" if getattr(tracker, "headless", False) else ""

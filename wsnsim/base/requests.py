@@ -10,15 +10,17 @@ engine; energy, airtime and loss belong to the driver.
 | Local | each addressed member computes on what it holds | tuple of ids that computed |
 | Gather | members send to the head (the head's own parcel costs nothing) | {id: (payload, mask)} of what arrived |
 | GatherReadings | members send their own measurements to the head, each in one packet | GatheredReadings: arrays |
+| GatherLate | nothing is sent | {step: GatheredReadings} of readings that arrived after their step |
 | Scatter | the head sends to single members (to itself: at no cost) | {id: mask}; a silent network replies {} |
 | Broadcast | the head sends once to all within range | {id: mask} of the members that received it |
 | Send | the head sends to any node, over several hops if needed (to itself: at no cost) | mask |
 | Compute | the head computes | None |
+| Exchange | without a head: participants broadcast to their neighbours | {id: {neighbour: mask}} of what arrived |
 
 A mask is a (packets,) boolean array: which packets of the parcel arrived. An id that is missing from a reply means
 that nothing arrived from it, or at it. The replies to `Gather` and `GatherReadings` also say how long each parcel took
 (`delays`, s) and over how many hops (`hops`). With a `deadline` the head goes on that many seconds after its request,
-with what has arrived by then; what arrives later is paid for all the same, and ignored.
+with what has arrived by then; what arrives later is paid for all the same, and ignored unless `GatherLate` asks for it.
 """
 
 from __future__ import annotations
@@ -94,17 +96,19 @@ _NUMBERS: Final = frozenset({float, int, *(kind for kind in np.sctypeDict.values
 
 @dataclass(slots=True)
 class Delivery:
-    """A parcel of the head in a member's inbox.
+    """A parcel in a member's inbox, of the head or, where there is none, of a neighbour.
 
     Attributes:
         what: the name of the parcel.
         payload: what the parcel carries.
         mask: (packets,) which packets arrived.
+        source: the neighbour that sent it; NOBODY: the head did.
     """
 
     what: str
     payload: Any
     mask: Bools
+    source: NodeId = NOBODY
 
 
 @dataclass(slots=True)
@@ -116,7 +120,7 @@ class Member:
         position: (2,) in m.
         traits: Constants of its sensor.
         reading: Its own measurement of this step, a tuple if it has several components; None if it has none.
-        inbox: Parcels of the head that arrived since its last `Local`.
+        inbox: Parcels of the head, or of neighbours, that arrived since its last `Local`.
         memory: Its own storage, which lasts as long as the node and the cluster.
         key: A 64-bit integer for random draws; a function of (seed, replicate, target, step, node).
     """
@@ -171,7 +175,7 @@ class Local:
         work: Computes for one member.
         cycles: Operations per member: a number, or a function that is called with each member afterwards.
         work_all: Computes for all members in one call; member i's result depends on member i's inputs alone.
-        who: Ids of the members; None means those with a measurement at this step.
+        who: Ids of the members; None means those with a measurement at this step, and without a head all participants.
         uses_readings: Whether the measurements of these members enter the estimate by this computation, and count as
             readings of the step. False: only those count that members send afterwards.
     """
@@ -283,6 +287,22 @@ class GatheredReadings:
 
 
 @dataclass(slots=True)
+class GatherLate:
+    """The head looks at measurements that it requested by `GatherReadings` and that arrived after it had gone on.
+
+    Nothing is sent for it. The reply has all of them that have arrived until now, also those of earlier replies. A head
+    that leads no more drops what arrives for it.
+
+    Attributes:
+        since: The first step whose measurements are wanted.
+        until: The last one.
+    """
+
+    since: int
+    until: int
+
+
+@dataclass(slots=True)
 class Scatter:
     """The head sends each member its own parcel, which arrives in the member's inbox.
 
@@ -328,7 +348,22 @@ class Compute:
     cycles: float
 
 
-Request: TypeAlias = Local | Gather | GatherReadings | Scatter | Broadcast | Send | Compute
+@dataclass(slots=True)
+class Exchange:
+    """In a network without a head, each participant broadcasts one parcel, once; its neighbours may hear it.
+
+    What arrives at other participants is in their inboxes. Each of several rounds is a request of its own.
+
+    Attributes:
+        parcel_of: What a participant sends, None if nothing.
+        who: Ids of the participants that send; None means all of them.
+    """
+
+    parcel_of: Callable[[Member], Parcel | None]
+    who: Sequence[NodeId] | None = None
+
+
+Request: TypeAlias = Local | Gather | GatherReadings | GatherLate | Scatter | Broadcast | Send | Compute | Exchange
 Flow: TypeAlias = Generator[Request, Any, Belief]
 
 

@@ -31,11 +31,14 @@ from wsnsim.base.rows import (
     deviation_rmse,
     estimate_rows,
     fingerprint,
+    peer_columns,
     truth_rows,
 )
-from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import Recorder
 
+OF_COVARIANCE: Final = ("sd_x", "sd_y", "cov_xy", "nees")
+"""The columns of `estimates` that are NaN where the filter has no covariance."""
 FIRST_STEPS: Final = 20
 """Steps over which Li (2012) counts unnecessary wake-ups."""
 
@@ -111,6 +114,12 @@ def _delays(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
         "due": due,
         "in_time": in_time / due if due else NAN,
     }
+
+
+def overtaken(received: Floats) -> int:
+    """How many reports (K,) arrived after one of a later step; NaN: it did not arrive."""
+    earliest = np.fmin.accumulate(received[::-1])[::-1]
+    return int(np.count_nonzero(received[:-1] > earliest[1:]))
 
 
 def _followed(columns: Mapping[str, Any], dt: float) -> dict[str, Any]:
@@ -269,17 +278,22 @@ def summarise(
         key = {"replicate": replicate, "target": target}
         columns = estimate_rows(track.estimates, track.heads, motion, truth, result.steps, setup.dt)
         columns.update(track.columns, gaussian=int(setup.posterior_is_gaussian(target)))
+        if isinstance(setup, NetworkSetup) and setup.headless:
+            columns |= peer_columns(track.estimates, motion, truth, result.steps)
+        if not setup.has_covariance:
+            columns |= {name: np.full(result.steps, NAN) for name in OF_COVARIANCE if name in columns}
         if recorder.wants("truth"):
             recorder.write("truth", {**key, **truth_rows(motion, truth, result.steps, setup.dt)})
         if recorder.wants("estimates") and not followed:
             recorder.write("estimates", {**key, **columns})
-        if recorder.wants("covariances") and not followed:
+        if recorder.wants("covariances") and not followed and setup.has_covariance:
             recorder.write("covariances", {**key, **covariance_rows(track.estimates, motion.columns)})
         estimates.append(columns)
         errors[target] = columns["error"]
         deviations.append(deviation_rmse(columns, motion, truth))
         rows.append({**key, **track_row(columns, rule), **track.counts})
         rows[-1].update(absence_columns(columns, rule) if setup.has_absences else {})
+        rows[-1].update({"overtaken": overtaken(columns["received"])} if setup.uses_late_readings else {})
     column_rmse = np.array(deviations) if deviations else np.empty((0, 0))
     run = {"replicate": replicate, **_run_row(result, errors, rows)}
     tracking = setup if isinstance(setup, TrackingSetup) else None

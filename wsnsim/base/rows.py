@@ -39,6 +39,8 @@ class Issued:
         active: Members with a measurement, the head included.
         members: Members, the head included.
         readings: Measurements that were used.
+        peers: Without a head, what no node has: the mean (P,) of all participants' estimated positions, and the root
+            mean square distance of these from it.
     """
 
     step: int
@@ -48,6 +50,7 @@ class Issued:
     active: int
     members: int
     readings: int
+    peers: tuple[Floats, float] | None = None
 
 
 def is_late(issued: float, step: int, dt: float) -> bool:
@@ -102,6 +105,23 @@ def estimate_rows(
         "nis": innovations[:, 0],
         "nis_dof": innovations[:, 1].astype(np.int64),
     }
+
+
+def peer_columns(estimates: Mapping[int, Issued], motion: MotionModel, truth: Floats, steps: int) -> dict[str, Any]:
+    """The columns `network_error` and `disagreement` of the table `estimates`; NaN for a step without an estimate.
+
+    Args:
+        estimates: The estimates by step.
+        motion: The motion model.
+        truth: (steps + 1 or more, D) ground-truth trajectory.
+        steps: Number of the last step.
+    """
+    errors, spreads = np.full((2, steps), NAN)
+    for step, item in estimates.items():
+        assert item.peers is not None, "every estimate of a network without a head is one of several"
+        mean, spreads[step - 1] = item.peers
+        errors[step - 1] = np.linalg.norm(mean - truth[step, list(motion.position)])
+    return {"network_error": errors, "disagreement": spreads}
 
 
 def state_columns(motion: MotionModel, truth: Floats, dt: float, means: Floats, covs: Floats) -> dict[str, Any]:

@@ -115,6 +115,11 @@ class TrackingSetup(Setup):
         )
 
     @property
+    def uses_late_readings(self) -> bool:
+        """Whether the tracker uses readings that arrive after their step; without a network none does."""
+        return isinstance(self, NetworkSetup) and getattr(self.tracker, "late", "ignore") != "ignore"
+
+    @property
     def unlabelled(self) -> bool:
         """Whether nodes report scans, whose detections name no target."""
         return isinstance(self.detection, ReportsScans)
@@ -127,6 +132,11 @@ class TrackingSetup(Setup):
     def member_cycles(self) -> float:
         """Operations that one member computes in a step, as the tracker states them; 0 if it states none."""
         return getattr(self.tracker, "member_cycles", 0.0)
+
+    @property
+    def has_covariance(self) -> bool:
+        """Whether the covariance of the tracker's estimates is one; see `HeadlessTracker`."""
+        return getattr(self.tracker, "has_covariance", True)
 
     @property
     def reports_all(self) -> bool:
@@ -220,6 +230,11 @@ class NetworkSetup(TrackingSetup, RadioSetup):
         """The name of the head protocol of the cluster policy; see `ClusterPolicy`."""
         return self.clusters.protocol
 
+    @property
+    def headless(self) -> bool:
+        """Whether there is no cluster head: every participant runs the filter."""
+        return self.head_protocol == "none"
+
     @cached_property
     def waits(self) -> medium_access.HeadWaits:
         """How long heads wait for others, where neither their policy nor their tracker says."""
@@ -312,6 +327,8 @@ class TableLayout(NamedTuple):
         absences: Whether a target may be absent.
         unlabelled: Whether readings name no target.
         harvests: Whether nodes harvest energy.
+        headless: Whether there is no cluster head.
+        late_readings: Whether the tracker uses late readings.
     """
 
     states: tuple[tuple[str, str], ...] = ()
@@ -321,6 +338,8 @@ class TableLayout(NamedTuple):
     absences: bool = False
     unlabelled: bool = False
     harvests: bool = False
+    headless: bool = False
+    late_readings: bool = False
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -332,6 +351,8 @@ class TableLayout(NamedTuple):
             "absences": self.absences,
             "unlabelled": self.unlabelled,
             "harvests": self.harvests,
+            "headless": self.headless,
+            "late_readings": self.late_readings,
         }
 
 
@@ -343,5 +364,6 @@ def table_layout(setup: Setup) -> TableLayout:
         return TableLayout(duty_cycled=duty_cycled, harvests=harvests)
     motion = setup.motions[0]
     states = tuple(zip(motion.columns, motion.units, strict=True))
-    components, absences = len(components_of(setup.sensor)), setup.has_absences
-    return TableLayout(states, motion.position, components, duty_cycled, absences, setup.unlabelled, harvests)
+    components, headless = len(components_of(setup.sensor)), isinstance(setup, NetworkSetup) and setup.headless
+    some = (duty_cycled, setup.has_absences, setup.unlabelled, harvests, headless, setup.uses_late_readings)
+    return TableLayout(states, motion.position, components, *some)

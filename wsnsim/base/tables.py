@@ -96,9 +96,13 @@ DUTY_CYCLED: Final = ("radio_on", "hurried")
 """Columns of `runs` about MACs that switch radios off."""
 ABSENCES: Final = ("time_present", "false_time")
 """Columns of `tracks` about targets that may be absent."""
+LATE: Final = ("late_readings", "overtaken")
+"""Columns of `tracks` about what arrives out of order, where the tracker uses late readings."""
 OF_TARGETS: Final = ("target", "error", "woken", "ineffective", "nees", "nis", "nis_dof", "gaussian")
 OF_TRACKS: Final = ("track", "confirmed", "existence")
 """Columns of `estimates`: those of labelled readings alone, and those of readings that name no target."""
+WITHOUT_HEAD: Final = ("network_error", "disagreement")
+"""Columns of `estimates` about participants of a network without a head."""
 UNLABELLED: Final = (
     "gospa", "gospa_localisation", "gospa_missed", "gospa_false", "ospa2", "completeness", "switches", "fragments",
     "time_to_confirm", "track_life", "confirmed_tracks", "false_tracks",
@@ -115,6 +119,8 @@ def columns_of(  # noqa: PLR0913
     absences: bool = False,
     unlabelled: bool = False,
     harvests: bool = False,
+    headless: bool = False,
+    late_readings: bool = False,
 ) -> tuple[Column, ...]:
     """The columns of a table for one motion model and one sensor model.
 
@@ -129,10 +135,12 @@ def columns_of(  # noqa: PLR0913
         unlabelled: Whether readings name no target: rows of `estimates` are then of tracks. If not, `runs` has none of
             the columns of `UNLABELLED`.
         harvests: Whether nodes harvest energy. If not, `nodes` has no column `harvested`.
+        headless: Whether there is no cluster head. If not, `estimates` has none of the columns of `WITHOUT_HEAD`.
+        late_readings: Whether the tracker uses late readings. If not, `tracks` has none of the columns of `LATE`.
     """
     columns = TABLES[table]
     if table == "estimates":
-        others = OF_TARGETS if unlabelled else OF_TRACKS
+        others = (OF_TARGETS if unlabelled else OF_TRACKS) + (() if headless else WITHOUT_HEAD)
         columns = tuple(column for column in columns if column.name not in others)
     if table in ("readings", "detections") and components == 1:
         return tuple(column for column in columns if column.name != "component")
@@ -142,6 +150,8 @@ def columns_of(  # noqa: PLR0913
         columns = tuple(column for column in columns if column.name not in UNLABELLED)
     if table == "tracks" and not absences:
         columns = tuple(column for column in columns if column.name not in ABSENCES)
+    if table == "tracks" and not late_readings:
+        columns = tuple(column for column in columns if column.name not in LATE)
     if table == "nodes" and not harvests:
         columns = tuple(column for column in columns if column.name != "harvested")
     if table == "covariances":

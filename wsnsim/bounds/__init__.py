@@ -162,7 +162,8 @@ def bounds_of_run(
     _check_truths(path, setup, numbers, conditions)
     recorded = None
     tables = {"events", "estimates", "clusters"}
-    if isinstance(setup, NetworkSetup) and not setup.unlabelled and tables <= set(table_names(path)):
+    told = isinstance(setup, NetworkSetup) and not (setup.unlabelled or setup.headless)
+    if told and tables <= set(table_names(path)):
         recorded = RecordedReadings(path, setup)
     return [_bound_for(setup, query, conditions, recorded) for query in queries]
 
@@ -174,7 +175,8 @@ def _bound_for(
     if query.readings == "in_range" or not isinstance(setup, NetworkSetup):
         return _bound(setup, query, conditions, _all_in_range(setup, conditions), 1.0 - setup.detection.missed)
     if recorded is None:
-        reason = "it needs the tables events, estimates and clusters" if not setup.unlabelled else "they name no target"
+        reason = "they name no target" if setup.unlabelled else "it needs the tables events, estimates and clusters"
+        reason = "without a head they go from neighbour to neighbour" if setup.headless else reason
         return _no_bound(query, f"which readings arrived is unknown: {reason}")
     return _bound(
         setup, query, conditions, lambda row, target: recorded.used(query.replicates[row], target, query.readings)

@@ -14,6 +14,7 @@ from wsnsim.models.bearing import Bearing as Bearing
 from wsnsim.models.bearing import RangeBearing as RangeBearing
 from wsnsim.models.clusters import Central as Central
 from wsnsim.models.clusters import MovingHead as MovingHead
+from wsnsim.models.clusters import NoHead as NoHead
 from wsnsim.models.clusters import StrongestSignal as StrongestSignal
 from wsnsim.models.deploy import Anchors as Anchors
 from wsnsim.models.deploy import Grid as Grid

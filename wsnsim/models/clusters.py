@@ -179,6 +179,38 @@ class MovingHead(LeadsByPlace):
                 return
 
 
+@part
+class NoHead(LeadsByPlace):
+    """No cluster head: every node that senses the target, or is near its own prediction, runs the filter.
+
+    A node that begins to sense broadcasts a request; of the participants that hear it, the nearest one broadcasts its
+    belief. After each step the participant that is nearest to its own prediction invites the nodes near it that are
+    none yet, by its belief, each at most three times. So nodes without a reading carry the belief across a gap between
+    those that sense, if `radius` is larger than the sensing range. Where nobody participates, the nodes that sense
+    broadcast their readings, and each takes its first estimate from those that it heard. All that is paid.
+    Idealisations, our choice: participants know which of them is the nearest, and a round of broadcasts ends for all
+    when the last one has ended.
+
+    The estimate of one participant, the gateway, is recorded, and reported if there is a sink.
+    """
+
+    protocol: ClassVar[str] = "none"
+    minimum_active: ClassVar[int] = 0
+    threshold: ClassVar[float] = 0.0
+
+    radius: Annotated[
+        float | None, Quantity("m", ge=0, le=1e6), "farthest from the prediction; left out: the communication range"
+    ] = None
+    gateway: Annotated[
+        Literal["sink", "target"], "the participant nearest to it reports; without a sink, always the target"
+    ] = "sink"
+
+    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
+        """Yield an issue for a run that ends with a cluster."""
+        if setup.until_clusters is not None:
+            yield Issue(("until",), "without a head there are no clusters to end at")
+
+
 def nearest_able(point: Floats, positions: Floats, able: Bools) -> int | None:
     """The able node nearest to a point; of equally near ones the lowest id.
 

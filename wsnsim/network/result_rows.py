@@ -50,6 +50,7 @@ class NetworkOutcome:
         tracks: one per target; none in a network without targets.
         woken: numbers of nodes that woke, and of those that woke unnecessarily, (targets, steps + 1, 2).
         received: time in s at which the sink received the estimate of (target, step).
+        late_readings: {target: number of readings that its tracker used in a later step}; empty if it uses none.
         book: the tracks of readings that name no target.
     """
 
@@ -64,6 +65,7 @@ class NetworkOutcome:
     woken: Ints = field(default_factory=lambda: np.zeros((0, 1, 2), dtype=np.int64))
     received: Mapping[tuple[int, int], float] = field(default_factory=dict)
     radio_on: float | None = None
+    late_readings: Mapping[int, int] = field(default_factory=dict)
     book: TrackBook | None = None
 
 
@@ -100,7 +102,11 @@ def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float =
         columns = outcome.book.columns(setup.filter_motion(0), outcome.received, setup.dt)
         clusters = outcome.book.clusters + sum(len(group.clusters) for group in outcome.tracks)
         return RunResult(outcome.steps, (), totals, joules, clusters, setup.report_every, columns)
-    tracks = [TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(t)) for t in outcome.tracks]
+    late = {target: {"late_readings": used} for target, used in outcome.late_readings.items()}
+    tracks = [
+        TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(t) | late.get(t.target, {}))
+        for t in outcome.tracks
+    ]
     clusters = sum(len(track.clusters) for track in outcome.tracks)
     return RunResult(outcome.steps, tracks, totals, joules, clusters, setup.report_every)
 

@@ -22,6 +22,7 @@ from wsnsim.base.runs import OnTime
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import Recorder
 from wsnsim.network.base_network import BaseNetwork
+from wsnsim.network.clusters.collection import LateReadings
 from wsnsim.network.clusters.coordination import ClusterCoordination
 from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.head_services import Estimates
@@ -84,10 +85,11 @@ class World(BaseNetwork):
         self._sensing, self._sensed = make_sensing(sensing, readings, setup.nodes_search), sensed
         self._intervals = WakeIntervals(setup, clock, nodes, self._stack.mac)
         self._processors = Processors(clock, nodes, log, setup.energy, setup.cpu)
+        self._late = LateReadings(dict.fromkeys(range(len(self._tracks)), 0) if setup.uses_late_readings else {})
         self._estimates = Estimates(network, self._reports, self._stack.sinks, recorder, replicate)
         self._coordination = ClusterCoordination(
             self._tracks,
-            DriverServices(network, transport, self._processors, self._intervals),
+            DriverServices(network, transport, self._processors, self._intervals, self._late),
             self._processes,
             self._estimates,
             WakeAhead(network, self._make_wake_up_service(network, streams.key("wakeup"))),
@@ -116,6 +118,7 @@ class World(BaseNetwork):
             hurried=self._intervals.share(),
             woken=self._wake_up_counters.woken,
             received=self._estimates.received,
+            late_readings=self._late.used,
         )
 
     def _run_steps(self, progress: OnTime | None) -> Acting[None]:

@@ -69,19 +69,23 @@ def perform(
 
 def answer_to(request: requests.Request, members: dict[int, requests.Member], head: int, lose: Lose) -> Any:
     """The answer to a request in a network that loses packets as `lose` says."""
-    if isinstance(request, requests.Compute):
-        return None
+    if isinstance(request, requests.Compute | requests.GatherLate):
+        return None if isinstance(request, requests.Compute) else {}
     if isinstance(request, requests.GatherReadings):
         return _gather_readings(request, members, head, lose)
     if isinstance(request, requests.Local):
         return _compute(request, _addressed(request.who, members))
     if isinstance(request, requests.Gather):
         return _gather(request, _addressed(request.who, members), head, lose)
+    if isinstance(request, requests.Exchange):
+        return _exchange(request, members, lose)
+    if isinstance(request, requests.Send):
+        return _carry(head, request.to, request.parcel, lose)
     if isinstance(request, requests.Scatter):
-        return _deliver({i: parcel for i, parcel in request.parcels.items() if i in members}, members, head, lose)
-    if isinstance(request, requests.Broadcast):
-        return _deliver({i: request.parcel for i in members if i != head}, members, head, lose)
-    return _carry(head, request.to, request.parcel, lose)
+        parcels = {i: parcel for i, parcel in request.parcels.items() if i in members}
+    else:
+        parcels = {i: request.parcel for i in members if i != head}
+    return _deliver(parcels, members, head, lose)
 
 
 def _addressed(who: Sequence[requests.NodeId] | None, members: Mapping[int, requests.Member]) -> list[requests.Member]:
@@ -115,6 +119,22 @@ def _gather_readings(
     readings = request.readings_of(members.values() if request.who is None else _addressed(request.who, members))
     values = np.array(list(readings.values()), dtype=np.float64)
     return requests.GatheredReadings(tuple(readings), values, requests.Journeys(head))
+
+
+def _exchange(
+    request: requests.Exchange, members: dict[int, requests.Member], lose: Lose
+) -> dict[int, dict[int, Bools]]:
+    """Every member is a neighbour of every other one."""
+    senders = members.values() if request.who is None else _addressed(request.who, members)
+    parcels = {member.id: request.parcel_of(member) for member in senders}
+    heard: dict[int, dict[int, Bools]] = {}
+    for source, parcel in parcels.items():
+        for to, member in members.items():
+            if parcel is None or to == source or not (mask := lose(source, to, parcel)).any():
+                continue
+            member.inbox.append(requests.Delivery(parcel.what, parcel.payload, mask, source))
+            heard.setdefault(to, {})[source] = mask
+    return heard
 
 
 def _carry(source: int, to: int, parcel: requests.Parcel, lose: Lose) -> Bools:

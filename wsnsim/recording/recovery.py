@@ -52,6 +52,8 @@ def _copy(content: Content, tmp: Path, final: Path) -> None:
         "duty_cycled": has("runs", "radio_on"),
         "absences": has("tracks", "time_present"),
         "harvests": has("nodes", "harvested"),
+        "headless": has("estimates", "disagreement"),
+        "late_readings": has("tracks", "late_readings"),
         "unlabelled": has("estimates", "track") or has("runs", "gospa"),
     }
     components = 2 if has("readings", "component") or has("detections", "component") else 1

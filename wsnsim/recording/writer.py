@@ -40,7 +40,7 @@ class ResultFile:
         states: names and units of the motion model's state.
         wanted: whether a table is kept; rows of other tables are dropped.
         status: status that the file gets when it is closed; until then it is WRITING.
-        **layout: `position`, `components`, `duty_cycled`, `absences` and `harvests`, as of `columns_of`.
+        **layout: `position`, `components`, `duty_cycled` and further conditions, as of `columns_of`.
 
     Raises:
         StorageError: the file cannot be written (missing folder, full disk, ...). The temporary file is removed.

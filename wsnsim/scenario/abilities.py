@@ -28,6 +28,9 @@ MOST_COMPONENTS: Final = 4
 def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for each ability that the tracker needs, or assumes, and the sensor does not have."""
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
+    if getattr(setup.tracker, "headless", False) != (isinstance(setup, NetworkSetup) and setup.headless):
+        yield _wrong_about_heads(scenario, setup)
+        return
     if setup.unlabelled != getattr(setup.tracker, "multi_target", False):
         yield _wrong_number_of_targets(scenario, setup)
         return
@@ -46,6 +49,7 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
         )
     if not lacking:
         yield from _readings_not_taken(scenario, setup)
+    yield from _late_readings_not_used(scenario, setup)
     if tracker.assumes.gains != "known" and not may_have_gains(setup.sensor):
         yield Issue(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")
     elif tracker.assumes.gains == "estimated":
@@ -58,6 +62,16 @@ def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issu
     if HEIGHT in setup.sensor.trait_names and _lacks_heights(setup.deploy):
         able = "kind: file has them, in its column z"
         yield Issue(("deploy",), f"the sensor's law needs the heights of the nodes: {able}")
+
+
+def _wrong_about_heads(scenario: Scenario, setup: TrackingSetup) -> Issue:
+    """The issue of a tracker with a head for a network without one, or the other way round."""
+    kind = scenario.tracker.kind  # type: ignore[attr-defined]
+    if getattr(setup.tracker, "headless", False):
+        message = f"{kind} runs on every participant of a network without a head: it needs clusters: {{kind: none}}"
+        return Issue(("tracker", "kind"), message)
+    able = _able(scenario, "tracker", "headless")
+    return Issue(("tracker", "kind"), f"{kind} needs a cluster head, and clusters: none has none; these do not: {able}")
 
 
 def _wrong_number_of_targets(scenario: Scenario, setup: TrackingSetup) -> Issue:
@@ -76,6 +90,29 @@ def _inner_filter(scenario: Scenario) -> Iterator[Issue]:
     # a resolved scenario has the defaults
     if hasattr(inner, "assumes") and inner.assumes != type(inner).model_fields["assumes"].default:
         yield Issue(("tracker", "filter", "assumes"), "what filters assume stands beside the filter: tracker.assumes")
+    if getattr(inner, "late", "ignore") != "ignore":
+        yield Issue(("tracker", "filter", "late"), "trackers of several targets use no late readings: use ignore")
+
+
+def _late_readings_not_used(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
+    """Yield an issue if no reading can be late, or the tracker cannot use those that are."""
+    path, late, kind = ("tracker", "late"), getattr(setup.tracker, "late", "ignore"), scenario.tracker.kind  # type: ignore[attr-defined]
+    if late == "ignore":
+        return
+    if not isinstance(setup, NetworkSetup):
+        yield Issue(path, "without a network no reading is late: use ignore")
+    if getattr(setup.filter_sensor, "adapts", False):
+        yield Issue(
+            path, "thresholds about a prediction are those of one step: use ignore, or thresholds that are fixed"
+        )
+    if late == "retrodict" and not getattr(setup.tracker, "retrodicts", False):
+        able = _able(scenario, "tracker", "retrodicts")
+        yield Issue(path, f"{kind} is not one Gaussian that readings update: use refilter, or one of these: {able}")
+    elif late == "retrodict" and (is_relative(setup.filter_sensor) or getattr(setup.filter_sensor, "gain_prior", 0.0)):
+        message = (
+            "it corrects the state by single readings, without gains of sensors and without others to compare with"
+        )
+        yield Issue(path, f"{message}: use refilter")
 
 
 def _readings_not_taken(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:

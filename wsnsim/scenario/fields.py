@@ -207,7 +207,7 @@ PORT_MODULES: Final = (ports, network_ports, radio, medium_access, sleeping, mec
 
 def demand_port(part: type[Any], role: str) -> None:
     """Raise PartError if a class lacks members that the port of its role requires."""
-    name = "MultiTracker" if role == "tracker" and getattr(part, "multi_target", False) else ROLES[role].port
+    name = (ports.port_of(part) if role == "tracker" else "") or ROLES[role].port
     port = _members(next(vars(module)[name] for module in PORT_MODULES if name in vars(module)))
     fields = {field.name for field in dataclasses.fields(part)}
     missing = [

@@ -9,18 +9,19 @@ A rule that is broken raises an AssertionError that names it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from wsnsim.base.answers import estimate_fault
 from wsnsim.base.arrays import Bools, Estimate
-from wsnsim.base.ports import MotionModel, SensorModel, Tracker
+from wsnsim.base.ports import HeadlessTracker, MotionModel, SensorModel, Tracker
 from wsnsim.base.requests import Local, Member, Parcel, Request
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import Lose, perfect, silent
 from wsnsim.testing.batteries import check_battery
+from wsnsim.testing.headless import check_headless
 from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac, check_wakeup
 from wsnsim.testing.mechanisms import check_fault, check_sync, check_workload
@@ -55,7 +56,10 @@ class Models(NamedTuple):
 
 
 def check_tracker(
-    tracker: Tracker[Any], motion: MotionModel | None = None, sensor: SensorModel | None = None, seed: int = 1
+    tracker: Tracker[Any] | HeadlessTracker,
+    motion: MotionModel | None = None,
+    sensor: SensorModel | None = None,
+    seed: int = 1,
 ) -> None:
     """Check a tracker against every rule of the interface between tracker and network.
 
@@ -80,11 +84,16 @@ def check_tracker(
             missed steps: where the head missed steps (`scene.steps` is above 1), a tracker that predicts does so over
             all of them. angles: where readings have a period, or the tracker says `angles = True`, whole turns in
             readings and turned axes of the nodes move no estimate.
+            Of a tracker without a head: sound, repeatable, privacy, values and loss; and locality: in a step a reading
+            changes nothing at nodes that are more hops away than there are exchanges, and in a silent network at none.
     """
     target: Any = BoundedVelocity() if motion is None else motion
     nodes: Any = AcousticEnergy() if sensor is None else sensor
     models = Models(target, nodes, seed)
-    tracker = examined(tracker, Tracker, len(target.columns))
+    if getattr(tracker, "headless", False):
+        check_headless(cast(HeadlessTracker, tracker), *models)
+        return
+    tracker = examined(cast(Tracker[Any], tracker), Tracker, len(target.columns))
     with demand("sound"):
         _demand_sound(tracker, Table(*models))
     with demand("repeatable"):

@@ -3,16 +3,22 @@
 # written by `python -m tests.stubs` from wsnsim/scenario/kinds.table
 from wsnsim.trackers.bootstrap_pf import CentralPf as CentralPf
 from wsnsim.trackers.bootstrap_pf import Sir as Sir
+from wsnsim.trackers.covariance_intersection import CovarianceIntersection as CovarianceIntersection
+from wsnsim.trackers.covariance_intersection import NaiveFusion as NaiveFusion
 from wsnsim.trackers.cuckoo_pf import CuckooPf as CuckooPf
 from wsnsim.trackers.cuckoo_pf import ImprovedCuckooPf as ImprovedCuckooPf
+from wsnsim.trackers.diffusion import DiffusionFilter as DiffusionFilter
 from wsnsim.trackers.ekf import ExtendedKalman as ExtendedKalman
 from wsnsim.trackers.gaussian_pf import GaussianPf as GaussianPf
 from wsnsim.trackers.gaussian_pf import GravitationalGaussianPf as GravitationalGaussianPf
 from wsnsim.trackers.gaussian_pf import SwarmGaussianPf as SwarmGaussianPf
 from wsnsim.trackers.grid import GridFilter as GridFilter
 from wsnsim.trackers.imm import InteractingModels as InteractingModels
+from wsnsim.trackers.information_consensus import HybridConsensus as HybridConsensus
+from wsnsim.trackers.information_consensus import InformationConsensus as InformationConsensus
 from wsnsim.trackers.information_driven import InformationDriven as InformationDriven
 from wsnsim.trackers.information_pf import InformationPf as InformationPf
+from wsnsim.trackers.kalman_consensus import KalmanConsensus as KalmanConsensus
 from wsnsim.trackers.mixture_pf import MixturePf as MixturePf
 from wsnsim.trackers.multi_target.lmb import Lmb as Lmb
 from wsnsim.trackers.multi_target.management import KnownTargets as KnownTargets
@@ -30,6 +36,11 @@ from wsnsim.trackers.range_fixes import GreyTracking as GreyTracking
 from wsnsim.trackers.range_fixes import TwoPhase as TwoPhase
 from wsnsim.trackers.sensor_chains import InteractingKalman as InteractingKalman
 from wsnsim.trackers.sensor_chains import RelayKalman as RelayKalman
+from wsnsim.trackers.shared.triggers import Always as Always
+from wsnsim.trackers.shared.triggers import Event as Event
+from wsnsim.trackers.shared.triggers import Periodic as Periodic
+from wsnsim.trackers.shared.triggers import RandomSending as RandomSending
+from wsnsim.trackers.shared.triggers import Stochastic as Stochastic
 from wsnsim.trackers.sigma_points import CubatureKalman as CubatureKalman
 from wsnsim.trackers.sigma_points import UnscentedKalman as UnscentedKalman
 from wsnsim.trackers.trilateration import Trilateration as Trilateration
@@ -37,6 +48,7 @@ from wsnsim.trackers.trilateration import Trilateration as Trilateration
 Pf = Sir
 CsPf = CuckooPf
 IcsPf = ImprovedCuckooPf
+Diffusion = DiffusionFilter
 Ekf = ExtendedKalman
 Gpf = GaussianPf
 GsaGpf = GravitationalGaussianPf
@@ -56,5 +68,11 @@ Gmtt = GreyTracking
 Tsstp = TwoPhase
 Imsf = InteractingKalman
 Rkf = RelayKalman
+AlwaysTrigger = Always
+EventTrigger = Event
+PeriodicTrigger = Periodic
+Random = RandomSending
+RandomTrigger = RandomSending
+StochasticTrigger = Stochastic
 Ckf = CubatureKalman
 Ukf = UnscentedKalman

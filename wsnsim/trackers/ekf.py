@@ -29,24 +29,26 @@ from wsnsim.base.arrays import (
 )
 from wsnsim.base.errors import Issue
 from wsnsim.base.initial_conditions import BlockEstimates, StandaloneBlock
-from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import MotionModel, Scene
+from wsnsim.base.part import OfRole, Quantity, part
+from wsnsim.base.ports import MotionModel, Scene, Trigger
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.gains import gain_prior, gains_before, gains_of
 from wsnsim.trackers.shared.gaussian_port import LinearisedPort
-from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
+from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
 from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.readings import Evidence, gather_readings, packet_bits, parcel, reading_parcel
+from wsnsim.trackers.shared.readings import Evidence, packet_bits, parcel, reading_parcel
+from wsnsim.trackers.shared.silence import Heard
+from wsnsim.trackers.shared.triggers import Always, trigger_issues
 from wsnsim.trackers.shared.whole_runs import kalman_runs
 
 POLL = "poll"
 
 
 @part
-class ExtendedKalman(HeadFilter):
+class ExtendedKalman(LateFilter):
     """Extended Kalman filter on all readings that reach the head, or on that of the nearest sensor alone.
 
     `nearest` polls only the member that is nearest to the predicted position: a packet down that polls it, and its
@@ -63,10 +65,12 @@ class ExtendedKalman(HeadFilter):
 
     linear_gaussian: ClassVar[bool] = True
     assumes_gaussian: ClassVar[bool] = True
+    retrodicts: ClassVar[bool] = True
     estimates_gains: ClassVar[bool] = True
 
     readings: Annotated[Literal["all", "nearest"], "whose readings update the filter"] = "all"
     iterations: Annotated[int, Quantity("", ge=1, le=1000), "linearisations in an update; more than 1: iterated"] = 1
+    trigger: Annotated[Trigger, OfRole("trigger"), "when a member sends its reading"] = Always()
 
     @property
     def tells_prediction(self) -> bool:
@@ -74,18 +78,26 @@ class ExtendedKalman(HeadFilter):
         return self.readings == "all"
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Yield an issue if the reading of the nearest sensor says nothing by itself."""
+        """Yield an issue if the reading of the nearest sensor says nothing by itself, or would have to be late."""
         if self.readings == "nearest" and is_relative(setup.filter_sensor):
             yield Issue(("tracker", "readings"), "of readings of which only the differences count, use all")
+        if self.readings == "nearest" and self.late != "ignore":
+            yield Issue(("tracker", "late"), "the head waits for the reading of the nearest sensor: use readings: all")
+        if self.readings == "nearest" and self.trigger != Always():
+            yield Issue(
+                ("tracker", "trigger"), "the head polls the nearest member, which does not decide: use all readings"
+            )
+        yield from trigger_issues(self, setup)
 
-    def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
+    def one_step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
         """One step: N_act - 1 readings reach the head, or one; it predicts, and updates with what arrived."""
         mean, cov = predicted(belief.mean, belief.cov, scene)
         place = np.array(scene.motion.position)
         if self.readings == "nearest":
-            seen = yield from _nearest_reading(mean[place], scene)
+            heard = Heard((yield from _nearest_reading(mean[place], scene)))
         else:
-            seen = yield from gather_readings(scene, belief=belief)
+            heard = yield from self.trigger.gather(belief, scene)
+        seen = heard.seen
         yield Compute(_cycles(mean.size, place.size, seen.readings.size, scene.steps, self.iterations))
         if gain_prior(scene.sensor):
             gains = gains_before(gains_of(belief, scene, ()), scene, belief.mean)
@@ -95,7 +107,8 @@ class ExtendedKalman(HeadFilter):
         innovation = NO_INNOVATION
         if seen.ids:
             mean, cov, innovation = _updated(mean, cov, seen, scene, self.iterations)
-        return KalmanBelief(mean, cov, scene.head, innovation=innovation)
+        mean, cov = heard.with_silence(mean, cov, scene)
+        return KalmanBelief(mean, cov, scene.head, innovation=innovation, shared=heard.shared)
 
     def estimate(self, belief: GaussianBelief) -> Estimate:
         """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet."""
@@ -107,7 +120,8 @@ class ExtendedKalman(HeadFilter):
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
         """All steps of many standalone runs: `WholeRuns`; not of every variant, nor with gains."""
-        if self.readings == "nearest" or self.iterations > 1 or gain_prior(block.sensor):
+        plain = self.readings == "all" and self.iterations == 1 and self.trigger == Always()
+        if not plain or gain_prior(block.sensor):
             return None
         outcome, motion = kalman_runs(block), block.motion
         size, place = len(motion.columns), len(motion.position)

@@ -33,7 +33,7 @@ from wsnsim.trackers.shared.heads import (
     WEIGH_CYCLES,
     CloudBelief,
     GaussianBelief,
-    HeadFilter,
+    LateFilter,
     keys_of,
     only_predicted,
     score_of,
@@ -51,7 +51,7 @@ Move = Literal["position", "all"]
 
 
 @part
-class HeadSampling(HeadFilter):
+class HeadSampling(LateFilter):
     """What the three have in common. A tracker gives `moved(cloud, score, scene)` and `move_cycles`."""
 
     particles: Annotated[int, Quantity("", ge=1, le=10**6), "N: particles sampled at each step"] = 100
@@ -70,7 +70,7 @@ class HeadSampling(HeadFilter):
         """The predicted particles (D, N) where they are weighed, and their log-likelihoods (N,) there."""
         raise NotImplementedError
 
-    def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
+    def one_step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
         """One step: N_act - 1 readings reach the head, which does the rest; without any, the Gaussian is predicted.
 
         Where no particle is likely, all weigh the same.

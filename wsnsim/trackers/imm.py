@@ -24,7 +24,7 @@ from wsnsim.base.requests import Compute, Flow, Send
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared import gaussian_port
-from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
+from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
 from wsnsim.trackers.shared.kalman import prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import (
@@ -179,7 +179,7 @@ class ModeBelief(GaussianBelief):
 
 
 @part
-class InteractingModels(HeadFilter):
+class InteractingModels(LateFilter):
     """Interacting multiple model estimator in the head, of extended Kalman filters on all readings that reach it.
 
     Each step, the filter of a mode starts from a mixture of all, predicts with its own motion model, and updates with
@@ -256,7 +256,7 @@ class InteractingModels(HeadFilter):
         modes = self._modes(motion)
         return ModesPort(self, modes, chain_of(self.transition, self.stay, len(modes.models)))
 
-    def step(self, belief: ModeBelief, scene: Scene) -> Flow[ModeBelief]:
+    def one_step(self, belief: ModeBelief, scene: Scene) -> Flow[ModeBelief]:
         """One step: N_act - 1 readings reach the head; the modes mix, predict, and update with what arrived."""
         seen = yield from gather_readings(scene)
         modes = self._modes(scene.motion)
@@ -266,7 +266,7 @@ class InteractingModels(HeadFilter):
             bank = updated(bank, modes, seen, scene)
         return _belief(bank, modes, scene.head)
 
-    def hand_over(self, belief: ModeBelief, scene: Scene, successor: int) -> Flow[ModeBelief | None]:
+    def deliver(self, belief: ModeBelief, scene: Scene, successor: int) -> Flow[ModeBelief | None]:
         """The packets of M means and covariances and ceil(M / 4) of probabilities; without a mode there is no track.
 
         Probabilities that are lost share what is missing to one.

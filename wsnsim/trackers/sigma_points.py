@@ -24,16 +24,17 @@ import numpy as np
 
 from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation, innovation_of, near, rows
 from wsnsim.base.errors import Issue
-from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import MotionModel, Scene, SensorModel
+from wsnsim.base.part import OfRole, Quantity, part
+from wsnsim.base.ports import MotionModel, Scene, SensorModel, Trigger
 from wsnsim.base.requests import Compute, Flow
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.gaussian import cholesky
 from wsnsim.trackers.shared.gaussian_port import GaussianBank, LinearisedPort, joined
-from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
+from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
 from wsnsim.trackers.shared.kalman import LINEARISE_CYCLES, KalmanBelief, is_definite, kalman_estimate
 from wsnsim.trackers.shared.moments import symmetric
-from wsnsim.trackers.shared.readings import Evidence, gather_readings
+from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.trackers.shared.triggers import Always, trigger_issues
 
 
 class Weights(NamedTuple):
@@ -51,25 +52,34 @@ class Weights(NamedTuple):
 
 
 @part
-class SigmaPointFilter(HeadFilter):
+class SigmaPointFilter(LateFilter):
     """A sigma-point Kalman filter in the head, on all readings that reach it. A subclass gives `weights`."""
 
     tells_prediction: ClassVar[bool] = True
     assumes_gaussian: ClassVar[bool] = True
+    retrodicts: ClassVar[bool] = True
+
+    trigger: Annotated[Trigger, OfRole("trigger"), "when a member sends its reading"] = Always()
+
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
+        """Yield an issue if members cannot decide by their readings."""
+        yield from trigger_issues(self, setup)
 
     def weights(self, size: int) -> Weights:
         """The rule for a state of `size` columns."""
         raise NotImplementedError
 
-    def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
+    def one_step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
         """One step: N_act - 1 readings reach the head; it predicts, and updates with what arrived."""
-        seen = yield from gather_readings(scene, belief=belief)
+        heard = yield from self.trigger.gather(belief, scene)
+        seen = heard.seen
         yield Compute(_cycles(belief.mean.size, seen.readings.size, scene.steps))
         weights, innovation = self.weights(belief.mean.size), NO_INNOVATION
         mean, cov = _stepped(belief.mean, belief.cov, weights, scene, scene.since, scene.steps)
         if seen.ids:
             mean, cov, innovation = updated(mean, cov, weights, seen, scene)
-        return KalmanBelief(mean, cov, scene.head, innovation=innovation)
+        mean, cov = heard.with_silence(mean, cov, scene)
+        return KalmanBelief(mean, cov, scene.head, innovation=innovation, shared=heard.shared)
 
     def estimate(self, belief: GaussianBelief) -> Estimate:
         """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet."""
@@ -264,7 +274,8 @@ class UnscentedKalman(SigmaPointFilter):
         return Weights(math.sqrt(room), 0.5 / room, 1.0 - size / room + 1.0 - self.alpha**2 + self.beta)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Yield an issue if the state has too few columns for κ."""
+        """Yield an issue if the state has too few columns for κ, or members cannot decide by their readings."""
+        yield from super().check(setup)
         for size in sorted({len(motion.columns) for motion in setup.filter_motions}):
             try:
                 self.weights(size)

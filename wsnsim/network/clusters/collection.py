@@ -3,19 +3,20 @@
     masks, journeys = yield from collection.gather(nodes, parcels, deadline)
     masks = yield from collection.exchange(sources, destinations, parcels)
 
-What arrives after the head has gone on is ignored by it, and paid for all the same.
+What arrives after the head has gone on is paid for all the same; `LateReadings` keeps it for trackers that use it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
+import numpy as np
 import simpy
 from simpy.events import EventPriority
 
-from wsnsim.base.arrays import Bools
-from wsnsim.base.requests import Journeys, Parcel
+from wsnsim.base.arrays import Bools, Reading
+from wsnsim.base.requests import GatheredReadings, Journeys, Parcel
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.radio.datagrams import Datagram
 from wsnsim.network.radio.transport import Transport
@@ -37,6 +38,62 @@ class Deadline(simpy.Event):
 
 
 @dataclass(slots=True)
+class Gathering:
+    """Readings of one step that were under way when their head went on.
+
+    Attributes:
+        step: their step; `began`: when they were requested, in s.
+        datagrams: {node: datagram}.
+        values: {node: reading} of these nodes.
+        counted: the nodes whose reading was given to the tracker, and counted.
+    """
+
+    step: int
+    began: float
+    datagrams: dict[int, Datagram]
+    values: dict[int, Reading]
+    counted: set[int] = field(default_factory=set)
+
+
+@dataclass(slots=True)
+class LateReadings:
+    """Keeps readings that arrive after their head has gone on, for as long as it leads.
+
+    Attributes:
+        used: {target: number of late readings that its tracker was given}; empty if trackers use none.
+    """
+
+    used: dict[int, int]
+    _kept: dict[int, tuple[int, list[Gathering]]] = field(default_factory=dict)
+
+    def keep(self, target: int, head: int, gathering: Gathering) -> None:
+        """Keep what has not arrived yet; what was under way to an earlier head of the track is dropped."""
+        leads, kept = self._kept.get(target, (head, []))
+        self._kept[target] = head, [*(kept if leads == head else []), gathering]
+
+    def arrived(self, target: int, head: int, since: int, until: int) -> dict[int, GatheredReadings]:
+        """The reply to `GatherLate`. Readings of earlier steps are dropped."""
+        leads, kept = self._kept.get(target, (head, []))
+        if leads != head:
+            return {}
+        kept[:] = [gathering for gathering in kept if gathering.step >= since]
+        return {
+            each.step: found for each in kept if each.step <= until and (found := self._found(each, target, head)).ids
+        }
+
+    def _found(self, gathering: Gathering, target: int, head: int) -> GatheredReadings:
+        """What has arrived of a gathering, which counts as used."""
+        found = {
+            node: arrived for node, each in gathering.datagrams.items() if (arrived := each.arrivals()) is not None
+        }
+        self.used[target] += len(found.keys() - gathering.counted)
+        gathering.counted.update(found)
+        each = {node: (found[node][1] - gathering.began, gathering.datagrams[node].hops) for node in found}
+        values = np.array([gathering.values[node] for node in found], dtype=np.float64)
+        return GatheredReadings(tuple(found), values, Journeys(head, each=each))
+
+
+@dataclass(slots=True)
 class Collection:
     """Sends parcels between one head and its members.
 
@@ -50,6 +107,7 @@ class Collection:
 
     Attributes:
         bits: sent in datagrams so far.
+        missing: {node: datagram} of the last gathering that had not arrived when the head went on.
         overdue: whether some datagrams were still under way when the last deadline had passed.
     """
 
@@ -61,6 +119,7 @@ class Collection:
     _one_hop: bool
     bits: int = 0
     overdue: bool = False
+    missing: dict[int, Datagram] = field(default_factory=dict)
 
     def gather(self, nodes: list[int], parcels: list[Parcel], deadline: float | None) -> Acting[tuple[Masks, Journeys]]:
         """Send a parcel from each node to the head.
@@ -75,6 +134,7 @@ class Collection:
             found = [(each.mask, each.arrived_at) if each.arrived else None for each in datagrams]
         else:
             found = [each.arrivals() for each in datagrams]
+        self.missing = {each.source: each for each, arrived in zip(datagrams, found, strict=True) if arrived is None}
         journeys = {
             datagram.source: (arrived[1] - began, datagram.hops)
             for datagram, arrived in zip(datagrams, found, strict=True)

@@ -27,6 +27,7 @@ PROTOCOLS: Final = {
     "open": "standing_cluster:OpenClusterProtocol",
     "moving": "moving_head:MovingHeadProtocol",
     "appointing": "appointing:AppointingProtocol",
+    "none": "peers:PeerProtocol",
     "open_groups": "groups:CentralGroup",
     "standing_groups": "moving_groups:MovingGroups",
 }
@@ -52,7 +53,7 @@ class ClusterCoordination:
         wake_ahead: WakeAhead, search: TargetSearch, book: TrackBook | None = None,
     ) -> None:  # fmt: skip
         network, transport = driver.network, driver.transport
-        self._clock, self._log = network.clock, network.log
+        self._clock, self._log, self._headless = network.clock, network.log, network.setup.headless
         self._processes, self._tracks = processes, tracks
         self.ended = network.clock.env.event()
         elections = Elections(network, transport, processes, self.appoint)
@@ -81,8 +82,11 @@ class ClusterCoordination:
         process.begin(self._lead(track, handover))
 
     def head_of(self, target: int) -> int | None:
-        """The head of a target's track; None if it has none, or there is no such target."""
-        return next((track.head for track in self._tracks if track.target == target), None)
+        """The head of a target's track, or the node that reports where there are no heads; None if there is neither."""
+        track = next((track for track in self._tracks if track.target == target), None)
+        if track is None or not self._headless:
+            return None if track is None else track.head
+        return None if track.cluster is None else track.cluster.head
 
     def withdraw(self, node: int) -> None:
         """Withdraw a node that is no longer up from elections."""

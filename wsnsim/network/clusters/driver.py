@@ -7,7 +7,7 @@ If the head dies during a flow, the flow is closed and its belief is lost.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -17,13 +17,16 @@ from wsnsim.base.arrays import Bools, Reading
 from wsnsim.base.errors import PluginAnswerError, RunError
 from wsnsim.base.radio import Cpu, EnergyModel
 from wsnsim.base.requests import (
+    NOBODY,
     Broadcast,
     Compute,
     Delivery,
+    Exchange,
     Flow,
     Gather,
     Gathered,
     GatheredReadings,
+    GatherLate,
     GatherReadings,
     Local,
     Member,
@@ -32,7 +35,7 @@ from wsnsim.base.requests import (
     Send,
 )
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network.clusters.collection import Collection
+from wsnsim.network.clusters.collection import Collection, Gathering, LateReadings
 from wsnsim.network.clusters.network_view import NetworkView, WakeIntervals
 from wsnsim.network.event_log import Acting, EventLog, StepClock
 from wsnsim.network.nodes import Nodes
@@ -73,12 +76,16 @@ class HeadDied(Exception):
 
 
 class DriverServices(NamedTuple):
-    """What drivers use. `intervals`: the nodes' wake intervals, short at the head and at members that hear from it."""
+    """What drivers use. `intervals`: the nodes' wake intervals, short at the head and at members that hear from it.
+
+    `late`: what arrives after its head has gone on.
+    """
 
     network: NetworkView
     transport: Transport
     processors: Processors
     intervals: WakeIntervals
+    late: LateReadings
 
 
 class Driver:
@@ -112,6 +119,13 @@ class Driver:
         self._head = head
         self._members = members
         self.collection = Collection(self._env, services.transport, target, head, window, one_hop)
+        self._uses_late = services.network.setup.uses_late_readings
+        self._by_radio: dict[type, Callable[[Any], Acting[Any]]] = {
+            Gather: self._gather,
+            GatherReadings: self._gather_readings,
+            Scatter: self._scatter,
+            Broadcast: self._broadcast,
+        }
         self.readings = 0
         self.heard: dict[int, Reading] = {}
         self.answered: set[int] = set()
@@ -140,20 +154,17 @@ class Driver:
                     seconds, answer = self._compute(self._head, request.cycles), None
                     if seconds:
                         yield self._env.timeout(seconds)
-                elif type(request) is Gather:
-                    answer = yield from self._gather(request)
-                elif type(request) is GatherReadings:
-                    answer = yield from self._gather_readings(request)
-                elif type(request) is Scatter:
-                    answer = yield from self._scatter(request)
-                elif type(request) is Broadcast:
-                    answer = yield from self._broadcast(request)
+                elif type(request) is GatherLate:
+                    late = self._services.late
+                    answer = late.arrived(self._target, self._head, request.since, request.until)
+                elif type(request) in self._by_radio:
+                    answer = yield from self._by_radio[type(request)](request)
                 elif type(request) is Send:
                     answer = yield from self._send(request, flow)
                 else:
                     raise RunError(
-                        f"a tracker requested {request!r}; requests are Local, Compute, Gather, GatherReadings, "
-                        "Scatter, Broadcast and Send"
+                        f"a tracker requested {request!r}; requests to a head are Local, Compute, Gather, "
+                        "GatherReadings, GatherLate, Scatter, Broadcast and Send"
                     )
                 if not self._alive[self._head]:
                     raise HeadDied
@@ -223,7 +234,10 @@ class Driver:
         readings = request.readings_of(self._addressed(request.who))
         form = Parcel(None, 1, request.packet_bits, request.what)
         parcels, deadline = [form] * len(readings), self._deadline_of(request)
+        step, began = self._services.network.clock.step, self._env.now
         masks, journeys = yield from self.collection.gather(list(readings), parcels, deadline)
+        if self._uses_late and (missing := self.collection.missing):
+            self._services.late.keep(self._target, self._head, Gathering(step, began, missing, readings))
         arrived = [node for node, mask in zip(readings, masks, strict=True) if mask is not None]
         self.answered.update(arrived)
         if readings:
@@ -270,3 +284,61 @@ class Driver:
             self._members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask))
         self._services.intervals.shorten_for_next_step(arrived)
         return {node: mask for node, (_, mask) in arrived.items()}
+
+
+class PeerDriver(Driver):
+    """Performs flows of a network without a head: each participant computes, and broadcasts to its neighbours.
+
+    A round ends when the last broadcast of it has, and all participants know that (our choice).
+
+    Args:
+        services: what it uses.
+        target: the target of the track.
+        members: every participant by id, with its memory.
+    """
+
+    def __init__(self, services: DriverServices, target: int, members: dict[int, Member]) -> None:
+        super().__init__(services, target, NOBODY, members)
+
+    def perform(self, flow: Flow[Any]) -> Acting[Any]:
+        """Perform a flow's requests. The flow is closed, however it ends; it goes on whichever participants die."""
+        answer: Any = None
+        self.readings = 0
+        try:
+            while True:
+                try:
+                    request = flow.send(answer)
+                except StopIteration as end:
+                    return end.value
+                if type(request) is Local:
+                    answer, seconds = self._local(request)
+                    if seconds:
+                        yield self._env.timeout(seconds)
+                elif type(request) is Exchange:
+                    answer = yield from self._exchange(request)
+                else:  # raised in the flow, which knows its line
+                    flow.throw(PluginAnswerError(f"{type(request).__name__}: without a head, use Local and Exchange"))
+        finally:
+            flow.close()
+
+    def _addressed(self, who: Sequence[int] | None) -> list[Member]:
+        """The living participants of those that a request addresses; None: all."""
+        return super()._addressed(list(self._members) if who is None else who)
+
+    def _exchange(self, request: Exchange) -> Acting[dict[int, dict[int, Bools]]]:
+        members, alive = self._members, self._alive
+        parcels = {member.id: request.parcel_of(member) for member in self._addressed(request.who)}
+        sent = {node: parcel for node, parcel in parcels.items() if parcel is not None}
+        heard: dict[int, dict[int, Bools]] = {}
+        if not sent:
+            return heard
+        ended, bursts = self._services.transport.broadcast(list(sent), list(sent.values()), self._target)
+        yield ended
+        for burst in bursts:
+            parcel = burst.parcel
+            for node, mask in burst.received.items():
+                if node in members and alive[node]:
+                    members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask, burst.source))
+                    heard.setdefault(node, {})[burst.source] = mask
+        self._services.intervals.shorten_for_next_step({**parcels, **heard})
+        return heard

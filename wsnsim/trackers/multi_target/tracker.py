@@ -34,6 +34,7 @@ from wsnsim.trackers.multi_target.frames import LEAST_SEEN, Frame, frame_of, in_
 from wsnsim.trackers.multi_target.initiation import Start, can_start, found
 from wsnsim.trackers.multi_target.management import MOfN, TrackRules, with_hit, without_duplicates
 from wsnsim.trackers.shared.gaussian_port import GaussianPort
+from wsnsim.trackers.shared.triggers import Always, issues_of
 
 MOST_EXACT: Final = 10
 """Clusters in which both tracks and detections are more than this are associated by belief propagation."""
@@ -65,7 +66,9 @@ class MultiTargetTracker:
         for key, only_value in (("readings", "all"), ("iterations", 1)):
             if getattr(self.filter, key, only_value) != only_value:
                 yield Issue(("tracker", "filter", key), f"must be {only_value}: a track's filter takes each scan once")
-        for issue in getattr(self.filter, "check", no_issues)(setup):
+        if getattr(self.filter, "trigger", Always()) != Always():
+            yield Issue(("tracker", "filter", "trigger"), "must be always: a head takes all scans, also empty ones")
+        for issue in issues_of(self.filter, setup):
             yield replace(issue, path=("tracker", "filter", *issue.path[1:]))
         if self.management.starts and not can_start(setup.filter_sensor) and not why_no_detections(setup.sensor):
             yield Issue(("tracker", "management"), "tracks start from ranges or bearings; use known with this sensor")
@@ -210,11 +213,6 @@ class MultiTargetTracker:
             return kept, events
         kept, merged = without_duplicates(kept, self.estimates(Belief(time, tuple(kept)), facts), self.management)
         return kept, events + merged
-
-
-def no_issues(setup: TrackingSetup) -> Iterator[Issue]:
-    """Those of a filter without a check."""
-    return iter(())
 
 
 @lru_cache(maxsize=64)

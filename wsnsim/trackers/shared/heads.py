@@ -40,6 +40,7 @@ from wsnsim.trackers.shared.gains import (
     reported,
     send_gains,
 )
+from wsnsim.trackers.shared.late import Late, PastStep, handover_with_late, step_with_late
 from wsnsim.trackers.shared.moments import forecast, predicted
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
 from wsnsim.trackers.shared.stacks import Score, place_of, propagated_by, snapshot
@@ -63,6 +64,7 @@ class GaussianBelief:
         head: the id of the head.
         effective: the effective number of particles; NaN without particles.
         gains: those that the filter estimates; None: it estimates none.
+        past: the last steps of this head, of a filter that uses late readings.
     """
 
     mean: Floats
@@ -70,6 +72,7 @@ class GaussianBelief:
     head: int
     effective: float = float("nan")
     gains: Gains | None = field(default=None, kw_only=True)
+    past: tuple[PastStep, ...] = field(default=(), kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +127,10 @@ class HeadFilter:
         yield  # a flow without requests
 
     def hand_over(self, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
+        """Send the belief; None if nothing of it arrives that a track could go on from."""
+        return self.deliver(belief, scene, successor)
+
+    def deliver(self, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
         """Send mean and covariance, 4 packets for a state of four; None if one is lost."""
         arrival = yield from send_moments(belief.mean, belief.cov, successor)
         if arrival is None:
@@ -150,7 +157,38 @@ class HeadFilter:
 
 
 @part
-class HeadCloud(HeadFilter):
+class LateFilter(HeadFilter):
+    """The base of filters that can use late readings. A subclass gives `one_step`, which gathers before it computes."""
+
+    retrodicts: ClassVar[bool] = False
+    """Whether its belief is one Gaussian that linearised readings update."""
+
+    late: Annotated[
+        Late,
+        "readings that arrive after the head has gone on: ignored, filtered again in the order of measurement, or "
+        "used to correct the present Gaussian",
+    ] = "ignore"
+    late_window: Annotated[float, Quantity("s", gt=0, le=1e9), "age of the oldest late reading that is used"] = 10.0
+
+    def one_step(self, belief: Any, scene: Scene) -> Flow[Any]:
+        """One step with the readings that arrive in time."""
+        raise NotImplementedError
+
+    def step(self, belief: Any, scene: Scene) -> Flow[Any]:
+        """One step: N_act - 1 readings reach the head, and late ones of earlier steps if it uses them."""
+        if self.late == "ignore":
+            return self.one_step(belief, scene)
+        return step_with_late(self, belief, scene)
+
+    def hand_over(self, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
+        """Send the belief, after what has arrived late is used; None if no track could go on from what arrives."""
+        if self.late == "ignore":
+            return self.deliver(belief, scene, successor)
+        return handover_with_late(self, belief, scene, successor)
+
+
+@part
+class HeadCloud(LateFilter):
     """A particle filter in the head.
 
     A subclass gives `reading_cycles`, and `weighed` or `filtered`.
@@ -202,7 +240,7 @@ class HeadCloud(HeadFilter):
         nothing = CloudBelief(prior.mean, prior.cov, scene.head, pool=no_particles(prior.mean.size))
         return (yield from self._full(nothing, scene))
 
-    def step(self, belief: CloudBelief, scene: Scene) -> Flow[CloudBelief]:
+    def one_step(self, belief: CloudBelief, scene: Scene) -> Flow[CloudBelief]:
         """One step: N_act - 1 readings reach the head, which predicts and weighs; without any, it predicts.
 
         Then mean and covariance are the motion's prediction of the last ones, free of the noise of a resampling.
@@ -220,7 +258,7 @@ class HeadCloud(HeadFilter):
         pool = replace(belief.pool, cloud=cloud)
         return replace(belief, mean=after.mean, cov=after.cov, gains=after.gains, pool=pool, head=scene.head)
 
-    def hand_over(self, belief: CloudBelief, scene: Scene, successor: int) -> Flow[CloudBelief | None]:
+    def deliver(self, belief: CloudBelief, scene: Scene, successor: int) -> Flow[CloudBelief | None]:
         """N_p + ceil(N_p / 4) + 4 packets to the successor, or the 4 of the moments alone (of a state of four)."""
         if self.handover == "gaussian":
             arrival = yield from send_moments(belief.mean, belief.cov, successor)

@@ -18,6 +18,7 @@ from wsnsim.base.ports import Scene
 from wsnsim.trackers.shared.heads import GaussianBelief
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.trackers.shared.silence import SharedEstimate
 
 LINEARISE_CYCLES = 20.0
 """CPU cycles to compute what is expected of one reading at one point, with its slope and variance."""
@@ -29,9 +30,11 @@ class KalmanBelief(GaussianBelief):
 
     Attributes:
         innovation: that of the step's update.
+        shared: the estimate that members share with the head, if their trigger needs one.
     """
 
     innovation: Innovation = NO_INNOVATION
+    shared: SharedEstimate | None = None
 
 
 def kalman_estimate(belief: GaussianBelief) -> Estimate:

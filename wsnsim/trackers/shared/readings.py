@@ -202,6 +202,16 @@ def gather_readings(scene: Scene, bits: int = PACKET_BITS, belief: Any = None) -
     if belief is not None and getattr(scene.sensor, "adapts", False):
         return (yield from _gather_about(belief, scene, bits))
     reply: GatheredReadings = yield GatherReadings(bits)
+    return evidence_of(reply, scene)
+
+
+def evidence_of(reply: GatheredReadings, scene: Scene) -> Evidence:
+    """Measurements with what the head knows of the members that made them, in the order of the members.
+
+    Args:
+        reply: The measurements.
+        scene: What the head knows of their step.
+    """
     ids = scene.ids
     if reply.ids == ids:  # all members: nothing to select
         return Evidence(ids, reply.values, scene.positions, scene.traits)
