@@ -206,8 +206,9 @@ class MovingGroups(Groups):
         if member.id == lead.cluster.head:
             return member.reading
         own = self._tracks_received(member.id, only=lead.group.target)
-        left = self._mine(member.id, member.reading, own, self._tracks_received(member.id, but=lead.group.target))
-        return tuple([detection for detection, kept in zip(member.reading, left.tolist(), strict=True) if kept])
+        scan: Any = member.reading
+        left = self._mine(member.id, scan, own, self._tracks_received(member.id, but=lead.group.target))
+        return tuple([detection for detection, kept in zip(scan, left.tolist(), strict=True) if kept])
 
     def _heard(self, lead: GroupLead, arrived: Arrived, step: int) -> list[Scan]:
         """The scans of a step, without what others' tracks alone explain, as far as the head knows."""
@@ -274,7 +275,7 @@ class MovingGroups(Groups):
         heard = yield from self._services.messages.broadcast(group, head, parcel)
         self._received.setdefault(head, {})[group] = BroadcastTracks(lead.step, head, tracks)  # it may lead others too
         for node, mask in heard.items():
-            whole = mask.reshape(len(tracks), -1).all(axis=1).tolist()
+            whole = np.all(mask.reshape(len(tracks), -1), axis=1).tolist()
             received = tuple([track for track, arrived in zip(tracks, whole, strict=True) if arrived])
             if received:
                 self._received.setdefault(node, {})[group] = BroadcastTracks(lead.step, head, received)
