@@ -24,9 +24,8 @@ from wsnsim.base.scans import Facts, Scan, TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.head_services import HeadServices
-from wsnsim.network.clusters.network_view import one_step_on
 from wsnsim.network.clusters.track import Handover, Track
-from wsnsim.network.clusters.track_book import TrackRow
+from wsnsim.network.clusters.track_book import TrackRow, predicted
 from wsnsim.network.event_log import Acting
 
 NUMBERS: Final = 4
@@ -118,7 +117,7 @@ class Groups:
         known = KnownNodes(tuple(ids.tolist()), nodes.assumed.positions[ids], nodes.traits[ids])
         time, readings = step * self._clock.dt, lead.driver.readings
         for between in range(lead.step + 1, step):  # steps that passed before this one began
-            self._note(lead, [self._predicted(each, lead.step, between) for each in lead.tracks], between)
+            self._note(lead, [predicted(each, self._facts, lead.step, between) for each in lead.tracks], between)
         outcome = self._tracker.step(lead.belief, time, scans, known, self._facts, self._book.next)
         self._book.note(lead.group.target, lead.cluster.head, outcome)
         lead.belief, lead.step, lead.tracks = outcome.belief, step, self._tracker.estimates(outcome.belief, self._facts)
@@ -129,13 +128,6 @@ class Groups:
         """For how many seconds a head waits for scans at most, where radios are mostly off: they share the air."""
         wait, hop = self._setup.waits.gather, hop_latency(self._setup.mac, PACKET_BITS).unicast
         return None if wait is None else max(wait, HOPS * senders * hop)
-
-    def _predicted(self, track: TrackEstimate, since: int, until: int) -> TrackEstimate:
-        """A track of a step, predicted for a later one."""
-        estimate, dt = Estimate(track.mean, track.cov), self._clock.dt
-        for step in range(since, until):
-            estimate = one_step_on(estimate, self._facts.motion, dt, step * dt)
-        return track._replace(mean=estimate.mean, cov=estimate.cov)
 
     def _issue(self, lead: GroupLead, step: int, readings: int, active: int, members: int) -> None:
         """Record what the head holds of each track, and report it to the sink."""

@@ -12,50 +12,31 @@ from `MEET` on they meet, below `PART` they have parted (our choices). Heads go 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Estimate, Floats, components_of, near, planar
+from wsnsim.base.arrays import Bools, Estimate, Floats, planar
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.requests import PACKET_BITS, Member, Parcel
 from wsnsim.base.scans import Scan, TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
-from wsnsim.network.clusters.election import strength_of
+from wsnsim.network.clusters.free_detections import FreeDetections
 from wsnsim.network.clusters.groups import NUMBERS, Arrived, GroupLead, Groups, belief_sent
 from wsnsim.network.clusters.head_services import HeadServices
+from wsnsim.network.clusters.received_tracks import BroadcastTracks, ReceivedTracks
 from wsnsim.network.clusters.track import GroupEnded, Handover, Track
-from wsnsim.network.clusters.track_book import outdone
+from wsnsim.network.clusters.track_book import outdone, predicted
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.radio.datagrams import Datagram
 
 MEET: Final = 0.5
 PART: Final = 0.25
-GATE: Final = 4.0
-"""Standard deviations of a reading about its expected value within which it is explained."""
-FAR: Final = 1e9
-"""A sensing range (m) that is as good as unlimited."""
-FRESH: Final = 4
-"""Number of steps for which a node uses the tracks that a cluster head has broadcast."""
-LEAST_NODES: Final = 2
-"""Neighbouring nodes with unexplained detections, from which on a group begins."""
-SWIFT: Final = 3.0
-"""Deviations of the speed of targets that may begin, which they reach at most (our choice)."""
-STILL: Final = 0.1
-"""Least share of the space of readings that a detection may move from one step to the next (our choice)."""
 PATIENCE: Final = 3
 """Steps in a row without a track that end a group where radios are mostly off: joins may be under way (our choice)."""
-
-
-class BroadcastTracks(NamedTuple):
-    """The tracks that a cluster head broadcast at a step."""
-
-    step: int
-    head: int
-    tracks: Sequence[TrackEstimate]
 
 
 class MovingGroups(Groups):
@@ -63,12 +44,12 @@ class MovingGroups(Groups):
 
     def __init__(self, services: HeadServices) -> None:
         super().__init__(services)
-        self._received: dict[int, dict[int, BroadcastTracks]] = {}
+        self._received = ReceivedTracks(self._network, self._facts)
         self._inbox: dict[int, list[Any]] = {}
-        self._before: Mapping[int, Any] = {}
         low, high = np.array(self._space or [(0.0, np.inf)]).T
-        share = SWIFT * self._tracker.management.rate_sd * self._clock.dt / self._facts.sensor.reach
-        self._step_at_most = (high - low) * min(max(share, STILL), 1.0)
+        self._free = FreeDetections(
+            self._network, self._book, self._facts, self._received, high - low, self._tracker.management.rate_sd
+        )
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """None: a group without a head has ended."""
@@ -81,29 +62,13 @@ class MovingGroups(Groups):
     def begin(self) -> None:
         """Close groups whose head has gone, and begin new ones from detections that no group explains."""
         book, step = self._book, self._clock.step
-        self._forget_old()
+        self._received.forget_old()
         book.close_groups()
         self._inbox = {group.target: self._inbox.get(group.target, []) for group in book.groups}
         for prior in self._known(step):
             self._begin_with(prior)
-        free = self._unexplained() if self._tracker.management.starts else {}
-        sensor, positions = self._setup.sensor, self._network.nodes.assumed.positions
-        while free:
-            first = max(free, key=lambda node: (strength_of(sensor, free[node]), -node))
-            beside = np.hypot(*(positions[list(free)] - positions[first]).T) <= self._network.nodes.reach
-            electorate = {node: free[node] for node, near in zip(list(free), beside.tolist(), strict=True) if near}
-            free = {node: reading for node, reading in free.items() if node not in electorate}
-            if len(electorate) >= LEAST_NODES:
-                self._services.elections.fill_vacancy(book.open_group(), electorate)
-
-    def _forget_old(self) -> None:
-        """Forget the tracks that nodes received too long ago."""
-        since = self._clock.step - FRESH
-        kept = {
-            node: {group: each for group, each in received.items() if each.step >= since}
-            for node, received in self._received.items()
-        }
-        self._received = {node: received for node, received in kept.items() if received}
+        for electorate in self._free.electorates() if self._tracker.management.starts else ():
+            self._services.elections.fill_vacancy(book.open_group(), electorate)
 
     def _begin_with(self, prior: Estimate) -> None:
         """Appoint the node nearest to a known target, with its track."""
@@ -112,36 +77,6 @@ class MovingGroups(Groups):
         if head is not None:
             belief = self._first_belief(0, [prior])
             self._services.elections.appoint(self._book.open_group(), Handover(head, 0, belief, acts_now=True))
-
-    def _unexplained(self) -> dict[int, Any]:
-        """{node: strongest detection} of the nodes in no group, without what tracks explain that they heard of."""
-        network, taken = self._network, set[int]()
-        for group in self._book.groups:
-            taken.update(group.cluster.members if group.cluster else [])
-            taken.update(group.election.readings if group.election else [])
-            if group.head is not None and group.cluster is None:  # it is about to form its cluster
-                head = network.nodes.assumed.positions[group.head]
-                taken.update(network.nodes.assumed.grid.within(head, network.nodes.reach).tolist())
-        scans: Mapping[int, Any] = network.readings[0]
-        free = {node: scan for node, scan in scans.items() if node not in taken and network.can_lead(node)}
-        found = {}
-        for node, scan in free.items():
-            tracks = self._tracks_received(node)
-            known = self._explained(node, scan, tracks) | ~self._lasting(scan, self._before.get(node, ()))
-            left = [z for z, no in zip(scan, known.tolist(), strict=True) if not no]
-            if left:
-                found[node] = max(left, key=lambda reading: strength_of(self._setup.sensor, reading))
-        self._before = scans
-        return found
-
-    def _lasting(self, scan: Any, before: Any) -> Bools:
-        """(M,) which detections of a node are near one of its scan before; all, if none are false."""
-        sensor, size = self._facts.sensor, len(components_of(self._facts.sensor))
-        new, old = (np.array(each, dtype=np.float64).reshape(-1, size) for each in (scan, before))
-        if not self._facts.clutter:
-            return np.ones(len(new), dtype=np.bool_)
-        steps = [np.abs(near(sensor, old.reshape(-1), np.tile(z, len(old))).reshape(-1, size) - z) for z in new]
-        return np.array([bool((step <= self._step_at_most).all(axis=1).any()) for step in steps])
 
     def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
         """Form a cluster, track in it step by step, and merge, split or hand over."""
@@ -187,8 +122,7 @@ class MovingGroups(Groups):
     def _recruit(self, group: Track, cluster: Cluster) -> Acting[None]:
         """Let nodes join: those with detections that are within sensing range of the head, where its tracks are."""
         nodes = self._network.nodes.assumed
-        reach = min(self._facts.sensor.reach, FAR)
-        near_by = set(nodes.grid.within(nodes.positions[cluster.head], reach).tolist())
+        near_by = set(nodes.grid.within(nodes.positions[cluster.head], self._received.reach).tolist())
         joins = yield from self._services.messages.recruit(group.target, cluster.head, near_by)
         cluster.admit(joins.readings)
         for join, ended in joins.pending:
@@ -205,15 +139,15 @@ class MovingGroups(Groups):
         """The detections of a member, but those which, as far as it knows, other groups' tracks alone explain."""
         if member.id == lead.cluster.head:
             return member.reading
-        own = self._tracks_received(member.id, only=lead.group.target)
-        left = self._mine(member.id, member.reading, own, self._tracks_received(member.id, but=lead.group.target))
-        return tuple([detection for detection, kept in zip(member.reading, left.tolist(), strict=True) if kept])
+        scan: Any = member.reading
+        left = self._mine(member.id, scan, *self._received.own_and_others(member.id, lead.group.target))
+        return tuple([detection for detection, kept in zip(scan, left.tolist(), strict=True) if kept])
 
     def _heard(self, lead: GroupLead, arrived: Arrived, step: int) -> list[Scan]:
         """The scans of a step, without what others' tracks alone explain, as far as the head knows."""
         head, scans = lead.cluster.head, super()._heard(lead, arrived, step)
-        own = [self._predicted(track, lead.step, step) for track in lead.tracks]
-        others = self._tracks_received(head, but=lead.group.target)
+        own = [predicted(track, self._facts, lead.step, step) for track in lead.tracks]
+        _, others = self._received.own_and_others(head, lead.group.target)
         return [
             replace(scan, detections=scan.detections[self._mine(scan.node, scan.detections, own, others)])
             for scan in scans
@@ -221,47 +155,7 @@ class MovingGroups(Groups):
 
     def _mine(self, node: int, scan: Any, own: Sequence[TrackEstimate], others: Sequence[TrackEstimate]) -> Bools:
         """(M,) which detections of a node others' tracks do not explain, or own ones too."""
-        return self._explained(node, scan, own) | ~self._explained(node, scan, others)
-
-    def _tracks_received(self, node: int, but: int = -1, only: int = -1) -> list[TrackEstimate]:
-        """The tracks that a node has heard of, predicted for this step: of all groups `but` one, or of one `only`."""
-        received = {number: each for number, each in self._received.get(node, {}).items() if number != but}
-        fresh = [received[only]] if only in received else received.values() if only < 0 else []
-        fresh = [each for each in fresh if self._clock.step - each.step <= FRESH]
-        return [self._predicted(track, each.step, self._clock.step) for each in fresh for track in each.tracks]
-
-    def _explained(self, node: int, scan: Any, tracks: Sequence[TrackEstimate]) -> Bools:
-        """(M,) which detections of a node lie in the gate of one of the tracks."""
-        size = len(components_of(self._facts.sensor))
-        detections, known = np.array(scan, dtype=np.float64).reshape(-1, size), np.zeros(len(scan), dtype=np.bool_)
-        for track in tracks:
-            expected, spread = self._expected(track, [node])
-            apart = near(self._facts.sensor, detections.reshape(-1), np.tile(expected[0], len(detections)))
-            known |= (np.abs(apart.reshape(-1, size) - expected[0]) <= GATE * spread[0]).all(axis=1)
-        return known
-
-    def _expected(self, track: TrackEstimate, ids: Sequence[int]) -> tuple[Floats, Floats]:
-        """(n, d) the expected readings of a track at nodes, and their standard deviations."""
-        nodes, place, index = self._network.nodes, list(self._facts.motion.position), np.array(ids, dtype=np.int64)
-        law = self._facts.sensor.linearise(
-            track.mean[place][:, None], nodes.assumed.positions[index], nodes.traits[index]
-        )
-        expected, gradients, variances = (array[..., 0] for array in law)
-        spread = np.einsum("ki,ij,kj->k", gradients, track.cov[np.ix_(place, place)], gradients) + variances
-        size = len(components_of(self._facts.sensor))
-        return expected.reshape(-1, size), np.sqrt(spread).reshape(-1, size)
-
-    def _overlap(self, one: TrackEstimate, other: TrackEstimate) -> float:
-        """The share of the nodes on the map, in range of two tracks, whose gates for them overlap; 0 without any."""
-        place, nodes = list(self._facts.motion.position), self._network.nodes.assumed
-        reach = min(self._facts.sensor.reach, FAR)
-        beside, others = (nodes.grid.within(planar(track.mean[place]), reach) for track in (one, other))
-        ids: list[int] = np.intersect1d(beside, others).tolist()
-        if not ids:
-            return 0.0
-        (a, sa), (b, sb) = self._expected(one, ids), self._expected(other, ids)
-        apart = near(self._facts.sensor, b.reshape(-1), a.reshape(-1)).reshape(a.shape) - a
-        return float((np.abs(apart) <= GATE * (sa + sb)).all(axis=1).mean())
+        return self._received.explained(node, scan, own) | ~self._received.explained(node, scan, others)
 
     def _tell(self, lead: GroupLead) -> Acting[None]:
         """Broadcast the tracks, mean and covariance of each."""
@@ -272,17 +166,17 @@ class MovingGroups(Groups):
         packets = len(tracks) * -(-(size + size * (size + 1) // 2) // NUMBERS)
         parcel = Parcel(None, packets, PACKET_BITS, "tracks")
         heard = yield from self._services.messages.broadcast(group, head, parcel)
-        self._received.setdefault(head, {})[group] = BroadcastTracks(lead.step, head, tracks)  # it may lead others too
+        self._received.note(head, group, BroadcastTracks(lead.step, head, tracks))  # it may lead others too
         for node, mask in heard.items():
-            whole = mask.reshape(len(tracks), -1).all(axis=1).tolist()
+            whole = np.all(mask.reshape(len(tracks), -1), axis=1).tolist()
             received = tuple([track for track, arrived in zip(tracks, whole, strict=True) if arrived])
             if received:
-                self._received.setdefault(node, {})[group] = BroadcastTracks(lead.step, head, received)
+                self._received.note(node, group, BroadcastTracks(lead.step, head, received))
 
     def _leave_to_others(self, lead: GroupLead) -> None:
         """End the tracks whose targets others track, as far as the head has heard."""
-        others = self._tracks_received(lead.cluster.head, but=lead.group.target)
-        now = [self._predicted(track, lead.step, self._clock.step) for track in lead.tracks]
+        _, others = self._received.own_and_others(lead.cluster.head, lead.group.target)
+        now = [predicted(track, self._facts, lead.step, self._clock.step) for track in lead.tracks]
         self._keep(lead, {track.number for track in now if not outdone(track, others)})
 
     def _keep(self, lead: GroupLead, numbers: Collection[int]) -> None:
@@ -296,13 +190,11 @@ class MovingGroups(Groups):
     def _merge(self, lead: GroupLead) -> Acting[None]:
         """Send all tracks to the head of a group of a lower number whose tracks meet those of this one."""
         group, own = lead.group.target, [track for track in lead.tracks if track.confirmed]
-        for number, received in sorted(self._received.get(lead.cluster.head, {}).items()):
-            if number >= group or self._clock.step - received.step > FRESH or received.head == lead.cluster.head:
+        for number, received, tracks in self._received.by_group(lead.cluster.head):
+            if number >= group or received.head == lead.cluster.head:
                 continue
-            theirs = [
-                self._predicted(track, received.step, self._clock.step) for track in received.tracks if track.confirmed
-            ]
-            if any(self._overlap(one, other) >= MEET for one in own for other in theirs):
+            theirs = [track for track in tracks if track.confirmed]
+            if any(self._received.overlap(one, other) >= MEET for one in own for other in theirs):
                 sent = yield from self._sent(lead, lead.belief, received.head)
                 leads = [each.target for each in self._book.groups if each.head == received.head]
                 if sent is not None and number in leads:
@@ -349,7 +241,7 @@ class MovingGroups(Groups):
         lead.belief = self._tracker.only(lead.belief, {track.number for track in lead.tracks} - numbers)
         lead.tracks = self._tracker.estimates(lead.belief, self._facts)
         new = self._book.open_group()
-        self._received.setdefault(head, {})[new.target] = BroadcastTracks(lead.step, successor, far)
+        self._received.note(head, new.target, BroadcastTracks(lead.step, successor, far))
         self._log.add("split", lead.group.target, head, peer=successor, sequence=new.target)
         handover = Handover(
             successor, lead.step, belief, previous_head=head, hops=driver.hops, bits=driver.collection.bits
@@ -360,7 +252,7 @@ class MovingGroups(Groups):
         """The tracks in sets between which no gates overlap by `PART` or more."""
         sets: list[list[TrackEstimate]] = []
         for track in tracks:
-            near_by = [each for each in sets if any(self._overlap(track, one) >= PART for one in each)]
+            near_by = [each for each in sets if any(self._received.overlap(track, one) >= PART for one in each)]
             sets = [each for each in sets if each not in near_by] + [
                 [track, *(one for each in near_by for one in each)]
             ]

@@ -12,20 +12,17 @@ import simpy
 from wsnsim.base.arrays import Estimate
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.rows import Issued, is_late
-from wsnsim.base.scans import ScanOutcome, TrackEstimate
+from wsnsim.base.scans import Facts, ScanOutcome, TrackEstimate
+from wsnsim.network.clusters.network_view import one_step_on
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.event_log import ProtocolLog
 
 EVENTS = {"start": "initiate", "confirm": "confirm", "delete": "delete", "merge": "delete"}
 """The kinds of events in the log, by what trackers say of tracks."""
-
-
 MOST_GROUPS = 2**15
 """Numbers of groups that the column `target` of events holds."""
 UNKNOWN = Estimate(np.empty(0), np.empty((0, 0)))
 """The prior of a group: there is none."""
-
-
 SAME: Final = 3.0
 """Standard deviations of the difference of two states within which they are one target's (our choice)."""
 
@@ -42,6 +39,14 @@ def _same(one: TrackEstimate, other: TrackEstimate) -> bool:
     """Whether all columns of two states are as near as those of one target that two heads track by themselves."""
     apart = one.mean - other.mean
     return float(apart @ np.linalg.solve(one.cov + other.cov, apart)) <= SAME**2
+
+
+def predicted(track: TrackEstimate, facts: Facts, since: int, until: int) -> TrackEstimate:
+    """A track of a step, predicted for a later one."""
+    estimate = Estimate(track.mean, track.cov)
+    for step in range(since, until):
+        estimate = one_step_on(estimate, facts.motion, facts.dt, step * facts.dt)
+    return track._replace(mean=estimate.mean, cov=estimate.cov)
 
 
 class TrackRow(NamedTuple):
