@@ -277,6 +277,6 @@ def _concluded(
         settings, base = points[row].settings, points[start].settings
         names = [point_name(by, [values.get(key) for key in by]) for values in (settings, base)]
         group = ", ".join(f"{key} = {label([settings.get(key)])}" for key in others)
-        sentences[row] = sentence(table.iloc[row].to_dict(), PairWords(*names, group, metric, unit))
+        sentences[row] = sentence(table.iloc[row].to_dict(), PairWords(names[0], names[1], group, metric, unit))
         hints[row] = hint(network[row], network[start], (names[0], names[1]))
     return table.assign(conclusion=sentences, hint=hints)

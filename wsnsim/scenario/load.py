@@ -136,3 +136,22 @@ def _as_text(written: str, node: LocatedValue) -> str:
         return f"{written}={json.dumps(value)}"
     again, _ = read(value, Origin("", Path()))
     return f"{written}={value if again is not None and again.value == value else json.dumps(value)}"
+
+
+def text_like(source: str, name: str) -> str:
+    """Return the text of a scenario that extends another one, whose values stand in comments.
+
+    Args:
+        source: The name or the file of the other one.
+        name: The name of the new one.
+    """
+    import yaml
+
+    values = {key: value for key, value in resolved(load(source)).items() if key != "name"}
+    whole = (yaml.safe_dump({key: value}, default_flow_style=True, width=10**9, sort_keys=False).strip()
+             for key, value in values.items())  # fmt: skip
+    lines = [f"# {text[1:-1]}\n" for text in whole]  # without the braces of the mapping
+    return (
+        f"# As {source}, but for what you change: take the '#' from a line and change its values, in SI units.\n"
+        f"{yaml.safe_dump({'extends': source, 'name': name}, sort_keys=False)}\n{''.join(lines)}"
+    )
