@@ -73,15 +73,15 @@ def volume_of(sensor: Any, window: tuple[Interval, ...] = ()) -> float:
 class Management(Protocol):
     """How tracks begin, are confirmed and are deleted.
 
-    `known_start`: tracks begin from the priors of targets; `starts`: tracks begin from detections. `rate_sd` is the
-    deviation of the speed of targets that may begin, in m/s.
+    `known_start`: tracks begin from the priors of targets; `starts`: tracks begin from detections.
     """
 
     known_start: ClassVar[bool]
     starts: ClassVar[bool]
 
     @property
-    def rate_sd(self) -> float: ...
+    def rate_sd(self) -> float:
+        """The standard deviation of the velocity, in m/s, with which a track begins."""
 
 
 class MultiTracker(Protocol):

@@ -187,8 +187,8 @@ def new(name: str, bench: bool, like: str | None, role: str | None) -> None:
     All are starting points. The scenario is NAME.yaml; the plug-in is NAME.py, and the scenario uses it. A study is a
     folder with study.yaml (experiments, hypotheses, thresholds) and study.py (measures, figures).
     """
-    from wsnsim.scenario.schema import unsafe_name
     from wsnsim.scenario.load import text_like
+    from wsnsim.scenario.schema import unsafe_name
     from wsnsim.scenario.texts import template
 
     stem = name.removesuffix(".yaml").removesuffix(".py" if role else ".yaml")
