@@ -474,10 +474,12 @@ def test_a_member_that_missed_a_schedule_of_all_sends_too_late_for_the_head_whic
     network.nodes.jammed[3] = False
     network.env.run(until=network.env.now + 0.1)
     began = network.env.now
-    assert [burst.packets for burst in gather(network, sources=(2, 3))] == [1, 0]
+    slotted, late = gather(network, sources=(2, 3))
+    assert slotted.packets == 1 and late.packets == 0 and late.heard is None
     assert network.env.now - began == pytest.approx(8 * SLOT, rel=1e-9), "it waits for nobody"
     network.env.run(until=network.env.now + 0.1)
     assert arrivals(network, began)[3] > 8 * SLOT, "the frame is sent and paid"
+    assert late.heard.all() and late.heard_at - began > 8 * SLOT, "a head that uses late readings finds it"
     assert [burst.packets for burst in gather(network, sources=(2, 3))] == [1, 1]
 
 

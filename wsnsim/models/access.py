@@ -223,7 +223,7 @@ class Tdma(Csma):
     A member with something to send that has no slot, or did not receive the schedule, sends after the round by
     CSMA/CA, acknowledged, and has a slot in the next schedule once its frame has arrived. The head listens after the
     last slot for as long as a frame takes at most without contention, whether one comes or not, and for frames under
-    way. If the schedule has all its members it goes on at once: then such a frame is late, and its reading lost.
+    way. If the schedule has all its members it goes on at once: then such a frame is late.
     `information_driven`, its deadline left out, waits for a round with all members (`Scene.hop_seconds`).
 
     With `idle_slots: skipped`, an idealisation, only frames take time: all nodes know who has nothing to send, those

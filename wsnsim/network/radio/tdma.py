@@ -137,7 +137,7 @@ class TdmaMechanism(MacPart):
         if not self.keeps_idle_slots:
             return
         if head in self._members and self._members[head] <= set(self._orders.get(head, ())):
-            self._env.process(self._contend(head, [_late(burst) for burst in contending]))
+            self._env.process(self._contend_late(head, contending))
         else:
             yield from self._contend(head, contending)
 
@@ -156,6 +156,13 @@ class TdmaMechanism(MacPart):
         if arrived := {burst.source for burst in bursts if burst.packets}:
             self._contended.setdefault(head, set()).update(arrived)
             self._expected.setdefault(head, set(self._orders.get(head, ()))).update(arrived)
+
+    def _contend_late(self, head: int, bursts: Sequence[Burst]) -> Acting[None]:
+        """Have members without a slot send, for which the head does not wait; it has what arrives after the round."""
+        copies = [_late(burst) for burst in bursts]
+        yield from self._contend(head, copies)
+        for burst, copy in zip(bursts, copies, strict=True):
+            burst.heard, burst.heard_at = copy.heard, copy.heard_at
 
     def _listed(self, head: int, members: set[int]) -> set[int]:
         """Who has a slot in the next schedule.
@@ -323,7 +330,7 @@ class TdmaMechanism(MacPart):
 def _late(burst: Burst) -> Burst:
     """The burst of a member for which the head does not wait: a copy, which is sent, while the burst itself is lost.
 
-    The event log calls it late, since the tracker does not use what it brings.
+    The event log calls it late: a tracker does not use what it brings, unless it uses late readings.
     """
     copy = replace(burst, parcel=replace(burst.parcel, what=f"late {burst.parcel.what}"))
     burst.lose()
