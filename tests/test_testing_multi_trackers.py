@@ -172,7 +172,7 @@ class KeepsAll(Wrong):
 
 
 class JoinsTheFirst(Wrong):
-    def joined(self, beliefs):
+    def joined(self, beliefs, time, facts):
         return beliefs[0]
 
 

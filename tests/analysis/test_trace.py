@@ -215,7 +215,7 @@ def test_overhearing_is_summed_over_the_step(made):
         (event("wake", 3, what="schedule"), "node 3 woke, by its schedule"),
         (event("sleep", 3, what="schedule"), "node 3 went to sleep, by its schedule"),
         (event("reacquire", 3), "node 3 initiated the track again, from readings"),
-        (event("wake", 3, what="target"), "node 3 woke, because the target came into range"),
+        (event("wake", 3, what="target"), "node 3 woke, because of a detection"),
         (event("death", 3, target=-1), "node 3 died: its battery is empty"),
         (event("crash", 3, target=-1), "node 3 crashed"),
         (event("restart", 3, target=-1), "node 3 restarted"),

@@ -194,6 +194,19 @@ def test_groups_that_track_one_target_by_themselves_end_with_one_track_of_its_fi
     assert np.unique(table["track"][table["step"] >= STEPS - 3]).tolist() == [0]
 
 
+def test_no_track_ends_without_an_event_where_the_groups_of_four_targets_merge_over_a_slow_radio() -> None:
+    starts = [(-60, -45), (-60, 45), (60, 40), (60, -40)]
+    paths = [[[0, x, y], [STEPS // 2, 0, 0], [STEPS, -x, y]] for x, y in starts]
+    targets = [{"kind": "waypoints", "points": path} for path in paths]
+    memory = recorded(targets=targets, clusters=PROTOCOLS["strongest_signal"], **(CC2420 | RADIOS["csma"]))
+    table, deleted = memory.table("estimates"), events(memory, "delete")["sequence"]
+    assert events(memory, "merge")["time"].size > 2 and not events(memory, "lost")["time"].size
+    for number in np.unique(table["track"]):
+        steps = table["step"][table["track"] == number].tolist()
+        assert steps == [*range(steps[0], steps[-1] + 1)], "a row at each step"
+        assert number in deleted or steps[-1] >= table["step"].max() - 1
+
+
 @pytest.mark.thorough
 def test_the_groups_of_the_scenario_with_a_crossing_confirm_a_track_for_each_target_and_no_other() -> None:
     memory = Memory(WANTED)

@@ -121,6 +121,15 @@ def test_two_targets_closer_than_the_sensor_resolves_give_one_detection() -> Non
     assert set(apart.table("detections")["origin"]) == {0, 1}
 
 
+def test_which_targets_are_resolved_does_not_depend_on_the_order_in_which_they_are_listed() -> None:
+    places, close = (0.0, 1.2, 0.6), {"kind": "unlabelled", "probability": 1.0, "resolution": [1.0, 0.5]}
+    sizes = []
+    for order in ((0, 1, 2), (0, 2, 1)):
+        table = recorded(targets=[line(places[i], places[i]) for i in order], detection=close).table("detections")
+        sizes.append([table[name] for name in ("step", "node", "detection", "component")])
+    np.testing.assert_array_equal(*sizes)
+
+
 def test_a_false_detection_wakes_a_dormant_node_and_an_empty_field_costs_what_is_sent_for_clutter() -> None:
     nobody = {"kind": "constant_velocity", "start": [0, 1, 0, 1], "presence": []}
     empty = scenario(motion=nobody)

@@ -17,7 +17,7 @@ from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.ranging import Range
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.imm import InteractingModels
-from wsnsim.trackers.multi_target.beliefs import Belief, clusters, joined, numbers_of, only, stacked
+from wsnsim.trackers.multi_target.beliefs import Belief, stacked
 from wsnsim.trackers.multi_target.frames import Frame
 from wsnsim.trackers.multi_target.lmb import Lmb
 from wsnsim.trackers.multi_target.management import KnownTargets, MOfN, SequentialTest
@@ -280,11 +280,28 @@ def test_a_group_splits_and_merges_by_value() -> None:
     tracker = Jpda(filter=ExtendedKalman())
     places = ([0.0, 0.0, 0.0, 0.0], [3.0, 0.0, 0.0, 0.0], [90.0, 0.0, 0.0, 0.0], [6.0, 0.0, 0.0, 0.0])
     belief = tracker.begin([prior_of(np.array(place)) for place in places], 2.0, facts, number=5)
-    groups = clusters(tracker.estimates(belief, facts), facts, 2.0)
-    assert groups == [[5, 6, 8], [7]]
-    parts = [only(belief, group) for group in groups]
-    assert joined(parts[::-1]).tracks == belief.tracks
-    assert numbers_of(parts[1]) == 4 + 1 + 4 + 10 and numbers_of(belief) == 4 * 19
+    parts = [tracker.only(belief, group) for group in ([5, 6, 8], [7])]
+    assert tracker.joined(parts[::-1], 2.0, facts).tracks == belief.tracks
+    assert tracker.numbers_of(parts[1]) == 4 + 1 + 4 + 10 and tracker.numbers_of(belief) == 4 * 19
+
+
+@pytest.mark.parametrize("rules", [MOfN(coast=2), SequentialTest()], **NAMED)
+@pytest.mark.parametrize("method", METHODS, **NAMED)
+def test_groups_that_merge_count_nothing_for_or_against_their_tracks(method, rules) -> None:
+    facts = facts_of(Range(sd=1.0, reach=200.0))
+    tracker = method(filter=ExtendedKalman(), management=rules)
+    one, other = (
+        tracker.begin([prior_of(np.array([place, 1.0, 0.0, 0.0]))], time, facts, number)
+        for number, (place, time) in enumerate([(0.0, 2.0), (0.5, 4.0)])
+    )
+    worn = replace(one, tracks=tuple(replace(track, misses=1, near=((1, 4),), hits=(True,)) for track in one.tracks))
+    both = tracker.joined([worn, other], 4.0, facts)
+    assert both.time == 4.0 and [track.number for track in both.tracks] == [0, 1]
+    first, second = both.tracks
+    assert (first.misses, first.near, first.hits) == (1, ((1, 4),), (True,))
+    assert first.existence == pytest.approx(rules.survival**2) and second is other.tracks[0]
+    ahead = tracker.step(one, 4.0, [], KnownNodes((), np.empty((0, 2)), np.empty((0, 0))), facts, 2).belief
+    np.testing.assert_array_equal(first.bank.means, ahead.tracks[0].bank.means)
 
 
 def separation(method, apart, runs=10, steps=40, far=1e4):

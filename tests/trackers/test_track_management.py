@@ -18,7 +18,7 @@ from wsnsim.trackers.multi_target.beliefs import Belief, BelievedTrack
 from wsnsim.trackers.multi_target.lmb import Lmb
 from wsnsim.trackers.multi_target.management import KnownTargets, MOfN, SequentialTest, with_hit
 from wsnsim.trackers.multi_target.mht import Mht
-from wsnsim.trackers.multi_target.single_gaussian import Gnn, Jpda, LocalNearestNeighbour
+from wsnsim.trackers.multi_target.single_gaussian import Gnn, Jpda, LocalNearestNeighbour, Pda
 from wsnsim.trackers.shared.gaussian_port import GaussianBank
 
 NO_BANK = GaussianBank(np.zeros((1, 1, 4)), np.eye(4)[None, None], np.ones((1, 1)))
@@ -110,6 +110,17 @@ def test_tracks_are_confirmed_follow_their_targets_and_end_after_them(method, ru
     assert not [one for one in steps[-1].belief.tracks if one.confirmed]
     kinds = [event.kind for outcome in steps for event in outcome.events]
     assert kinds.count("confirm") == 2 and kinds.count("delete") >= 2
+
+
+@pytest.mark.parametrize("method", [LocalNearestNeighbour, Gnn, Pda, Jpda, Lmb, Mht])
+def test_a_target_that_no_node_can_sense_exists_as_probably_as_it_survives(method) -> None:
+    nodes, facts = ring(3), facts_of(Range(sd=1.0, reach=100.0))
+    tracker = method(filter=ExtendedKalman(), management=SequentialTest(survival=0.9))
+    belief = tracker.begin([prior_of(np.array([1e4, 0.0, 0.0, 0.0]))], 0.0, facts)
+    for step in (1, 2, 4):
+        scans = [Scan(node, float(step), np.empty((0, 1))) for node in nodes.ids]
+        belief = tracker.step(belief, float(step), scans, nodes, facts, 1).belief
+    assert tracker.estimates(belief, facts)[0].existence == pytest.approx(0.9**4, rel=1e-6)
 
 
 def test_two_tracks_of_one_target_are_merged_and_those_of_two_are_not() -> None:

@@ -48,18 +48,18 @@ VERBS: Final = {
         "woke",
         {
             "frame": ", by a message",
-            "target": ", because the target came into range",
+            "target": ", because of a detection",
             "call": ", by a wake-up call",
             "schedule": ", by its schedule",
         },
     ),
     "sleep": (
         "went to sleep",
-        {"frame": ", dismissed", "target": ", because the target had left its range", "schedule": ", by its schedule"},
+        {"frame": ", dismissed", "target": ", without a detection", "schedule": ", by its schedule"},
     ),
     "stay": (
         "stayed awake",
-        {"frame": ", because it had something to do", "target": ", because the target is in range"},
+        {"frame": ", because it had something to do", "target": ", because of a detection"},
     ),
     "resume": ("returned to its schedule, awake", {}),
     "compute": ("computed", {}),

@@ -124,5 +124,5 @@ class MultiTracker(Protocol):
     def only(self, belief: Any, numbers: Collection[int]) -> Any:
         """The belief about some of its tracks alone."""
 
-    def joined(self, beliefs: Sequence[Any]) -> Any:
-        """A belief with the tracks of several of the same time."""
+    def joined(self, beliefs: Sequence[Any], time: float, facts: Facts) -> Any:
+        """A belief with the tracks of several, predicted for a time, which is that of one of them."""

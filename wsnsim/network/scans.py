@@ -103,8 +103,8 @@ class Scans(Reports):
         for i in range(1, len(pairs)):
             apart = near(self._sensor, np.tile(exact[i], (i, 1)).reshape(-1), exact[:i].reshape(-1)).reshape(i, -1)
             close = (np.abs(apart - exact[:i]) < np.array(self._detection.resolution)).all(axis=1)
-            if close.any():
-                group[i] = group[np.flatnonzero(close)[0]]
+            for other in np.flatnonzero(close):
+                group[group == group[other]] = i
         _, numbers = np.unique(group, return_inverse=True)
         values = means_of(self._sensor, np.array([value for value, _ in pairs]), numbers, int(numbers.max()) + 1)
         firsts = [targets[list(numbers).index(number)] for number in range(int(numbers.max()) + 1)]

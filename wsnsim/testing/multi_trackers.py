@@ -155,10 +155,11 @@ def _check_bits(recorded: _Recorded) -> None:
 
 
 def _check_groups(recorded: _Recorded) -> None:
-    for played in recorded.play():
+    for (time, _, _), played in zip(recorded.steps, recorded.play(), strict=True):
         halves = [played.estimates[i::2] for i in (0, 1)]
         parts = [recorded.only(played.belief, {track.number for track in half}) for half in halves]
-        pairs = [*zip(parts, halves, strict=True), (recorded.joined(parts[::-1]), played.estimates)]
+        joined = recorded.joined(parts[::-1], time, recorded.facts)
+        pairs = [*zip(parts, halves, strict=True), (joined, played.estimates)]
         for belief, tracks in pairs:
             found = tuple(recorded.estimates(belief, recorded.facts))
             assert same(found, tracks), (

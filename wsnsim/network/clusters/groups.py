@@ -18,7 +18,7 @@ from wsnsim.base.detections import MultiTracker, ReportsScans, space_of, volume_
 from wsnsim.base.medium_access import hop_latency
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.radio import Mode
-from wsnsim.base.requests import PACKET_BITS, Compute, Flow, Gather, Member, Parcel, Send
+from wsnsim.base.requests import PACKET_BITS, Compute, Flow, Gather, Member, Parcel
 from wsnsim.base.rows import Issued
 from wsnsim.base.scans import Facts, Scan, TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
@@ -109,20 +109,25 @@ class Groups:
         scene, step = lead.cluster.scene(self._clock.step - lead.step), self._clock.step
         parcels = {member.id: self._scan_parcel(lead, member) for member in lead.cluster.members.values()}
         sending = [node for node, parcel in parcels.items() if parcel is not None and node != lead.cluster.head]
-        arrived: Arrived = yield from lead.driver.perform(_scans(parcels, self._deadline(len(sending))))
+        gather = Gather(lambda member: parcels[member.id], deadline=self._deadline(len(sending)))
+        arrived: Arrived = yield from lead.driver.perform(requested(gather))
         lead.note(len(sending), len(arrived.keys() & set(sending)))
         scans = self._heard(lead, arrived, step)
         nodes = self._network.nodes
         ids = np.array([scan.node for scan in scans], dtype=np.int64)
         known = KnownNodes(tuple(ids.tolist()), nodes.assumed.positions[ids], nodes.traits[ids])
         time, readings = step * self._clock.dt, lead.driver.readings
-        for between in range(lead.step + 1, step):  # steps that passed before this one began
-            self._note(lead, [predicted(each, self._facts, lead.step, between) for each in lead.tracks], between)
+        self._note_passed(lead, lead.tracks, lead.step, step)
         outcome = self._tracker.step(lead.belief, time, scans, known, self._facts, self._book.next)
         self._book.note(lead.group.target, lead.cluster.head, outcome)
         lead.belief, lead.step, lead.tracks = outcome.belief, step, self._tracker.estimates(outcome.belief, self._facts)
-        yield from lead.driver.perform(_compute(outcome.cycles))
+        yield from lead.driver.perform(requested(Compute(outcome.cycles)))
         self._issue(lead, step, readings, len(scene.ids), len(scene.roster))
+
+    def _note_passed(self, lead: GroupLead, tracks: Sequence[TrackEstimate], since: int, until: int) -> None:
+        """Record tracks of a step, predicted for the steps that passed before another one began."""
+        for between in range(since + 1, until):
+            self._note(lead, [predicted(track, self._facts, since, between) for track in tracks], between)
 
     def _deadline(self, senders: int) -> float | None:
         """For how many seconds a head waits for scans at most, where radios are mostly off: they share the air."""
@@ -226,17 +231,6 @@ class CentralGroup(Groups):
         return list(np.flatnonzero(self._network.nodes.living))
 
 
-def _scans(parcels: Mapping[int, Parcel | None], deadline: float | None) -> Flow[Arrived]:
-    """The scans of all members that detect something."""
-    answer: Arrived = yield Gather(lambda member: parcels[member.id], deadline=deadline)
-    return answer
-
-
-def _compute(cycles: float) -> Flow[None]:
-    yield Compute(cycles)
-
-
-def belief_sent(belief: Any, numbers: int, to: int) -> Flow[Any]:
-    """Send a belief to a node, in packets for its numbers; return what arrived, None if a packet is lost."""
-    mask = yield Send(to, Parcel(belief, -(-numbers // NUMBERS), PACKET_BITS, "belief"))
-    return belief if mask.all() else None
+def requested(request: Any) -> Flow[Any]:
+    """The flow of a single request: what it gives."""
+    return (yield request)

@@ -1,10 +1,10 @@
 """Groups that move with their tracks, where readings name no target: they begin, merge, split and end.
 
 A group begins with an election among neighbouring nodes that have detections which no group explains, and which are
-near one of the step before, since clutter seldom is. Each head
-broadcasts its tracks at each step: who hears them takes what they explain for explained. Groups merge where confirmed
-tracks meet: the head of the higher number sends its tracks to the other one. A group whose tracks have parted hands
-some of them to a head nearer to them. It ends with its last track.
+near one of the step before, since clutter seldom is (`free_detections`). Each head broadcasts its tracks at each step:
+nodes that hear them take what they explain for explained (`received_tracks`). Groups merge where confirmed tracks meet:
+the head of the higher number sends its tracks to the other one. A group whose tracks have parted hands some of them to
+a head nearer to them. It ends with its last track.
 
 The gates of two tracks overlap by the share of those nodes, in range of both, at which the gates for their readings do:
 from `MEET` on they meet, below `PART` they have parted (our choices). Heads go by their map of the nodes.
@@ -12,6 +12,7 @@ from `MEET` on they meet, below `PART` they have parted (our choices). Heads go 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -19,13 +20,12 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Estimate, Floats, planar
-from wsnsim.base.ports import KnownNodes
-from wsnsim.base.requests import PACKET_BITS, Member, Parcel
+from wsnsim.base.requests import PACKET_BITS, Member, Parcel, Send
 from wsnsim.base.scans import Scan, TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.free_detections import FreeDetections
-from wsnsim.network.clusters.groups import NUMBERS, Arrived, GroupLead, Groups, belief_sent
+from wsnsim.network.clusters.groups import NUMBERS, Arrived, GroupLead, Groups, requested
 from wsnsim.network.clusters.head_services import HeadServices
 from wsnsim.network.clusters.received_tracks import BroadcastTracks, ReceivedTracks
 from wsnsim.network.clusters.track import GroupEnded, Handover, Track
@@ -45,7 +45,7 @@ class MovingGroups(Groups):
     def __init__(self, services: HeadServices) -> None:
         super().__init__(services)
         self._received = ReceivedTracks(self._network, self._facts)
-        self._inbox: dict[int, list[Any]] = {}
+        self._inbox: defaultdict[int, list[Handover]] = defaultdict(list)
         low, high = np.array(self._space or [(0.0, np.inf)]).T
         self._free = FreeDetections(
             self._network, self._book, self._facts, self._received, high - low, self._tracker.management.rate_sd
@@ -61,11 +61,11 @@ class MovingGroups(Groups):
 
     def begin(self) -> None:
         """Close groups whose head has gone, and begin new ones from detections that no group explains."""
-        book, step = self._book, self._clock.step
+        book = self._book
         self._received.forget_old()
         book.close_groups()
-        self._inbox = {group.target: self._inbox.get(group.target, []) for group in book.groups}
-        for prior in self._known(step):
+        self._inbox = defaultdict(list, {group.target: self._inbox[group.target] for group in book.groups})
+        for prior in self._known(self._clock.step):
             self._begin_with(prior)
         for electorate in self._free.electorates() if self._tracker.management.starts else ():
             self._services.elections.fill_vacancy(book.open_group(), electorate)
@@ -95,7 +95,7 @@ class MovingGroups(Groups):
             yield from self._step(lead)
             self._leave_to_others(lead)
             idle = 0 if lead.tracks else idle + 1
-            if idle >= (1 if self._setup.waits.joins is None else PATIENCE):
+            if idle >= (1 if self._setup.waits.joins is None else PATIENCE) and not self._inbox[track.target]:
                 self._log.add("end", track.target, cluster.head)
                 raise GroupEnded
             yield from self._merge(lead)
@@ -105,7 +105,7 @@ class MovingGroups(Groups):
             small = self._setup.clusters.must_hand_over(active, lead.cluster.size)
             if enough < 0:  # a cluster that is too small from its first step on is so until fewer are in range
                 enough = active if small else lead.cluster.size
-            elif small and active < enough and lead.tracks:
+            elif small and active < enough and lead.tracks and not self._inbox[track.target]:
                 following = yield from self._hand_over(lead)
                 if following is not None:
                     return following
@@ -158,12 +158,12 @@ class MovingGroups(Groups):
         return self._received.explained(node, scan, own) | ~self._received.explained(node, scan, others)
 
     def _tell(self, lead: GroupLead) -> Acting[None]:
-        """Broadcast the tracks, mean and covariance of each."""
+        """Broadcast the tracks: of each its number, whether it is confirmed, mean and covariance."""
         tracks = tuple(lead.tracks)
         if not tracks:
             return
         size, head, group = len(tracks[0].mean), lead.cluster.head, lead.group.target
-        packets = len(tracks) * -(-(size + size * (size + 1) // 2) // NUMBERS)
+        packets = len(tracks) * -(-(2 + size + size * (size + 1) // 2) // NUMBERS)
         parcel = Parcel(None, packets, PACKET_BITS, "tracks")
         heard = yield from self._services.messages.broadcast(group, head, parcel)
         self._received.note(head, group, BroadcastTracks(lead.step, head, tracks))  # it may lead others too
@@ -197,8 +197,8 @@ class MovingGroups(Groups):
             if any(self._received.overlap(one, other) >= MEET for one in own for other in theirs):
                 sent = yield from self._sent(lead, lead.belief, received.head)
                 leads = [each.target for each in self._book.groups if each.head == received.head]
-                if sent is not None and number in leads:
-                    self._inbox.setdefault(number, []).append(sent[0])
+                if sent is not None and number in leads and not self._inbox[group]:  # else it takes in tracks first
+                    self._inbox[number].append(sent)
                     self._log.add("merge", group, lead.cluster.head, peer=received.head, sequence=number)
                     raise GroupEnded
 
@@ -207,18 +207,18 @@ class MovingGroups(Groups):
         arrived = self._inbox.pop(lead.group.target, [])
         if not arrived:
             return
-        time, step = self._clock.step * self._clock.dt, self._clock.step
-        nobody = KnownNodes((), np.empty((0, 2)), self._network.nodes.traits[:0])
-        each = [
-            self._tracker.step(belief, time, (), nobody, self._facts, self._book.next).belief
-            for belief in [lead.belief, *arrived]
-        ]
-        lead.belief, lead.step = self._tracker.joined(each), step
-        sets = [self._tracker.estimates(belief, self._facts) for belief in each]
+        beliefs = [lead.belief, *(each.belief for each in arrived)]
+        steps = [lead.step, *(each.belief_step for each in arrived)]
+        sets = [self._tracker.estimates(belief, self._facts) for belief in beliefs]
+        now = max(steps)
+        for tracks, since in zip(sets, steps, strict=True):
+            self._note_passed(lead, tracks, since, now + 1)
+        lead.belief, lead.step = self._tracker.joined(beliefs, now * self._clock.dt, self._facts), now
+        lead.tracks = self._tracker.estimates(lead.belief, self._facts)
+        own = {track.number: place for place, tracks in enumerate(sets) for track in tracks}
         self._keep(lead, {
-            track.number
-            for i, own in enumerate(sets) for track in own
-            if not outdone(track, [other for j, others in enumerate(sets) if j != i for other in others])
+            track.number for track in lead.tracks
+            if not outdone(track, [each for each in lead.tracks if own[each.number] != own[track.number]])
         })  # fmt: skip
         yield from self._recruit(lead.group, lead.cluster)
 
@@ -235,27 +235,21 @@ class MovingGroups(Groups):
             return
         numbers = {track.number for track in far}
         sent = yield from self._sent(lead, self._tracker.only(lead.belief, numbers), successor)
-        if sent is None or not self._network.nodes.alive[successor]:
+        if sent is None:
             return
-        belief, driver = sent
         lead.belief = self._tracker.only(lead.belief, {track.number for track in lead.tracks} - numbers)
         lead.tracks = self._tracker.estimates(lead.belief, self._facts)
         new = self._book.open_group()
         self._received.note(head, new.target, BroadcastTracks(lead.step, successor, far))
         self._log.add("split", lead.group.target, head, peer=successor, sequence=new.target)
-        handover = Handover(
-            successor, lead.step, belief, previous_head=head, hops=driver.hops, bits=driver.collection.bits
-        )
-        self._services.elections.appoint(new, handover)
+        self._services.elections.appoint(new, sent)
 
     def _parted(self, tracks: Sequence[TrackEstimate]) -> list[list[TrackEstimate]]:
         """The tracks in sets between which no gates overlap by `PART` or more."""
         sets: list[list[TrackEstimate]] = []
         for track in tracks:
             near_by = [each for each in sets if any(self._received.overlap(track, one) >= PART for one in each)]
-            sets = [each for each in sets if each not in near_by] + [
-                [track, *(one for each in near_by for one in each)]
-            ]
+            sets = [each for each in sets if each not in near_by] + [sum(near_by, [track])]
         return sets
 
     def _in_range(self, lead: GroupLead) -> int:
@@ -277,19 +271,17 @@ class MovingGroups(Groups):
             return Handover(head, lead.step, lead.belief, previous_head=head)
         self._log.add("handover", group.target, head, peer=successor)
         group.handovers += 1
-        sent = yield from self._sent(lead, lead.belief, successor)
-        if sent is None or not self._network.nodes.alive[successor]:
-            return None
-        belief, driver = sent
-        return Handover(
-            successor, lead.step, belief, previous_head=head, hops=driver.hops, bits=driver.collection.bits
-        )  # fmt: skip
+        return (yield from self._sent(lead, lead.belief, successor))
 
-    def _sent(self, lead: GroupLead, belief: Any, to: int) -> Acting[tuple[Any, Driver] | None]:
-        """Send a belief to a node; what arrived, and the driver that sent it. None: it did not arrive."""
+    def _sent(self, lead: GroupLead, belief: Any, to: int) -> Acting[Handover | None]:
+        """Send a belief to a node; what it starts from, None if a packet is lost or the node is down."""
         driver = Driver(self._services.driver, lead.group.target, lead.cluster.head, lead.cluster.members)
-        arrived = yield from driver.perform(belief_sent(belief, self._tracker.numbers_of(belief), to))
-        return None if arrived is None else (arrived, driver)
+        packets = -(-self._tracker.numbers_of(belief) // NUMBERS)
+        mask = yield from driver.perform(requested(Send(to, Parcel(belief, packets, PACKET_BITS, "belief"))))
+        if not mask.all() or not self._network.nodes.alive[to]:
+            return None
+        hops, bits = driver.hops, driver.collection.bits
+        return Handover(to, lead.step, belief, previous_head=lead.cluster.head, hops=hops, bits=bits)
 
     def _middle(self, tracks: Iterable[TrackEstimate]) -> Floats:
         """(2,) the mean of the positions that tracks will have at the next step."""

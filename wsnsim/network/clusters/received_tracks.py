@@ -43,11 +43,9 @@ class ReceivedTracks:
     def forget_old(self) -> None:
         """Forget the tracks that nodes received too long ago."""
         since = self._network.clock.step - FRESH
-        kept = {
-            node: {group: each for group, each in received.items() if each.step >= since}
-            for node, received in self._of_nodes.items()
-        }
-        self._of_nodes = {node: received for node, received in kept.items() if received}
+        for received in self._of_nodes.values():
+            for group in [group for group, each in received.items() if each.step < since]:
+                del received[group]
 
     def by_group(self, node: int) -> Iterator[tuple[int, BroadcastTracks, list[TrackEstimate]]]:
         """Yield the number of each group, ascending, what a node has received of it, and that predicted for now."""

@@ -122,7 +122,9 @@ class TrackBook:
             **({"cov_xy": covs[:, place[0], place[1]]} if len(place) > 1 else {}),
             "confirmed": np.array([row.track.confirmed for row in rows], dtype=np.uint8),
             "existence": np.array([row.track.existence for row in rows], dtype=np.float64),
-            "received": np.array([received.get((row.group, row.issued.step), np.nan) for row in rows]),
+            "received": np.array(
+                [received.get((row.group, row.issued.step), np.nan) if row.track.confirmed else np.nan for row in rows]
+            ),
             "late": np.array([is_late(each.issued, each.step, dt) for each in issued], dtype=np.uint8),
             "effective_particles": np.full(len(rows), np.nan),
         }

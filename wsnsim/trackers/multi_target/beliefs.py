@@ -1,4 +1,4 @@
-"""What a head believes of several targets: tracks, what happened to them in a step, and how groups split and merge."""
+"""What a head believes of several targets: tracks, each a mixture of Gaussians."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.scans import Facts, TrackEstimate
+from wsnsim.base.scans import TrackEstimate
 from wsnsim.trackers.shared.gaussian_port import GaussianBank
 from wsnsim.trackers.shared.moments import mixed
 
@@ -68,46 +68,6 @@ def picked(bank: GaussianBank, rows: Ints | slice) -> GaussianBank:
 def stacked(banks: Iterable[GaussianBank]) -> GaussianBank:
     """The components of several banks."""
     return GaussianBank(*(np.concatenate(parts) for parts in zip(*banks, strict=True)))
-
-
-def only(belief: Belief, numbers: Iterable[int]) -> Belief:
-    """The part of a belief that is of these tracks."""
-    kept = set(numbers)
-    return Belief(belief.time, tuple(track for track in belief.tracks if track.number in kept))
-
-
-def joined(beliefs: Sequence[Belief]) -> Belief:
-    """The belief of groups that merge, all at the same time."""
-    assert len({belief.time for belief in beliefs}) == 1, "groups merge at one time"
-    tracks = [track for belief in beliefs for track in belief.tracks]
-    return Belief(beliefs[0].time, tuple(sorted(tracks, key=lambda track: track.number)))
-
-
-def numbers_of(belief: Belief) -> int:
-    """How many numbers a handover carries: moments, weights and probabilities of modes; 4 of management a track."""
-    total = 0
-    for track in belief.tracks:
-        components, modes, size = track.bank.means.shape
-        total += 4 + components * (1 + modes * (size + size * (size + 1) // 2) + (modes if modes > 1 else 0))
-        total += sum(len(step) for history in track.histories for step in history)
-    return total
-
-
-def clusters(estimates: Sequence[TrackEstimate], facts: Facts, distance: float) -> list[list[int]]:
-    """The numbers of tracks that hang together: whose positions are within a Mahalanobis distance of one another.
-
-    Args:
-        estimates: Those of the tracks.
-        facts: What the head assumes.
-        distance: In standard deviations of the difference of two estimated positions.
-    """
-    near = distances(estimates, list(facts.motion.position)) <= distance
-    groups: list[set[int]] = []
-    for row in range(len(estimates)):
-        meets = [group for group in groups if near[row, sorted(group)].any()]
-        groups = [group for group in groups if group not in meets]
-        groups.append({row}.union(*meets))
-    return sorted(sorted(estimates[row].number for row in group) for group in groups)
 
 
 def distances(estimates: Sequence[TrackEstimate], columns: list[int]) -> Floats:

@@ -23,10 +23,7 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.multi_target.beliefs import (
     Belief,
     BelievedTrack,
-    joined,
     moments_of,
-    numbers_of,
-    only,
     picked,
     stacked,
 )
@@ -134,16 +131,23 @@ class MultiTargetTracker:
         return result
 
     def numbers_of(self, belief: Belief) -> int:
-        """How many numbers a belief is when it is sent."""
-        return numbers_of(belief)
+        """How many numbers are sent: moments, weights and probabilities of modes; 4 of management a track."""
+        total = 0
+        for track in belief.tracks:
+            components, modes, size = track.bank.means.shape
+            total += 4 + components * (1 + modes * (size + size * (size + 1) // 2) + (modes if modes > 1 else 0))
+            total += sum(len(step) for history in track.histories for step in history)
+        return total
 
     def only(self, belief: Belief, numbers: Collection[int]) -> Belief:
         """The belief about some of its tracks alone."""
-        return only(belief, numbers)
+        return Belief(belief.time, tuple(track for track in belief.tracks if track.number in numbers))
 
-    def joined(self, beliefs: Sequence[Belief]) -> Belief:
-        """A belief with the tracks of several of the same time."""
-        return joined(beliefs)
+    def joined(self, beliefs: Sequence[Belief], time: float, facts: Facts) -> Belief:
+        """A belief with the tracks of several, predicted for a time; that says nothing for or against a target."""
+        port = self._port(facts)
+        tracks = [track for belief in beliefs for track in self._predicted(belief, time, port, facts)]
+        return Belief(time, tuple(sorted(tracks, key=lambda track: track.number)))
 
     def _scan(self, frame: Frame, sensor: int, values: Floats, limit: float, facts: Facts) -> Floats:
         """Update all components with a scan; (M,) the probability that each detection came from a track."""
