@@ -31,6 +31,7 @@ from wsnsim.trackers.diffusion import DiffusionFilter
 from wsnsim.trackers.information_consensus import HybridConsensus, InformationConsensus
 from wsnsim.trackers.kalman_consensus import KalmanConsensus
 from wsnsim.trackers.shared.consensus import VALUES, average, neighbourhood
+from wsnsim.trackers.shared.heads import HeadFilter
 from wsnsim.trackers.shared.peers import PeerFilter
 
 PLACES = "[[0, 0], [30, 0], [60, 0], [0, 30], [30, 30], [60, 30]]"
@@ -179,7 +180,7 @@ def test_over_a_lossy_radio_the_ledger_closes_and_joining_is_paid(kind: str) -> 
         assert ((events["node"] == node) & (events["time"] == time) & (events["peer"] == peer) & received).any()
 
 
-@pytest.mark.parametrize("mac", ["{kind: csma, rate: 250 kbit/s}", "{kind: xmac}", "{kind: tsch}"])
+@pytest.mark.parametrize("mac", ["{kind: csma, rate: 250 kbit/s}", "{kind: tdma}", "{kind: xmac}", "{kind: tsch}"])
 def test_rounds_are_sent_over_every_mac(mac: str) -> None:
     real = (*FIXED_REAL, f"mac={mac}", "tracker={kind: information_consensus, rounds: 2, participants: 6}")
     memory, summary = simulated(*real, name="ekf_real")
@@ -300,6 +301,20 @@ def test_a_flow_without_a_head_that_requests_one_is_refused_with_its_line() -> N
     setup = scenario.build(scenario.load("jiang_field", (*FIXED, "tracker.kind=diffusion")))
     with pytest.raises(RunError, match="Gather: without a head, use Local and Exchange"):
         experiment.replicate_of(replace(setup, tracker=AsksAHead()), 0, Memory())
+
+
+class AsksNeighbours(HeadFilter):
+    """Has a head, and requests what only participants without one do."""
+
+    def step(self, belief: Any, scene: Any) -> Any:
+        yield Exchange(lambda member: None)
+        return belief
+
+
+def test_a_flow_with_a_head_that_requests_an_exchange_is_refused() -> None:
+    setup = scenario.build(scenario.load("jiang_field", (*FIXED, *CENTRAL)))
+    with pytest.raises(RunError, match="requests to a head are Local, Compute"):
+        experiment.replicate_of(replace(setup, tracker=AsksNeighbours()), 0, Memory())
 
 
 class NearCoordinate(Coordinate):

@@ -354,8 +354,8 @@ class HeadlessTracker(Protocol):
 
     Its belief is in its memory. `step` requests `Local` and `Exchange` alone; in both, `who=None` means all of them.
 
-    A class of this port says `headless: ClassVar[bool] = True`. It says `has_covariance: ClassVar[bool] = False` if the
-    covariance of its estimates is none: then no standard deviation and no NEES are recorded.
+    A class of this port says `headless: ClassVar[bool] = True`. It says `has_covariance: ClassVar[bool] = False` if
+    what it gives as the covariance of its estimates is not theirs: no standard deviation and no NEES are recorded then.
     """
 
     def begin(self, member: Member, prior: Estimate) -> None:

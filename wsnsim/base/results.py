@@ -38,7 +38,7 @@ from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import Recorder
 
 OF_COVARIANCE: Final = ("sd_x", "sd_y", "cov_xy", "nees")
-"""The columns of `estimates` that are NaN where the filter has no covariance."""
+"""The columns of `estimates` that are NaN where the filter gives no covariance of its estimates."""
 FIRST_STEPS: Final = 20
 """Steps over which Li (2012) counts unnecessary wake-ups."""
 

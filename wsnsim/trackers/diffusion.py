@@ -41,7 +41,7 @@ class DiffusionFilter(PeerFilter):
 
     Each participant weighs its own estimate and those of its n neighbours that arrive equally, by 1 / (1 + n): the
     simplest of the weights that the paper admits. A participant without a reading sends nothing in the first round.
-    The covariance of the update is kept, and is none of the mean.
+    The covariance of the update is kept, and is not that of the mean.
 
     With a `threshold` sending is triggered by events. A participant sends its reading only if that would move its own
     estimate of the position by more; and its estimate only if that is farther from where its neighbours predict it, by

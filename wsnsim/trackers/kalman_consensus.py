@@ -35,8 +35,8 @@ class KalmanConsensus(PeerFilter):
 
     x⁺ = x + M (y - S x) + γ P Σ_j (x_j - x) with M = (P⁻¹ + S)⁻¹, the sums y and S of the information of its own
     and its neighbours' readings, and γ = ε / (1 + ‖P‖) by the Frobenius norm. A participant without a reading sends
-    its prediction alone. M is taken for the covariance and is none: it knows nothing of the consensus term, nor of what
-    predictions have in common.
+    its prediction alone. M is taken for the covariance and is not that of x⁺: it knows nothing of the consensus term,
+    nor of what predictions have in common.
 
     Source: Olfati-Saber (2009), eq. 20, with the neighbours' readings fused in information form.
     """
