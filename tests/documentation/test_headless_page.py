@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 
 from tests.bench.page import spliced
 from tests.papers import headless_page as page
+from tests.papers.page_files import registered
 from wsnsim.papers.study import study
 
 ROWS = json.loads(page.ROWS.read_text(encoding="utf-8"))
@@ -21,13 +21,14 @@ def test_the_page_is_made_from_its_rows():
 
 
 def test_what_was_registered_stands_word_for_word():
-    registered = TEXT[TEXT.index("## What was registered") : TEXT.index("## Answers")]
     thresholds = json.dumps(REGISTERED, sort_keys=True)
-    found = [hashlib.sha256(" ".join(each.split()).encode()).hexdigest() for each in (registered, thresholds)]
+    found = [
+        hashlib.sha256(" ".join(each.split()).encode()).hexdigest() for each in (registered("headless"), thresholds)
+    ]
     assert found == [
         "50ae169c1bea29b47d238da75a475e5bc7e81b57399b9020359bef2aae58614f",
         "74932c2f2a868255b77defa252206f9a7695aea385b1b88581c697838cef8bbd",
     ]
-    numbered = [int(number) for number in re.findall(r"^(\d+)\. ", registered, re.MULTILINE)]
+    numbered = list(hypotheses("headless"))
     assert numbered == [test["number"] for test in REGISTERED["tests"]] == [row["number"] for row in ROWS["tests"]]
     assert {row["runs"] for row in ROWS["rows"].values()} == {REGISTERED["runs"]}

@@ -8,6 +8,7 @@ import re
 
 from tests.bench.page import spliced
 from tests.papers import late_page as page
+from tests.papers.page_files import hypotheses, registered
 from wsnsim.papers.study import study
 
 ROWS = json.loads(page.ROWS.read_text(encoding="utf-8"))
@@ -23,9 +24,8 @@ def test_the_page_is_made_from_its_rows_and_shows_its_figure():
 
 
 def test_what_was_registered_stands_word_for_word():
-    registered = TEXT[TEXT.index("## What was registered") : TEXT.index("## Answers")]
     thresholds = json.dumps(REGISTERED, sort_keys=True)
-    found = [hashlib.sha256(" ".join(each.split()).encode()).hexdigest() for each in (registered, thresholds)]
+    found = [hashlib.sha256(" ".join(each.split()).encode()).hexdigest() for each in (registered("late"), thresholds)]
     assert found == [
         "2fa2186bc987563d8ce9b3552154b7cdccc8a5db028aad2d70d852c4b621317a",
         "897cde0d760ad4761c36fbea95eb31a73a0e7b5699fb0d5c7fdebf7bb828f903",
@@ -33,8 +33,7 @@ def test_what_was_registered_stands_word_for_word():
 
 
 def test_every_hypothesis_of_the_page_is_tested_with_the_registered_number_of_runs():
-    numbered = [int(number) for number in re.findall(r"^(\d+)\. ", TEXT, re.MULTILINE)]
-    assert numbered == [row["number"] for row in ROWS["tests"]]
+    assert list(hypotheses("late")) == [row["number"] for row in ROWS["tests"]]
     kept = [{key: row[key] for key in test} for row, test in zip(ROWS["tests"], REGISTERED["tests"], strict=True)]
     assert kept == [dict(test) for test in REGISTERED["tests"]]
     assert {row["runs"] for row in ROWS["rows"].values()} == {REGISTERED["runs"]}
