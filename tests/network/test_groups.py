@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import simulate_run
+from wsnsim.network.clusters.groups import GroupLead
 
 WANTED = dict.fromkeys(("truth", "estimates", "events", "clusters", "energy", "nodes"), True)
 STEPS = 30
@@ -103,3 +105,58 @@ def test_groups_live_with_radios_that_lose_frames_and_take_time(mac) -> None:
     each = np.bincount(energy["node"], energy["joules"], 36)
     np.testing.assert_allclose(each, nodes["energy_initial"] - nodes["energy_left"], rtol=1e-9, atol=1e-12)
     assert events(memory, "begin")["time"].size
+
+
+RADIOS: dict[str, dict[str, Any]] = {
+    "ideal": {"energy": {"kind": "first_order"}, "link": {"kind": "disk", "reach": "80 m"}},
+    "csma": {"mac": {"kind": "csma", "rate": "250 kbit/s"}},
+    "tdma": {"mac": {"kind": "tdma"}},
+    "xmac": {"mac": {"kind": "xmac", "rate": "250 kbit/s", "interval": "125 ms"}},
+    "tsch": {"mac": {"kind": "tsch", "slotframe": 11, "shared": 3}},
+}
+CC2420 = {
+    "energy": {"kind": "states", "radio": "cc2420", "processor": "nrf52840", "power": "0 dBm", "battery": "18720 J"},
+    "cpu": {"rate": "64 MHz", "cycles_per_flop": 10},
+    "link": {
+        "kind": "log_normal", "power": "0 dBm", "exponent": 2.13, "loss_at_1m": "55 dB", "shadowing": "4 dB",
+        "asymmetry": "1 dB", "sensitivity": "-95 dBm",
+    },
+}  # fmt: skip
+PROTOCOLS: dict[str, dict[str, Any]] = {
+    "central": {"kind": "central"},
+    "strongest_signal": {"kind": "strongest_signal", "handover_fraction": 0.4},
+}
+
+
+@pytest.mark.thorough(fast=["ideal-central", "csma-central"])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("radio", RADIOS)
+def test_every_radio_confirms_tracks_amid_clutter_with_both_protocols(radio: str, protocol: str) -> None:
+    memory = recorded(
+        detection={"kind": "unlabelled", "probability": 0.9, "clutter": 0.5},
+        clusters=PROTOCOLS[protocol], **(RADIOS[radio] if radio == "ideal" else CC2420 | RADIOS[radio]),
+    )  # fmt: skip
+    assert events(memory, "confirm")["time"].size
+    table = memory.table("estimates")
+    of_tracks = np.column_stack([table["step"], table["track"]])[table["confirmed"] == 1]
+    assert len(of_tracks) == len(np.unique(of_tracks, axis=0)), "a track has one row at each step"
+    truth = memory.table("truth")
+    near = [
+        float(np.hypot(truth["px"][truth["step"] == step] - px, truth["py"][truth["step"] == step] - py).min())
+        for step, px, py in zip(*(table[name][table["confirmed"] == 1] for name in ("step", "px", "py")), strict=True)
+    ]
+    assert float(np.median(near)) < 5.0
+
+
+@pytest.mark.parametrize("arrived", [0, 3, 10])
+@pytest.mark.parametrize("clutter", [0.0, 0.7])
+def test_silence_says_as_much_against_a_target_as_bayes_has_it_where_scans_are_lost(
+    arrived: int, clutter: float
+) -> None:
+    lead = GroupLead(*[None] * 5)  # type: ignore[arg-type]
+    lead.note(10, arrived)
+    share, quiet, detected = arrived / 10, math.exp(-clutter), 0.9
+    without = quiet + (1.0 - share) * (1.0 - quiet)
+    missed = (1.0 - detected) * quiet
+    with_target = missed + (1.0 - share) * (1.0 - missed)
+    assert 1.0 - detected * lead.heard(clutter) == pytest.approx(with_target / without, rel=1e-12)

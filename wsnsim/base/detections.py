@@ -10,14 +10,10 @@ import math
 from collections.abc import Collection, Sequence
 from typing import Any, ClassVar, Final, Protocol, runtime_checkable
 
-import numpy as np
-
-from wsnsim.base.arrays import Estimate, Floats, is_relative, periods_of, planar
+from wsnsim.base.arrays import Estimate, is_relative, periods_of
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.scans import Facts, Scan, ScanOutcome, TrackEstimate
 
-CERTAIN: Final = 8.0
-"""Standard deviations beyond which a target surely is within, or out of, sensing range."""
 CLUTTER: Final = -1
 """The origin of a false detection."""
 Interval = tuple[float, float]
@@ -77,11 +73,15 @@ def volume_of(sensor: Any, window: tuple[Interval, ...] = ()) -> float:
 class Management(Protocol):
     """How tracks begin, are confirmed and are deleted.
 
-    `known_start`: tracks begin from the priors of targets; `starts`: tracks begin from detections.
+    `known_start`: tracks begin from the priors of targets; `starts`: tracks begin from detections. `rate_sd` is the
+    deviation of the speed of targets that may begin, in m/s.
     """
 
     known_start: ClassVar[bool]
     starts: ClassVar[bool]
+
+    @property
+    def rate_sd(self) -> float: ...
 
 
 class MultiTracker(Protocol):
@@ -126,22 +126,3 @@ class MultiTracker(Protocol):
 
     def joined(self, beliefs: Sequence[Any]) -> Any:
         """A belief with the tracks of several of the same time."""
-
-
-def chance(facts: Facts, position: Floats, mean: Floats, cov: Floats) -> float:
-    """The probability that a node at a position (2,) detects a target of this Gaussian (D,), (D, D).
-
-    The target must be in range; its distance is taken as normal, with the spread of its position along the line of
-    sight (our choice).
-    """
-    if math.isinf(facts.sensor.reach):
-        return facts.probability
-    place = list(facts.motion.position)
-    line = planar(mean[place][None])[0] - position
-    distance = float(np.hypot(*line))
-    along = (line / distance)[: len(place)] if distance > 0.0 else np.zeros(len(place))
-    spread = math.sqrt(max(float(along @ cov[np.ix_(place, place)] @ along), 1e-18))
-    deviations = (facts.sensor.reach - distance) / spread
-    if abs(deviations) > CERTAIN:
-        return facts.probability if deviations > 0.0 else 0.0
-    return facts.probability * 0.5 * math.erfc(-deviations / math.sqrt(2.0))

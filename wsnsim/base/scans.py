@@ -20,12 +20,14 @@ class Scan:
         time: the instant in s.
         detections: (M, d) readings of d components; M is 0 if nothing was detected.
         bits: the size of the scan on the air.
+        heard: the probability that a detection that the node made is in the scan: below 1 where the radio loses some.
     """
 
     node: int
     time: float
     detections: Floats
     bits: int = 0
+    heard: float = 1.0
 
 
 class Facts(NamedTuple):

@@ -6,15 +6,16 @@ tracks, begin new ones, confirm and delete them. `CentralGroup` leads one group 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Final, cast
 
 import numpy as np
 
 from wsnsim.base.arrays import Estimate, components_of, planar
 from wsnsim.base.detections import MultiTracker, ReportsScans, volume_of
+from wsnsim.base.medium_access import hop_latency
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.radio import Mode
 from wsnsim.base.requests import PACKET_BITS, Compute, Flow, Gather, Member, Parcel, Send
@@ -23,18 +24,30 @@ from wsnsim.base.scans import Facts, Scan, TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.head_services import HeadServices
+from wsnsim.network.clusters.network_view import one_step_on
 from wsnsim.network.clusters.track import Handover, Track
 from wsnsim.network.clusters.track_book import TrackRow
 from wsnsim.network.event_log import Acting
 
 NUMBERS: Final = 4
 """Numbers in a packet."""
+HOPS: Final = 3.0
+"""Hops that each scan may take where radios are mostly off, retries counted, before a head goes on (our choice)."""
+MEMORY: Final = 0.8
+"""What scans of the step before count for, where those of a step count for 1: of how many arrived (our choice)."""
 Arrived = Mapping[int, tuple[Any, Any]]
 
 
 @dataclass(slots=True)
 class GroupLead:
-    """One head's lead of a group. `step` is that of the belief, `tracks` what the head holds since then."""
+    """One head's lead of a group.
+
+    Attributes:
+        step: that of the belief.
+        tracks: what the head holds since then.
+        sent: how many scans others sent lately, and `came`: how many of them arrived. Heads go by sequence numbers,
+            and know it at once (an idealisation).
+    """
 
     group: Track
     cluster: Cluster
@@ -42,6 +55,18 @@ class GroupLead:
     belief: Any
     step: int
     tracks: Sequence[TrackEstimate] = ()
+    sent: float = 0.0
+    came: float = 0.0
+
+    def note(self, sent: int, came: int) -> None:
+        """Note how many scans of a step were sent, and arrived."""
+        self.sent, self.came = MEMORY * self.sent + sent, MEMORY * self.came + came
+
+    def heard(self, clutter: float) -> float:
+        """`Scan.heard` of a node from which nothing came: its scan may have been lost, with false detections too."""
+        share = self.came / self.sent if self.sent else 1.0
+        silent = share * math.exp(-clutter)
+        return silent / (1.0 - share + silent) if share else 0.0
 
 
 class Groups:
@@ -82,17 +107,34 @@ class Groups:
     def _step(self, lead: GroupLead) -> Acting[None]:
         """One step at the head: scans in, tracks out."""
         scene, step = lead.cluster.scene(self._clock.step - lead.step), self._clock.step
-        arrived: Arrived = yield from lead.driver.perform(_scans(partial(self._scan_parcel, lead)))
+        parcels = {member.id: self._scan_parcel(lead, member) for member in lead.cluster.members.values()}
+        sending = [node for node, parcel in parcels.items() if parcel is not None and node != lead.cluster.head]
+        arrived: Arrived = yield from lead.driver.perform(_scans(parcels, self._deadline(len(sending))))
+        lead.note(len(sending), len(arrived.keys() & set(sending)))
         scans = self._heard(lead, arrived, step)
         nodes = self._network.nodes
         ids = np.array([scan.node for scan in scans], dtype=np.int64)
         known = KnownNodes(tuple(ids.tolist()), nodes.assumed.positions[ids], nodes.traits[ids])
         time, readings = step * self._clock.dt, lead.driver.readings
+        for between in range(lead.step + 1, step):  # steps that passed before this one began
+            self._note(lead, [self._predicted(each, lead.step, between) for each in lead.tracks], between)
         outcome = self._tracker.step(lead.belief, time, scans, known, self._facts, self._book.next)
         self._book.note(lead.group.target, lead.cluster.head, outcome)
         lead.belief, lead.step, lead.tracks = outcome.belief, step, self._tracker.estimates(outcome.belief, self._facts)
         yield from lead.driver.perform(_compute(outcome.cycles))
         self._issue(lead, step, readings, len(scene.ids), len(scene.roster))
+
+    def _deadline(self, senders: int) -> float | None:
+        """For how many seconds a head waits for scans at most, where radios are mostly off: they share the air."""
+        wait, hop = self._setup.waits.gather, hop_latency(self._setup.mac, PACKET_BITS).unicast
+        return None if wait is None else max(wait, HOPS * senders * hop)
+
+    def _predicted(self, track: TrackEstimate, since: int, until: int) -> TrackEstimate:
+        """A track of a step, predicted for a later one."""
+        estimate, dt = Estimate(track.mean, track.cov), self._clock.dt
+        for step in range(since, until):
+            estimate = one_step_on(estimate, self._facts.motion, dt, step * dt)
+        return track._replace(mean=estimate.mean, cov=estimate.cov)
 
     def _issue(self, lead: GroupLead, step: int, readings: int, active: int, members: int) -> None:
         """Record what the head holds of each track, and report it to the sink."""
@@ -100,11 +142,18 @@ class Groups:
         if step == 0 or not lead.tracks:
             return
         self._log.add("estimate", group, head)
-        for track in lead.tracks:
-            estimate = Estimate(track.mean, track.cov)
-            issued = Issued(step, self._clock.now, estimate, head, active, members, readings)
-            self._book.rows.append(TrackRow(track, issued, group))
+        self._note(lead, lead.tracks, step, readings, active, members)
         self._services.estimates.report(head, step, group, sum(track.confirmed for track in lead.tracks))
+
+    def _note(
+        self, lead: GroupLead, tracks: Iterable[TrackEstimate], step: int, readings: int = 0, active: int = 0,
+        members: int = 0,
+    ) -> None:  # fmt: skip
+        """Record tracks of a step. Without readings they are predictions."""
+        for track in tracks:
+            estimate = Estimate(track.mean, track.cov)
+            issued = Issued(step, self._clock.now, estimate, lead.cluster.head, active, members, readings)
+            self._book.rows.append(TrackRow(track, issued, lead.group.target))
 
     def _heard(self, lead: GroupLead, arrived: Arrived, step: int) -> list[Scan]:
         """The scans of a step, by node: those that arrived, and empty ones of nodes that surely found nothing."""
@@ -113,14 +162,15 @@ class Groups:
         for node, (scan, mask) in arrived.items():
             rows = [detection for detection, here in zip(scan, mask.tolist(), strict=True) if here]
             detections = np.array(rows, dtype=np.float64).reshape(len(rows), size)
-            found[node] = Scan(node, time, detections, len(scan) * PACKET_BITS)
+            found[node] = Scan(node, time, detections, len(scan) * PACKET_BITS, len(rows) / len(scan))
+        heard = lead.heard(self._facts.clutter)
         for node in self._silent(lead, step):
-            found.setdefault(node, Scan(node, time, np.empty((0, size))))
+            found.setdefault(node, Scan(node, time, np.empty((0, size)), heard=heard))
         return [found[node] for node in sorted(found)]
 
     def _scan_parcel(self, lead: GroupLead, member: Member) -> Parcel | None:
         """A packet for each detection of a member."""
-        scan = self._own_scan(lead, member)
+        scan = self._own_scan(lead, member) if member.reading is not None else None
         return Parcel(scan, len(scan), PACKET_BITS, "scan", readings=len(scan)) if scan else None
 
     def _own_scan(self, lead: GroupLead, member: Member) -> Any:
@@ -183,9 +233,9 @@ class CentralGroup(Groups):
         return list(np.flatnonzero(self._network.nodes.living))
 
 
-def _scans(parcel_of: Callable[[Member], Parcel | None]) -> Flow[Arrived]:
+def _scans(parcels: Mapping[int, Parcel | None], deadline: float | None) -> Flow[Arrived]:
     """The scans of all members that detect something."""
-    answer: Arrived = yield Gather(parcel_of)
+    answer: Arrived = yield Gather(lambda member: parcels[member.id], deadline=deadline)
     return answer
 
 

@@ -1,6 +1,7 @@
 """Groups that move with their tracks, where readings name no target: they begin, merge, split and end.
 
-A group begins with an election among neighbouring nodes that have detections which no group explains. Each head
+A group begins with an election among neighbouring nodes that have detections which no group explains, and which are
+near one of the step before, since clutter seldom is. Each head
 broadcasts its tracks at each step: who hears them takes what they explain for explained. Groups merge where confirmed
 tracks meet: the head of the higher number sends its tracks to the other one. A group whose tracks have parted hands
 some of them to a head nearer to them. It ends with its last track.
@@ -17,6 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Estimate, Floats, components_of, near, planar
+from wsnsim.base.detections import space_of
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.requests import PACKET_BITS, Member, Parcel
 from wsnsim.base.scans import TrackEstimate
@@ -25,7 +27,6 @@ from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.election import strength_of
 from wsnsim.network.clusters.groups import NUMBERS, GroupLead, Groups, belief_sent
 from wsnsim.network.clusters.head_services import HeadServices
-from wsnsim.network.clusters.network_view import one_step_on
 from wsnsim.network.clusters.track import GroupEnded, Handover, Track
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.radio.datagrams import Datagram
@@ -40,6 +41,12 @@ FRESH: Final = 2
 """Number of steps for which a node uses the tracks that a cluster head has broadcast."""
 LEAST_NODES: Final = 2
 """Neighbouring nodes with unexplained detections, from which on a group begins."""
+SWIFT: Final = 3.0
+"""Deviations of the speed of targets that may begin, which they reach at most (our choice)."""
+STILL: Final = 0.1
+"""Least share of the space of readings that a detection may move from one step to the next (our choice)."""
+PATIENCE: Final = 3
+"""Steps in a row without a track that end a group where radios are mostly off: joins may be under way (our choice)."""
 
 
 class BroadcastTracks(NamedTuple):
@@ -57,6 +64,10 @@ class MovingGroups(Groups):
         super().__init__(services)
         self._received: dict[int, dict[int, BroadcastTracks]] = {}
         self._inbox: dict[int, list[Any]] = {}
+        self._before: Mapping[int, Any] = {}
+        low, high = np.array(space_of(self._setup.sensor, self._setup.detection.window) or [(0.0, np.inf)]).T
+        share = SWIFT * self._tracker.management.rate_sd * self._clock.dt / self._facts.sensor.reach
+        self._step_at_most = (high - low) * min(max(share, STILL), 1.0)
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """None: a group without a head has ended."""
@@ -114,10 +125,21 @@ class MovingGroups(Groups):
         found = {}
         for node, scan in free.items():
             tracks = self._tracks_received(node)
-            left = [z for z, known in zip(scan, self._explained(node, scan, tracks), strict=True) if not known]
+            known = self._explained(node, scan, tracks) | ~self._lasting(scan, self._before.get(node, ()))
+            left = [z for z, no in zip(scan, known.tolist(), strict=True) if not no]
             if left:
                 found[node] = max(left, key=lambda reading: strength_of(self._setup.sensor, reading))
+        self._before = scans
         return found
+
+    def _lasting(self, scan: Any, before: Any) -> Bools:
+        """(M,) which detections of a node are near one of its scan before; all, if none are false."""
+        sensor, size = self._facts.sensor, len(components_of(self._facts.sensor))
+        new, old = (np.array(each, dtype=np.float64).reshape(-1, size) for each in (scan, before))
+        if not self._facts.clutter:
+            return np.ones(len(new), dtype=np.bool_)
+        steps = [np.abs(near(sensor, old.reshape(-1), np.tile(z, len(old))).reshape(-1, size) - z) for z in new]
+        return np.array([bool((step <= self._step_at_most).all(axis=1).any()) for step in steps])
 
     def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
         """Form a cluster, track in it step by step, and merge, split or hand over."""
@@ -128,13 +150,14 @@ class MovingGroups(Groups):
         if belief is None:
             self._log.add("begin", track.target, cluster.head)
             step, belief = self._clock.step, self._first_belief(self._clock.step, ())
-        lead, enough = self._lead_of(track, cluster, belief, step), -1
+        lead, enough, idle = self._lead_of(track, cluster, belief, step), -1, 0
         if step == 0 and lead.tracks:  # they are known at this instant
             yield track.tick
         while True:
             yield from self._take_in(lead)
             yield from self._step(lead)
-            if not lead.tracks:
+            idle = 0 if lead.tracks else idle + 1
+            if idle >= (1 if self._setup.waits.joins is None else PATIENCE):
                 self._log.add("end", track.target, cluster.head)
                 raise GroupEnded
             yield from self._merge(lead)
@@ -183,7 +206,7 @@ class MovingGroups(Groups):
             return scan
         own = self._tracks_received(member.id, only=lead.group.target)
         if member.id == lead.cluster.head:
-            own = [self._predicted(track, lead.step) for track in lead.tracks]
+            own = [self._predicted(track, lead.step, self._clock.step) for track in lead.tracks]
         left = self._explained(member.id, scan, own) | ~self._explained(member.id, scan, others)
         return tuple([detection for detection, kept in zip(scan, left.tolist(), strict=True) if kept])
 
@@ -192,14 +215,7 @@ class MovingGroups(Groups):
         received = {number: each for number, each in self._received.get(node, {}).items() if number != but}
         fresh = [received[only]] if only in received else received.values() if only < 0 else []
         fresh = [each for each in fresh if self._clock.step - each.step <= FRESH]
-        return [self._predicted(track, each.step) for each in fresh for track in each.tracks]
-
-    def _predicted(self, track: TrackEstimate, step: int) -> TrackEstimate:
-        """A track of a step, predicted for the present one."""
-        estimate, dt = Estimate(track.mean, track.cov), self._clock.dt
-        for before in range(step, self._clock.step):
-            estimate = one_step_on(estimate, self._facts.motion, dt, before * dt)
-        return track._replace(mean=estimate.mean, cov=estimate.cov)
+        return [self._predicted(track, each.step, self._clock.step) for each in fresh for track in each.tracks]
 
     def _explained(self, node: int, scan: Any, tracks: Sequence[TrackEstimate]) -> Bools:
         """(M,) which detections of a node lie in the gate of one of the tracks."""
@@ -256,7 +272,7 @@ class MovingGroups(Groups):
             if number >= group or self._clock.step - received.step > FRESH or received.head == lead.cluster.head:
                 continue
             theirs = [
-                self._predicted(track, received.step)
+                self._predicted(track, received.step, self._clock.step)
                 for track in received.tracks
                 if track.confirmed and track.number not in mine
             ]

@@ -30,6 +30,7 @@ class Sorted(NamedTuple):
         detections: of each scan (M, d).
         places: of each scan (M,) where its detections were in what was given.
         given: of each scan its place in what was given.
+        heard: (S,) as in `Scan`.
     """
 
     nodes: list[int]
@@ -38,6 +39,7 @@ class Sorted(NamedTuple):
     detections: list[Floats]
     places: list[Ints]
     given: list[int]
+    heard: Floats
 
 
 def some(scans: Sorted, chosen: Ints) -> Sorted:
@@ -46,7 +48,7 @@ def some(scans: Sorted, chosen: Ints) -> Sorted:
         [part[scan] for scan in chosen.tolist()] for part in (scans.nodes, scans.places, scans.given)
     )
     values = [scans.detections[scan] for scan in chosen.tolist()]
-    return Sorted(nodes, scans.positions[chosen], scans.traits[chosen], values, places, given)
+    return Sorted(nodes, scans.positions[chosen], scans.traits[chosen], values, places, given, scans.heard[chosen])
 
 
 def in_order(scans: Sequence[Scan], nodes: KnownNodes) -> Sorted:
@@ -57,7 +59,8 @@ def in_order(scans: Sequence[Scan], nodes: KnownNodes) -> Sorted:
     places = [np.lexsort(scans[place].detections.T[::-1]) for place in given]
     values = [np.ascontiguousarray(scans[g].detections[order]) for g, order in zip(given, places, strict=True)]
     ids = [scans[place].node for place in given]
-    return Sorted(ids, nodes.positions[chosen], nodes.traits[chosen], values, places, given)
+    heard = np.array([scans[place].heard for place in given])
+    return Sorted(ids, nodes.positions[chosen], nodes.traits[chosen], values, places, given, heard)
 
 
 @dataclass(slots=True, eq=False)
@@ -175,5 +178,5 @@ def visible(tracks: Sequence[BelievedTrack], scans: Sorted, port: GaussianPort, 
     points = np.concatenate([means[:, None] + steps, means[:, None] - steps], axis=1)  # (T, 2 P, P)
     within = detected(facts.sensor, points.reshape(-1, len(columns)), scans.positions)
     shares = within.reshape(len(tracks), -1, len(scans.nodes)).mean(axis=1)
-    seen: Floats = facts.probability * np.maximum(shares, LEAST_SEEN)
+    seen: Floats = facts.probability * np.maximum(shares, LEAST_SEEN) * scans.heard
     return seen

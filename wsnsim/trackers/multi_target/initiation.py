@@ -92,7 +92,7 @@ def _scored(
     points, sensor, count = candidates.points, facts.sensor, len(candidates.points)
     means, slopes, variances = sensor.linearise(np.ascontiguousarray(points.T), scans.positions, scans.traits)
     size, each = len(components_of(sensor)), np.arange(count)
-    seen = facts.probability * np.maximum(detected(sensor, points, scans.positions), LEAST_SEEN)  # (n, S)
+    seen = facts.probability * np.maximum(detected(sensor, points, scans.positions), LEAST_SEEN) * scans.heard  # (n, S)
     information = np.repeat(_least_information(sensor)[None], count, axis=0)
     odds: Floats = np.full(count, births)
     for k in range(2):
