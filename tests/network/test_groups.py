@@ -7,10 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from wsnsim.base.scans import TrackEstimate
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import simulate_run
 from wsnsim.network.clusters.groups import GroupLead
+from wsnsim.network.clusters.track_book import outdone
 
 WANTED = dict.fromkeys(("truth", "estimates", "events", "clusters", "energy", "nodes"), True)
 STEPS = 30
@@ -160,3 +164,38 @@ def test_silence_says_as_much_against_a_target_as_bayes_has_it_where_scans_are_l
     missed = (1.0 - detected) * quiet
     with_target = missed + (1.0 - share) * (1.0 - missed)
     assert 1.0 - detected * lead.heard(clutter) == pytest.approx(with_target / without, rel=1e-12)
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.booleans(), st.booleans()), min_size=1, max_size=8), st.integers(0, 99))
+@settings(max_examples=20)
+def test_two_tracks_of_one_target_end_as_the_older_and_targets_apart_keep_theirs(rows: list[Any], seed: int) -> None:
+    noise = 0.3 * np.random.default_rng(seed).standard_normal((len(rows), 4))
+    tracks = [
+        TrackEstimate(
+            number, np.array([30.0 * target, 1.0, 0.0, 1.0]) + noise[number], np.eye(4), np.nan, confirmed, 0.0
+        )
+        for number, (target, confirmed, _) in enumerate(rows)
+    ]
+    groups = [[track for track in tracks if rows[track.number][2] is side] for side in (False, True)]
+    left = {track.number for own, others in (groups, groups[::-1]) for track in own if not outdone(track, others)}
+    for target in {row[0] for row in rows}:
+        mine = [track for track in tracks if rows[track.number][0] == target]
+        best = min(mine, key=lambda track: (not track.confirmed, track.number))
+        kept = left & {track.number for track in mine}
+        assert best.number in kept, "its target keeps a track"
+        assert {rows[number][2] for number in kept} == {rows[best.number][2]}, "all others' tracks of it end"
+
+
+def test_groups_that_track_one_target_by_themselves_end_with_one_track_of_its_first_number() -> None:
+    paths = [{"kind": "waypoints", "points": [[0, -60, -45], [STEPS, 60, 45]]}]
+    memory = recorded(targets=paths, clusters=PROTOCOLS["strongest_signal"], **(CC2420 | RADIOS["csma"]))
+    table = memory.table("estimates")
+    assert np.unique(table["track"][table["step"] >= STEPS - 3]).tolist() == [0]
+
+
+@pytest.mark.thorough
+def test_the_groups_of_the_scenario_with_a_crossing_confirm_a_track_for_each_target_and_no_other() -> None:
+    memory = Memory(WANTED)
+    simulate_run("scans_crossing", 0, memory)
+    table = memory.table("estimates")
+    assert np.unique(table["track"][table["confirmed"] == 1]).size == 2

@@ -12,7 +12,8 @@ from `MEET` on they meet, below `PART` they have parted (our choices). Heads go 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -21,13 +22,14 @@ from wsnsim.base.arrays import Bools, Estimate, Floats, components_of, near, pla
 from wsnsim.base.detections import space_of
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.requests import PACKET_BITS, Member, Parcel
-from wsnsim.base.scans import TrackEstimate
+from wsnsim.base.scans import Scan, TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.election import strength_of
-from wsnsim.network.clusters.groups import NUMBERS, GroupLead, Groups, belief_sent
+from wsnsim.network.clusters.groups import NUMBERS, Arrived, GroupLead, Groups, belief_sent
 from wsnsim.network.clusters.head_services import HeadServices
 from wsnsim.network.clusters.track import GroupEnded, Handover, Track
+from wsnsim.network.clusters.track_book import outdone
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.radio.datagrams import Datagram
 
@@ -37,7 +39,7 @@ GATE: Final = 4.0
 """Standard deviations of a reading about its expected value within which it is explained."""
 FAR: Final = 1e9
 """A sensing range (m) that is as good as unlimited."""
-FRESH: Final = 2
+FRESH: Final = 4
 """Number of steps for which a node uses the tracks that a cluster head has broadcast."""
 LEAST_NODES: Final = 2
 """Neighbouring nodes with unexplained detections, from which on a group begins."""
@@ -156,6 +158,7 @@ class MovingGroups(Groups):
         while True:
             yield from self._take_in(lead)
             yield from self._step(lead)
+            self._leave_to_others(lead)
             idle = 0 if lead.tracks else idle + 1
             if idle >= (1 if self._setup.waits.joins is None else PATIENCE):
                 self._log.add("end", track.target, cluster.head)
@@ -167,7 +170,7 @@ class MovingGroups(Groups):
             small = self._setup.clusters.must_hand_over(active, lead.cluster.size)
             if enough < 0:  # a cluster that is too small from its first step on is so until fewer are in range
                 enough = active if small else lead.cluster.size
-            elif small and active < enough:
+            elif small and active < enough and lead.tracks:
                 following = yield from self._hand_over(lead)
                 if following is not None:
                     return following
@@ -200,15 +203,25 @@ class MovingGroups(Groups):
 
     def _own_scan(self, lead: GroupLead, member: Member) -> Any:
         """The detections of a member, but those which, as far as it knows, other groups' tracks alone explain."""
-        scan: Any = member.reading
-        others = self._tracks_received(member.id, but=lead.group.target)
-        if not scan or not others:
-            return scan
-        own = self._tracks_received(member.id, only=lead.group.target)
         if member.id == lead.cluster.head:
-            own = [self._predicted(track, lead.step, self._clock.step) for track in lead.tracks]
-        left = self._explained(member.id, scan, own) | ~self._explained(member.id, scan, others)
-        return tuple([detection for detection, kept in zip(scan, left.tolist(), strict=True) if kept])
+            return member.reading
+        own = self._tracks_received(member.id, only=lead.group.target)
+        left = self._mine(member.id, member.reading, own, self._tracks_received(member.id, but=lead.group.target))
+        return tuple([detection for detection, kept in zip(member.reading, left.tolist(), strict=True) if kept])
+
+    def _heard(self, lead: GroupLead, arrived: Arrived, step: int) -> list[Scan]:
+        """The scans of a step, without what others' tracks alone explain, as far as the head knows."""
+        head, scans = lead.cluster.head, super()._heard(lead, arrived, step)
+        own = [self._predicted(track, lead.step, step) for track in lead.tracks]
+        others = self._tracks_received(head, but=lead.group.target)
+        return [
+            replace(scan, detections=scan.detections[self._mine(scan.node, scan.detections, own, others)])
+            for scan in scans
+        ]
+
+    def _mine(self, node: int, scan: Any, own: Sequence[TrackEstimate], others: Sequence[TrackEstimate]) -> Bools:
+        """(M,) which detections of a node others' tracks do not explain, or own ones too."""
+        return self._explained(node, scan, own) | ~self._explained(node, scan, others)
 
     def _tracks_received(self, node: int, but: int = -1, only: int = -1) -> list[TrackEstimate]:
         """The tracks that a node has heard of, predicted for this step: of all groups `but` one, or of one `only`."""
@@ -259,22 +272,35 @@ class MovingGroups(Groups):
         packets = len(tracks) * -(-(size + size * (size + 1) // 2) // NUMBERS)
         parcel = Parcel(None, packets, PACKET_BITS, "tracks")
         heard = yield from self._services.messages.broadcast(group, head, parcel)
-        received = BroadcastTracks(lead.step, head, tracks)
+        self._received.setdefault(head, {})[group] = BroadcastTracks(lead.step, head, tracks)  # it may lead others too
         for node, mask in heard.items():
-            if mask.all():
-                self._received.setdefault(node, {})[group] = received
+            whole = mask.reshape(len(tracks), -1).all(axis=1).tolist()
+            received = tuple([track for track, arrived in zip(tracks, whole, strict=True) if arrived])
+            if received:
+                self._received.setdefault(node, {})[group] = BroadcastTracks(lead.step, head, received)
+
+    def _leave_to_others(self, lead: GroupLead) -> None:
+        """End the tracks whose targets others track, as far as the head has heard."""
+        others = self._tracks_received(lead.cluster.head, but=lead.group.target)
+        now = [self._predicted(track, lead.step, self._clock.step) for track in lead.tracks]
+        self._keep(lead, {track.number for track in now if not outdone(track, others)})
+
+    def _keep(self, lead: GroupLead, numbers: Collection[int]) -> None:
+        """Keep some of the tracks; the others are duplicates."""
+        for track in self._tracker.estimates(lead.belief, self._facts):
+            if track.number not in numbers:
+                self._log.add("delete", lead.group.target, lead.cluster.head, "duplicate", sequence=track.number)
+        lead.belief = self._tracker.only(lead.belief, numbers)
+        lead.tracks = self._tracker.estimates(lead.belief, self._facts)
 
     def _merge(self, lead: GroupLead) -> Acting[None]:
         """Send all tracks to the head of a group of a lower number whose tracks meet those of this one."""
         group, own = lead.group.target, [track for track in lead.tracks if track.confirmed]
-        mine = {track.number for track in lead.tracks}
         for number, received in sorted(self._received.get(lead.cluster.head, {}).items()):
             if number >= group or self._clock.step - received.step > FRESH or received.head == lead.cluster.head:
                 continue
             theirs = [
-                self._predicted(track, received.step, self._clock.step)
-                for track in received.tracks
-                if track.confirmed and track.number not in mine
+                self._predicted(track, received.step, self._clock.step) for track in received.tracks if track.confirmed
             ]
             if any(self._overlap(one, other) >= MEET for one in own for other in theirs):
                 sent = yield from self._sent(lead, lead.belief, received.head)
@@ -296,7 +322,12 @@ class MovingGroups(Groups):
             for belief in [lead.belief, *arrived]
         ]
         lead.belief, lead.step = self._tracker.joined(each), step
-        lead.tracks = self._tracker.estimates(lead.belief, self._facts)
+        sets = [self._tracker.estimates(belief, self._facts) for belief in each]
+        self._keep(lead, {
+            track.number
+            for i, own in enumerate(sets) for track in own
+            if not outdone(track, [other for j, others in enumerate(sets) if j != i for other in others])
+        })  # fmt: skip
         yield from self._recruit(lead.group, lead.cluster)
 
     def _split(self, lead: GroupLead) -> Acting[None]:
@@ -318,6 +349,7 @@ class MovingGroups(Groups):
         lead.belief = self._tracker.only(lead.belief, {track.number for track in lead.tracks} - numbers)
         lead.tracks = self._tracker.estimates(lead.belief, self._facts)
         new = self._book.open_group()
+        self._received.setdefault(head, {})[new.target] = BroadcastTracks(lead.step, successor, far)
         self._log.add("split", lead.group.target, head, peer=successor, sequence=new.target)
         handover = Handover(
             successor, lead.step, belief, previous_head=head, hops=driver.hops, bits=driver.collection.bits

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import simpy
@@ -24,6 +24,24 @@ MOST_GROUPS = 2**15
 """Numbers of groups that the column `target` of events holds."""
 UNKNOWN = Estimate(np.empty(0), np.empty((0, 0)))
 """The prior of a group: there is none."""
+
+
+SAME: Final = 3.0
+"""Standard deviations of the difference of two states within which they are one target's (our choice)."""
+
+
+def outdone(track: TrackEstimate, others: Iterable[TrackEstimate]) -> bool:
+    """Whether one of the others is of the same target and stays: one that is confirmed, of such the oldest number."""
+    return any(
+        (not each.confirmed, each.number) < (not track.confirmed, track.number) and _same(track, each)
+        for each in others
+    )
+
+
+def _same(one: TrackEstimate, other: TrackEstimate) -> bool:
+    """Whether all columns of two states are as near as those of one target that two heads track by themselves."""
+    apart = one.mean - other.mean
+    return float(apart @ np.linalg.solve(one.cov + other.cov, apart)) <= SAME**2
 
 
 class TrackRow(NamedTuple):
