@@ -10,10 +10,11 @@ import wsnsim
 from tests.helpers import unlabelled
 from tests.helpers.recordings import recording
 from wsnsim.analysis.answer import sentence
-from wsnsim.analysis.multi_target import followed_runs, gospa_table, is_unlabelled, least_localisation
+from wsnsim.analysis.multi_target import followed_runs, gospa_table, is_unlabelled, least_localisation, swaps
 from wsnsim.analysis.quantities import worth_showing
 from wsnsim.analysis.result_facts import ResultFacts, facts_of_file
 from wsnsim.analysis.result_info import info_text
+from wsnsim.analysis.trace import as_json, text, trace
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.multi_target import gospa
 from wsnsim.base.tables import UNLABELLED
@@ -160,3 +161,17 @@ def test_a_stored_run_is_run_again_bit_by_bit_and_has_its_bound(result):
     """The scenario in a file has all defaults, those of the inner filter too."""
     assert verify(result.out).ok
     assert "CRLB with known association" in info_text(result.out)
+
+
+def test_a_switched_identity_is_an_event_of_its_step_in_a_trace_and_of_no_other(path):
+    found = swaps(path, 0)
+    assert {(row["step"], row["target"], row["track"], row["before"]) for row in found} == {(8, 0, 5, 3), (8, 1, 3, 5)}
+    step = trace(path, 8)
+    assert as_json(step)["swaps"] == found
+    assert [line.text for line in step.lines if "swap" in line.text] == [
+        "swap: track 5 follows target 0, as track 3 did before",
+        "swap: track 3 follows target 1, as track 5 did before",
+    ]
+    assert "swap: track 5 follows target 0" in text(step)
+    assert [row["target"] for row in trace(path, 8, target=1).swaps] == [1]
+    assert not trace(path, 7).swaps

@@ -2,6 +2,7 @@
 
     is_unlabelled(path) -> whether rows of `estimates` are of tracks
     followed_runs(path) -> FollowedRun of each run
+    swaps(path, replicate) -> the events of identities that switch
     gospa_table(path, cutoffs) -> DataFrame
     least_localisation(least, errors)
 
@@ -12,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -74,6 +75,20 @@ def followed_estimates(path: str | Path, replicate: int) -> dict[str, np.ndarray
     target, step = np.nonzero(run.followed >= 0)
     rows = own[run.followed[target, step]]
     return {name: values[rows] for name, values in held.items()} | {"target": target, "error": run.errors[target, step]}
+
+
+def swaps(path: str | Path, replicate: int) -> list[dict[str, Any]]:
+    """The events `swap` of a run, by time: another track follows a target (`track`) than did before (`before`).
+
+    No event log has them, since no node knows them: they are assigned here. Empty where the assignment is impossible.
+    """
+    if not is_unlabelled(path) or not {"truth", "runs"} <= tables(path).keys():
+        return []
+    return [
+        {"kind": "swap", "time": step * run.rule.dt, "step": step, "target": target, "track": after, "before": before}
+        for run in followed_runs(path, [replicate])
+        for step, target, before, after in run.switches.tolist()
+    ]
 
 
 def _duration(*found: dict[str, np.ndarray]) -> float:

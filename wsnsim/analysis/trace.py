@@ -14,7 +14,7 @@ import numpy as np
 
 from wsnsim.analysis.event_groups import LoggedMessage, NodeAction, group_events
 from wsnsim.analysis.logged_events import LoggedEvent, in_other_steps, layout_or_empty, rows_at
-from wsnsim.analysis.multi_target import followed_estimates, is_unlabelled
+from wsnsim.analysis.multi_target import followed_estimates, is_unlabelled, swaps
 from wsnsim.analysis.phrases import Sentence, StepContext, energy_in_words
 from wsnsim.analysis.plot_data import Columns, number_span
 from wsnsim.analysis.step_text import describe
@@ -45,6 +45,7 @@ class StepTrace:
         booked: J of the step's events (of the selected target), by cause.
         tracks: where readings name no target, the rows of `estimates` of the step; None: they name it. The estimates of
             targets are then those of the tracks that follow them.
+        swaps: The events of identities that switch in the step, as `multi_target.swaps` derives them.
     """
 
     path: str
@@ -62,6 +63,7 @@ class StepTrace:
     energy: Mapping[str, float] | None
     booked: Mapping[str, float]
     tracks: Sequence[Record] | None = None
+    swaps: Sequence[Record] = ()
 
 
 def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = None, limit: int = 4) -> StepTrace:
@@ -107,13 +109,21 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
         "group" if unlabelled else "target",
     )
     acts = group_events(rows, in_other_steps(path, replicate, step, rows) if rows else {})
+    switched = [swap for swap in swaps(path, replicate) if swap["step"] == step and swap["target"] in chosen]
+    lines = sorted([*describe(acts, context), *map(_swap, switched)], key=lambda line: line.time)
     plan = layout_or_empty(path)
     return StepTrace(
         str(path), f"{scenario['name']}, seed {scenario['seed']}", replicate, step, step * dt, dt, network, plan.units,
         plan.position, {one: (_row(truths, one, step), _row(estimates, one, step)) for one in chosen}, acts,
-        describe(acts, context), _spent(path, replicate, step) if network else None, _booked(rows),
-        held if unlabelled else None,
+        lines, _spent(path, replicate, step) if network else None, _booked(rows),
+        held if unlabelled else None, switched,
     )  # fmt: skip
+
+
+def _swap(swap: Record) -> Sentence:
+    """A switched identity as a sentence."""
+    said = f"swap: track {swap['track']} follows target {swap['target']}, as track {swap['before']} did before"
+    return Sentence(swap["time"], swap["time"], said)
 
 
 def text(picked: StepTrace) -> str:
@@ -141,7 +151,7 @@ def as_json(picked: StepTrace) -> dict[str, Any]:
         "targets": {
             target: {"truth": truth, "estimate": estimate} for target, (truth, estimate) in picked.targets.items()
         },
-        **({"tracks": list(picked.tracks)} if picked.tracks is not None else {}),
+        **({"tracks": list(picked.tracks), "swaps": list(picked.swaps)} if picked.tracks is not None else {}),
         "told": [line._asdict() for line in picked.lines],
         "acts": [asdict(act) for act in picked.acts if isinstance(act, NodeAction)],
         "messages": [asdict(act) | {"path": act.path} for act in picked.acts if isinstance(act, LoggedMessage)],
