@@ -78,7 +78,7 @@ def _answers(tests: Sequence[Mapping[str, Any]]) -> str:
         p = max(each["p_holm"] for each in these)
         rows.append([str(number), words, _interval(these[0]["found"]), f"{p:.2g}",
                      f"**{answer(each['answer'] for each in these)}**"])  # fmt: skip
-    return _table(["", "hypothesis", "found [95 %]", "p (Holm)", "answer"], rows)
+    return table(["", "hypothesis", "found [95 %]", "p (Holm)", "answer"], rows)
 
 
 def _counts(tests: Sequence[Mapping[str, Any]]) -> str:
@@ -129,7 +129,7 @@ def _rows(rows: Mapping[str, Mapping[str, Any]]) -> str:
          str(row["lost"])]
         for name, row in rows.items()
     ]  # fmt: skip
-    return _table(["radio: tracker, readings", "runs", *heads, "lost"], cells)
+    return table(["radio: tracker, readings", "runs", *heads, "lost"], cells)
 
 
 def _ratios(rows: Mapping[str, Mapping[str, Any]]) -> str:
@@ -148,7 +148,7 @@ def _said(measure: str, values: Iterable[float]) -> str:
     return f"{measure} {', '.join(f'{value:.2f}' for value in values)}"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 

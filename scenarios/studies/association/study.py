@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy import stats
 
-from wsnsim.papers.toolkit import COLOURS, Data, Floats, OwnMeasure, plotting, statistics
+from wsnsim.papers.toolkit import COLOURS, Data, Floats, OwnMeasure, statistics
 
 TRAFFIC: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear")
 """Causes of what is spent on frames, strobes and acknowledgements on the air, by whoever hears them."""
@@ -38,8 +38,8 @@ MEASURES: Final[dict[str, OwnMeasure]] = {"traffic": traffic, "latency": latency
 
 
 def values(data: Data, variant: str, measure: str) -> pd.Series:
-    """A measure of each run, by replicate."""
-    return MEASURES[measure](data, variant) if measure in MEASURES else data.of_runs(variant, measure)
+    """A measure of each run that has a value, by replicate."""
+    return (MEASURES[measure](data, variant) if measure in MEASURES else data.of_runs(variant, measure)).dropna()
 
 
 class Found(NamedTuple):
@@ -103,10 +103,11 @@ def words(row: dict[str, Any]) -> str:
 
 def answers(data: Data) -> list[str]:
     """A line for each registered test."""
-    return [
-        f"registered {words(row)}: {row['answer']}, {row['found'].value:.3f} [{row['found'].low:.3f},"
-        f" {row['found'].high:.3f}]" for row in tested(data)
-    ]  # fmt: skip
+    lines = []
+    for row in tested(data):
+        found = "" if np.isnan(row["p"]) else ", {:.3f} [{:.3f}, {:.3f}]".format(*row["found"])
+        lines.append(f"registered {words(row)}: {row['answer']}{found}")
+    return lines
 
 
 def figure(figure: Figure, data: Data) -> None:
@@ -118,14 +119,11 @@ def figure(figure: Figure, data: Data) -> None:
             for cell, marker in shown.items():
                 x, y = (mean(values(data, f"{cell}: {kind}", each).to_numpy(dtype=np.float64))
                         for each in (measure, "gospa"))  # fmt: skip
-                axes.errorbar(x.value, y.value, yerr=[[y.value - y.low], [y.high - y.value]], color=colour,
-                              marker=marker)  # fmt: skip
-        for colour, kind in zip(COLOURS, KINDS, strict=False):
+                axes.errorbar(x.value, y.value, yerr=y.high - y.value, color=colour, marker=marker)
             axes.plot([], [], color=colour, label=kind)
         for cell, marker in shown.items():
             axes.plot([], [], "k", marker=marker, linestyle="", label=cell.partition(",")[0])
-        axes.set(xlabel=label, xscale="log")
-        plotting.plain_numbers(axes)
+        axes.set(xlabel=label, xscale="log", ylim=(0.0, None))
     figure.axes[0].set_ylabel("GOSPA [m]")
     figure.axes[1].legend(frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
