@@ -61,11 +61,12 @@ def mean(found: Floats) -> Found:
 
 def paired(data: Data, test: dict[str, Any]) -> tuple[Floats, Found]:
     """(n,) what is tested against zero, and what is shown: a ratio or a difference."""
-    ratio, threshold = "over" in test, test.get("above", test.get("below"))
+    ratio, threshold = "over" in test, float(test["above" if "above" in test else "below"])
     one, other = (values(data, each, test["measure"]) for each in (test["of"], test["over" if ratio else "less"]))
     compared: Floats = (np.log(one / other) if ratio else one - other).dropna().to_numpy(dtype=np.float64)
     found = mean(compared)
-    shown = Found(*np.exp(found[:3]).tolist(), found.runs) if ratio else found
+    value, low, high = np.exp(found[:3]).tolist() if ratio else found[:3]
+    shown = Found(value, low, high, found.runs)
     return compared - (np.log(threshold) if ratio else threshold), shown
 
 
