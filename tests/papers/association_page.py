@@ -45,7 +45,7 @@ SAID = {
 }
 """Hypotheses in short."""
 DECIDES = {
-    1: "targets cross at 15°, all with the same sensor",
+    1: "targets move straight at constant speed, as filters assume",
     2: "the head knows detection probability and clutter exactly",
     3: "all nodes send at the same instant of a step",
     4: "tracks get numbers unique in the network at no cost",
@@ -139,9 +139,9 @@ def _conclusions(levels: Mapping[tuple[str, str], Any]) -> str:
         f" {value(moving + 'gnn', 'traffic', 3)} J and that of LMB, whose tracks are mixtures,"
         f" {value(moving + 'lmb', 'traffic', 3)} J. With five false detections a scan its GOSPA is"
         f" {level(hard + 'jpda', 'gospa')} m, that of GNN {level(hard + 'gnn', 'gospa')} m, and of the reference MHT"
-        f" {level(hard + 'mht', 'gospa')} m, whose latency is {ms(hard + 'mht')} ms in place of"
-        f" {ms(hard + 'jpda')} ms. Over CSMA/CA the channel decides: {level(csma + 'jpda', 'gospa')} m and"
-        f" {level(csma + 'gnn', 'gospa')} m.",
+        f" {level(hard + 'mht', 'gospa')} m, whose tracks outlive targets that leave. MHT has a latency"
+        f" of {ms(hard + 'mht')} ms in place of {ms(hard + 'jpda')} ms. Over CSMA/CA the channel decides: {level(csma + 'jpda', 'gospa')} m"
+        f" and {level(csma + 'gnn', 'gospa')} m.",
         f"- **What does 20 % loss do to identity?** With JPDA, {level('lossy, 0.7, 1: jpda', 'switches')} switches a"
         f" run with it and {level(ideal + 'jpda', 'switches')} without; completeness"
         f" {level('lossy, 0.7, 1: jpda', 'completeness', 3)} and {level(ideal + 'jpda', 'completeness', 3)}.",
@@ -149,10 +149,10 @@ def _conclusions(levels: Mapping[tuple[str, str], Any]) -> str:
         f" {level(ideal + 'nearest_neighbour', 'switches')} switches a run, GNN has"
         f" {level(ideal + 'gnn', 'switches')}; it also has {false} false tracks an hour, since two tracks that take the"
         " same detection leave another one, which starts a third.",
-        f"- **Radios**: X-MAC, whose nodes send one after the other, has {level('xmac, 0.7, 1: jpda', 'gospa')} m where"
+        f"- **Radios**: X-MAC has {level('xmac, 0.7, 1: jpda', 'gospa')} m where"
         f" CSMA/CA has {level(csma + 'jpda', 'gospa')} m, for {value('xmac, 0.7, 1: jpda', 'energy', 1)} J in place of"
         f" {value(csma + 'jpda', 'energy', 1)} J, and {ms('xmac, 0.7, 1: jpda')} ms in place of {ms(csma + 'jpda')} ms"
-        " (not registered).",
+        " (not registered). We take it that frames collide over CSMA/CA since all nodes send at the same instant.",
     ])  # fmt: skip
 
 
