@@ -132,6 +132,7 @@ def _conclusions(levels: Mapping[tuple[str, str], Any]) -> str:
 
     ideal, csma, moving, hard = (f"{radio}, 0.7, {clutter}: " for radio, clutter in
                                  (("ideal", 1), ("csma", 1), ("moving ideal", 1), ("ideal", 5)))  # fmt: skip
+    late, soon = ms(hard + "mht"), ms(hard + "jpda")
     false = value(ideal + "nearest_neighbour", "false_tracks", 0)
     return "\n".join([
         "- **When is JPDA worth its packets?** It has none of its own: with one head, all trackers get the same scans;"
@@ -139,9 +140,9 @@ def _conclusions(levels: Mapping[tuple[str, str], Any]) -> str:
         f" {value(moving + 'gnn', 'traffic', 3)} J and that of LMB, whose tracks are mixtures,"
         f" {value(moving + 'lmb', 'traffic', 3)} J. With five false detections a scan its GOSPA is"
         f" {level(hard + 'jpda', 'gospa')} m, that of GNN {level(hard + 'gnn', 'gospa')} m, and of the reference MHT"
-        f" {level(hard + 'mht', 'gospa')} m, whose tracks outlive targets that leave. MHT has a latency"
-        f" of {ms(hard + 'mht')} ms in place of {ms(hard + 'jpda')} ms. Over CSMA/CA the channel decides: {level(csma + 'jpda', 'gospa')} m"
-        f" and {level(csma + 'gnn', 'gospa')} m.",
+        f" {level(hard + 'mht', 'gospa')} m, whose tracks outlive targets that leave. MHT has a latency of {late} ms in"
+        f" place of {soon} ms. Over CSMA/CA the channel decides: {level(csma + 'jpda', 'gospa')} m and"
+        f" {level(csma + 'gnn', 'gospa')} m.",
         f"- **What does 20 % loss do to identity?** With JPDA, {level('lossy, 0.7, 1: jpda', 'switches')} switches a"
         f" run with it and {level(ideal + 'jpda', 'switches')} without; completeness"
         f" {level('lossy, 0.7, 1: jpda', 'completeness', 3)} and {level(ideal + 'jpda', 'completeness', 3)}.",
