@@ -1,12 +1,14 @@
 """Association probabilities against the enumeration of all joint events.
 
-python -m tests.kernels.test_association        prints the error of belief propagation by detection and clutter
+python -m tests.kernels.test_association        writes the error of belief propagation by detection and clutter
 """
 
 from __future__ import annotations
 
+import csv
 import itertools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ import pytest
 from wsnsim.kernels.association import associate
 
 MOST = 10
+TABLE = Path(__file__).parents[2] / "docs/explanation/propagation_error.csv"
 
 
 def enumerated(likelihoods, miss, clutter):
@@ -100,7 +103,21 @@ def test_the_error_of_belief_propagation_falls_with_clutter_and_with_misses() ->
     assert propagation_error(0.6, 0.1)[0] < propagation_error(0.95, 0.1)[0]
 
 
+def test_the_table_of_errors_in_the_documentation_is_what_is_measured() -> None:
+    with TABLE.open(encoding="utf-8") as file:
+        rows = {(float(row["detection"]), float(row["density"])): row for row in csv.DictReader(file)}
+    mean, most = propagation_error(0.8, 0.1)
+    assert float(rows[0.8, 0.1]["mean_greatest_error"]) == pytest.approx(mean, abs=1e-3)
+    assert float(rows[0.8, 0.1]["greatest_error"]) == pytest.approx(most, abs=1e-3)
+    page = TABLE.with_name("several_targets.md").read_text(encoding="utf-8")
+    for detection in (0.6, 0.8, 0.95):
+        cells = [f"{float(rows[detection, density]['mean_greatest_error']):.3f}" for density in (0.01, 0.1, 1.0)]
+        assert f"| {detection:g} | {' | '.join(cells)} |" in page
+
+
 if __name__ == "__main__":
-    print("detection  density  mean of the greatest error  greatest error")
-    for probability, density in itertools.product((0.6, 0.8, 0.95), (0.01, 0.1, 1.0)):
-        print("{:9g}  {:7g}  {:26.4f}  {:14.4f}".format(probability, density, *propagation_error(probability, density)))
+    with TABLE.open("w", encoding="utf-8") as file:
+        print("detection,density,mean_greatest_error,greatest_error", file=file)
+        for probability, density in itertools.product((0.6, 0.8, 0.95), (0.01, 0.1, 1.0)):
+            mean, most = propagation_error(probability, density)
+            print(f"{probability:g},{density:g},{mean:.4f},{most:.4f}", file=file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 from typing import Any
 
@@ -199,3 +200,47 @@ def test_the_groups_of_the_scenario_with_a_crossing_confirm_a_track_for_each_tar
     simulate_run("scans_crossing", 0, memory)
     table = memory.table("estimates")
     assert np.unique(table["track"][table["confirmed"] == 1]).size == 2
+
+
+def living_objects(steps: int) -> list[int]:
+    """How many objects of the network live at the middle and at the end of a run in which clutter begins groups."""
+    found: list[int] = []
+
+    def count(now: float) -> None:
+        if now in (steps // 2, steps - 1):
+            gc.collect()
+            found.append(
+                sum(str(type(each).__module__).startswith(("wsnsim.network", "simpy")) for each in gc.get_objects())
+            )
+
+    scenario = crossing(
+        targets=[{"kind": "waypoints", "points": [[0, 0, 0], [9, 9, 9]], "presence": []}],
+        duration=f"{steps} s",
+        detection={"kind": "unlabelled", "probability": 0.9, "clutter": 0.7},
+    )
+    memory = Memory({"clusters": True})
+    simulate_run(scenario, 0, memory, progress=count)
+    assert len(memory.table("clusters")["target"]) > steps / 20, "groups begin and end all the time"
+    return found
+
+
+@pytest.mark.thorough
+def test_groups_that_ended_leave_nothing_in_memory() -> None:
+    middle, end = living_objects(400)
+    assert end <= 1.2 * middle
+
+
+@pytest.mark.thorough
+def test_bits_and_joules_rise_with_clutter_and_the_ledger_closes() -> None:
+    spent, sent = [], []
+    for clutter in (0.0, 1.0, 3.0):
+        memory = recorded(
+            duration="5 s", clusters={"kind": "central"},
+            detection={"kind": "unlabelled", "probability": 0.95, "clutter": clutter},
+        )  # fmt: skip
+        energy, nodes = memory.table("energy"), memory.table("nodes")
+        each = np.bincount(energy["node"], energy["joules"], 36)
+        np.testing.assert_allclose(each, nodes["energy_initial"] - nodes["energy_left"], rtol=1e-9, atol=1e-15)
+        spent.append(float(each.sum()))
+        sent.append(int(events(memory, "send")["bits"].sum()))
+    assert sent[0] < sent[1] < sent[2] and spent[0] < spent[1] < spent[2]

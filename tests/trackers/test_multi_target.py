@@ -323,7 +323,7 @@ def separation(method, apart, runs=10, steps=40, far=1e4):
 
 @pytest.mark.thorough
 def test_tracks_of_jpda_coalesce_where_those_of_the_labelled_filter_and_of_mht_stay_apart() -> None:
-    """As Fitzgerald (1985) explains. Over 20 runs with targets 2 m apart: JPDA 0.5 m, LMB 2.2, MHT 2.3, GNN 2.3."""
+    """As Fitzgerald (1985) explains. Over 20 runs with targets 2 m apart: JPDA 0.6 m, LMB 2.3, MHT 2.4, GNN 2.3."""
     mean, error = separation(Jpda, 2.0)
     assert mean + 3.0 * error < 1.2
     for method in (Gnn, Lmb, Mht):

@@ -73,10 +73,15 @@ def write_tables(outcome: NetworkOutcome, replicate: int, setup: RadioSetup, rec
     _write(recorder, "nodes", replicate, _nodes(outcome.nodes, trait_names))
     _write(recorder, "energy", replicate, _energy(outcome.nodes))
     for track in outcome.tracks:
-        names = [each.name for each in fields(ClusterRecord)]
-        _write(recorder, "clusters", replicate, {"target": track.target, **_columns(track.clusters, names)})
+        write_clusters(replicate, recorder, track)
         if track.rounds:
             _write(recorder, "wakeups", replicate, {"target": track.target, **_wakeups(track.rounds)})
+
+
+def write_clusters(replicate: int, recorder: Recorder, track: Track) -> None:
+    """Write the rows of the table `clusters` of a track, or of a group of them."""
+    names = [each.name for each in fields(ClusterRecord)]
+    _write(recorder, "clusters", replicate, {"target": track.target, **_columns(track.clusters, names)})
 
 
 def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float = NAN) -> RunResult:
@@ -93,7 +98,7 @@ def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float =
         return RunResult(outcome.steps + 1, (), totals, joules)
     if outcome.book is not None:
         columns = outcome.book.columns(setup.filter_motion(0), outcome.received, setup.dt)
-        clusters = sum(len(group.clusters) for group in outcome.tracks)
+        clusters = outcome.book.clusters + sum(len(group.clusters) for group in outcome.tracks)
         return RunResult(outcome.steps, (), totals, joules, clusters, setup.report_every, columns)
     tracks = [TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(t)) for t in outcome.tracks]
     clusters = sum(len(track.clusters) for track in outcome.tracks)
@@ -124,7 +129,7 @@ def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:
         event_fingerprint=outcome.event_fingerprint,
         alive=sum(nodes.alive),
         energy=float(sum(nodes.ledger.totals[: len(SPENT)])),
-        handovers=sum(track.handovers for track in outcome.tracks),
+        handovers=sum(track.handovers for track in outcome.tracks) + (outcome.book.handovers if outcome.book else 0),
         cycles=outcome.cycles,
         awake=outcome.awake,
         radio_on=outcome.radio_on,

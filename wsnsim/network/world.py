@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.event_log import Acting, ProtocolLog
 from wsnsim.network.imperfect_readings import Imperfections, make_readings
 from wsnsim.network.node_process import NodeProcesses
-from wsnsim.network.result_rows import NetworkOutcome
+from wsnsim.network.result_rows import NetworkOutcome, write_clusters
 from wsnsim.network.scans import UNNAMED, ReadingsOfAll, Scans, write_detections
 from wsnsim.network.sensing import CurrentReadings, Readings, SensingServices, make_sensing
 
@@ -62,7 +63,7 @@ class World(BaseNetwork):
         self._book: TrackBook | None = None
         if setup.unlabelled:
             priors = [prior for prior, there in zip(conditions.priors, known, strict=True) if there]
-            self._book = TrackBook(self._log, self._env, priors)
+            self._book = TrackBook(self._log, self._env, partial(write_clusters, replicate, recorder), priors)
             self._tracks = self._book.groups
         points = [
             truth[:, list(motion.position)] for truth, motion in zip(conditions.truths, setup.motions, strict=True)
@@ -110,7 +111,7 @@ class World(BaseNetwork):
         return replace(
             self._run(self._run_steps(progress), self._coordination.ended),
             cycles=self._processors.operations,
-            tracks=tuple(self._book.all_groups if self._book else self._tracks),
+            tracks=tuple(self._tracks),
             book=self._book,
             hurried=self._intervals.share(),
             woken=self._wake_up_counters.woken,

@@ -14,7 +14,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from wsnsim.base.arrays import Estimate, components_of, planar
-from wsnsim.base.detections import MultiTracker, ReportsScans, volume_of
+from wsnsim.base.detections import MultiTracker, ReportsScans, space_of, volume_of
 from wsnsim.base.medium_access import hop_latency
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.radio import Mode
@@ -84,6 +84,7 @@ class Groups:
         self._tracker = cast(MultiTracker, setup.tracker)
         detection = setup.detection
         assert isinstance(detection, ReportsScans), "groups are for scans"
+        self._space = space_of(setup.sensor, detection.window)
         self._facts = Facts(
             setup.filter_motion(0), setup.filter_sensor, setup.dt, detection.probability, detection.clutter,
             volume_of(setup.sensor, detection.window),

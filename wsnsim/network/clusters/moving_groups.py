@@ -19,7 +19,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Estimate, Floats, components_of, near, planar
-from wsnsim.base.detections import space_of
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.requests import PACKET_BITS, Member, Parcel
 from wsnsim.base.scans import Scan, TrackEstimate
@@ -67,7 +66,7 @@ class MovingGroups(Groups):
         self._received: dict[int, dict[int, BroadcastTracks]] = {}
         self._inbox: dict[int, list[Any]] = {}
         self._before: Mapping[int, Any] = {}
-        low, high = np.array(space_of(self._setup.sensor, self._setup.detection.window) or [(0.0, np.inf)]).T
+        low, high = np.array(self._space or [(0.0, np.inf)]).T
         share = SWIFT * self._tracker.management.rate_sd * self._clock.dt / self._facts.sensor.reach
         self._step_at_most = (high - low) * min(max(share, STILL), 1.0)
 
@@ -83,7 +82,8 @@ class MovingGroups(Groups):
         """Close groups whose head has gone, and begin new ones from detections that no group explains."""
         book, step = self._book, self._clock.step
         self._forget_old()
-        book.groups[:] = [group for group in book.groups if group.head is not None or group.election is not None]
+        book.close_groups()
+        self._inbox = {group.target: self._inbox.get(group.target, []) for group in book.groups}
         for prior in self._known(step):
             self._begin_with(prior)
         free = self._unexplained() if self._tracker.management.starts else {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
@@ -57,26 +57,39 @@ class TrackBook:
     """The tracks of all groups.
 
     Attributes:
+        write: Writes what the tables of a result have of a group that has ended: nothing is kept of it.
         priors: Of the targets that are present at step 0.
         next: The number of the next track: numbers are unique in a run (an idealisation: heads agree on them at once).
-        groups: The groups that have a head or will have one; `all_groups`: also those that have ended.
+        groups: The groups that have a head or will have one.
+        opened: How many have been opened; `clusters` and `handovers`: how many those had that have ended.
         rows: What heads held, in the order of time.
     """
 
     log: ProtocolLog
     env: simpy.Environment
+    write: Callable[[Track], None]
     priors: Sequence[Estimate] = ()
     next: int = 0
     groups: list[Track] = field(default_factory=list)
-    all_groups: list[Track] = field(default_factory=list)
+    opened: int = 0
+    clusters: int = 0
+    handovers: int = 0
     rows: list[TrackRow] = field(default_factory=list)
 
     def open_group(self) -> Track:
         """A new group, which has no head yet. Numbers start again after `MOST_GROUPS`."""
-        group = Track(len(self.all_groups) % MOST_GROUPS, UNKNOWN, self.env.event())
+        group = Track(self.opened % MOST_GROUPS, UNKNOWN, self.env.event())
         self.groups.append(group)
-        self.all_groups.append(group)
+        self.opened += 1
         return group
+
+    def close_groups(self) -> None:
+        """Forget the groups that have neither a head nor an election; their rows are written."""
+        for group in [group for group in self.groups if group.head is None and group.election is None]:
+            self.groups.remove(group)
+            self.clusters += len(group.clusters)
+            self.handovers += group.handovers
+            self.write(group)
 
     def note(self, group: int, head: int, outcome: ScanOutcome) -> None:
         """Log what happened to tracks, and count those that began."""
