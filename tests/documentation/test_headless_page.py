@@ -7,7 +7,7 @@ import json
 
 from tests.bench.page import spliced
 from tests.papers import headless_page as page
-from tests.papers.page_files import registered
+from tests.papers.page_files import hypotheses, registered
 from wsnsim.papers.study import study
 
 ROWS = json.loads(page.ROWS.read_text(encoding="utf-8"))
@@ -18,6 +18,9 @@ REGISTERED = study(str(page.STUDY)).registered
 def test_the_page_is_made_from_its_rows():
     for name, block in page.blocks(ROWS).items():
         assert spliced(TEXT, name, block) == TEXT, "python -m tests.papers.headless_page writes it"
+    made = page.files(ROWS)
+    assert {name: (page.PAGE.parent / name).read_text(encoding="utf-8") for name in made} == made
+    assert all(f"]({name})" in TEXT for name in made)
 
 
 def test_what_was_registered_stands_word_for_word():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import wsnsim.scenario as scenarios
@@ -14,6 +15,7 @@ from wsnsim.experiment import simulate_run
 from wsnsim.network import world
 from wsnsim.network.scans import _poisson, _shuffled
 from wsnsim.scenario.sweep import load_sweep
+from wsnsim.scenario.texts import shipped
 
 WANTED = dict.fromkeys(("truth", "readings", "detections", "estimates", "events", "energy", "nodes", "runs"), True)
 JPDA = {"kind": "jpda", "filter": {"kind": "ekf"}}
@@ -158,6 +160,43 @@ def test_one_certain_target_without_clutter_is_followed_as_by_the_plain_filter_i
     for name in ("px", "vx", "py", "vy", "sd_x", "sd_y", "cov_xy"):
         np.testing.assert_allclose(found[name], plain[name], rtol=1e-9, atol=1e-9)
     np.testing.assert_array_equal(found["readings"], plain["readings"])
+
+
+def rows_of_recordings() -> set[tuple[int, int, float, int]]:
+    """(step, node, reading, target) of the last reading of each receiver in each of 12 steps, from the two tracks."""
+    folder, found = shipped()["recorded_scans"].parent / "recorded" / "ble", set()
+    names = pd.read_csv(folder / "receivers.csv")["receiver"].tolist()
+    for target, name in enumerate(("straight_01", "rectangular_with_rotation")):
+        track = pd.read_csv(folder / f"{name}.csv.gz")
+        track["step"] = np.ceil(track["time"] / 0.5).astype(int)
+        last = track[track["step"] < 12].groupby(["step", "receiver"], as_index=False).last()
+        found |= {(row.step, names.index(row.receiver), row.rssi, target) for row in last.itertuples()}
+    return found
+
+
+def test_scans_of_two_recordings_hold_the_rows_of_both_in_an_order_without_names_and_clutter_beside_them() -> None:
+    expected, memory = rows_of_recordings(), Memory(WANTED)
+    simulate_run(scenarios.load("recorded_scans", ["duration=6 s", "detection.clutter=1"]), 0, memory)
+    found = memory.table("detections")
+    rows = list(zip(*(found[key].tolist() for key in ("step", "node", "reading", "origin")), strict=True))
+    assert {row for row in rows if row[3] >= 0} == expected
+    false = [row[2] for row in rows if row[3] < 0]
+    assert abs(len(false) - 144) < 4 * 12 and min(false) >= -110 and max(false) <= -40
+    assert set(found["detection"][found["origin"] == 0]) >= {0, 1}
+    estimates = memory.table("estimates")
+    assert set(estimates["track"]) == {0, 1} and estimates["confirmed"].all()
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("recorded_scans", "detection.resolution=[3]", "give none"),
+        ("recorded_pf", "detection={kind: imperfect, missed: 0.1}", "use kind: perfect"),
+    ],
+)
+def test_recorded_readings_are_neither_merged_nor_missed_again(name, change, said) -> None:
+    with pytest.raises(ScenarioError, match=f"world that they come from: {said}"):
+        scenarios.build(scenarios.load(name, [change]))
 
 
 def scans(**options: Any) -> dict[str, Any]:

@@ -275,6 +275,18 @@ def test_two_that_cross_keep_one_track_each(method) -> None:
     assert np.abs(found - truth[-1][:, [0, 2]]).max() < 3.0
 
 
+def test_hypotheses_of_two_tracks_go_together_where_a_step_has_more_scans_than_hypotheses_tell_apart() -> None:
+    nodes, facts = (
+        ring(10),
+        facts_of(RangeBearing(range_sd=2.0, bearing_sd=0.07, reach=200.0), probability=0.7, clutter=1.0),
+    )
+    truth = crossing(20, 3.0)
+    tracker = Mht(filter=ExtendedKalman(), management=SequentialTest())
+    begun = tracker.begin([prior_of(state) for state in truth[0]], 0.0, facts)
+    for outcome in driven(tracker, begun, by_step(facts, truth, nodes, 5), nodes, facts):
+        assert {0, 1} <= {track.number for track in outcome.belief.tracks}
+
+
 def test_a_group_splits_and_merges_by_value() -> None:
     facts = facts_of(Range(sd=1.0, reach=200.0))
     tracker = Jpda(filter=ExtendedKalman())

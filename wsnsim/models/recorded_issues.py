@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import is_relative
+from wsnsim.base.detections import ReportsScans
 from wsnsim.base.errors import Issue
 from wsnsim.base.files import content_digest
 from wsnsim.base.optional_ports import ConstantGaussian
@@ -44,9 +45,12 @@ def recorded_issues(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
             yield from _other_origin(sensor, motion)
     if sensor.counted:
         yield from _cannot_count(sensor, setup)
-    if not is_perfect(setup.detection):
-        message = "recorded readings have the detection errors of the world that they come from: use kind: perfect"
-        yield Issue(("detection", "kind"), message)
+    message = "recorded readings have the detection errors of the world that they come from"
+    if isinstance(setup.detection, ReportsScans):
+        if any(setup.detection.resolution):
+            yield Issue(("detection", "resolution"), f"{message}: give none")
+    elif not is_perfect(setup.detection):
+        yield Issue(("detection", "kind"), f"{message}: use kind: perfect (or unlabelled)")
 
 
 def _is_in_sample(sensor: Any) -> bool:

@@ -28,7 +28,8 @@ class UnlabelledDetection:
     give one detection, the mean of both. A detection, also a false one, wakes a dormant node as a target does. Each
     takes a packet when the scan is sent, as a reading does.
 
-    Recorded readings are taken as detected: only false detections are added to them.
+    Recorded readings are taken as detected, of the target that the file says: only false detections are added to them,
+    and `probability` is what heads assume.
 
     Source: the measurement model of Bar-Shalom, Li (1995): at most one detection of a target, and Poisson clutter.
     """

@@ -16,6 +16,7 @@ from wsnsim.trackers.multi_target.frames import Frame
 from wsnsim.trackers.multi_target.initiation import LEAST_CLUTTER, Start, density
 from wsnsim.trackers.multi_target.lmb import heaviest
 from wsnsim.trackers.multi_target.management import with_hit
+from wsnsim.trackers.multi_target.single_gaussian import assigned
 from wsnsim.trackers.multi_target.tracker import MultiTargetTracker
 from wsnsim.trackers.shared.gaussian_port import GaussianPort
 
@@ -35,7 +36,8 @@ class Mht(MultiTargetTracker):
     best global hypothesis has one hypothesis of as many tracks as possible, none with a detection in common, and the
     greatest sum of scores. Of each track, hypotheses are left out that differ from the one in it more than `depth`
     steps ago. New tracks are those of the management, from detections that the best global hypothesis does not use,
-    whereas in the paper each detection starts one.
+    whereas in the paper each detection starts one. A hypothesis of each track is always kept: that of the best global
+    one of the step before, continued by the best assignment in each scan. So all tracks have some that go together.
 
     Source: Blackman (2004); the global hypothesis as an integer programme: Morefield (1977).
     """
@@ -71,8 +73,12 @@ class Mht(MultiTargetTracker):
         scores = frame.weights[:, None] + np.column_stack([alone, gains])
         best = np.full(len(frame.existence), -np.inf)
         np.maximum.at(best, frame.owners, scores.max(axis=1))
-        kept = heaviest(scores - best[frame.owners, None], frame.owners, self.hypotheses, -WORSE)
-        rows, columns = np.nonzero(kept)
+        firsts = np.searchsorted(frame.owners, np.arange(len(best)))
+        own, ranks = scores[firsts], scores - best[frame.owners, None]
+        ranks[firsts, assigned(np.exp(own - own.max(axis=1, keepdims=True)))] = 1.0  # before all others
+        rows, columns = np.nonzero(heaviest(ranks, frame.owners, self.hypotheses, -WORSE))
+        order = np.lexsort((ranks[rows, columns] < 1.0, frame.owners[rows]))
+        rows, columns = rows[order], columns[order]
         frame.take(rows)
         frame.weights = scores[rows, columns]
         for place, column in enumerate(columns.tolist()):

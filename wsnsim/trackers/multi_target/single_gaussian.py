@@ -89,13 +89,13 @@ class Gnn(SingleGaussian):
         best = ratios.argmax(axis=1)
         taken = best[best > 0]
         if len(set(taken.tolist())) < taken.size:  # two tracks have the same detection as their best
-            best = _assigned(ratios)
+            best = assigned(ratios)
         shares = np.zeros((tracks, count + 1))
         shares[np.arange(tracks), best] = 1.0
         return shares
 
 
-def _assigned(ratios: Floats) -> Ints:
+def assigned(ratios: Floats) -> Ints:
     """(T,) the column of each row of (T, M + 1) with the greatest product, none but the first column taken twice."""
     from scipy.optimize import linear_sum_assignment
 
