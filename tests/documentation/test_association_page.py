@@ -8,6 +8,7 @@ import re
 
 from tests.bench.page import spliced
 from tests.papers import association_page as page
+from tests.papers.page_files import hypotheses, registered
 from wsnsim.papers.study import study
 
 ROWS, TESTS = page.read()
@@ -24,9 +25,10 @@ def test_the_page_is_made_from_its_rows_and_shows_its_figure():
 
 
 def test_what_was_registered_stands_word_for_word():
-    registered = TEXT[TEXT.index("## What was registered") : TEXT.index("## Answers")]
     thresholds = json.dumps(REGISTERED, sort_keys=True)
-    found = [hashlib.sha256(" ".join(each.split()).encode()).hexdigest() for each in (registered, thresholds)]
+    found = [
+        hashlib.sha256(" ".join(each.split()).encode()).hexdigest() for each in (registered("association"), thresholds)
+    ]
     assert found == [
         "83c24f55557c0f2cd62db0b41b8b75c2467a16c843f9e0c976972ac125a4a372",
         "bcb5c9d657c4ab89e14ce930910d461d74aaec4d5f713bd5418311990f1643b7",
@@ -34,8 +36,7 @@ def test_what_was_registered_stands_word_for_word():
 
 
 def test_the_rows_are_of_all_variants_and_the_tests_those_that_were_registered():
-    numbered = {int(number) for number in re.findall(r"^(\d+)\. ", TEXT, re.MULTILINE)}
-    assert numbered == set(TESTS["number"]) == set(page.SAID) == set(page.DECIDES)
+    assert set(hypotheses("association")) == set(TESTS["number"]) == set(page.SAID) == set(page.DECIDES)
     kept = [
         {key: row[key] for key in test} for row, test in zip(TESTS.to_dict("records"), REGISTERED["tests"], strict=True)
     ]
