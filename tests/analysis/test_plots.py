@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 import xml.etree.ElementTree as ElementTree
@@ -10,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from PIL import Image
 
 from wsnsim.analysis import figure_style, figures, plot_data, plots
 from wsnsim.base.errors import ResultError, UsageError
@@ -497,3 +499,43 @@ def test_a_wrong_suffix_is_answered_with_those_allowed(write, tmp_path, name, hi
 def test_the_command_line_offers_what_can_be_drawn():
     assert tuple(figures.TAKES) == PLOTS
     assert {*PLOTS} == {"all", *plot_data.NEEDS}
+
+
+def test_a_step_shows_what_was_there_by_then_and_by_default_the_largest_error_after_the_start(write):
+    path = write(network=True, runs=1)
+    held = rows(path, "estimates")
+    worst = held["step"][len(held["step"]) // 10 :][held["error"][len(held["step"]) // 10 :].argmax()]
+    assert plot_data.telling_step(path, 0, 0) == worst
+    for step, shown in ((4, 4), (None, worst)):
+        axes = plots.step(axes_of(), path, step)
+        assert axes.get_title(loc="left") == f"step {shown} of replicate 0, {DT * shown:g} s"
+        assert len(line(axes, "estimate")) == (held["step"] <= shown).sum()
+        assert len(line(axes, "cluster head")) == 1
+    with pytest.raises(UsageError, match=r"no step 99; it has 0 … 8"):
+        plots.step(axes_of(), path, 99)
+    with pytest.raises(UsageError, match="a step is drawn in the plane"):
+        plots.step(axes_of(), write(LINE), 4)
+
+
+def test_the_steps_of_a_run_are_an_animation_and_nothing_else_is(write, tmp_path, monkeypatch):
+    monkeypatch.setattr(figures, "MOST_PICTURES", 3)
+    path = write(network=True, runs=1)
+    made = figures.draw(path, tmp_path / "x.gif", "step")
+    assert made.shown == ("3 of 9 steps",)
+    with Image.open(tmp_path / "x.gif") as picture:
+        assert (picture.format, picture.n_frames) == ("GIF", 3)
+    for what, choice in (("error", {}), ("step", {"step": 4})):
+        with pytest.raises(UsageError, match="only the steps of a run can be a GIF"):
+            figures.draw(path, tmp_path / "y.gif", what, figures.PlotSelection(**choice))
+    assert not (tmp_path / "y.gif").exists()
+
+
+@pytest.mark.parametrize(("width", "across"), [("column", 1), ("text", 2)])
+def test_a_figure_for_a_paper_has_its_width_and_no_titles(write, width, across):
+    inches = figure_style.WIDTHS[width]
+    panels = [functools.partial(plots.states, path=write(), column=name) for name in ("px", "vx")]
+    figure = figure_style.figure_of(panels, inches)
+    assert figure.get_size_inches()[0] == inches
+    assert len({axes.get_position().x0 for axes in figure.axes}) == across
+    assert not any(axes.get_title(loc="left") for axes in figure.axes)
+    assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)

@@ -50,8 +50,10 @@ RESAMPLES: Final = 400
 """Resamples of a bootstrap."""
 
 
+# Metadata without a date, by file suffix, so that the same figure gives the same bytes.
 UNDATED: Final[dict[str, dict[str, Any]]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-"""Metadata without a date, by file suffix, so that the same figure gives the same bytes."""
+GIF: Final = ".gif"
+"""The suffix of an animation."""
 STYLE: Final = {
     "svg.hashsalt": "wsnsim",
     "font.size": 8.5,
@@ -81,14 +83,25 @@ def write_figure(draw: Callable[[Figure], None], out: Path, size: tuple[float, f
     return out
 
 
-def figure_of(panels: list[Panel]) -> Figure:
-    """A figure with these panels in one or two columns."""
-    across = min(len(panels), 2)
+WIDTHS: Final = {"column": 3.5, "text": 7.16}
+"""Widths of figures in a paper (inches): a column and the whole text of two columns, as in IEEE journals."""
+
+
+def figure_of(panels: list[Panel], width: float | None = None) -> Figure:
+    """A figure with these panels in one or two columns; with a `width` (inches), for a paper, which has captions."""
+    across = min(len(panels), 2 if width is None or width > WIDTHS["column"] else 1)
     down = ceil(len(panels) / across)
-    figure = Figure(figsize=(5.4 * across, 3.6 * down) if across > 1 else (6.4, 4.6), layout="constrained")
+    size = (5.4 * across, 3.6 * down) if across > 1 else (6.4, 4.6)
+    if width is not None:
+        size = (width, width / across * 0.72 * down)
+    figure = Figure(figsize=size, layout="constrained")
     cells = figure.subplots(down, across, squeeze=False).ravel()
     for cell, panel in zip(cells, panels, strict=False):
         panel(cell)
+        if width is not None:
+            cell.set_title("", loc="left")
+            if cell.get_legend():
+                cell.legend(fontsize=6.5, frameon=False)
     for cell in cells[len(panels) :]:
         cell.remove()
     return figure
@@ -101,11 +114,16 @@ def save(figure: Figure, out: Path) -> None:
         figure.savefig(unfinished, format=suffix[1:], metadata=UNDATED[suffix])
 
 
-def suffix_of(out: Path) -> str:
-    """The suffix of a figure in lower case. Raises UsageError if that format cannot be written."""
-    suffix = out.suffix.lower()
-    if suffix not in UNDATED:
-        hint = did_you_mean(suffix, UNDATED) if suffix else "known: " + ", ".join(UNDATED)
+def suffix_of(out: Path, animated: bool = False) -> str:
+    """The suffix of a figure in lower case. Raises UsageError if that format cannot be written.
+
+    `animated` says whether it may be a GIF, which shows the steps of a run.
+    """
+    suffix, known = out.suffix.lower(), (*UNDATED, GIF) if animated else tuple(UNDATED)
+    if suffix == GIF and not animated:
+        raise UsageError(f"{out}: only the steps of a run can be a GIF: --what step, without --step")
+    if suffix not in known:
+        hint = did_you_mean(suffix, known) if suffix else "known: " + ", ".join(known)
         raise UsageError(f"{out}: a figure cannot have the suffix '{suffix}' ({hint})")
     return suffix
 

@@ -14,11 +14,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from matplotlib import style
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
 
 from wsnsim.analysis import error_bounds, plot_data, plots, sweep_plots
-from wsnsim.analysis.figure_style import STYLE, Panel, figure_of, save, suffix_of
+from wsnsim.analysis.figure_style import GIF, STYLE, Panel, figure_of, save, suffix_of
 from wsnsim.base.errors import ResultError
+from wsnsim.recording.atomic_files import replacing
 from wsnsim.recording.folder import Folder
 
 TAKES: Final = {
@@ -30,6 +34,7 @@ TAKES: Final = {
     "consistency": (),
     "energy": (),
     "particles": ("column", "step", "replicate", "target"),
+    "step": ("step", "replicate", "target"),
 }
 """What can be plotted, and which options apply to it."""
 SWEPT: Final = ("median", "energy", "differences", "lost")
@@ -55,7 +60,8 @@ class WrittenFigure:
 class PlotSelection:
     """What to plot: a state column (None: all), a step of particles (None: the last), a run and a target.
 
-    `plugins` says whether plug-ins that the result's scenario names are imported for the bound.
+    `plugins` says whether plug-ins that the result's scenario names are imported for the bound; `width` is
+    that of a figure for a paper in inches, None: for a screen.
     """
 
     column: str | None = None
@@ -63,6 +69,7 @@ class PlotSelection:
     replicate: int = 0
     target: int = 0
     plugins: bool = False
+    width: float | None = None
 
 
 def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None = None) -> WrittenFigure:
@@ -70,7 +77,7 @@ def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None 
 
     Args:
         path: the result file.
-        out: the figure's file; its suffix is the format (.png, .svg, .pdf).
+        out: the figure's file; its suffix is the format (.png, .svg, .pdf; .gif for the steps of a run).
         what: a key of `TAKES`.
         choice: the column, step, run and target to plot.
 
@@ -78,8 +85,9 @@ def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None 
         UsageError: the result has no such column, replicate, target or step, or the suffix is unknown.
         ResultError: a table that `what` needs was not recorded, or the figure cannot be written.
     """
-    suffix_of(out)
     chosen = choice or PlotSelection()
+    if suffix_of(out, what == "step" and chosen.step is None) == GIF:
+        return _animation(path, out, chosen)
     if chosen.column is not None:
         plot_data.layout(path).check(path, chosen.column)
     wanted = plot_data.plots_of(path) if what == "all" else (what,)
@@ -89,15 +97,43 @@ def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None 
         raise ResultError(f"{path}: cannot plot {what}: {'; '.join(dict.fromkeys(left_out.values()))}")
     panels = [panel for name in wanted if not reasons[name] for panel in panels_of(path, name, chosen, what == "all")]
     with style.context(["default", STYLE]):
-        figure = figure_of([draws for _, draws in panels])
-        figure.suptitle(plot_data.heading(path), x=0.01, ha="left", fontweight="bold")
+        figure = figure_of([draws for _, draws in panels], chosen.width)
+        if chosen.width is None:
+            figure.suptitle(plot_data.heading(path), x=0.01, ha="left", fontweight="bold")
         save(figure, out)
     if "error" in dict(panels) and (why := error_bounds.lacking(path, chosen.plugins)):
         left_out["bound"] = why
     return WrittenFigure(out, tuple(name for name, _ in panels), left_out)
 
 
-def draw_campaign(folder: Folder, out: Path, metric: str = "rmse", key: str | None = None) -> WrittenFigure:
+MOST_PICTURES: Final = 60
+"""Pictures of an animation (our choice)."""
+PICTURE_TIME: Final = 150
+"""Milliseconds of a picture."""
+
+
+def _animation(path: Path, out: Path, chosen: PlotSelection) -> WrittenFigure:
+    """Write the steps of a run as an animated GIF."""
+    plot_data.demand(path, "step")
+    steps = np.unique(plot_data.course(path, ("step",), chosen.replicate, chosen.target)[0]["step"])
+    kept = steps[np.unique(np.linspace(0, len(steps) - 1, min(len(steps), MOST_PICTURES)).astype(int))].tolist()
+    pictures, options = [], {"path": path, "replicate": chosen.replicate, "target": chosen.target}
+    with style.context(["default", STYLE, {"figure.dpi": 100}]):
+        figure = figure_of([partial(plots.step, step=kept[0], **options)], chosen.width)
+        canvas = FigureCanvasAgg(figure)
+        for step in kept:
+            figure.axes[0].clear()
+            plots.step(figure.axes[0], step=step, **options)
+            canvas.draw()
+            pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("P"))
+    with replacing(out) as unfinished:
+        pictures[0].save(unfinished, "GIF", save_all=True, append_images=pictures[1:], duration=PICTURE_TIME, loop=0)
+    return WrittenFigure(out, (f"{len(kept)} of {len(steps)} steps",), {})
+
+
+def draw_campaign(
+    folder: Folder, out: Path, metric: str = "rmse", key: str | None = None, width: float | None = None
+) -> WrittenFigure:
     """Plot a campaign over one of its keys: a metric, energy, lost fraction and paired differences.
 
     Raises:
@@ -109,11 +145,18 @@ def draw_campaign(folder: Folder, out: Path, metric: str = "rmse", key: str | No
     left_out = sweep_plots.lacking(lines)
     panels = {name: getattr(sweep_plots, name) for name in SWEPT if name not in left_out}
     with style.context(["default", STYLE]):
-        figure = figure_of([partial(panel, lines=lines, legend=False) for panel in panels.values()])
-        figure.suptitle(f"{lines.found.name}, {lines.runs} per point", x=0.01, ha="left", fontweight="bold")
+        figure = figure_of([partial(panel, lines=lines, legend=False) for panel in panels.values()], width)
+        if width is None:
+            figure.suptitle(f"{lines.found.name}, {lines.runs} per point", x=0.01, ha="left", fontweight="bold")
         handles, labels = figure.axes[0].get_legend_handles_labels()
         if handles:
-            figure.legend(handles, labels, loc="outside lower left", ncols=min(4, len(handles)), frameon=False)
+            figure.legend(
+                handles,
+                labels,
+                loc="outside lower left",
+                ncols=min(4 if width is None else 1, len(handles)),
+                frameon=False,
+            )
         save(figure, out)
     return WrittenFigure(out, tuple(panels), left_out)
 
@@ -130,6 +173,8 @@ def panels_of(path: Path, what: str, choice: PlotSelection, among_all: bool) -> 
     if what == "particles":
         last = plot_data.last_step_with_particles(path, **options) if choice.step is None else choice.step
         options |= {"step": last, "column": choice.column}
+    elif what == "step":
+        options["step"] = choice.step
     elif what != "track":
         options = {"plugins": choice.plugins} if what in ("error", "gospa") else {}
     yield what, partial(getattr(plots, what), path=path, **options)

@@ -21,7 +21,7 @@ import wsnsim.recording as recording
 from wsnsim.analysis.multi_target import followed_estimates, followed_runs, is_unlabelled
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
-from wsnsim.base.tables import CAUSES
+from wsnsim.base.tables import CAUSES, KIND
 
 Columns = dict[str, np.ndarray]
 
@@ -33,9 +33,10 @@ NEEDS: Final = {
     "consistency": ("estimates",),
     "energy": ("energy_steps",),
     "particles": ("particles", "truth"),
+    "step": ("truth", "estimates"),
 }
 """What can be plotted, and the tables that it needs."""
-OF_LABELS: Final = ("states", "consistency", "particles")
+OF_LABELS: Final = ("states", "consistency", "particles", "step")
 """What is drawn of the track of a target, which is none where readings name no target."""
 EMPTY: Final = {
     "energy_steps": "no energy was spent (there is no network)",
@@ -71,8 +72,8 @@ def bracketed(unit: str) -> str:
 
 
 def plots_of(path: str | Path) -> tuple[str, ...]:
-    """What can be plotted of a result with all its tables: keys of `NEEDS`."""
-    left_out = OF_LABELS if is_unlabelled(path) else ("gospa",)
+    """What is plotted of a result with all its tables if nothing else is asked for: keys of `NEEDS`."""
+    left_out = OF_LABELS if is_unlabelled(path) else ("gospa", "step")
     return tuple(name for name in NEEDS if name not in left_out)
 
 
@@ -193,6 +194,23 @@ def _track(path: str | Path, table: str, columns: Sequence[str], replicate: int,
     held = recording.read_table(path, table, ["replicate", "target", *columns])
     held = _chosen(held, _at(path, table, held["replicate"], "replicate", replicate))
     return _chosen(held, _at(path, table, held["target"], "target", target))
+
+
+def telling_step(path: str | Path, replicate: int, target: int) -> int:
+    """The step of the largest error after the first tenth of a run, else the middle of the run."""
+    held = _track(path, "estimates", ("step", "error"), replicate, target)
+    steps, errors = (held[name][len(held["step"]) // 10 :] for name in ("step", "error"))
+    known = np.isfinite(errors)
+    return int(steps[known][errors[known].argmax()] if known.any() else np.median(held["step"]))
+
+
+def sensing_nodes(path: str | Path, step: int, replicate: int) -> np.ndarray:
+    """The nodes that sensed at a step; empty if events were not recorded."""
+    if "events" not in recording.table_names(path):
+        return np.empty(0, dtype=np.int64)
+    held = recording.read_table(path, "events", ["replicate", "step", "kind", "node"])
+    sensed = (held["replicate"] == replicate) & (held["step"] == step) & (held["kind"] == KIND["sense"])
+    return np.unique(held["node"][sensed])
 
 
 def _at(path: str | Path, table: str, numbers: np.ndarray, name: str, wanted: int) -> np.ndarray:

@@ -2,7 +2,7 @@
 
     track(axes, path, replicate, target)      states(axes, path, column, replicate, target)      error(axes, path)
     consistency(axes, path)      energy(axes, path)      gospa(axes, path)
-    particles(axes, path, step, column, replicate, target)
+    particles(axes, path, step, column, replicate, target)      step(axes, path, step, replicate, target)
 
 Every function raises ResultError for a table that was not recorded, and UsageError for a column, replicate, target or
 step that the file does not have. A step without an estimate is a gap.
@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from wsnsim.analysis import error_bounds, figure_style, plot_data, track_plots
+from wsnsim.analysis import error_bounds, plot_data, track_plots
 from wsnsim.analysis.consistency import Statistic, step_consistency
 from wsnsim.analysis.figure_style import (
     BLACK,
@@ -24,6 +24,7 @@ from wsnsim.analysis.figure_style import (
     GREEN,
     GREY,
     ORANGE,
+    PALE,
     PURPLE,
     SKY,
     VERMILLION,
@@ -33,15 +34,15 @@ from wsnsim.analysis.figure_style import (
 )
 from wsnsim.analysis.multi_target import is_unlabelled
 from wsnsim.analysis.plot_data import Columns, StateLayout, bracketed
-from wsnsim.analysis.quantities import loss_rule
+from wsnsim.analysis.quantities import bound_name, loss_rule
 from wsnsim.analysis.result_facts import fault_kinds, position_unit
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import counted
+from wsnsim.base.errors import UsageError, counted
 from wsnsim.base.tables import CAUSES
 from wsnsim.recording import read_table, table_names
 
-OF_SPENT: Final = ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, figure_style.PALE, PURPLE, BLACK
+OF_SPENT: Final = ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, PALE, PURPLE, BLACK
 OF_LOSSES: Final = "#B0A060", "#705030", "#C08080", "#A0C0A0"
 CAUSE_COLOURS: Final = dict(zip(CAUSES, OF_SPENT + OF_LOSSES, strict=True))
 LOG_FROM: Final = 100.0
@@ -104,7 +105,7 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     if (limit := error_bounds.found_bound(path, "in_range", plugins)) is not None:
         bound = limit.rmse[steps - 1]
         faults = fault_kinds(plot_data.stored_json(path, "scenario/resolved_json"))
-        name = "trajectory-conditional CRLB" + (" without faults" if faults else "")
+        name = bound_name("in_range", faults)
         axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label=name)
         shown = np.concatenate([shown, bound])
     _scaled(axes, shown)
@@ -199,6 +200,40 @@ def particles(
         axes.plot(*truth.values(), "+", color=BLACK, markersize=12, markeredgewidth=2, label="ground truth")
         _plane(axes, plan)
     return titled(axes, f"particles at step {step} of {_which(replicate, target)}")
+
+
+def step(axes: Axes, path: str | Path, step: int | None = None, replicate: int = 0, target: int = 0) -> Axes:
+    """Draw the plane at a step: nodes, who sensed, the cluster head, ground truth and estimates up to then.
+
+    `step` is by default that of the largest error after the first tenth of the run.
+    """
+    plot_data.demand(path, "step")
+    plan = plot_data.layout(path)
+    if len(plan.position) != 2:
+        raise UsageError(f"{path}: a step is drawn in the plane, but the position has one column")
+    now = plot_data.telling_step(path, replicate, target) if step is None else step
+    whole, guess = plot_data.course(path, ("step", *plan.position), replicate, target)
+    if now not in whole["step"]:
+        raise UsageError(f"{path}: no step {now}; it has {plot_data.number_span(np.unique(whole['step']))}")
+    truth, guess = ({name: rows[held["step"] <= now] for name, rows in held.items()} for held in (whole, guess))
+    nodes, (across, up) = plot_data.nodes_of(path, replicate), plan.position
+    if nodes:
+        seeing = np.isin(nodes["node"], plot_data.sensing_nodes(path, now, replicate))
+        head = np.isin(nodes["node"], guess["head"][guess["step"] == now])
+        marks = (
+            (~seeing, ".", GREY, "node"),
+            (seeing, "o", BLUE, "sensing node"),
+            (head, "s", VERMILLION, "cluster head"),
+        )
+        for chosen, marker, colour, name in marks:
+            axes.plot(nodes["x"][chosen], nodes["y"][chosen], marker, color=colour, markersize=5, label=name)
+    axes.plot(whole[across], whole[up], color=PALE, linewidth=1.0)
+    axes.plot(truth[across], truth[up], color=BLACK, linewidth=2.2, label="ground truth")
+    axes.plot(guess[across], guess[up], color=ORANGE, linewidth=1.0, label="estimate")
+    for held, marker, colour in ((guess, "D", ORANGE), (truth, "+", BLACK)):
+        axes.plot(held[across][-1:], held[up][-1:], marker, color=colour, markersize=8, markeredgewidth=2)
+    _plane(axes, plan)
+    return titled(axes, f"step {now} of {_which(replicate, target)}, {truth['time'][-1]:g} s", across=3)
 
 
 def _in_plane(

@@ -54,7 +54,7 @@ def export(
                 echo(f"{matlab_file}: {table}: {rows:,} rows")
 
 
-PLOTS: Final = ("all", "track", "states", "gospa", "error", "consistency", "energy", "particles")
+PLOTS: Final = ("all", "track", "states", "gospa", "error", "consistency", "energy", "particles", "step")
 
 
 @group.command()
@@ -62,27 +62,35 @@ PLOTS: Final = ("all", "track", "states", "gospa", "error", "consistency", "ener
 @click.option("--what", type=click.Choice(PLOTS), default="all", show_default=True, help="What to plot.")
 @click.option("--column", metavar="NAME", help="State column of states or particles; for a campaign, the swept key.")
 @click.option("--metric", metavar="NAME", help="For a campaign: the column of runs to plot; default rmse.")
-@click.option("--step", type=click.IntRange(min=0), metavar="K", help="Step of the particles; default the last.")
+@click.option("--step", type=click.IntRange(min=0), metavar="K", help="Step of particles (default the last) or step.")
 @click.option("--replicate", type=click.IntRange(min=0), metavar="R", help="Run to plot; default 0.")
 @click.option("--target", type=click.IntRange(min=0), metavar="T", help="Target to plot; default 0.")
 @click.option(
-    "--out", "-o", type=PATH, metavar="PLOT", help="A .png, .svg or .pdf file; default FILE.png or DIR/figures.png."
-)
+    "--out", "-o", type=PATH, metavar="PLOT",
+    help="A .png, .svg or .pdf file, .gif for the steps of a run; default FILE.png or DIR/figures.png.",
+)  # fmt: skip
+@click.option("--width", type=click.Choice(("column", "text")), help="Width of a figure for a paper, without titles.")
 @shared.plugins_option
-def plot(result: Path, what: str, metric: str | None, out: Path | None, plugins: bool, **chosen: Any) -> None:
-    """Plot a result, or a campaign over one of its swept keys."""
+def plot(
+    result: Path, what: str, metric: str | None, out: Path | None, width: str | None, plugins: bool, **chosen: Any
+) -> None:
+    """Plot a result, or a campaign over one of its swept keys.
+
+    `--what step` draws nodes, target and estimate at a step, by default that of the largest error; as a GIF, all steps.
+    """
     import wsnsim.recording as recording
     from wsnsim.analysis import figures
-    from wsnsim.analysis.figure_style import suffix_of
+    from wsnsim.analysis.figure_style import WIDTHS, suffix_of
     from wsnsim.recording.folder import Folder
 
+    inches = None if width is None else WIDTHS[width]
     if result.is_dir():
         if what != "all" or any(chosen[name] is not None for name in ("step", "replicate", "target")):
             raise UsageError(f"{result} is a folder: a campaign takes only --column, --metric and --out")
         folder = Folder(result)
         folder.manifest()
         path = _plot_path(out or result / "figures.png")
-        _print_plotted(figures.draw_campaign(folder, path, metric or "rmse", chosen["column"]))
+        _print_plotted(figures.draw_campaign(folder, path, metric or "rmse", chosen["column"], inches))
         return
     if metric is not None:
         raise UsageError("--metric needs the folder of a campaign")
@@ -91,20 +99,21 @@ def plot(result: Path, what: str, metric: str | None, out: Path | None, plugins:
             takes = ", ".join(other for other, names in figures.TAKES.items() if name in names)
             raise UsageError(f"--{name} cannot be combined with --what {what}; it can with {takes}")
     plot_file = out or result.with_suffix(".png")
-    suffix_of(plot_file)
+    animated = what == "step" and chosen["step"] is None
+    suffix_of(plot_file, animated)
     recording.attributes(result)
-    path = not_the_result(_plot_path(plot_file), result, "plot")
+    path = not_the_result(_plot_path(plot_file, animated), result, "plot")
     given = {name: value for name, value in chosen.items() if value is not None}
     with reading(result):
-        drawn = figures.draw(result, path, what, figures.PlotSelection(**given, plugins=plugins))
+        drawn = figures.draw(result, path, what, figures.PlotSelection(**given, plugins=plugins, width=inches))
     _print_plotted(drawn)
 
 
-def _plot_path(path: Path) -> Path:
+def _plot_path(path: Path, animated: bool = False) -> Path:
     """The path, checked for its suffix and for being writable."""
     from wsnsim.analysis.figure_style import suffix_of
 
-    suffix_of(path)
+    suffix_of(path, animated)
     return writable(path, Path(path.name))
 
 

@@ -163,6 +163,7 @@ def _page(sections: Sequence[PageSection], replays: Sequence[Replay], summary: s
         "lead": "\n".join(page_sections.lead(*pair) for pair in pairs),
         "answers": "\n".join(page_sections.answer(section, len(sections) > 1) for section in sections),
         "summary": summary,
+        "layout": "beside" if len(sections) == 1 and replays[0].text else "",
         "notes": "\n".join(page_sections.notes(*pair, several=len(sections) > 1) for pair in pairs),
         "replays": "\n".join(page_sections.replay_data(*pair) for pair in pairs if pair[1].text),
         "sections": "\n".join(page_sections.html_of(section, i) for i, section in enumerate(sections)),

@@ -25,9 +25,12 @@ from wsnsim.base.errors import ResultError
 from wsnsim.recording import read_json, read_text
 from wsnsim.report.replay import Replay
 from wsnsim.report.svg_figures import SvgFigure
+from wsnsim.scenario.registry import AT_TOP, kinds
 
 MAX_TEXT: Final = 60_000
 """Characters of a scenario's text that are shown (our choice)."""
+MAX_ROW: Final = 400
+"""Characters of a role in words (our choice)."""
 MAX_FINGERPRINTS: Final = 30
 TAG: Final = re.compile(r"<[^>]*>")
 ID: Final = re.compile(r'(\bid="|href="#|url\(#)')
@@ -132,33 +135,48 @@ def _figure(figure: SvgFigure, prefix: str) -> str:
 
 
 def _scenario(section: PageSection) -> str:
-    """The scenario as it was written, and with every default."""
+    """The scenario in words, as it was written, and with every default."""
     source, resolved = (
         read_text(section.path, f"scenario/{name}", optional=True) for name in ("source_yaml", "resolved_json")
     )
     if not source and not resolved:
         return "<p>The result does not contain its scenario.</p>"
-    shown = f"<pre>{html.escape(_shortened(source))}</pre>" if source else ""
-    if resolved:
-        shown += (
-            "<details><summary>With every default, in SI units</summary>"
-            f"<pre>{html.escape(_shortened(_one_key_per_line(resolved)))}</pre></details>"
-        )
-    return shown
-
-
-def _one_key_per_line(text: str) -> str:
     try:
-        lines = [f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in json.loads(text).items()]
-    except (ValueError, AttributeError):
-        return text
-    return "\n".join(lines)
+        values = dict(json.loads(resolved or "{}"))
+    except (ValueError, TypeError):
+        values = {}
+    rows = "".join(f"<dt>{html.escape(head)}</dt><dd>{isolated(words)}</dd>" for head, words in _in_words(values))
+    whole = "\n".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()) or resolved
+    texts = {"As it was written": source, "With every default, in SI units": whole}
+    folded = (
+        f"<details><summary>{head}</summary><pre>{html.escape(_shortened(text))}</pre></details>"
+        for head, text in texts.items()
+        if text
+    )
+    return f"<dl>{rows}</dl>{''.join(folded)}"
 
 
-def _shortened(text: str) -> str:
-    if len(text) <= MAX_TEXT:
-        return text
-    return f"{text[:MAX_TEXT]}\n… ({len(text) - MAX_TEXT:,} more characters)"
+def _in_words(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield what each role of a resolved scenario is, with its numbers in SI units."""
+    times = (f"{key} {scenario[key]} s" for key in ("duration", "step") if key in scenario)
+    yield "time", ", ".join([*times, f"seed {scenario.get('seed')}"])
+    for key, role in AT_TOP.items():
+        held = scenario.get(key)
+        for component in held if isinstance(held, list) else [held]:
+            kind = component.get("kind") if isinstance(component, dict) else None
+            if not isinstance(kind, str) or (kind == role.default and role.default == "none"):
+                continue
+            idea = known.idea if (known := kinds(role.name).get(kind)) else "a plug-in"
+            values = (
+                f"{name} {value.get('name', '') if isinstance(value, dict) else value}".strip()
+                for name, value in component.items()
+                if name != "kind" and value not in (None, [], "", False)
+            )
+            yield key, _shortened(f"{kind} ({idea}): {', '.join(values)}", MAX_ROW)
+
+
+def _shortened(text: str, most: int = MAX_TEXT) -> str:
+    return text if len(text) <= most else f"{text[:most]}\n… ({len(text) - most:,} more characters)"
 
 
 def _provenance(section: PageSection) -> Iterator[str]:

@@ -163,7 +163,7 @@ function estimateMark(pen, x, y, outside) {
   pen.fillStyle = outside ? view.paper : view.gold; pen.fill(); stroke(pen, outside ? view.estimate : view.ink, outside ? 2 : 1.2);
 }
 
-// The radius of a ring around a node. From inside: cluster membership by target, sensing, broadcast.
+// The radius of a mark around a node. From inside: cluster membership by target, sensing, broadcast.
 const ring = (number) => view.dot + Math.max(1.3, Math.min(2.2, 0.55 * view.dot)) * number;
 
 function headMark(pen, x, y) { marker(pen, "square", x, y, ring(2)); stroke(pen, view.head, 2.4); }
@@ -175,8 +175,10 @@ function memberMark(pen, x, y, target) {
   marker(pen, "dot", x, y, ring(1 + 0.8 * (target % RING_DASHES.length))); stroke(pen, view.ink, 1.2, RING_DASHES[target % RING_DASHES.length]);
 }
 
+// A disc, so that it differs from the rings of members by its form, too.
 function senseMark(pen, x, y) {
-  marker(pen, "dot", x, y, ring(1.2 + 0.8 * Math.min(replay.targets.length, RING_DASHES.length))); stroke(pen, view.sense, 1.8);
+  marker(pen, "dot", x, y, ring(1.6 + 0.8 * Math.min(replay.targets.length, RING_DASHES.length)));
+  pen.globalAlpha = 0.38; pen.fillStyle = view.sense; pen.fill(); pen.globalAlpha = 1;
 }
 
 function drawTargetNumber(target, x, y, colour) {
@@ -255,8 +257,8 @@ function drawTrajectories() {
 
 function drawRings() {
   const { node_x: xs, node_y: ys, sense_node: senses } = replay.col;
-  if (shown.members) replay.clusters.forEach((each, target) => each.forEach((i) => memberMark(pen, px(xs[i]), py(ys[i]), target)));
   if (shown.sensing) for (let [i, end] = rows("sense"); i < end; i++) senseMark(pen, px(xs[senses[i]]), py(ys[senses[i]]));
+  if (shown.members) replay.clusters.forEach((each, target) => each.forEach((i) => memberMark(pen, px(xs[i]), py(ys[i]), target)));
 }
 
 function draw() {

@@ -120,6 +120,16 @@ async function open(run, step) {
   root.dataset.ready = "yes";
 }
 
+// The frame with the largest error after the start, else the middle of the run.
+function tellingFrame() {
+  const errors = replay.col.error || [], start = Math.ceil(replay.frames / 10);
+  let found = Math.floor(lastFrame() / 2), largest = -1;
+  errors.forEach((error, i) => {
+    if (i % replay.frames >= start && error > largest && error < Infinity) { found = i % replay.frames; largest = error; }
+  });
+  return found;
+}
+
 function present(data, step) {
   replay = data;
   view = null;
@@ -129,7 +139,7 @@ function present(data, step) {
   colours(); styles(); rates();
   slider.max = lastFrame();
   byId("play").textContent = "Play";
-  show(frameOf(step));
+  show(step === null ? tellingFrame() : frameOf(step));
   legend(); layers();
 }
 
@@ -153,10 +163,11 @@ function redraw() {
 
 function listen() {
   byId("play").addEventListener("click", () => play(!playing));
+  canvas.addEventListener("click", () => play(!playing));
   byId("back").addEventListener("click", () => goTo(frame - 1));
   byId("ahead").addEventListener("click", () => goTo(frame + 1));
   slider.addEventListener("input", () => goTo(+slider.value));
-  chosen.addEventListener("change", () => open(+chosen.value, 0).then(() => { if (replay) updateAddress(); }));
+  chosen.addEventListener("change", () => open(+chosen.value, null).then(() => { if (replay) updateAddress(); }));
   addEventListener("keydown", key);
   addEventListener("hashchange", followAddress);
   new ResizeObserver(() => { if (view && canvas.clientWidth && canvas.clientWidth !== view.wide) redraw(); }).observe(canvas);
@@ -173,7 +184,7 @@ async function followAddress() {
   if (replay && step === null && run === null) return;
   const wanted = run === null ? +chosen.value : Math.min(run, replays.length - 1);
   if (replay && unpacked[wanted] === replay) { if (step !== null) goTo(frameOf(step)); return; }
-  await open(wanted, step || 0);
+  await open(wanted, step);
   if (replay && step !== null && step !== stepOf(frame)) updateAddress();
 }
 
