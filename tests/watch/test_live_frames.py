@@ -84,6 +84,15 @@ def test_portions_put_together_are_the_replay_of_the_result(tmp_path, scenario):
         np.testing.assert_array_equal(shown[of_target < known], whole[name][of_target < known])
 
 
+def test_where_readings_name_no_target_messages_are_shown_and_no_group_is_taken_for_a_target(tmp_path):
+    frames, portions = watched(tmp_path / "x.h5", "scans_crossing", ["duration=8 s"])
+    head, _ = decoded(frames.head)
+    assert head["groups"] == 0 and head["targets"] == [0, 1]
+    names = {name for _, columns in portions for name in columns}
+    assert not {name for name in names if name.startswith(("membership", "estimate"))}
+    assert together(portions, "link_origin").size
+
+
 @pytest.mark.thorough
 def test_error_and_energy_so_far_approach_those_of_the_result(tmp_path):
     frames, _ = watched(tmp_path / "x.h5", "pso_mhpf", SHORT, look_every=1)

@@ -219,7 +219,8 @@ class ReplayPortions:
         if count and run.events and run.nodes:
             if self._states.add_changes(encoder):
                 encoder.columns["state"] = self._states.initial
-            self._joined = add_clusters(encoder, self._joined)
+            if run.unlabelled is None:  # nobody knows in advance how many groups there will be
+                self._joined = add_clusters(encoder, self._joined)
             add_traffic(encoder)
         if count and run.cloud:
             add_particles(encoder)
@@ -271,13 +272,14 @@ def _tables_at_start(start: RunStart) -> ReplicateTables:
         "node": np.arange(size), "x": start.positions[:, 0], "y": start.positions[:, 1],
         "energy_initial": np.full(size, battery), "energy_left": unknown, "died_at": unknown,
     }  # fmt: skip
+    unlabelled: Columns | None = {} if isinstance(setup, TrackingSetup) and setup.unlabelled else None
     layout, truth = None, {}
     if isinstance(setup, TrackingSetup):
         motion = setup.motions[0]
         units = dict(zip(motion.columns, motion.units, strict=True))
         layout = StateLayout(units, tuple(motion.columns[i] for i in motion.position))
         truth = _truth(start, layout.position)
-    return ReplicateTables(setup.dt, layout, (), frozenset(), truth, {}, nodes if size else {}, {}, {})
+    return ReplicateTables(setup.dt, layout, (), frozenset(), truth, {}, nodes if size else {}, {}, {}, unlabelled)
 
 
 def _truth(start: RunStart, position: tuple[str, ...]) -> Columns:

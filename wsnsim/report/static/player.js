@@ -28,7 +28,7 @@ function describeTarget(number, target) {
 function describe() {
   const step = stepOf(frame), sensing = rows("sense")[1] - rows("sense")[0];
   const lines = [`step ${step} of ${replay.last}${replay.dt === null ? "" : ` · ${+(step * replay.dt).toPrecision(7)} s`}`];
-  replay.targets.forEach((number, target) => lines.push(describeTarget(number, target)));
+  if (replay.groups == null || replay.from.track) replay.targets.forEach((number, target) => lines.push(describeTarget(number, target)));
   if (replay.col.sense_node && replay.col.sense_node.length) lines.push(counted(sensing, "sensing node"));
   if (replay.from.link) lines.push(`${countOf("link", "link")} in use, ${countOf("broadcast", "broadcast")}`);
   if (replay.from.track) lines.push(`${counted(tracksNow(), "confirmed track")}, ${countOf("detection", "detection")}`);
