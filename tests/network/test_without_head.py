@@ -162,6 +162,22 @@ def test_where_frames_are_lost_ratio_consensus_still_finds_the_mean() -> None:
     assert spread("ratio") < 0.02 < spread("metropolis")
 
 
+@pytest.mark.parametrize("weights", ["metropolis", "ratio"])
+def test_where_the_count_of_neighbours_is_lost_too_values_agree_within_their_range(weights: Any) -> None:
+    rng = np.random.default_rng(5)
+    members = {node: Member(node, np.zeros(2), np.ones(1), 1.0) for node in range(7)}
+    for node, member in members.items():
+        member.memory = {VALUES: np.array([float(node)])}
+
+    def lossy(loss: float) -> Any:
+        return lambda source, to, parcel: np.full(parcel.packets, rng.random() > loss)
+
+    perform(neighbourhood(), members, -1, lossy(0.95))
+    perform(average(100, weights), members, -1, lossy(0.3))
+    values = np.array([float(member.memory[VALUES][0]) for member in members.values()])
+    assert np.ptp(values) < 1e-3 and 1.0 < values.min() <= values.max() < 5.0
+
+
 @pytest.mark.parametrize("kind", [row.kind for row in trackers_without_a_head()])
 def test_over_a_lossy_radio_the_ledger_closes_and_joining_is_paid(kind: str) -> None:
     small = "deploy={kind: uniform, nodes: 90, width: 250 m, height: 250 m, cover: false}"

@@ -136,6 +136,17 @@ def test_a_shared_estimate_lasts_for_as_many_steps_as_it_says():
     assert 0 < len(readings) < 0.2 * len(sent(run({"kind": "always"}, 1)))
 
 
+def test_a_moving_head_that_uses_silence_goes_on_where_no_member_sends():
+    def track(silence):
+        tracker = {"kind": "ekf", "trigger": {"kind": "event", "threshold": "1000 m", "silence": silence}}
+        result = wsnsim.run("gmtt", tracker=tracker, seed=2, duration="14 s", replicates=1, progress=False)
+        return result.table("estimates")
+
+    used, ignored = track("used"), track("ignored")
+    assert (used["readings"] == 0).any() and np.isfinite(used["error"]).all()
+    assert not np.isfinite(ignored["error"]).all()
+
+
 def diffusion(replicates=1, **parameters):
     """A network without a head, whose nodes hear those within 40 m."""
     return wsnsim.run(

@@ -70,7 +70,7 @@ class DiffusionFilter(PeerFilter):
         """Two rounds: the incremental update and the diffusion update."""
         size = len(scene.motion.columns)
         yield Exchange(partial(_information, scene=scene, threshold=self.threshold))
-        yield Local(partial(_update, scene=scene), 2.0 * inversion_cycles(size) + 4.0 * size**2)
+        yield Local(partial(_update, scene=scene), partial(_update_cycles, size=size, decides=self.threshold > 0.0))
         if self.threshold:
             yield Local(partial(self._decide, scene=scene), partial(_copies_cycles, size=size))
         yield Exchange(_estimate)
@@ -122,6 +122,12 @@ def _shift(member: Member, scene: Scene, news: Floats) -> float:
 
 def _update(member: Member, scene: Scene) -> None:
     update(member, scene, sum((news for _, news in received(member, READ)), news_of(member, scene)))
+
+
+def _update_cycles(member: Member, size: int, decides: bool) -> float:
+    """Operations of the update, and of that with the own reading alone by which a member decides whether to send it."""
+    updates = 2.0 if decides and NEWS in member.memory else 1.0
+    return updates * (2.0 * inversion_cycles(size) + 4.0 * size**2)
 
 
 def _copies_cycles(member: Member, size: int) -> float:

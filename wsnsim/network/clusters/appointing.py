@@ -173,7 +173,7 @@ class AppointingProtocol(StandingClusterProtocol):
 
     def _watch_readings(self, lead: AppointedLead) -> None:
         """Note that the target was sensed. Raises TrackLost if it has not been for too long."""
-        if lead.driver.readings:
+        if lead.driver.readings or (lead.scene.ids and self._setup.uses_silence):
             lead.last_sensed = lead.scene.time
         elif lead.scene.time - lead.last_sensed > max(self._policy.patience, self._network.clock.dt) + ROUNDING:
             raise TrackLost("no_readings")

@@ -155,7 +155,7 @@ class MovingHeadProtocol:
         dt = (scene.time - lead.belief_time) / scene.steps if scene.steps else scene.dt
         lead.belief = yield from driver.perform(self._setup.tracker.step(lead.belief, replace(scene, dt=dt)))
         lead.belief_step, lead.belief_time, lead.heard, lead.scene = step, scene.time, driver.heard, scene
-        if driver.readings:
+        if driver.readings or (scene.ids and self._setup.uses_silence):
             lead.last_sensed = began
             estimates.issue(track, step, scene, driver, lead.belief)
             estimates.snapshot(track, cluster, lead.belief, step)

@@ -8,7 +8,8 @@ Each round is a broadcast of every participant.
 weights; Xiao, Boyd, Lall 2005): symmetric, so that the mean stays, as long as no frame is lost.
 `ratio`: two sums that are divided in the end, of which each node passes equal shares on; it sends running sums, so that
 a later frame brings what a lost one would have (Hadjicostis, Vaidya, Domínguez-García 2016).
-A parcel of which a packet is lost counts as lost.
+A parcel of which a packet is lost counts as lost. A neighbour whose frame of the count is lost counts once it is heard;
+until then both give its values another weight in the mean.
 """
 
 from __future__ import annotations
@@ -96,11 +97,17 @@ def _values(member: Member, weights: ConsensusWeights) -> Parcel:
 
 
 def _mix(member: Member) -> None:
-    own, values = member.memory[NEIGHBOURS], member.memory[VALUES]
-    mixed = values.copy()
-    for _, (other, neighbours) in received(member, "consensus"):
+    heard, values = received(member, "consensus"), member.memory[VALUES]
+    own, mixed = _counted_neighbours(member, len(heard)), values.copy()
+    for _, (other, neighbours) in heard:
         mixed += (other - values) / (1.0 + max(own, neighbours))
     member.memory[VALUES] = mixed
+
+
+def _counted_neighbours(member: Member, heard: int) -> int:
+    """The number of neighbours, which is at least as many as are heard: frames of the count may have been lost."""
+    number = member.memory[NEIGHBOURS] = max(member.memory[NEIGHBOURS], heard)
+    return number
 
 
 def _mix_cycles(member: Member) -> float:
@@ -120,6 +127,7 @@ def _mix_ratio(member: Member) -> None:
         values += sums - heard.get(source, 0.0)
         heard[source] = sums.copy()
     member.memory[VALUES] = values
+    _counted_neighbours(member, len(heard))
     member.memory[_SUM] = member.memory[_SUM] + _share(member)
 
 
