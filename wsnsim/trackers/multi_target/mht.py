@@ -55,12 +55,10 @@ class Mht(MultiTargetTracker):
 
     def _predicted(self, belief: Belief, time: float, port: GaussianPort, facts: Facts) -> list[BelievedTrack]:
         tracks = super()._predicted(belief, time, port, facts)
-        if time == belief.time:
-            return tracks
         survival, result = self.management.survival ** round((time - belief.time) / facts.dt), []
         for track in tracks:
             loss = np.log1p(np.exp(track.weights[0]) * (1.0 - survival)) - math.log(survival)
-            histories = tuple((*each, ()) for each in track.histories)
+            histories = tuple((*each, ()) if time > belief.time or not each else each for each in track.histories)
             result.append(replace(track, weights=track.weights - loss, histories=histories))
         return result
 
