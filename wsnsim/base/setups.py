@@ -116,8 +116,8 @@ class TrackingSetup(Setup):
 
     @property
     def uses_late_readings(self) -> bool:
-        """Whether the tracker uses readings that arrive after their step."""
-        return getattr(self.tracker, "late", "ignore") != "ignore"
+        """Whether the tracker uses readings that arrive after their step; without a network none does."""
+        return isinstance(self, NetworkSetup) and getattr(self.tracker, "late", "ignore") != "ignore"
 
     @property
     def uses_silence(self) -> bool:
