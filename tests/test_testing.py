@@ -22,9 +22,11 @@ from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.scenario.registry import Kind, load_class
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.bootstrap_pf import CentralPf
+from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.information_pf import InformationPf
 from wsnsim.trackers.parallel_pf import ParallelPf
 from wsnsim.trackers.pso_mhpf import PsoMhpf
+from wsnsim.trackers.shared.triggers import Event, Stochastic
 
 SHIPPED = [
     PsoMhpf(particles=40),
@@ -45,10 +47,14 @@ VARIANTS = [
     ParallelPf(particles=3, threshold=1.0),
     ParallelPf(particles=40, measurements="own", handover="gaussian"),
     CentralPf(particles=1, handover="gaussian"),
+    CentralPf(particles=40, late="refilter"),
+    ExtendedKalman(late="retrodict"),
+    ExtendedKalman(trigger=Event()),
+    ExtendedKalman(trigger=Stochastic(shared_every=3)),
 ]
 
 
-@pytest.mark.thorough(fast=["PsoMhpf2", "InformationPf0"])
+@pytest.mark.thorough(fast=["PsoMhpf2", "InformationPf0", "ExtendedKalman0", "ExtendedKalman2"])
 @pytest.mark.parametrize("tracker", [*SHIPPED, *thorough(VARIANTS)], ids=lambda tracker: type(tracker).__name__)
 def test_every_shipped_tracker_and_variant_keeps_the_rules(tracker: Any) -> None:
     check_tracker(tracker)

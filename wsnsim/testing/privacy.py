@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -98,6 +98,13 @@ def _arrays(thing: Any) -> Iterator[np.ndarray]:
     elif isinstance(thing, tuple | list):
         for value in thing:
             yield from _arrays(value)
+    elif is_dataclass(thing) and not isinstance(thing, type):
+        yield from _arrays(_values(thing))
+
+
+def _values(thing: Any) -> list[Any]:
+    """The values of a dataclass's fields."""
+    return [getattr(thing, each.name) for each in fields(thing)]
 
 
 class SavedMembers:
@@ -135,6 +142,8 @@ def same(first: Any, second: Any) -> bool:
         return first.keys() == second.keys() and all(same(value, second[key]) for key, value in first.items())
     if isinstance(first, tuple | list):
         return len(first) == len(second) and all(same(a, b) for a, b in zip(first, second, strict=True))
+    if is_dataclass(first) and not isinstance(first, type):
+        return type(first) is type(second) and same(_values(first), _values(second))
     return bool(first == second) or (first != first and second != second)
 
 

@@ -20,8 +20,8 @@ from wsnsim.base.network_ports import HeadlessPolicy
 from wsnsim.base.ports import HeadlessTracker, Scene
 from wsnsim.base.requests import PACKET_BITS, Exchange, Flow, Member, Parcel
 from wsnsim.network.clusters.cluster import CALLS, Cluster
-from wsnsim.network.clusters.driver import PeerDriver
 from wsnsim.network.clusters.head_services import HeadServices
+from wsnsim.network.clusters.peer_driver import PeerDriver
 from wsnsim.network.clusters.track import Handover, Track
 from wsnsim.network.event_log import Acting
 

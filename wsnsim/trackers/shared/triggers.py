@@ -170,14 +170,15 @@ class EstimateTrigger(Always):
         """Remember whether the member sends; it does without a shared estimate that is recent enough."""
         for each in member.take_inbox():
             if each.what == SHARED and is_whole(each.mask):
-                member.memory[SHARED] = each.payload
+                told = each.payload
+                member.memory[SHARED] = SharedEstimate(told.mean.copy(), told.cov.copy(), told.step)
         shared: SharedEstimate | None = member.memory.get(SHARED)
         silent = False
         if shared is not None and scene.step - shared.step < self.shared_every and member.reading is not None:
-            told = shared.expects(scene, member.position[None], member.traits[None])
-            value = near(scene.sensor, np.array([member.reading], dtype=np.float64), told.values)
-            apart = abs(float(value[0] - told.values[0]))
-            silent = self.is_silent(apart, float(self.widths(told)[0]), member)
+            expected = shared.expects(scene, member.position[None], member.traits[None])
+            value = near(scene.sensor, np.array([member.reading], dtype=np.float64), expected.values)
+            apart = abs(float(value[0] - expected.values[0]))
+            silent = self.is_silent(apart, float(self.widths(expected)[0]), member)
         member.memory["silent"] = silent
 
 
