@@ -19,6 +19,7 @@ from typing import Any, Final, final
 
 import numpy as np
 
+from wsnsim.analysis.phrases import fitting
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.recording import read_text
@@ -166,7 +167,7 @@ def info_text(path: str | Path) -> str:
         lines.append(f"  and {len(points) - MAX_LINES} more points")
     failed = list(about["failed"].items())
     lines += [f"  failed: {task}: {why.splitlines()[0] if why else ''}" for task, why in failed[:MAX_LINES]]
-    return "\n".join(lines)
+    return fitting(lines, " " * 13)
 
 
 PATIENCE: Final = 60.0

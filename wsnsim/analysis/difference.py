@@ -15,7 +15,7 @@ import numpy as np
 
 import wsnsim.recording as recording
 from wsnsim.analysis.logged_events import BLOCK, layout_or_empty, ranges, read_rows, row_in_words
-from wsnsim.analysis.phrases import aligned
+from wsnsim.analysis.phrases import aligned, fitting
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.scenario.build import ABSENT, differing_leaves
 
@@ -243,7 +243,7 @@ def text(found: ResultDifference) -> str:
     lines += found.lacking
     for one in found.replicates:
         lines += _parting_lines(one, found.unit)
-    return "\n".join(lines)
+    return fitting(lines, "    ")
 
 
 def _parting_lines(one: ReplicateDifference, unit: str) -> list[str]:

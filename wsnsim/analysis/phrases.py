@@ -147,6 +147,13 @@ def wrapped(sentence: str, first: str = "", indent: str | None = None) -> list[s
     )
 
 
+def fitting(lines: Sequence[str], indent: str) -> str:
+    """Lines as a text for a terminal: what is wider is continued after an indent."""
+    return "\n".join(
+        piece for line in lines for piece in (wrapped(line, indent=indent) if len(line) > WIDTH else [line])
+    )
+
+
 def listed(nodes: Sequence[int]) -> str:
     """The nodes as a list, at most `MOST_NODES` of them."""
     shown = ", ".join(str(node) for node in nodes[:MOST_NODES])

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from wsnsim.analysis.answer import answer
-from wsnsim.analysis.phrases import wrapped
+from wsnsim.analysis.phrases import fitting, wrapped
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.quantities import QUANTITIES, beside, medians, values, worth_showing
 from wsnsim.analysis.result_facts import ResultFacts, facts_of_file
@@ -69,7 +69,7 @@ def info_text(path: str | Path, plugins: bool = False) -> str:
         lines += ["", *_figure_lines(facts)]
     if len(about["fingerprints"]) == 1:
         lines.append(f"{'fingerprint':<25}{about['fingerprints'][0]}")
-    return "\n".join(lines)
+    return fitting(lines, " " * 13)
 
 
 def _figure_lines(facts: ResultFacts) -> list[str]:

@@ -15,7 +15,7 @@ import numpy as np
 from wsnsim.analysis.event_groups import LoggedMessage, NodeAction, group_events
 from wsnsim.analysis.logged_events import LoggedEvent, in_other_steps, layout_or_empty, rows_at
 from wsnsim.analysis.multi_target import followed_estimates, is_unlabelled, swaps
-from wsnsim.analysis.phrases import Sentence, StepContext, energy_in_words
+from wsnsim.analysis.phrases import Sentence, StepContext, energy_in_words, fitting
 from wsnsim.analysis.plot_data import Columns, number_span
 from wsnsim.analysis.step_text import describe
 from wsnsim.base.errors import ResultError, UsageError, counted
@@ -137,8 +137,8 @@ def text(picked: StepTrace) -> str:
     lines += [f"track {row['track']}{' (tentative)' * (not row['confirmed'])}: {_place(picked, row)}, cluster head"
               f" {row['head']}" for row in picked.tracks or ()]  # fmt: skip
     if not picked.network:
-        return "\n".join([*lines, "no network: nothing was sent and no energy was spent"])
-    return "\n".join([*lines, "", *_happened(picked), "", *_cost(picked)])
+        return fitting([*lines, "no network: nothing was sent and no energy was spent"], "    ")
+    return fitting([*lines, "", *_happened(picked), "", *_cost(picked)], "    ")
 
 
 def as_json(picked: StepTrace) -> dict[str, Any]:
