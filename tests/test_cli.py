@@ -330,7 +330,7 @@ def test_plot_draws_what_is_asked_for_where_it_is_asked_for(result: Path, capsys
         (["--what", "particles"], 1,
          "R: cannot plot particles: table particles was not recorded; run the scenario with record.particles=true"),
         (["--what", "tracks"], 2, "Invalid value for '--what': 'tracks' is not one of 'all', 'track', 'states', "
-         "'gospa', 'error', 'consistency', 'energy', 'particles'. (see 'wsnsim plot --help')"),
+         "'gospa', 'error', 'consistency', 'energy', 'particles', 'step'. (see 'wsnsim plot --help')"),
     ],
 )  # fmt: skip
 def test_a_picture_that_cannot_be_is_one_message_and_no_file(

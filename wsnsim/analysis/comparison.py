@@ -275,8 +275,8 @@ def _concluded(
     sentences, hints = [""] * len(table), [""] * len(table)
     for row, start in baselines.items():
         settings, base = points[row].settings, points[start].settings
-        names = [point_name(by, [values.get(key) for key in by]) for values in (settings, base)]
+        one, other = (point_name(by, [values.get(key) for key in by]) for values in (settings, base))
         group = ", ".join(f"{key} = {label([settings.get(key)])}" for key in others)
-        sentences[row] = sentence(table.iloc[row].to_dict(), PairWords(names[0], names[1], group, metric, unit))
-        hints[row] = hint(network[row], network[start], (names[0], names[1]))
+        sentences[row] = sentence(table.iloc[row].to_dict(), PairWords(one, other, group, metric, unit))
+        hints[row] = hint(network[row], network[start], (one, other))
     return table.assign(conclusion=sentences, hint=hints)

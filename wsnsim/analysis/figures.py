@@ -117,13 +117,14 @@ def _animation(path: Path, out: Path, chosen: PlotSelection) -> WrittenFigure:
     plot_data.demand(path, "step")
     steps = np.unique(plot_data.course(path, ("step",), chosen.replicate, chosen.target)[0]["step"])
     kept = steps[np.unique(np.linspace(0, len(steps) - 1, min(len(steps), MOST_PICTURES)).astype(int))].tolist()
-    pictures, options = [], {"path": path, "replicate": chosen.replicate, "target": chosen.target}
+    pictures = []
+    panel = partial(plots.step, path=path, replicate=chosen.replicate, target=chosen.target)
     with style.context(["default", STYLE, {"figure.dpi": 100}]):
-        figure = figure_of([partial(plots.step, step=kept[0], **options)], chosen.width)
-        canvas = FigureCanvasAgg(figure)
+        figure = figure_of([partial(panel, step=kept[0])], chosen.width)
+        canvas: Any = FigureCanvasAgg(figure)
         for step in kept:
             figure.axes[0].clear()
-            plots.step(figure.axes[0], step=step, **options)
+            panel(figure.axes[0], step=step)
             canvas.draw()
             pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("P"))
     with replacing(out) as unfinished:

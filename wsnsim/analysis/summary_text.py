@@ -162,7 +162,7 @@ class _SummaryRows:
         figures, error = self.figures, QUANTITIES["rmse"]
         missing, steps = figures["without_estimate"], figures["present_steps"]
         about = [f"of {steps - missing:,.4g} of {steps:,.10g} steps"] * bool(missing)
-        about += ["one run: the mean error"] * (figures["replicates"] * figures["targets"] == 1)
+        about += ["one run: the mean error"] * (figures["replicates"] * figures["targets"] == 1 and steps > missing)
         yield from self.row(
             "rmse", after=f"  ({'; '.join(about)})" if about else "", pattern=f"{error.form} {self.unit}"
         )

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Final
 
-from wsnsim.analysis.phrases import aligned
+from wsnsim.analysis.phrases import aligned, wrapped
 from wsnsim.papers.counts import CountedClaim, count_line, counted_claims, judged_claims
 from wsnsim.papers.reproduction import BASES, LESS_THAN, ClaimRow
 from wsnsim.papers.rows import ends
@@ -37,6 +37,8 @@ WORDS_RUNS: Final = "ours / those behind the published value"
 WORDS_ASSUMED: Final = "the paper does not give the number of runs behind the published value; this one is ours"
 WORDS_ASTRAY: Final = f"share of runs with more than {ASTRAY:g} times the median of the runs [Clopper-Pearson, %]"
 WORDS_LOST: Final = "share of runs (re-acquisitions in a run, mean over runs)"
+SHOWN: Final = (1, 2, 3, 9, 4, 5, 6, 7, 8)
+"""The columns of a table for a terminal, of those of HEADS."""
 OTHER_BASES: Final = tuple(basis for basis in BASES if basis != "evidence")
 """Bases on which a verdict is not counted."""
 OUT_OF_REACH: Final = "out of reach"
@@ -67,13 +69,17 @@ def _titled(row: ClaimRow) -> str:
 
 
 def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
-    """The lines of an experiment; rows in sequence with the same reason have it once, beneath the last."""
-    heading, *lines = aligned([HEADS, *map(cells, rows)], len(HEADS))
-    yield heading
-    for row, line, after in zip(rows, lines, [*rows[1:], None], strict=True):
-        yield line
-        if after is None or row.reason != after.reason:
-            yield f"      {row.reason}"
+    """The lines of an experiment: a table for each quantity, and the reasons beneath it."""
+    for quantity, block in groupby(rows, key=lambda row: row.quantity):
+        these = list(block)
+        yield f"  {quantity}"
+        yield from aligned([[row[i] for i in SHOWN] for row in (HEADS, *map(cells, these))])
+        reasons: dict[str, list[str]] = {}
+        for row in these:
+            reasons.setdefault(row.reason, []).append(row.variant)
+        for reason, variants in reasons.items():
+            said = reason if len(reasons) == 1 else f"{'; '.join(variants)}: {reason}"
+            yield from wrapped(said, first="      ") if reason else ()
     for caution in dict.fromkeys(caution for row in rows for caution in row.caution.split("; ") if caution):
         yield f"  of the bound: {caution}"
 
