@@ -106,7 +106,7 @@ def _mix(member: Member) -> None:
 
 def _counted_neighbours(member: Member, heard: int) -> int:
     """The number of neighbours, which is at least as many as are heard: frames of the count may have been lost."""
-    number = member.memory[NEIGHBOURS] = max(member.memory[NEIGHBOURS], heard)
+    member.memory[NEIGHBOURS] = number = max(int(member.memory[NEIGHBOURS]), heard)
     return number
 
 

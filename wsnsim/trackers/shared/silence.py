@@ -85,7 +85,7 @@ class Silence(Protocol):
     def loss(self) -> float:
         """p: probability with which a packet that is sent does not arrive."""
 
-    def widths(self, told: Expected) -> Floats:
+    def widths(self, expected: Expected) -> Floats:
         """(S,) how far readings may be from what is expected, in their unit."""
 
     def silence_of(self, centre: float, width: float) -> Moments:
@@ -120,9 +120,9 @@ class Heard:
             return mean, cov
         rows, place, start = list(self.silent), list(scene.motion.position), mean
         nodes = scene.positions[rows], scene.traits[rows]
-        told = self.shared.expects(scene, *nodes)
+        expected = self.shared.expects(scene, *nodes)
         now = expected_of(mean[place], cov[np.ix_(place, place)], scene.sensor, *nodes)
-        centres, widths = near(scene.sensor, told.values, now.values), self.trigger.widths(told)
+        centres, widths = near(scene.sensor, expected.values, now.values), self.trigger.widths(expected)
         loss = self.trigger.loss
         for row, slope in enumerate(now.slopes):
             cross = cov[:, place] @ slope
@@ -159,7 +159,7 @@ def _with_loss(moments: Moments, loss: float, informed: float) -> tuple[float, f
     It was lost, or its member has the shared estimate, with the probability `informed`, and was silent.
     """
     chance, mean, variance = moments
-    told = (1.0 - loss) * informed * chance
-    total = loss + told
-    first = told * mean / total
-    return first, (loss + told * (variance + mean**2)) / total - first**2
+    silent = (1.0 - loss) * informed * chance
+    total = loss + silent
+    first = silent * mean / total
+    return first, (loss + silent * (variance + mean**2)) / total - first**2

@@ -57,7 +57,7 @@ class Always:
 
 @part
 class ChosenMembers(Always):
-    """Base of triggers by which each member decides by itself, from nothing that the head tells it."""
+    """Base of triggers by which each member decides by itself, without anything from the head."""
 
     def sends(self, member: Member, step: int) -> bool:
         """Whether a member sends its reading."""
@@ -117,7 +117,7 @@ class EstimateTrigger(Always):
         int, Quantity("", ge=1, le=1000), "steps from one broadcast of the estimate to the next"
     ] = 1
 
-    def widths(self, told: Expected) -> Floats:
+    def widths(self, expected: Expected) -> Floats:
         """(S,) how far readings may be from what is expected, in their unit."""
         raise NotImplementedError
 
@@ -170,8 +170,8 @@ class EstimateTrigger(Always):
         """Remember whether the member sends; it does without a shared estimate that is recent enough."""
         for each in member.take_inbox():
             if each.what == SHARED and is_whole(each.mask):
-                told = each.payload
-                member.memory[SHARED] = SharedEstimate(told.mean.copy(), told.cov.copy(), told.step)
+                sent = each.payload
+                member.memory[SHARED] = SharedEstimate(sent.mean.copy(), sent.cov.copy(), sent.step)
         shared: SharedEstimate | None = member.memory.get(SHARED)
         silent = False
         if shared is not None and scene.step - shared.step < self.shared_every and member.reading is not None:
@@ -194,9 +194,9 @@ class Event(EstimateTrigger):
 
     threshold: Annotated[float, Quantity("m", gt=0), "shift of the estimated position above which a member sends"] = 1.0
 
-    def widths(self, told: Expected) -> Floats:
+    def widths(self, expected: Expected) -> Floats:
         """(S,) half the length of the interval of readings that are not sent."""
-        gains = told.cross / told.variances[:, None]
+        gains = expected.cross / expected.variances[:, None]
         widths: Floats = self.threshold / np.maximum(np.sqrt((gains**2).sum(axis=1)), 1e-300)
         return widths
 
@@ -224,9 +224,9 @@ class Stochastic(EstimateTrigger):
 
     width: Annotated[float, Quantity("", gt=0), "w, in standard deviations of the expected reading"] = 1.0
 
-    def widths(self, told: Expected) -> Floats:
+    def widths(self, expected: Expected) -> Floats:
         """(S,) w in the unit of the readings."""
-        return self.width * np.sqrt(told.variances)
+        return self.width * np.sqrt(expected.variances)
 
     def is_silent(self, apart: float, width: float, member: Member) -> bool:
         """Whether the member's draw says so."""
