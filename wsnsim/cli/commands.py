@@ -187,6 +187,7 @@ def new(name: str, bench: bool, like: str | None, role: str | None) -> None:
     All are starting points. The scenario is NAME.yaml; the plug-in is NAME.py, and the scenario uses it. A study is a
     folder with study.yaml (experiments, hypotheses, thresholds) and study.py (measures, figures).
     """
+    from wsnsim.scenario.copying import text_like
     from wsnsim.scenario.schema import unsafe_name
     from wsnsim.scenario.texts import template
 
@@ -196,7 +197,7 @@ def new(name: str, bench: bool, like: str | None, role: str | None) -> None:
     if role is None:
         if bench and like is not None:
             raise UsageError("--bench cannot be combined with --like")
-        _write({Path(f"{stem}.yaml"): template(stem, bench) if like is None else _like(like, stem)})
+        _write({Path(f"{stem}.yaml"): template(stem, bench) if like is None else text_like(like, stem)})
         echo(f"{stem}.yaml: written; run it with: wsnsim run {stem}.yaml")
         return
     if bench or like is not None:
@@ -211,22 +212,6 @@ def new(name: str, bench: bool, like: str | None, role: str | None) -> None:
     echo(f"{stem}.py and {stem}.yaml: written")
     echo(f"check its rules:  python {stem}.py")
     echo(f"run it:           wsnsim run {stem}.yaml")
-
-
-def _like(source: str, name: str) -> str:
-    """Return the text of a scenario that extends another one, whose values stand in comments."""
-    import yaml
-
-    from wsnsim.scenario import load, resolved
-
-    values = {key: value for key, value in resolved(load(source)).items() if key != "name"}
-    whole = (yaml.safe_dump({key: value}, default_flow_style=True, width=10**9, sort_keys=False).strip()
-             for key, value in values.items())  # fmt: skip
-    lines = [f"# {text[1:-1]}\n" for text in whole]  # without the braces of the mapping
-    return (
-        f"# As {source}, but for what you change: take the '#' from a line and change its values, in SI units.\n"
-        f"{yaml.safe_dump({'extends': source, 'name': name}, sort_keys=False)}\n{''.join(lines)}"
-    )
 
 
 def _write_study(name: str) -> None:
