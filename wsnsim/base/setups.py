@@ -120,14 +120,14 @@ class TrackingSetup(Setup):
         return isinstance(self, NetworkSetup) and getattr(self.tracker, "late", "ignore") != "ignore"
 
     @property
-    def uses_silence(self) -> bool:
-        """Whether the head learns from members that sense and send nothing."""
-        return getattr(getattr(self.tracker, "trigger", None), "silence", "ignored") == "used"
-
-    @property
     def unlabelled(self) -> bool:
         """Whether nodes report scans, whose detections name no target."""
         return isinstance(self.detection, ReportsScans)
+
+    @property
+    def uses_silence(self) -> bool:
+        """Whether the head learns from members that sense and send nothing."""
+        return getattr(getattr(self.tracker, "trigger", None), "silence", "ignored") == "used"
 
     def filter_motion(self, target: int) -> MotionModel:
         """The motion model that the tracker assumes of a target; where readings name none, that of the first one."""
