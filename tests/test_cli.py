@@ -381,6 +381,35 @@ def test_a_scenario_that_is_missing_is_named(capsys: pytest.CaptureFixture[str])
     assert capsys.readouterr().err.endswith("no shipped scenario has this name (`wsnsim list scenarios` shows all)\n")
 
 
+COMPARE = ("compare", "field.yaml", "--trackers", "ekf,ukf")
+
+
+@pytest.mark.parametrize(
+    ("command", "sentence"),
+    [
+        (["run", "feild.yaml"], "no shipped scenario has this name (did you mean 'field.yaml'?)"),
+        (["plot", "compare_feild"], "compare_feild: no such file, did you mean 'compare_field'?"),
+        (["compare", "compare_feild"], "compare_feild: error: file not found"),
+        ([*COMPARE, "--latex", "field.pdf"], "--latex field.pdf must end in .tex"),
+        ([*COMPARE, "--csv", "field.yaml"], "--csv field.yaml must end in .csv"),
+        (["run", "pso_mhpf", "--set", "mac=xmac"], "a mapping such as {kind: xmac} or mac.kind=xmac, got the text"),
+        (["run", "bearing", "--set", "sensor.sd=2"], "at most 0.5, is 2 rad (degrees have their unit: '2 deg')"),
+        (["run", "pso_mhpf", "--set", "deploy={kind: uniform, width: 200,5 m}"], "unknown key, decimals have a point"),
+        (["run", "pso_mhpf", "--set", "tracker.kind=mine.py:Mine"], "path; a module is named without .py"),
+    ],
+)  # fmt: skip
+def test_a_beginners_mistake_is_one_sentence(
+    command: list[str], sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("field.yaml").write_text("extends: jiang_field\n")
+    Path("compare_field").mkdir()
+    Path("compare_field/campaign.json").write_text("{}")
+    assert main(command) in (1, 2)
+    assert sentence in capsys.readouterr().err
+    assert Path("field.yaml").read_text() == "extends: jiang_field\n"
+
+
 def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -169,7 +169,12 @@ def test_trackers_are_compared_in_a_table_with_their_tracked_shares(
     out = capsys.readouterr().out
     points = lifetime_result.read(Path("both.json"))
     assert len(points) == 2 and points[0]["criteria"][0]["median"] > points[1]["criteria"][0]["median"]
-    assert "tracked" in out and "lives longest" in out and max(map(len, out.splitlines())) <= 100
+    assert (
+        "tracked" in out
+        and "lives longest" in out
+        and " tracked then);" in " ".join(out.split())
+        and max(map(len, out.splitlines())) <= 100
+    )
     begins = [json.loads(path.read_text()) for path in Path("both.visits").glob("*/visits.json")]
     assert begins.count({"dead": [], "first": 0}) == 1  # the visits of both rates are the same
 

@@ -107,7 +107,15 @@ def test_a_merge_key_may_repeat_a_key_and_the_written_one_wins() -> None:
     [
         ("", "x.yaml:1:1: error: is empty"),
         ("# only words\n", "x.yaml:1:1: error: is empty"),
-        ("a: b: c", "x.yaml:1:5: error: not valid YAML: mapping values are not allowed in this context"),
+        (
+            "a: b: c",
+            "x.yaml:1:5: error: not valid YAML: mapping values are not allowed in this context "
+            "(are the keys of a mapping indented alike?)",
+        ),
+        (
+            "a: 1\nb 2\nc: 3",
+            "x.yaml:2:1: error: not valid YAML: while scanning a simple key, could not find expected ':'",
+        ),
         ("a: *b", "x.yaml:1:4: error: not valid YAML: found undefined alias"),
         ("ok: 1\na: \x07", "x.yaml:2:4: error: not valid YAML: the character U+0007 is not allowed"),
         (

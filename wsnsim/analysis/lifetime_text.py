@@ -93,7 +93,7 @@ def _gain(points: Sequence[Point], labels: Sequence[str], unit: tuple[float, str
     sure = "the confidence intervals of the means do not overlap with any other" if len(apart) == len(others) else (
         f"but the confidence intervals of {counted(len(others) - len(apart), 'mean')} overlap with it or are unknown"
     )  # fmt: skip
-    yield from wrapped(f"{words}; {sure}.")
+    yield from wrapped(f"{words} ({_share(points[best]['criteria'][0]['tracked'])} tracked then); {sure}.")
 
 
 def _table(point: Point) -> list[str]:

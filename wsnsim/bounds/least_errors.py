@@ -180,7 +180,7 @@ def reason_without_bound(motion: MotionModel, kind: str) -> str:
     if getattr(motion, "recorded", False):
         return "the trajectory was recorded: it is no sample of a motion model"
     if isinstance(motion, Continuous):
-        return "the target moves in straight lines between way-points: its motion has no probability density"
+        return "a motion along given waypoints has no probability density"
     if kind == "per_trajectory":
         return ""
     course = getattr(motion, "course", "free")

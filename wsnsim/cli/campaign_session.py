@@ -55,10 +55,10 @@ def check_comparison(options: Options, plan: Plan | Manifest, by: Sequence[str])
         if key not in plan.keys:
             raise UsageError(f"--by: the campaign does not vary '{key}' ({did_you_mean(key, plan.keys)})")
     campaign_info.baseline_point(plan, tuple(by) or campaign_info.keys_by_default(plan.keys), options.baseline)
-    for name, path in (("--csv", options.csv), ("--latex", options.latex)):
+    for name, path, suffix in (("--csv", options.csv, ".csv"), ("--latex", options.latex, ".tex")):
         if path and path.is_dir():
             raise UsageError(f"{name} {path} is a folder, not a file")
-        if path and (reason := why_not_regular(path)):
+        if path and (reason := why_not_regular(path) or f"must end in {suffix}" * (path.suffix != suffix)):
             raise UsageError(f"{name} {path} {reason}")
         if path and not path.parent.is_dir():
             raise UsageError(f"{name} {path}: folder does not exist: {path.parent}")

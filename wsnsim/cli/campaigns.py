@@ -116,8 +116,9 @@ def compare(
             raise UsageError(f"{sources[0]} is a campaign, whose comparison is fixed")
         return session.resume(sources[0], options, interrupts)
     from wsnsim.scenario.sweep import load_sweep
+    from wsnsim.scenario.texts import find_or_none
 
-    if len(sources) == 1 and not trackers:
+    if len(sources) == 1 and not trackers and find_or_none(sources[0]):
         raise UsageError("give trackers to compare (--trackers pso_mhpf,ipf,ppf) or several scenarios")
     name = _file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED_SCENARIOS])]))
     plan = load_sweep(list(sources), vary, overrides, trackers, **changes, name=name)

@@ -7,7 +7,6 @@ missing or of another type.
 
 from __future__ import annotations
 
-import difflib
 import json
 import os
 from collections.abc import Iterator, Sequence
@@ -19,7 +18,7 @@ import h5py
 import numpy as np
 from h5py import h5g
 
-from wsnsim.base.errors import ResultError, did_you_mean
+from wsnsim.base.errors import ResultError, did_you_mean, nearest
 from wsnsim.base.files import why_not_regular
 from wsnsim.base.tables import TABLES
 from wsnsim.recording.atomic_files import reason
@@ -343,5 +342,6 @@ def _is_hdf5(path: Path) -> bool:
 
 
 def _nearest(path: Path) -> str:
-    near = difflib.get_close_matches(path.name, [file.name for file in path.parent.glob("*.h5")], n=1)
+    known = [*path.parent.glob("*.h5"), *(file.parent for file in path.parent.glob("*/campaign.json"))]
+    near = nearest(path.name, [file.name for file in known])
     return f", did you mean '{path.with_name(near[0])}'?" if near else ""

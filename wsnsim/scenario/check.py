@@ -248,6 +248,7 @@ def _model_at(node: LocatedValue, path: Keys, role: Role, issues: list[Issue]) -
     if not isinstance(node.value, dict):
         written_kind = node.value if isinstance(node.value, str) and node.value in kinds(role.name) else None
         example = f"{{kind: {written_kind or role.default or role.kinds[0].kind}}}"
+        example += f" or {role.name}.kind={written_kind}" if written_kind and node.spot.origin.name[:2] == "--" else ""
         issues.append(node.spot.issue(path, f"expected a mapping such as {example}, got {described(node.plain())}"))
         return None
     kind = written.plain() if written else role.default

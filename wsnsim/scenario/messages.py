@@ -70,7 +70,8 @@ def _message(problem: Any, path: Keys, model: type[BaseModel]) -> str:
     kind, value, context = problem["type"], problem["input"], problem.get("ctx", {})
     if kind in BOUNDS:
         name, words = BOUNDS[kind]
-        return f"must be {words} {context[name]:g}, is {_short(value)}"
+        angle = " rad (degrees have their unit: '2 deg')" * ("[rad]" in (_description(model, path) or ""))
+        return f"must be {words} {context[name]:g}, is {_short(value)}{angle}"
     if kind in EXPECTED:
         return f"expected {EXPECTED[kind]}, got {described(value)}"
     if kind == "literal_error":
@@ -81,7 +82,8 @@ def _message(problem: Any, path: Keys, model: type[BaseModel]) -> str:
         return "is missing" + (f": {about}" if about else "")
     if kind == "extra_forbidden":
         inside = _annotation(model, path[:-1])
-        return f"unknown key, {did_you_mean(str(path[-1]), sorted(inside.model_fields))}"
+        comma = "decimals have a point, not a comma; " * str(path[-1])[:1].isdigit()
+        return f"unknown key, {comma}{did_you_mean(str(path[-1]), sorted(inside.model_fields))}"
     return str(context.get("message", problem["msg"]))
 
 

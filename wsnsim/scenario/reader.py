@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -100,7 +101,10 @@ def _extended(text: ScenarioText, folder: Path, extending: tuple[Path, ...]) -> 
 
 
 def _nearest(source: str | Path) -> str:
-    return did_you_mean(Path(source).stem, shipped(), "`wsnsim list scenarios` shows all")
+    path = Path(source)
+    files = path.parent.glob("*.y*ml") if os.path.isdir(path.parent) else ()  # noqa: PTH112 - names that are too long
+    known = did_you_mean(path.stem, shipped(), "`wsnsim list scenarios` shows all")
+    return did_you_mean(path.name, [file.name for file in files], known)
 
 
 LARGEST: Final = 200_000
@@ -159,9 +163,11 @@ def read(content: str, origin: Origin) -> tuple[LocatedValue | None, list[Issue]
 
 
 def _syntax_issue(error: yaml.MarkedYAMLError, origin: Origin) -> Issue:
-    mark = error.problem_mark or error.context_mark
+    # a key without its colon is found at the next key only
+    mark = error.context_mark if error.context == "while scanning a simple key" else error.problem_mark
     spot = Spot(origin, mark.line, mark.column) if mark else Spot(origin)
     details = ", ".join(piece for piece in (error.context, error.problem) if piece)
+    details += " (are the keys of a mapping indented alike?)" * details.startswith("mapping values")
     if "nesting depth" in details:  # libyaml has a limit of its own, which may be the first that is met
         details = f"nested deeper than {DEEPEST} levels"
     return spot.issue(origin.keys, f"not valid YAML: {details}")

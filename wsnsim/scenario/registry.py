@@ -324,7 +324,8 @@ def _not_found(kind: str, folder: Path) -> str:
     """Return where a module was looked for that does not exist."""
     place, module = folder.resolve(), kind.partition(":")[0]
     beside = "" if place == Path.cwd() else f"beside the scenario ({place}), "
-    return f"{kind}: there is no module '{module}' {beside}in the working directory or on Python's path"
+    suffix = "; a module is named without .py" * module.endswith(".py")
+    return f"{kind}: there is no module '{module}' {beside}in the working directory or on Python's path{suffix}"
 
 
 def _needed(role: str, kind: str) -> tuple[Plugins, str]:

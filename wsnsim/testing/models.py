@@ -342,7 +342,7 @@ def _check_likelihood(sensor: SensorModel, field: _SensorField, _: float, rng: n
         )
     with np.errstate(all="ignore"):
         lost = sensor.log_likelihood(np.full_like(field.points, np.nan), readings, field.positions, field.traits)
-    assert np.array_equal(lost, np.full(lost.shape, -np.inf)), "points that are not finite: -inf is expected"
+    assert np.array_equal(lost, np.full(lost.shape, -np.inf)), "log_likelihood is -inf at points that are not finite"
 
 
 def _check_detects(sensor: SensorModel, field: _SensorField, *_: object) -> None:
