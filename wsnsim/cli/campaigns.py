@@ -118,7 +118,7 @@ def compare(
     from wsnsim.scenario.sweep import load_sweep
 
     if len(sources) == 1 and not trackers:
-        raise UsageError("give trackers to compare (--trackers pso_mhpf,ipf,ppf) or several scenarios")
+        raise UsageError("give --trackers pso_mhpf,ipf,ppf, several scenarios, or a folder that holds a campaign")
     name = _file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED_SCENARIOS])]))
     plan = load_sweep(list(sources), vary, overrides, trackers, **changes, name=name)
     # trackers with parameters are swept as whole blocks, those without by their kind

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Final
 
-from wsnsim.analysis.phrases import aligned
+from wsnsim.analysis.phrases import wrapped
 from wsnsim.papers.counts import CountedClaim, count_line, counted_claims, judged_claims
 from wsnsim.papers.reproduction import BASES, LESS_THAN, ClaimRow
 from wsnsim.papers.rows import ends
@@ -57,23 +57,21 @@ def text(rows: Sequence[ClaimRow]) -> str:
     lines: list[str] = []
     for (paper, experiment), block in groupby(rows, key=lambda row: (row.paper, row.experiment)):
         these = list(block)
-        lines += ["", f"{paper}, {experiment}: {_titled(these[0])}", *_block(these)]
-    return "\n".join([*lines[1:], "", *verdict_counts(rows), *legend(rows)]) if rows else ""
-
-
-def _titled(row: ClaimRow) -> str:
-    """The title of a row's experiment, and how it reads the paper."""
-    return f"{row.title} [{row.reading}]" if row.reading else row.title
+        reading = f" [{these[0].reading}]" if these[0].reading else ""
+        lines += ["", f"{paper}, {experiment}: {these[0].title}{reading}", *_block(these)]
+    legends = [piece for line in (*verdict_counts(rows), *legend(rows)) for piece in wrapped(line, indent="    ")]
+    return "\n".join([*lines[1:], "", *legends]) if rows else ""
 
 
 def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
     """The lines of an experiment; rows in sequence with the same reason have it once, beneath the last."""
-    heading, *lines = aligned([HEADS, *map(cells, rows)], len(HEADS))
-    yield heading
-    for row, line, after in zip(rows, lines, [*rows[1:], None], strict=True):
-        yield line
+    for row, after in zip(rows, [*rows[1:], None], strict=True):
+        quantity, variant, *values, verdict = cells(row)
+        yield from wrapped(f"{quantity}, {variant}: {verdict}", "  ", "      ")
+        known = [f"{head} {value}" for head, value in zip(HEADS[2:-1], values, strict=True) if value != "-"]
+        yield from wrapped("; ".join(known), "    ", "      ")
         if after is None or row.reason != after.reason:
-            yield f"      {row.reason}"
+            yield from wrapped(row.reason, "      ")
     for caution in dict.fromkeys(caution for row in rows for caution in row.caution.split("; ") if caution):
         yield f"  of the bound: {caution}"
 
