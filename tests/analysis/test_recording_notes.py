@@ -142,7 +142,7 @@ def test_residuals_are_stated_with_their_nodes(tmp_path: Path) -> None:
     made.readings += np.where(made.nodes == 2, 1.0, 0.0)
     (said,) = recording_notes.residuals(made.setup(tmp_path))
     assert said.startswith("595 readings minus law at the trajectory: median 0.1")
-    assert "(law: 0.3 m)" in said and said.endswith("to 1.01 m (c)")
+    assert "(law: 0.3 m), largest 1.96 m (c)" in said and said.endswith("to 1.01 m (c)")
 
 
 def test_without_a_recorded_trajectory_readings_are_held_against_the_estimates_after_the_run(tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ def test_without_a_recorded_trajectory_readings_are_held_against_the_estimates_a
     off = made.readings[inside] - expected("range", there, PLACES[made.nodes[inside]])
     begin = f"{inside.sum()} readings minus law at the estimates of run 0, which follow the readings and are no truth"
     assert said.startswith(f"{begin}: median {np.median(off):.3g} m, ")
-    assert f"largest {off[np.abs(off).argmax()]:.3g} m;" in said
+    assert f"largest {off[np.abs(off).argmax()]:.3g} m (" in said
 
 
 def with_law(made: Recording, law: dict[str, Any], folder: Path) -> tuple[list[str], str]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wsnsim.analysis import event_groups, logged_events
-from wsnsim.analysis.phrases import energy_in_words, listed
+from wsnsim.analysis.phrases import aligned, energy_in_words, listed
 from wsnsim.analysis.trace import as_json, text, trace
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
@@ -463,3 +463,9 @@ def test_a_target_that_leaves_the_field_is_the_subject_of_its_event():
     assert [logged_events.row_in_words(row) for row in rows] == [
         "the target: leave target 0", "the target: return target 0", "nobody: lost target 0",
     ]  # fmt: skip
+
+
+def test_no_cell_of_a_table_grows_when_it_is_cut() -> None:
+    for left in range(1, 12):
+        (line,) = aligned([["tracker.particles = 1000"] * left + ["1.0"]], left)
+        assert len(line) <= len("  ".join(["", *["tracker.particles = 1000"] * left, "1.0"]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,16 @@ def test_independent_normal_noise_is_found_to_be_that(tmp_path: Path) -> None:
     assert found.sensor.keys() == {"kind", "z0", "eta", "d0", "sd", "gains", "nodes", "target_height", "fitted_on"}
     assert found.sensor["target_height"] == HEIGHT
     assert abs(found.sensor["sd"] - 4.0) < 0.2
+
+
+def test_an_outlier_is_named_with_its_node_time_and_file(walks: tuple[list[str], str], tmp_path: Path) -> None:
+    files, nodes = walks
+    header, *rows = Path(files[0]).read_text().splitlines()
+    time, node, reading, *place = rows[100].split(",")
+    rows[100] = ",".join([time, node, str(float(reading) - 90.0), *place])
+    (tmp_path / "one.csv").write_text("\n".join([header, *rows]))
+    said = wsnsim.fit(tmp_path / "one.csv", nodes).text()
+    assert re.search(rf"The largest residual: -\S+ dB, {node} at {float(time):g} s in .*one.csv", said)
 
 
 def test_the_coefficients_are_those_of_an_independent_least_squares(walks: tuple[list[str], str]) -> None:
@@ -208,7 +219,9 @@ def test_a_file_with_readings_of_two_targets_is_refused(tmp_path: Path) -> None:
     (tmp_path / "nodes.csv").write_text("id,x,y\na,0,0\nb,10,0\n")
     rows = [f"{k},{node},-60,{k},{4 if node == 'a' else 5},{k % 2}" for k in range(20) for node in "ab"]
     (tmp_path / "two.csv").write_text("\n".join(["time,node,reading,x,y,target", *rows]))
-    with pytest.raises(RunError, match="has readings of 2 targets, such as '0' and '1': give a file for each"):
+    with pytest.raises(
+        RunError, match=r"of 2 targets: give a file for each, such as .*two.csv --where target=0 --out target_0.csv"
+    ):
         wsnsim.fit(tmp_path / "two.csv", tmp_path / "nodes.csv")
 
 

@@ -465,7 +465,7 @@ WRONG: dict[str, tuple[str, str, str, str]] = {
     "no such cell": ("readings", "time,node,tag,reading\n0,a,7,1\n", "--where tag=07", "no row has the tag '07'"),
     "no such column of a cell": ("readings", "time,node,tag,reading\n0,a,7,1\n", "--where tg=7", "did you mean 'tag'"),
     "movers in a column": ("track", MOVERS, "", "'tag' names 2 movers, a, b: give each a file of its own, such as "
-                           "wsnsim import track t.csv --column id=tag --id a"),
+                           "wsnsim import track t.csv --column id=tag --id=a --id=b"),
     "movers of an id": ("track", MOVERS.replace("time,", "id,time,").replace("\n", "\nr,")[:-2], "", "names 2 movers"),
     "no times": ("track", "x,y\n1,1\n2,2\n", "", "without times: --rate HZ"),
     "a rate beside times": ("track", "time,x,y\n0,1,1\n1,2,2\n", "--rate 5", "--rate is for files without times"),

@@ -70,6 +70,12 @@ def test_a_file_without_readings_is_refused_in_words(tmp_path: Path, text: str, 
         read_rows(written(tmp_path, text), WANTED, "readings")
 
 
+def test_readings_without_places_are_sent_to_the_option_of_their_trajectory(tmp_path: Path) -> None:
+    placed = Wanted(WANTED.texts, WANTED.numbers | PLACES.numbers, WANTED.optional)
+    with pytest.raises(RunError, match=r"time, rssi, x and y, .*; a trajectory in a file of its own: --track FILE$"):
+        read_rows(written(tmp_path, TEXT), placed, "readings")
+
+
 def test_wrong_or_damaged_gzip_is_refused_in_words(tmp_path: Path) -> None:
     plain, cut, spoilt = (tmp_path / f"{name}.csv.gz" for name in ("plain", "cut", "spoilt"))
     content = gzip.compress((TEXT * 100).encode())

@@ -71,7 +71,7 @@ def test_a_folder_is_run_resumed_and_answered(mine, monkeypatch, capsys):
     assert main(["reproduce", "mine/", "--progress", "none"]) == 0
     said = capsys.readouterr()
     assert "wsnsim: 1 experiment of mine: 10 runs; folder results/reproduce/quick\n" in said.err
-    assert "registered more is better: yes, " in said.out and "\n  steps\n" in said.out
+    assert "registered more is better: yes, " in said.out and said.out.count("  steps, ") == 2
     files = {path: path.stat().st_mtime_ns for path in Path("results").rglob("*.h5")}
     assert main(["reproduce", "mine/study.yaml", "--progress", "none", "--markdown"]) == 0
     said = capsys.readouterr()
@@ -185,6 +185,11 @@ def test_what_is_no_study_is_refused(mine):
         reproduce.chosen(["mine", "./mine"])
     with pytest.raises(UsageError, match="mine takes no data"):
         study("mine", Path())
+
+
+def test_a_figure_of_a_paper_is_chosen_by_its_name():
+    ((_, chosen),) = reproduce.chosen(["jiang2013"], "figure_9")
+    assert chosen.name == "figures_4_to_9"
 
 
 @pytest.mark.parametrize(

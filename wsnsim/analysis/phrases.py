@@ -126,7 +126,8 @@ def aligned(rows: Sequence[Sequence[str]], left: int = 1, at: int = 0) -> list[s
     """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     if sum(widths[:left]) + 2 * left + max(widths[left:], default=0) + 2 > WIDTH:  # cells are cut
-        most = (WIDTH // 2 // max(left, 1) - 2, WIDTH // 2 - 2)
+        # to 12 characters at least, since `shortened` keeps 9 of the end
+        most = (max(WIDTH // 2 // max(left, 1) - 2, 12), WIDTH // 2 - 2)
         rows = [[shortened(cell, most[i >= left]) for i, cell in enumerate(row)] for row in rows]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     names, parts = list(range(left)), [list(range(left))]

@@ -253,7 +253,8 @@ def residuals(setup: Setup, result: str | Path = "") -> Iterator[str]:
     spread = f"{said(1.4826 * np.median(np.abs(off - middle)))} (law: {said(np.median(compared.sds))})"
     ends = [f"{said(medians[node])} ({compared.names[node]})" for node in (low, high)]
     nodes = f"medians of nodes from {' to '.join(ends)}"
-    most = f"largest {said(off[np.abs(off).argmax()])}"
+    worst = np.abs(off).argmax()
+    most = f"largest {said(off[worst])} ({compared.names[compared.nodes[worst]]})"
     yield f"{count} minus law at the {where}: median {said(middle)}, spread {spread}, {most}; {nodes}"
 
 

@@ -42,6 +42,8 @@ def connected(address: str) -> Any:
         raise UsageError("--scheduler needs Dask: pip install 'wsnsim[cluster]'") from None
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # its errors are reported by this engine
+    if not address.rpartition(":")[2].isdecimal():  # a client of it would end with a traceback
+        raise UsageError(f"expected the address of a scheduler, such as tcp://host:8786, is '{address}'")
     client_class: Any = distributed.Client
     found: queue.SimpleQueue[Any] = queue.SimpleQueue()
 

@@ -119,7 +119,7 @@ def compare(
     from wsnsim.scenario.texts import find_or_none
 
     if len(sources) == 1 and not trackers and find_or_none(sources[0]):
-        raise UsageError("give trackers to compare (--trackers pso_mhpf,ipf,ppf) or several scenarios")
+        raise UsageError("give --trackers pso_mhpf,ipf,ppf, several scenarios, or a folder that holds a campaign")
     name = _file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED_SCENARIOS])]))
     plan = load_sweep(list(sources), vary, overrides, trackers, **changes, name=name)
     # trackers with parameters are swept as whole blocks, those without by their kind

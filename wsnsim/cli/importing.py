@@ -170,7 +170,7 @@ def _table(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[st
     if out.suffix not in (".yaml", ".csv", data.suffix):
         raise UsageError(f"--out {out}: give a file that ends in {data.suffix} (the table) or .yaml (a block with it)")
     if options["out"] is None and data.exists():
-        raise UsageError(f"{data} exists: --out FILE{data.suffix} names another file, or this one to replace it")
+        raise UsageError(f"{data} exists: --out FILE{data.suffix} names another file, --out {data} replaces it")
     if options["origin"] and not options["crs"]:
         raise UsageError("--origin goes with --crs wgs84: longitude and latitude that become (0, 0)")
     target(writable(data, data), data.name, files)

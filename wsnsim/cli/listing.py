@@ -31,7 +31,9 @@ def listed(word: str | None, as_json: bool) -> str | dict[str, Any]:
     if word in ("scenario", "scenarios"):
         return _scenarios(as_json)
     if word in ("sweep", "sweeps"):
-        return _sweeps(as_json)
+        questions = {name: _first_sentence(_text(path)) for name, path in shipped_sweeps().items()}
+        table = wrapped_table(["sweep", "question"], [*map(list, questions.items())])
+        return {"sweeps": questions} if as_json else table
     if word in ("datasheet", "datasheets"):
         return _datasheets(as_json)
     roles = [role_named(word, ("scenarios", "sweeps", "datasheets"))] if word else list(ROLES.values())
@@ -49,12 +51,6 @@ def _scenarios(as_json: bool) -> str | dict[str, Any]:
     names = max(len(name) for group in groups for name, _ in group.rows)
     tables = ([group.heading[0], *(f"  {name:{names}}  {shows}" for name, shows in group.rows)] for group in groups)
     return "\n\n".join("\n".join(lines) for lines in tables)
-
-
-def _sweeps(as_json: bool) -> str | dict[str, Any]:
-    """The shipped sweeps: name, and first sentence of the comment at the top."""
-    questions = {name: _first_sentence(_text(path)) for name, path in shipped_sweeps().items()}
-    return {"sweeps": questions} if as_json else wrapped_table(["sweep", "question"], [*map(list, questions.items())])
 
 
 def _datasheets(as_json: bool) -> str | dict[str, Any]:
@@ -111,12 +107,9 @@ def wrapped_table(headings: list[str], rows: Sequence[list[str]], indent: str = 
         widths[max(range(1, len(widths)), key=lambda i: widths[i])] -= 1
     lines = []
     for row in [headings, *rows]:
-        cells = [[row[0]], *(_wrapped(cell, size) for cell, size in zip(row[1:], widths[1:], strict=True))]
+        sized = zip(row[1:], widths[1:], strict=True)
+        cells = [[row[0]], *(textwrap.wrap(cell, size, break_on_hyphens=False) or [""] for cell, size in sized)]
         for pieces in itertools.zip_longest(*cells, fillvalue=""):
             line = "  ".join(piece.ljust(size) for piece, size in zip(pieces, widths, strict=True))
             lines.append(f"{indent}{line}".rstrip())
     return "\n".join(lines)
-
-
-def _wrapped(cell: str, size: int) -> list[str]:
-    return textwrap.wrap(cell, size, break_on_hyphens=False) or [""]

@@ -27,7 +27,9 @@ from wsnsim.cli.shared import PATH, group
               help="Folder of the campaigns.")  # fmt: skip
 @click.option("--figures", type=PATH, metavar="DIR", help="Also draw the figures into this folder.")
 @click.option("--data", type=PATH, metavar="DIR", help="For `reality`: a folder of tracks with receivers.csv.")
-@click.option("--only", metavar="EXPERIMENT", help="Run only this experiment: table_2, figure_3, ...")
+@click.option(
+    "--only", metavar="EXPERIMENT", help="Run only this experiment, or that of a figure: table_2, figure_9, ..."
+)
 @shared.jobs_option
 @shared.batch_option
 @shared.accept_code_option

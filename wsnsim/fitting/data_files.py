@@ -21,6 +21,7 @@ from wsnsim.fitting.located_readings import DataFile, LocatedReadings, NodeTable
 from wsnsim.models.csvfile import Wanted, cells_in, identifiers, open_text, read_rows
 from wsnsim.models.recorded_track import recorded_points
 from wsnsim.models.row_checks import BadRow, Check, CsvRows, first_of_equal
+from wsnsim.models.unit_checks import remedy
 
 NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     "time": ("time", "t"),
@@ -113,29 +114,24 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
     )
     rows = read_rows(path, wanted, "readings")
     ids, codes = rows.texts["node"]
-    row_nodes = joined_by_name(ids, nodes.ids, path, nodes.path, lambda: _others(path, names, nodes.path, options))[
-        codes
-    ]
+    row_nodes = joined_by_name(
+        ids, nodes.ids, path, nodes.path,
+        lambda: identifiers(path, (names["node"],)) | unread_names(nodes.path, options.node_columns),
+    )[codes]  # fmt: skip
     points, located, skipped = _places_of(rows, track, options)
     checks = _checks(rows, row_nodes >= 0, nodes, form, located)
     used = rows.without(*checks, skip=options.skip_bad_rows, remedy=REMEDY)
     if not used.lines.size:
         raise RunError(f"{path}: none of its {used.total} rows can be used")
     if len(targets := used.texts["target"].names if "target" in used.texts else ()) > 1:
-        first, second, *_ = sorted(targets)
-        raise RunError(
-            f"{path}: has readings of {len(targets)} targets, such as '{first}' and '{second}': give a file for each"
-        )
+        option = f"--where {names['target']}={min(targets)} --out target_{min(targets)}.csv"
+        form = f"give a file for each, such as {remedy(path, 'readings', option)}"
+        raise RunError(f"{path}: has readings of {len(targets)} targets: {form}")
     bad = ((path, used.bad), (track, skipped))
     notes = tuple(f"{name}:{row.line}: {row.reason}" for name, own in bad for row in own)
     file = DataFile(path, digest_of(path), len(used.lines), notes)
     good = np.isin(rows.lines, used.lines)
     return used.numbers["time"], row_nodes[good], used.numbers["reading"], points[good], file
-
-
-def _others(path: str, names: Mapping[str, str], nodes: str, options: ReadingOptions) -> dict[str, list[str]]:
-    """The cells of columns that look like names and are not read as such: of a file of readings, and of the nodes."""
-    return identifiers(path, (names["node"],)) | unread_names(nodes, options.node_columns)
 
 
 def unread_names(nodes: str, columns: Mapping[str, str]) -> dict[str, list[str]]:

@@ -74,6 +74,10 @@ def _notes(fit: FittedLaw) -> Iterator[str]:
     skewness = fit.train[0].skewness
     if abs(skewness) > SKEWED:
         yield f"The residuals have a skewness of {skewness:.2f}; both families are symmetric."
+        sample, worst = fit.sample, np.abs(fit.residuals).argmax()
+        where = f"{sample.times[worst]:.15g} s in {sample.files[sample.tracks[worst]].path}"
+        most = f"{fit.residuals[worst]:.3g} {fit.model.form.unit}, {sample.deployment.ids[sample.nodes[worst]]}"
+        yield f"The largest residual: {most} at {where}. An outlier? `wsnsim import --missing` leaves it out."
     if fit.gains:
         constants = fit.model.form.constants.capitalize()
         yield f"{constants} have the sum 0 over the nodes with readings, and are not shrunk; a node without has 0."

@@ -323,8 +323,10 @@ def _present(path: str, first: int, header: list[str], wanted: Wanted, what: str
     """The index of each wanted column that a file has, by our names."""
     named = {**wanted.texts, **wanted.numbers}
     needed = tuple(theirs for ours, theirs in named.items() if ours not in wanted.optional)
-    if not set(needed) <= set(header):
+    if missing := set(needed) - set(header):
         error = _without_columns(f"{path}:{first}", header, needed)
+        if what == "readings" and missing <= {named.get("x"), named.get("y")}:
+            raise RunError(f"{error}; a trajectory in a file of its own: --track FILE")
         if kind := IMPORTED.get(what):
             raise RunError(f"{error}; a table of another form: wsnsim import {kind} {shlex.quote(path)}")
         raise error

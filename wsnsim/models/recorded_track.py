@@ -172,7 +172,7 @@ def movers_said(path: str, column: str, names: row_checks.TextColumn, times: Flo
         whole, parts = np.abs(np.diff(places[order])), np.abs(np.diff(places[each]))
     if not parts[np.diff(codes[each]) == 0].sum() < 0.5 * whole.sum():
         return ""
-    option = f"--column {shlex.quote(f'id={column}')} --id {shlex.quote(movers[0])}"
+    option = f"--column {shlex.quote(f'id={column}')} {shlex.join(f'--id={mover}' for mover in movers[:2])}"
     return (
         f"{path}: the column '{column}' names {len(movers)} movers, {shortened(', '.join(movers))}: give each a file "
         f"of its own, such as {remedy(path, 'track', option)}"

@@ -67,15 +67,16 @@ def chosen(sources: Sequence[str], only: str | None = None) -> list[tuple[str, E
     found = [(source, experiment) for source in names.values() or PAPERS for experiment in experiments(source)]
     if only is None:
         return found
-    for name, source in names.items():
-        _check_name(only, {experiment.name for experiment in experiments(source)}, f"{name} has no experiment")
-    _check_name(only, {experiment.name for _, experiment in found}, "there is no experiment")
-    return [(source, experiment) for source, experiment in found if experiment.name == only]
+    named = [(f"{name} has", experiments(source)) for name, source in names.items()]
+    for papers, ones in named or [("the papers have", [experiment for _, experiment in found])]:
+        if only not in (known := set().union(*map(_names, ones))):
+            raise UsageError(f"{papers} no experiment '{only}' ({did_you_mean(only, known)})")
+    return [(source, experiment) for source, experiment in found if only in _names(experiment)]
 
 
-def _check_name(name: str, known: set[str], message: str) -> None:
-    if name not in known:
-        raise UsageError(f"{message} '{name}' ({did_you_mean(name, known)})")
+def _names(experiment: Experiment) -> set[str]:
+    """The names by which an experiment can be chosen: its own, and those of the figures that it draws."""
+    return {experiment.name, *(figure.name for figure in experiment.figures)}
 
 
 def plan(source: str, experiment: Experiment, full: bool = False) -> Plan:

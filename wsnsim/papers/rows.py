@@ -152,7 +152,8 @@ def _order_row(claim: Claim, data: Data, difference: Sample) -> ClaimRow:
     low, high = verdicts.interval(difference)
     row = ClaimRow(
         quantity=claim.label, variant=claim.variant, published=NAN, measured=value(difference), low=low, high=high,
-        replicates=len(difference.runs), lost_fraction=_lost(claim, data), bound=NAN, bound_kind="",
+        replicates=len(difference.runs), bound=NAN, bound_kind="",
+        lost_fraction=float((data.lost(claim.variant) | data.lost(claim.other)).mean()),
         judgement=judged_order(difference, claim.deterministic), reason=claim.reason,
         statistic=difference.statistic.words, short=difference.statistic.key,
     )  # fmt: skip
@@ -167,11 +168,6 @@ def _completed(row: ClaimRow, claim: Claim, data: Data) -> ClaimRow:
         published_runs_assumed=claim.published_runs_assumed and claim.published is not None,
         losses=measures.losses(data, claim.variant),
     )  # fmt: skip
-
-
-def _lost(claim: Claim, data: Data) -> float:
-    """The fraction of runs in which one of an order's variants lost the target."""
-    return float((data.lost(claim.variant) | data.lost(claim.other)).mean())
 
 
 Word: TypeAlias = Literal["yes", "no", "undecided"]

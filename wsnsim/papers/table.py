@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Final
 
-from wsnsim.analysis.phrases import aligned, wrapped
+from wsnsim.analysis.phrases import wrapped
 from wsnsim.papers.counts import CountedClaim, count_line, counted_claims, judged_claims
 from wsnsim.papers.reproduction import BASES, LESS_THAN, ClaimRow
 from wsnsim.papers.rows import ends
@@ -37,8 +37,6 @@ WORDS_RUNS: Final = "ours / those behind the published value"
 WORDS_ASSUMED: Final = "the paper does not give the number of runs behind the published value; this one is ours"
 WORDS_ASTRAY: Final = f"share of runs with more than {ASTRAY:g} times the median of the runs [Clopper-Pearson, %]"
 WORDS_LOST: Final = "share of runs (re-acquisitions in a run, mean over runs)"
-SHOWN: Final = (1, 2, 3, 9, 4, 5, 6, 7, 8)
-"""The columns of a table for a terminal, of those of HEADS."""
 OTHER_BASES: Final = tuple(basis for basis in BASES if basis != "evidence")
 """Bases on which a verdict is not counted."""
 OUT_OF_REACH: Final = "out of reach"
@@ -59,27 +57,21 @@ def text(rows: Sequence[ClaimRow]) -> str:
     lines: list[str] = []
     for (paper, experiment), block in groupby(rows, key=lambda row: (row.paper, row.experiment)):
         these = list(block)
-        lines += ["", f"{paper}, {experiment}: {_titled(these[0])}", *_block(these)]
-    return "\n".join([*lines[1:], "", *verdict_counts(rows), *legend(rows)]) if rows else ""
-
-
-def _titled(row: ClaimRow) -> str:
-    """The title of a row's experiment, and how it reads the paper."""
-    return f"{row.title} [{row.reading}]" if row.reading else row.title
+        reading = f" [{these[0].reading}]" if these[0].reading else ""
+        lines += ["", f"{paper}, {experiment}: {these[0].title}{reading}", *_block(these)]
+    legends = [piece for line in (*verdict_counts(rows), *legend(rows)) for piece in wrapped(line, indent="    ")]
+    return "\n".join([*lines[1:], "", *legends]) if rows else ""
 
 
 def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
-    """The lines of an experiment: a table for each quantity, and the reasons beneath it."""
-    for quantity, block in groupby(rows, key=lambda row: row.quantity):
-        these = list(block)
-        yield f"  {quantity}"
-        yield from aligned([[row[i] for i in SHOWN] for row in (HEADS, *map(cells, these))])
-        reasons: dict[str, list[str]] = {}
-        for row in these:
-            reasons.setdefault(row.reason, []).append(row.variant)
-        for reason, variants in reasons.items():
-            said = reason if len(reasons) == 1 else f"{'; '.join(variants)}: {reason}"
-            yield from wrapped(said, first="      ") if reason else ()
+    """The lines of an experiment; rows in sequence with the same reason have it once, beneath the last."""
+    for row, after in zip(rows, [*rows[1:], None], strict=True):
+        quantity, variant, *values, verdict = cells(row)
+        yield from wrapped(f"{quantity}, {variant}: {verdict}", "  ", "      ")
+        known = [f"{head} {value}" for head, value in zip(HEADS[2:-1], values, strict=True) if value != "-"]
+        yield from wrapped("; ".join(known), "    ", "      ")
+        if after is None or row.reason != after.reason:
+            yield from wrapped(row.reason, "      ")
     for caution in dict.fromkeys(caution for row in rows for caution in row.caution.split("; ") if caution):
         yield f"  of the bound: {caution}"
 

@@ -201,6 +201,8 @@ def load_class(info: Kind) -> type[Any]:
             found = getattr(found, step)
     except (Exception, SystemExit) as error:  # whatever a plug-in's module may raise
         reason = plugin_fault(error) or f"{type(error).__name__}: {' '.join(str(error).split())}"
+        if module == "__main__":
+            reason = "worker processes cannot see a notebook's classes: give workers=0, or put it into a module"
         raise ImportError(f"{named} cannot be imported: {reason}") from error
     if not isinstance(found, type):
         raise ImportError(f"{named} is not a class")
