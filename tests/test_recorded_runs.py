@@ -277,7 +277,8 @@ def test_the_result_names_its_files_and_the_rows_that_were_left_out(tmp_path: Pa
     assert [row.split(": ")[0] for row in stored["skipped"]] == ["readings.csv:82", "readings.csv:83"]
     text = info_text(tmp_path / "out.h5")
     assert f"recorded     readings.csv ({digests['readings.csv']}), 2 rows left out\n" in text
-    assert "readings.csv:83: the deployment has no node 'nobody' (its nodes: east, north, west, south)" in text
+    said = " ".join(text.split())  # without the line breaks of a terminal
+    assert "readings.csv:83: the deployment has no node 'nobody' (its nodes: east, north, west, south)" in said
     (note,) = notes.of_report(report, {"without_estimate": 0, "present_steps": STEPS})
     assert note.startswith("2 rows of readings.csv left out, such as readings.csv:82: reading must be a finite number")
 

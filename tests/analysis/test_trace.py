@@ -335,7 +335,8 @@ def test_the_json_of_a_flood_has_who_was_woken(made):
 def test_sentences_stand_in_the_order_of_time_in_ms_after_the_start(made):
     rows = [*hop(1, 12, HEAD, 3.0), *hop(2, 13, HEAD, 5.5), event("sense", 12, 0.0), event("estimate", HEAD, 20.0)]
     lines = text(trace(made(rows), 2)).splitlines()
-    told = lines[lines.index("    ms") + 1 : lines.index("", 5)]
+    first = lines.index("    ms") + 1
+    told = lines[first : lines.index("", first)]
     assert [line.split()[0] for line in told] == ["0.000", "3.000", "5.500", "20.000"]
 
 

@@ -66,8 +66,8 @@ def test_a_term_is_explained_when_it_has_the_focus_and_escape_hides_it(browser, 
     page.value(f"{TERM.format('Monte Carlo runs')}.focus()")
     for _ in range(2):
         page.order("Input.dispatchKeyEvent", type="keyDown", key="Tab", code="Tab", windowsVirtualKeyCode=9)
-    assert page.value("document.activeElement.textContent") == QUANTITIES["rmse_median"].name
-    assert page.value(f"{TIP}.textContent") == QUANTITIES["rmse_median"].definition and in_window(page)
+    assert page.value("document.activeElement.textContent") == QUANTITIES["ever_lost"].name
+    assert page.value(f"{TIP}.textContent") == QUANTITIES["ever_lost"].definition and in_window(page)
     assert page.value("document.activeElement.getAttribute('aria-describedby')") == "tip"
     page.press("Escape")
     assert page.value(f"{TIP}.hidden && !document.activeElement.hasAttribute('aria-describedby')")

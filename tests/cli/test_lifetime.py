@@ -130,7 +130,7 @@ def test_visits_that_are_kept_are_not_simulated_again(tmp_path: Path, monkeypatc
         (["--set", "network=none"], "network: none has no batteries"),
         (SCANS, "a lifetime needs readings that name it"),
         (["--jobs", "2", "--scheduler", "tcp://x:1"], "--jobs cannot be combined with --scheduler"),
-        (["--plot", "a.gif"], "a figure cannot have the suffix '.gif'"),
+        (["--plot", "a.gif"], "only the steps of a run can be a GIF"),
         (["--set", "lifetime.times=[3,2]"], "times: error: must ascend"),
         (["--set", "lifetime.times=[0,10]"], "lifetime.times: visits last up to 20 s, and two begin 10 s apart"),
         (["--intrusions", "close.csv"], "--intrusions close.csv: visits last up to 20 s, and two begin 10 s apart"),

@@ -28,7 +28,7 @@ VARIED = "tracker.particles=20,21,22,23,24,25"
         "sweep campaign --metric energy",
         "list",
         "list scenarios",
-        "list parts",
+        "list datasheets",
         "info pso_mhpf",
     ],
 )

@@ -121,7 +121,7 @@ def suffix_of(out: Path, animated: bool = False) -> str:
     """
     suffix, known = out.suffix.lower(), (*UNDATED, GIF) if animated else tuple(UNDATED)
     if suffix == GIF and not animated:
-        raise UsageError(f"{out}: only the steps of a run can be a GIF: --what step, without --step")
+        raise UsageError(f"{out}: only the steps of a run can be a GIF: wsnsim plot --what step, without --step")
     if suffix not in known:
         hint = did_you_mean(suffix, known) if suffix else "known: " + ", ".join(known)
         raise UsageError(f"{out}: a figure cannot have the suffix '{suffix}' ({hint})")
