@@ -68,7 +68,7 @@ def chosen(sources: Sequence[str], only: str | None = None) -> list[tuple[str, E
     if only is None:
         return found
     named = [(f"{name} has", experiments(source)) for name, source in names.items()]
-    for papers, ones in named or [("the papers have", [experiment for _, experiment in found])]:
+    for papers, ones in named or [("the papers have", tuple(experiment for _, experiment in found))]:
         if only not in (known := set().union(*map(_names, ones))):
             raise UsageError(f"{papers} no experiment '{only}' ({did_you_mean(only, known)})")
     return [(source, experiment) for source, experiment in found if only in _names(experiment)]
