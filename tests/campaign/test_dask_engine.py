@@ -118,7 +118,11 @@ def test_what_no_worker_has_begun_is_taken_back(begun: Begun, engine_of: Any) ->
         (HERE, 1, ""),
         (HERE._replace(wsnsim="9"), 1, f"has wsnsim {wsnsim.__version__}, but the campaign runs with 9"),
         (HERE._replace(numpy="9"), 1, f"has NumPy {np.__version__}, but the campaign runs with 9"),
-        (HERE._replace(code="9"), 1, f"has other source files of wsnsim {wsnsim.__version__} than the campaign"),
+        (
+            HERE._replace(code="9"),
+            1,
+            f"has other source files of wsnsim {wsnsim.__version__} than the campaign: {wsnsim.__path__[0]}",
+        ),
         (HERE, 2, "has 2 threads"),
         (HERE._replace(marker="elsewhere/running/driver.log"), 1, "does not see elsewhere"),
     ],

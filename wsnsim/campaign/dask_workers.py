@@ -111,7 +111,7 @@ def unmet_requirement(required: WorkerRequirements, dask_worker: Any) -> str:
     if __version__ != required.wsnsim:
         return f"has wsnsim {__version__}, but the campaign runs with {required.wsnsim}"
     if required.code and digest_of(package_digests().items()) != required.code:
-        return f"has other source files of wsnsim {__version__} than the campaign"
+        return f"has other source files of wsnsim {__version__} than the campaign: {Path(__file__).parents[1]}"
     if numpy.__version__ != required.numpy:
         return f"has NumPy {numpy.__version__}, but the campaign runs with {required.numpy}: last bits would differ"
     if threads != 1:

@@ -125,8 +125,8 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
         raise RunError(f"{path}: none of its {used.total} rows can be used")
     if len(targets := used.texts["target"].names if "target" in used.texts else ()) > 1:
         option = f"--where {names['target']}={min(targets)} --out target_{min(targets)}.csv"
-        each = f"give a file for each, such as {remedy(path, 'readings', option)}"
-        raise RunError(f"{path}: has readings of {len(targets)} targets: {each}")
+        advice = f"give a file for each, such as {remedy(path, 'readings', option)}"
+        raise RunError(f"{path}: has readings of {len(targets)} targets: {advice}")
     bad = ((path, used.bad), (track, skipped))
     notes = tuple(f"{name}:{row.line}: {row.reason}" for name, own in bad for row in own)
     file = DataFile(path, digest_of(path), len(used.lines), notes)
