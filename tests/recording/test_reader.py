@@ -61,6 +61,7 @@ def test_only_categories_have_meanings(result):
         (lambda path: read_text(path, "provenance_json"), "has no text 'provenance_json'"),
         (lambda path: tables(path.with_name("pso_mhfp.h5")), "no such file, did you mean '{folder}/pso_mhpf.h5'?"),
         (lambda path: tables(path.with_name("elsewhere.h5")), "no such file"),
+        (lambda path: tables(path.with_name("x" * 300) / "elsewhere.h5"), "no such file"),
         (lambda path: tables(path.parent), "is a folder, not a result"),
     ],
 )  # fmt: skip

@@ -342,6 +342,7 @@ def _is_hdf5(path: Path) -> bool:
 
 
 def _nearest(path: Path) -> str:
-    known = [*path.parent.glob("*.h5"), *(file.parent for file in path.parent.glob("*/campaign.json"))]
+    folder = path.parent if os.path.isdir(path.parent) else Path(os.devnull)  # noqa: PTH112 - names that are too long
+    known = [*folder.glob("*.h5"), *(file.parent for file in folder.glob("*/campaign.json"))]
     near = nearest(path.name, [file.name for file in known])
     return f", did you mean '{path.with_name(near[0])}'?" if near else ""

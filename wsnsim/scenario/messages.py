@@ -81,9 +81,8 @@ def _message(problem: Any, path: Keys, model: type[BaseModel]) -> str:
         about = _description(model, path)
         return "is missing" + (f": {about}" if about else "")
     if kind == "extra_forbidden":
-        inside = _annotation(model, path[:-1])
         comma = "decimals have a point, not a comma; " * str(path[-1])[:1].isdigit()
-        return f"unknown key, {comma}{did_you_mean(str(path[-1]), sorted(inside.model_fields))}"
+        return f"unknown key, {comma}{did_you_mean(str(path[-1]), sorted(_annotation(model, path[:-1]).model_fields))}"
     return str(context.get("message", problem["msg"]))
 
 
