@@ -43,7 +43,7 @@ def connected(address: str) -> Any:
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # its errors are reported by this engine
     if not address.rpartition(":")[2].isdecimal():  # a client of it would end with a traceback
-        raise UsageError(f"expected the address of a scheduler, such as tcp://host:8786, is '{address}'")
+        raise UsageError(f"cannot connect to the scheduler {address}: expected an address such as tcp://host:8786")
     client_class: Any = distributed.Client
     found: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
