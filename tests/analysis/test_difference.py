@@ -64,7 +64,7 @@ def test_equal_results_are_the_same_and_nan_equals_nan(made):
     found = differ(made("a", nan), made("b", nan))
     assert found.same
     assert [one.tables for one in found.replicates] == [dict.fromkeys(TABLES, True)] * 2
-    assert "are equal bit for bit" in text(found)
+    assert "are equal bit for bit" in " ".join(text(found).split())
 
 
 @pytest.mark.thorough
@@ -76,7 +76,7 @@ def test_the_last_bit_counts(made):
     found = differ(made("a"), made("b", nudge))
     assert not found.same
     assert [one.truth for one in found.replicates] == [False, True]
-    assert text(found).splitlines()[0].endswith("differ")
+    assert " differ " in " ".join(text(found).split())
 
 
 PAIRS = [(0, 1 << 22), (13, 1), (39, 260)]

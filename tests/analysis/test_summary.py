@@ -372,7 +372,7 @@ def test_without_events_there_is_the_bound_of_all_readings_alone_and_without_any
     waypoints = experiment.run(scenario.load("gmtt", ["duration=10 s"]), replicates=1, out=tmp_path / "y.h5")
     assert "no probability density" in summary.bounds_of_report(waypoints).reason
     told = summary_text.text(waypoints, {}, limits=summary.bounds_of_report(waypoints))
-    assert "no bound: the target moves in straight lines" in told and "CRLB" not in told
+    assert "no bound: a motion along given waypoints" in told and "CRLB" not in told
 
 
 def test_a_run_astray_in_the_middle_is_said_although_it_came_back():

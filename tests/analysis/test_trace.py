@@ -340,15 +340,20 @@ def test_sentences_stand_in_the_order_of_time_in_ms_after_the_start(made):
     assert [line.split()[0] for line in told] == ["0.000", "3.000", "5.500", "20.000"]
 
 
+def _unwrapped(said):
+    """A text without the line breaks of a terminal."""
+    return " ".join(said.split())
+
+
 @pytest.mark.thorough
 def test_the_estimate_says_where_how_far_off_when_and_from_what(made):
     assert (
-        "  estimate px 3 m, py 4 m: position error 5 m, issued by cluster head 7 20.000 ms after the start "
+        "estimate px 3 m, py 4 m: position error 5 m, issued by cluster head 7 20.000 ms after the start "
         "of the step; 3 of 4 members sensed, "
         "2 readings used"
-    ) in text(trace(made([]), 2)).splitlines()
+    ) in _unwrapped(text(trace(made([]), 2)))
     late = ESTIMATE | {"issued": 1.6, "late": 1, "received": 1.7}
-    said = text(trace(made([], [late], name="late.h5"), 2))
+    said = _unwrapped(text(trace(made([], [late], name="late.h5"), 2)))
     assert (
         "600.000 ms after the start of the step, late by 100 ms;" in said
         and "at the sink 700.000 ms after the start" in said

@@ -16,7 +16,8 @@ from wsnsim.base.facades import homes
 from wsnsim.base.part import part
 from wsnsim.models import CoordinatedTurn, DiskLink, RangeSensor
 from wsnsim.scenario import build, resolved
-from wsnsim.scenario.fields import names_of, part_model
+from wsnsim.scenario.check import with_inner
+from wsnsim.scenario.fields import names_of, part_model, roles_of
 from wsnsim.scenario.kind_info import import_line
 from wsnsim.scenario.python_values import values_of
 from wsnsim.scenario.registry import ROLES, find, load_class
@@ -75,7 +76,9 @@ def test_a_component_survives_its_form_in_a_scenario(role, kind):
         pytest.skip("has no default for some parameter: shipped scenarios have it")
     values = values_of(component, role)
     assert values["kind"] == kind
-    assert built(part_model(role, kind).model_validate(values)) == component
+    inner = tuple((field, part_model(one.role, values[field]["kind"])) for field, one in roles_of(cls).items()
+                  if not one.several and values.get(field))  # fmt: skip
+    assert built(with_inner(part_model(role, kind), inner).model_validate(values)) == component
 
 
 @pytest.mark.thorough(fast=["two_targets"])

@@ -245,6 +245,7 @@ SHIPPED = {
     "central_pf": ("4 s", EKF), "pso_mhpf": ("3 s", EKF), "pso_mhpf_packed": ("2 s", EKF), "two_targets": ("2 s", EKF),
     "rkf": ("40 s", {"kind": "pf"}), "liu_network": ("40 s", EKF), "range_pf": ("30 s", EKF),
     "range_anchors": ("30 s", EKF), "ungm_grid": ("30 s", GRID), "bearing": ("3 s", EKF),
+    "event_triggered": ("5 s", EKF),
 }  # fmt: skip
 
 

@@ -28,6 +28,8 @@ PARTNERS: Final = {
 """Trackers that go with a wake-up protocol, and with what decides who leads."""
 DECIDE: Final = ("acoustic_energy", "range", "rssi", "bearing")
 """Sensors of one number, which a member can compare with what is expected."""
+IN_A_HEAD: Final = ("pf", "gpf", "imm", "cs_pf", "ics_pf", "central_pf", "pso_gpf", "gsa_gpf")
+"""Trackers in whose place a Kalman filter may stand, whatever else a scenario says."""
 OF_LINES: Final = ("squared", "coordinate", "range", "range_from_origin")
 """Sensors of a position of one column."""
 ONLINE: Final = ("acoustic_energy", "range", "rssi", "bearing", "range_bearing")
@@ -151,12 +153,13 @@ class Sampler:
         """The scenario, in some cases with members that decide whether to send; the choice changes no other value."""
         rng, tracker = random.Random(f"triggers {self.turn}"), values["tracker"]
         decides = values["sensor"]["kind"] in DECIDE and "emission" not in values["sensor"] and "assumes" not in tracker
-        if tracker["kind"] not in ("ekf", "ukf", "ckf") or tracker.get("readings") == "nearest" or rng.random() < 0.5:
+        if decides and tracker["kind"] in IN_A_HEAD and rng.random() < 0.5:
+            tracker = {"kind": rng.choice(["ekf", "ukf", "ckf"])}
+        if tracker["kind"] not in ("ekf", "ukf", "ckf") or tracker.get("readings") == "nearest" or rng.random() < 0.2:
             return values
         tracker = {name: value for name, value in tracker.items() if not name.startswith("late")}
-        trigger = {
-            "kind": rng.choice(["event", "stochastic", "periodic", "random"] if decides else ["periodic", "random"])
-        }
+        kinds = ["stochastic", "event", "always", "periodic", "random"] if decides else ["periodic", "random"]
+        trigger = {"kind": rng.choice(kinds)}
         if trigger["kind"] in ("event", "stochastic"):
             trigger |= {"loss": rng.choice([0.0, 0.2]), "shared_every": rng.choice([1, 5])}
         return {**values, "tracker": tracker | {"trigger": trigger}}

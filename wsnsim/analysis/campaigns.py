@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -20,11 +20,14 @@ from pandas.api.types import union_categoricals
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import ResultError
 from wsnsim.base.runs import tracked
-from wsnsim.base.tables import DUTY_CYCLED, RECORDED_BY_DEFAULT, TABLES
+from wsnsim.base.tables import DUTY_CYCLED, LATE, RECORDED_BY_DEFAULT, TABLES, WITHOUT_HEAD
 from wsnsim.recording import read_with_meanings, tables
 from wsnsim.recording.folder import Folder, PointOnDisk
 from wsnsim.recording.kept import read_consolidated
 from wsnsim.recording.rows import SHORT_TABLES
+
+SOME_HAVE: Final = {*DUTY_CYCLED, *LATE, *WITHOUT_HEAD}
+"""Columns of some points of a campaign: of those with radios that sleep, late readings that are used, or no head."""
 
 
 def read_file(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -38,7 +41,7 @@ def data_frame(columns: Mapping[str, np.ndarray], words: Mapping[str, tuple[str,
 
 
 def stacked(files: Sequence[Path], frames: Sequence[pd.DataFrame], table: str) -> pd.DataFrame:
-    """The rows of several files in one frame, with NaN in columns that only files of duty-cycled MACs have.
+    """The rows of several files in one frame, with NaN in columns of `SOME_HAVE` that others lack.
 
     Raises ResultError if the files differ in other columns.
     """
@@ -50,11 +53,11 @@ def stacked(files: Sequence[Path], frames: Sequence[pd.DataFrame], table: str) -
 
 
 def _padded(frames: Sequence[pd.DataFrame]) -> list[pd.DataFrame]:
-    """The frames; those without the columns of duty-cycled MACs get them where another has them."""
+    """The frames; those without columns of `SOME_HAVE` get them where another has them."""
     widest = max(frames, key=lambda frame: len(frame.columns))
     return [
         frame.reindex(columns=widest.columns)
-        if frame.columns.size < widest.columns.size and {*widest} - {*frame} <= {*DUTY_CYCLED} and {*frame} <= {*widest}
+        if frame.columns.size < widest.columns.size and {*widest} - {*frame} <= SOME_HAVE and {*frame} <= {*widest}
         else frame
         for frame in frames
     ]
