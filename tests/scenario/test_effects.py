@@ -202,6 +202,9 @@ def base_of(folder: Path, mode: str, role: str, kind: str) -> dict[str, Any]:
         tracker = UNLABELLED["tracker"] | {"management": {"kind": kind}}
         tracker["management"] |= ENRICHED.get((role, kind), {})
         return scenario.resolved(scenario.load(UNLABELLED | {"tracker": tracker}))
+    if role == "trigger":
+        trigger = f"tracker.trigger={{kind: {kind}}}"
+        return scenario.resolved(scenario.load("event_triggered", ["duration=9 s", "replicates=1", trigger]))
     example, key = example_of(ROLES[role], kind, ()), ROLES[role].listed if ROLES[role].optional else role
     for name, content in example.files.items():
         (folder / name).write_text(content)
@@ -273,7 +276,7 @@ def hint_of(part: type[Any], name: str) -> Any:
 
 
 def holder(values: dict[str, Any], role: str, name: str) -> tuple[Any, str]:
-    inner = values["tracker"]["management"] if role == "management" else None
+    inner = values["tracker"][role] if role in ("management", "trigger") else None
     top = inner or (values["faults"][0] if role == "fault" else values.get(role) or values["targets"][0])
     outer, _, nested = name.partition(".")
     return (top[outer], nested) if nested else (top, outer)

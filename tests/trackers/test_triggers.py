@@ -11,7 +11,7 @@ from scipy import stats
 import wsnsim
 from wsnsim import ScenarioError
 from wsnsim.trackers.shared.readings import Evidence
-from wsnsim.trackers.shared.silence import Heard, SharedEstimate
+from wsnsim.trackers.shared.silence import HeardReadings, SharedEstimate
 from wsnsim.trackers.shared.triggers import Event, Stochastic
 
 NONE = Evidence((), np.empty(0), np.zeros((0, 2)), np.zeros((0, 0)))
@@ -35,7 +35,7 @@ def silent(trigger, shared_mean, shared_variance, count=1):
         positions=np.zeros((count, 2)), traits=np.zeros((count, 0)),
     )  # fmt: skip
     shared = SharedEstimate(np.array([shared_mean]), np.array([[shared_variance]]), 3)
-    return Heard(NONE, shared, tuple(range(count)), trigger).with_silence(MEAN, COV, scene)
+    return HeardReadings(NONE, shared, tuple(range(count)), trigger).with_silence(MEAN, COV, scene)
 
 
 def posterior(trigger, shared_mean, shared_variance):

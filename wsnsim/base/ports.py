@@ -341,7 +341,7 @@ class Trigger(Protocol):
     """Decides which members send their readings to a head, and what the head learns from the others."""
 
     def gather(self, belief: Any, scene: Scene) -> Flow[Any]:
-        """Ask the members for readings; return a `wsnsim.trackers.shared.silence.Heard`.
+        """Ask the members for readings; return a `wsnsim.trackers.shared.silence.HeardReadings`.
 
         Args:
             belief: That of the last step, with `mean` and `cov`, and with `shared` if a trigger left it there.

@@ -24,7 +24,7 @@ MISSED: Final = 3
 """Steps of a prediction without scans."""
 
 
-class Played(NamedTuple):
+class PlayedRun(NamedTuple):
     """What a tracker gave at a step, and the belief."""
 
     estimates: tuple[TrackEstimate, ...]
@@ -52,7 +52,7 @@ class _Recorded:
 
     def play(
         self, copied: Callable[[Any], Any] = lambda belief: belief, steps: Any = None, known: bool = True
-    ) -> Iterator[Played]:
+    ) -> Iterator[PlayedRun]:
         """Yield what the tracker gives at each step; `known`: the targets are known at the start."""
         priors = self.priors if known else ()
         belief, number = self.tracker.begin(priors, 0.0, self.facts), len(priors)
@@ -60,7 +60,7 @@ class _Recorded:
             outcome = self.tracker.step(copied(belief), time, scans, nodes, self.facts, number)
             belief, number = outcome.belief, number + sum(event.kind == "start" for event in outcome.events)
             estimates = tuple(self.tracker.estimates(belief, self.facts))
-            yield Played(estimates, tuple(outcome.events), tuple(outcome.explained), belief)
+            yield PlayedRun(estimates, tuple(outcome.events), tuple(outcome.explained), belief)
 
 
 def check_multi_tracker(tracker: MultiTracker, values: Mapping[str, Any] | None = None) -> None:
@@ -92,7 +92,7 @@ def check_multi_tracker(tracker: MultiTracker, values: Mapping[str, Any] | None 
     demand_each(CHECKS, recorded)
 
 
-def _demand_same(one: Iterable[Played], other: Iterable[Played], fault: str) -> None:
+def _demand_same(one: Iterable[PlayedRun], other: Iterable[PlayedRun], fault: str) -> None:
     for step, (first, second) in enumerate(zip(one, other, strict=True), 1):
         assert same(first[:3], second[:3]), f"{fault} (step {step})"
 

@@ -38,7 +38,7 @@ from wsnsim.trackers.sensor_chains import InteractingKalman as InteractingKalman
 from wsnsim.trackers.sensor_chains import RelayKalman as RelayKalman
 from wsnsim.trackers.shared.triggers import Always as Always
 from wsnsim.trackers.shared.triggers import Event as Event
-from wsnsim.trackers.shared.triggers import Periodic as Periodic
+from wsnsim.trackers.shared.triggers import PeriodicSending as PeriodicSending
 from wsnsim.trackers.shared.triggers import RandomSending as RandomSending
 from wsnsim.trackers.shared.triggers import Stochastic as Stochastic
 from wsnsim.trackers.sigma_points import CubatureKalman as CubatureKalman
@@ -70,7 +70,8 @@ Imsf = InteractingKalman
 Rkf = RelayKalman
 AlwaysTrigger = Always
 EventTrigger = Event
-PeriodicTrigger = Periodic
+Periodic = PeriodicSending
+PeriodicTrigger = PeriodicSending
 Random = RandomSending
 RandomTrigger = RandomSending
 StochasticTrigger = Stochastic

@@ -40,7 +40,7 @@ from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
 from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.readings import Evidence, packet_bits, parcel, reading_parcel
-from wsnsim.trackers.shared.silence import Heard
+from wsnsim.trackers.shared.silence import HeardReadings
 from wsnsim.trackers.shared.triggers import Always, trigger_issues
 from wsnsim.trackers.shared.whole_runs import kalman_runs
 
@@ -94,7 +94,7 @@ class ExtendedKalman(LateFilter):
         mean, cov = predicted(belief.mean, belief.cov, scene)
         place = np.array(scene.motion.position)
         if self.readings == "nearest":
-            heard = Heard((yield from _nearest_reading(mean[place], scene)))
+            heard = HeardReadings((yield from _nearest_reading(mean[place], scene)))
         else:
             heard = yield from self.trigger.gather(belief, scene)
         seen = heard.seen

@@ -43,7 +43,7 @@ class SharedEstimate:
     cov: Floats
     step: int
 
-    def expects(self, scene: Scene, positions: Floats, traits: Floats) -> Expected:
+    def expects(self, scene: Scene, positions: Floats, traits: Floats) -> ExpectedReadings:
         """What it expects the sensors of S nodes at (S, 2), with traits (S, T), to measure at the step of a scene."""
         mean, cov, place = self.mean, self.cov, list(scene.motion.position)
         if mean.size > len(place):
@@ -52,7 +52,7 @@ class SharedEstimate:
         return expected_of(mean, cov, scene.sensor, positions, traits)
 
 
-class Expected(NamedTuple):
+class ExpectedReadings(NamedTuple):
     """What the sensors of S nodes are expected to measure of a Gaussian position.
 
     Attributes:
@@ -70,7 +70,7 @@ class Expected(NamedTuple):
     variances: Floats
 
 
-class Moments(NamedTuple):
+class SilenceMoments(NamedTuple):
     """Silence of one member, in standard deviations of its reading: its probability, and moments if nothing is lost."""
 
     chance: float
@@ -85,15 +85,15 @@ class Silence(Protocol):
     def loss(self) -> float:
         """p: probability with which a packet that is sent does not arrive."""
 
-    def widths(self, expected: Expected) -> Floats:
+    def widths(self, expected: ExpectedReadings) -> Floats:
         """(S,) how far readings may be from what is expected, in their unit."""
 
-    def silence_of(self, centre: float, width: float) -> Moments:
+    def silence_of(self, centre: float, width: float) -> SilenceMoments:
         """The silence of a member whose reading is standard normal, if it is silent `width` about `centre`."""
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class HeardReadings:
     """What a head has after asking for readings.
 
     Attributes:
@@ -137,7 +137,7 @@ class Heard:
         return mean, cov
 
 
-def expected_of(point: Floats, cov: Floats, sensor: SensorModel, positions: Floats, traits: Floats) -> Expected:
+def expected_of(point: Floats, cov: Floats, sensor: SensorModel, positions: Floats, traits: Floats) -> ExpectedReadings:
     """What the sensors of S nodes are expected to measure of a Gaussian position, linearised at its mean.
 
     Args:
@@ -150,10 +150,10 @@ def expected_of(point: Floats, cov: Floats, sensor: SensorModel, positions: Floa
     values, gradients, noise = sensor.linearise(point[:, None], positions, traits)
     slopes = gradients[:, :, 0]
     cross = slopes @ cov
-    return Expected(values[:, 0], slopes, noise[:, 0], cross, (slopes * cross).sum(axis=1) + noise[:, 0])
+    return ExpectedReadings(values[:, 0], slopes, noise[:, 0], cross, (slopes * cross).sum(axis=1) + noise[:, 0])
 
 
-def _with_loss(moments: Moments, loss: float, informed: float) -> tuple[float, float]:
+def _with_loss(moments: SilenceMoments, loss: float, informed: float) -> tuple[float, float]:
     """Mean and variance of a standard normal reading that did not arrive.
 
     It was lost, or its member has the shared estimate, with the probability `informed`, and was silent.

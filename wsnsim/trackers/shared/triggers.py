@@ -32,7 +32,7 @@ from wsnsim.trackers.shared.readings import (
     parcel,
     reading_parcel,
 )
-from wsnsim.trackers.shared.silence import LEAST_CHANCE, Expected, Heard, Moments, SharedEstimate
+from wsnsim.trackers.shared.silence import LEAST_CHANCE, ExpectedReadings, HeardReadings, SharedEstimate, SilenceMoments
 
 SHARED: Final = "shared_estimate"
 DRAW: Final = 11
@@ -50,9 +50,9 @@ class Always:
     shares: ClassVar[bool] = False
     """Whether members decide by an estimate that the head broadcasts."""
 
-    def gather(self, belief: Any, scene: Scene) -> Flow[Heard]:
+    def gather(self, belief: Any, scene: Scene) -> Flow[HeardReadings]:
         """The readings that reach the head."""
-        return Heard((yield from gather_readings(scene, belief=belief)))
+        return HeardReadings((yield from gather_readings(scene, belief=belief)))
 
 
 @part
@@ -63,18 +63,18 @@ class ChosenMembers(Always):
         """Whether a member sends its reading."""
         raise NotImplementedError
 
-    def gather(self, belief: Any, scene: Scene) -> Flow[Heard]:
+    def gather(self, belief: Any, scene: Scene) -> Flow[HeardReadings]:
         """The readings that reach the head."""
         bits, step = packet_bits(scene.sensor), scene.step
 
         def parcel_of(member: Member) -> Parcel | None:
             return reading_parcel(member, bits) if self.sends(member, step) else None
 
-        return Heard(_evidence((yield Gather(parcel_of)), scene))
+        return HeardReadings(_evidence((yield Gather(parcel_of)), scene))
 
 
 @part
-class Periodic(ChosenMembers):
+class PeriodicSending(ChosenMembers):
     """A member sends at every n-th step, each at a step of its own: decimation, the rival of events."""
 
     every: Annotated[int, Quantity("", ge=2, le=10_000), "steps from one reading of a member to its next"] = 2
@@ -117,7 +117,7 @@ class EstimateTrigger(Always):
         int, Quantity("", ge=1, le=1000), "steps from one broadcast of the estimate to the next"
     ] = 1
 
-    def widths(self, expected: Expected) -> Floats:
+    def widths(self, expected: ExpectedReadings) -> Floats:
         """(S,) how far readings may be from what is expected, in their unit."""
         raise NotImplementedError
 
@@ -125,7 +125,7 @@ class EstimateTrigger(Always):
         """Whether a member is silent whose reading is so far from what is expected."""
         raise NotImplementedError
 
-    def silence_of(self, centre: float, width: float) -> Moments:
+    def silence_of(self, centre: float, width: float) -> SilenceMoments:
         """The silence of a member whose reading is standard normal, if it is silent `width` about `centre`."""
         raise NotImplementedError
 
@@ -139,7 +139,7 @@ class EstimateTrigger(Always):
             why = "members do not know the gains that the head estimates; use periodic or random, or assume known gains"
             yield Issue(("tracker", "trigger"), why)
 
-    def gather(self, belief: Any, scene: Scene) -> Flow[Heard]:
+    def gather(self, belief: Any, scene: Scene) -> Flow[HeardReadings]:
         """The readings that reach the head, and whose silence it uses."""
         shared: SharedEstimate | None = getattr(belief, "shared", None)
         others = set(scene.ids) - {scene.head}
@@ -154,9 +154,9 @@ class EstimateTrigger(Always):
         seen = _evidence(reply, scene)
         silent = [row for row, node in enumerate(scene.ids) if node in others and node not in reply]
         if self.silence == "ignored" or not silent:
-            return Heard(seen, shared)
+            return HeardReadings(seen, shared)
         yield Compute(len(silent) * DECISION_CYCLES)
-        return Heard(seen, shared, tuple(silent), self)
+        return HeardReadings(seen, shared, tuple(silent), self)
 
     def _shared(self, belief: Any, scene: Scene) -> SharedEstimate:
         """The prediction: of the state, or of the position if members need it for one step only."""
@@ -194,7 +194,7 @@ class Event(EstimateTrigger):
 
     threshold: Annotated[float, Quantity("m", gt=0), "shift of the estimated position above which a member sends"] = 1.0
 
-    def widths(self, expected: Expected) -> Floats:
+    def widths(self, expected: ExpectedReadings) -> Floats:
         """(S,) half the length of the interval of readings that are not sent."""
         gains = expected.cross / expected.variances[:, None]
         widths: Floats = self.threshold / np.maximum(np.sqrt((gains**2).sum(axis=1)), 1e-300)
@@ -204,15 +204,15 @@ class Event(EstimateTrigger):
         """Whether the reading is in the interval."""
         return apart <= width
 
-    def silence_of(self, centre: float, width: float) -> Moments:
+    def silence_of(self, centre: float, width: float) -> SilenceMoments:
         """A standard normal, truncated to the interval."""
         low, high = max(centre - width, -FAR), min(centre + width, FAR)
         chance = _cdf(high) - _cdf(low) if low <= 0.0 else _cdf(-low) - _cdf(-high)
         if chance < LEAST_CHANCE:
-            return Moments(0.0, 0.0, 1.0)
+            return SilenceMoments(0.0, 0.0, 1.0)
         mean = (_density(low) - _density(high)) / chance
         square = 1.0 + (low * _density(low) - high * _density(high)) / chance
-        return Moments(chance, mean, max(square - mean**2, 0.0))
+        return SilenceMoments(chance, mean, max(square - mean**2, 0.0))
 
 
 @part
@@ -224,7 +224,7 @@ class Stochastic(EstimateTrigger):
 
     width: Annotated[float, Quantity("", gt=0), "w, in standard deviations of the expected reading"] = 1.0
 
-    def widths(self, expected: Expected) -> Floats:
+    def widths(self, expected: ExpectedReadings) -> Floats:
         """(S,) w in the unit of the readings."""
         return self.width * np.sqrt(expected.variances)
 
@@ -232,11 +232,11 @@ class Stochastic(EstimateTrigger):
         """Whether the member's draw says so."""
         return _uniform(member) < math.exp(-0.5 * (apart / width) ** 2)
 
-    def silence_of(self, centre: float, width: float) -> Moments:
+    def silence_of(self, centre: float, width: float) -> SilenceMoments:
         """A standard normal times the probability of silence."""
         total = 1.0 + width**2
         chance = width / math.sqrt(total) * math.exp(-0.5 * centre**2 / total)
-        return Moments(chance, centre / total, width**2 / total)
+        return SilenceMoments(chance, centre / total, width**2 / total)
 
 
 def issues_of(component: Any, setup: TrackingSetup) -> Iterable[Issue]:
