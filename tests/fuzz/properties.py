@@ -83,12 +83,13 @@ def broken(run: Run) -> list[str]:
 
 
 def estimates_are_finite(run: Run) -> Iterator[str]:
-    """An estimate that was issued has a finite error and a positive variance."""
+    """An estimate that was issued has a finite error and a positive variance, unless its covariance is none."""
     table = run.memory.table("estimates")
     if not table:
         return
     issued = np.isfinite(table["issued"])
-    for name in ("error", "sd_x", "sd_y"):
+    spreads = ("sd_x", "sd_y") if getattr(run.setup.tracker, "has_covariance", True) else ()
+    for name in ("error", *spreads):
         if name in table and not np.isfinite(table[name][issued]).all():
             yield f"{name} of step {table['step'][issued & ~np.isfinite(table[name])][0]} is not finite"
     if (table["sd_x"][issued] < 0).any():
@@ -124,7 +125,8 @@ def estimates_use_what_arrived(run: Run) -> Iterator[str]:
     origins = dict(zip(events["sequence"][first].tolist(), events["node"][first].tolist(), strict=True))
     measured, heard = _measured(run), run.rows("receive")
     tracker = run.setup.tracker
-    local = isinstance(tracker, PsoMhpf | ParallelPf)  # members use their own measurements
+    # members, and participants without a head, use their own measurements
+    local = isinstance(tracker, PsoMhpf | ParallelPf) or getattr(tracker, "headless", False)
     packed = tracker.every if isinstance(tracker, InformationDriven) else 1
     wrong = max((abs(getattr(fault, "offset", 0.0)) for fault in run.setup.faults), default=0.0)
     stepped = (wrong + 3.0 * getattr(run.setup.clock, "offset", 0.0)) / run.setup.dt
