@@ -172,7 +172,7 @@ class PeerProtocol:
         places = np.array([member.position for member in members])
         gateway = members[int(((places - aim) ** 2).sum(axis=1).argmin())]
         peers.head, part.driver.readings = gateway.id, readings
-        belief, full = self._tracker.belief_of(gateway), replace(scene, head=gateway.id, roster=peers.roster())
+        belief, full = self._tracker.belief_of(gateway), replace(scene, head=gateway.id)
         self._services.estimates.issue(track, step, full, part.driver, belief)
         self._services.estimates.snapshot(track, peers, belief, step)
         if step:
