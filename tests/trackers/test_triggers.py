@@ -185,6 +185,18 @@ def test_diffusion_sends_an_estimate_at_every_heartbeat_even_if_it_is_no_news():
     [
         ({"sensor": {"kind": "range_bearing", "reach": "50 m"}}, "not readings of several components"),
         ({"sensor": {"kind": "binary"}}, "use periodic or random"),
+        (
+            {
+                "sensor": {
+                    "kind": "quantised",
+                    "bits": 2,
+                    "thresholds": "lloyd_max",
+                    "law": {"kind": "range", "reach": "50 m"},
+                },
+                "tracker": {"kind": "ckf", "trigger": {"kind": "periodic"}},
+            },
+            "thresholds about a prediction are sent to all members",
+        ),
         ({"tracker": {"kind": "ekf", "readings": "nearest", "trigger": {"kind": "event"}}}, "use all readings"),
         ({"tracker": {"kind": "ukf", "late": "refilter", "trigger": {"kind": "event"}}}, "use trigger: always"),
         ({"tracker": {"kind": "ekf", "trigger": {"kind": "event", "threshold": 0}}}, "greater than 0"),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from functools import partial
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 
@@ -46,9 +46,6 @@ DECISION_CYCLES: Final = 60.0
 @part
 class Always:
     """Every member sends its reading at each step."""
-
-    shares: ClassVar[bool] = False
-    """Whether members decide by an estimate that the head broadcasts."""
 
     def gather(self, belief: Any, scene: Scene) -> Flow[HeardReadings]:
         """The readings that reach the head."""
@@ -104,8 +101,6 @@ class EstimateTrigger(Always):
     is recent enough sends its reading. The head knows which members sense, as everywhere here: an idealisation,
     without which silence says less.
     """
-
-    shares: ClassVar[bool] = True
 
     silence: Annotated[Literal["used", "ignored"], "whether the head updates with the silence of members"] = "used"
     loss: Annotated[
@@ -251,7 +246,7 @@ def issues_of(component: Any, setup: TrackingSetup) -> Iterable[Issue]:
 
 
 def trigger_issues(tracker: Any, setup: TrackingSetup) -> Iterator[Issue]:
-    """What speaks against the trigger of a tracker: itself, or late readings, which a head needs of all members.
+    """What speaks against the trigger of a tracker: itself, late readings, or thresholds that each member is sent.
 
     Args:
         tracker: A tracker with `trigger` and `late`.
@@ -261,6 +256,8 @@ def trigger_issues(tracker: Any, setup: TrackingSetup) -> Iterator[Issue]:
         yield Issue(
             ("tracker", "late"), "a head that uses late readings needs all members to send: use trigger: always"
         )
+    if getattr(setup.filter_sensor, "adapts", False) and tracker.trigger != Always():
+        yield Issue(("tracker", "trigger"), "thresholds about a prediction are sent to all members: use always")
     yield from issues_of(tracker.trigger, setup)
 
 
