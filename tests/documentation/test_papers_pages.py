@@ -36,7 +36,9 @@ def test_the_page_of_a_paper_has_a_row_for_each_counted_claim_and_counts_the_oth
     judged = judged[judged["verdict"].isin(OUTCOMES) & ~judged["kind"].str.startswith("derived")]
     claims = judged.drop_duplicates(["where", "quantity", "variant", "basis"])
     assert len(rows) - 2 == (claims["basis"] == "evidence").sum() > 2
-    assert sum(map(int, re.findall(r"(\d+) [a-z]+", others.partition(": ")[2]))) == (claims["basis"] != "evidence").sum()
+    assert (
+        sum(map(int, re.findall(r"(\d+) [a-z]+", others.partition(": ")[2]))) == (claims["basis"] != "evidence").sum()
+    )
     assert f"({name}.csv)" in text(f"docs/papers/{name}.md")
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.page import write_blocks
-from tests.papers.page_files import as_csv, write_files
+from tests.papers.page_files import as_csv, counts, write_files
 from tests.papers.studies import module
 from wsnsim.analysis import statistics
 from wsnsim.papers.measures import Data
@@ -51,21 +51,17 @@ def _row(data: Data, variant: str) -> dict[str, Any]:
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
-    rows = found["rows"]
-    return {
-        "answers": answers(found["tests"]), "counts": counts(found["tests"]), "conclusions": _conclusions(rows),
-        "ratios": _ratios(rows),
-    }  # fmt: skip
+    return {"counts": counts(answers(found["tests"])), "conclusions": _conclusions(found["rows"])}
 
 
 def files(found: Mapping[str, Any]) -> dict[str, str]:
-    """{name of the CSV file beside the page: its text}: all rows, with ratios to readings in full."""
+    """{name of a CSV file beside the page: its text}: all rows, with ratios to readings in full, and the tests."""
     rows = []
     for name, row in found["rows"].items():
         figures = {f"{words} ({statistic})": row["levels"][measure] for measure, (words, statistic) in LEVELS.items()}
         ratios = {f"{measure} over full": row["ratios"][measure][:3] for measure in LEVELS}
         rows.append({"radio: tracker, readings": name, "runs": row["runs"], "lost": row["lost"], **figures, **ratios})
-    return {"few_bits.csv": as_csv(rows)}
+    return {"few_bits.csv": as_csv(rows), "few_bits_tests.csv": rows_of_tests(found["tests"])}
 
 
 def answer(words: Iterable[str]) -> str:
@@ -82,24 +78,19 @@ def by_number(tests: Iterable[Mapping[str, Any]]) -> dict[int, list[Mapping[str,
     return found
 
 
-def answers(tests: Sequence[Mapping[str, Any]]) -> str:
-    rows = []
-    for number, these in by_number(tests).items():
-        words = " and ".join([these[0]["words"].partition(": ")[2], *(f"< {each['below']:g}" for each in these[1:])])
-        p = max(each["p_holm"] for each in these)
-        rows.append([str(number), words, interval(these[0]["found"]), f"{p:.2g}",
-                     f"**{answer(each['answer'] for each in these)}**"])  # fmt: skip
-    return table(["", "hypothesis", "found [95 %]", "p (Holm)", "answer"], rows)
+def answers(tests: Iterable[Mapping[str, Any]]) -> dict[int, list[str]]:
+    """The answer to each hypothesis."""
+    return {number: [answer(each["answer"] for each in these)] for number, these in by_number(tests).items()}
 
 
-def counts(tests: Sequence[Mapping[str, Any]]) -> str:
-    """How many hypotheses have each answer, and which."""
-    found = {number: answer(each["answer"] for each in these) for number, these in by_number(tests).items()}
-    said = []
-    for word in ("yes", "no", "undecided"):
-        numbers = [str(number) for number, each in found.items() if each == word]
-        said.append(f"{len(numbers)} {word}" + f" ({', '.join(numbers)})" * bool(numbers))
-    return f"Of {len(found)} hypotheses: {', '.join(said)}."
+def rows_of_tests(tests: Iterable[Mapping[str, Any]]) -> str:
+    """A row for each registered test as CSV: its words, what was found, p after Holm's correction, and the answer."""
+    return as_csv({"number": each["number"], "test": _words(each), "found": each["found"][:3],
+                   "p (Holm)": each["p_holm"], "answer": each["answer"]} for each in tests)  # fmt: skip
+
+
+def _words(test: Mapping[str, Any]) -> str:
+    return test["words"].partition(": ")[2]
 
 
 def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:
@@ -130,22 +121,6 @@ def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:
         f" {rows['ideal: ekf, fixed 1']['runs']} runs on the ideal radio, `pf` in {rows[f'ideal: {one}']['lost']}; with"
         f" 1 adaptive bit, {rows['ideal: ekf, adaptive 1']['lost']} and {rows['ideal: pf, adaptive 1']['lost']}.",
     ])  # fmt: skip
-
-
-def _ratios(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    """A line for each radio: what the bits of the particle filter's readings change."""
-    lines = []
-    for radio in dict.fromkeys(name.partition(":")[0] for name in rows):
-        for kind in ("fixed", "adaptive"):
-            names = {bits: f"{radio}: pf, {kind} {bits}" for bits in BITS if f"{radio}: pf, {kind} {bits}" in rows}
-            said = [_said(measure, [rows[name]["ratios"][measure][0] for name in names.values()]) for measure in LEVELS]
-            counts = ", ".join(map(str, names))
-            lines.append(f"- {radio}, {kind}, {counts} bit{'s' * (len(names) > 1)}, over full: {'; '.join(said)}")
-    return "\n".join(lines)
-
-
-def _said(measure: str, values: Iterable[float]) -> str:
-    return f"{measure} {', '.join(f'{value:.2f}' for value in values)}"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
