@@ -146,7 +146,8 @@ def fairness() -> str:
     return (
         f"**Settings decide more than methods.** As printed in [Jiang 2013](docs/papers/jiang2013.md), the filter "
         f"PSO-MHPF has an RMSE of {rmse['pso_mhpf']:.2f} m, its rivals PPF and IPF {rmse['ppf']:.1f} m and "
-        f"{rmse['ipf']:.1f} m. If it assumes a hundred times the process noise, PPF has {rmse['ppf, noise x100']:.2f} m."
+        f"{rmse['ipf']:.1f} m. If it assumes a hundred times the process noise, PPF has "
+        f"{rmse['ppf, noise x100']:.2f} m."
     )
 
 
@@ -205,7 +206,7 @@ def _of(found: Sequence[float]) -> str:
 
 
 def information() -> str:
-    """The accuracy and energy of `information_driven` on the ideal radio, beside the cheapest within 1.5 times its error."""
+    """The accuracy and energy of `information_driven` on the ideal radio, beside the cheapest rivals near it."""
     ours = at_the_bound()
     strategies = {row["variant"]: row for row in rows("frontier")["frontier"]["strategies"]}
     others = [
