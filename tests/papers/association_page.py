@@ -133,7 +133,7 @@ def _conclusions(levels: Mapping[tuple[str, str], Any]) -> str:
         f"- **Radios**: X-MAC has {level('xmac, 0.7, 1: jpda', 'gospa')} m where"
         f" CSMA/CA has {level(csma + 'jpda', 'gospa')} m, for {value('xmac, 0.7, 1: jpda', 'energy', 1)} J in place of"
         f" {value(csma + 'jpda', 'energy', 1)} J, and {ms('xmac, 0.7, 1: jpda')} ms in place of {ms(csma + 'jpda')} ms"
-        " (not registered). We take it that frames collide over CSMA/CA since all nodes send at the same instant.",
+        " (not registered). We assume that frames collide over CSMA/CA since all nodes send at the same instant.",
     ])  # fmt: skip
 
 
