@@ -22,7 +22,8 @@ ROWS, PAGE, TABLE, FIGURE = (HOME / "docs" / f"performance.{ending}" for ending 
 GROUPS = ("lossy", "seam", "filters", "batch", "startup", "sleeping", "scale", "campaigns", "results", "scenarios")
 """Groups of `tests.bench.measures.GROUPS` whose rows are published."""
 SHOWN = (
-    *(f"{name}: CPU of one run" for name in ("pso_mhpf", "pso_mhpf_real", "jiang_field", "gmtt", "field_1m", "beacons")),
+    *(f"{name}: CPU of one run"
+      for name in ("pso_mhpf", "pso_mhpf_real", "jiang_field", "gmtt", "field_1m", "beacons")),
     "10,000 standalone runs of the bootstrap filter (ungm_pf), batch over composed",
     "first run after installation ready within, wall",
     "the same with kernels cached, wall",
