@@ -129,10 +129,10 @@ def _conclusions(levels: Mapping[tuple[str, str], Any]) -> str:
         f" {level(ideal + 'nearest_neighbour', 'switches')} switches a run, GNN has"
         f" {level(ideal + 'gnn', 'switches')}; it also has {false} false tracks an hour, since two tracks that take the"
         " same detection leave another one, which starts a third.",
-                f"- **Radios**: with JPDA, X-MAC has a lower GOSPA than CSMA/CA, for {value('xmac, 0.7, 1: jpda', 'energy', 1)} J"
-        f" in place of {value(csma + 'jpda', 'energy', 1)} J, but {ms('xmac, 0.7, 1: jpda')} ms in place of"
-        f" {ms(csma + 'jpda')} ms (not registered). We assume that over CSMA/CA frames collide since all nodes send at the"
-        " same instant.",
+        f"- **Radios**: with JPDA, X-MAC has a lower GOSPA than CSMA/CA, for"
+        f" {value('xmac, 0.7, 1: jpda', 'energy', 1)} J in place of {value(csma + 'jpda', 'energy', 1)} J, but"
+        f" {ms('xmac, 0.7, 1: jpda')} ms in place of {ms(csma + 'jpda')} ms (not registered). We assume that over"
+        " CSMA/CA frames collide since all nodes send at the same instant.",
     ])  # fmt: skip
 
 
