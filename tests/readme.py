@@ -19,7 +19,17 @@ from typing import Any
 import pandas as pd
 
 import wsnsim
-from tests.readme_results import OUTCOMES, PAPERS, frontier_opening, opening, outcome_table, results, rows_of
+from tests.readme_results import (
+    COUNTED,
+    OUTCOMES,
+    PAPERS,
+    counted_lines,
+    frontier_opening,
+    opening,
+    outcome_table,
+    results,
+    rows_of,
+)
 from tests.readme_tables import TABLES
 from wsnsim.papers.study import PAGES, study
 from wsnsim.papers.table import CLAIM_MARKS, OTHER_BASES
@@ -63,7 +73,14 @@ def reproduced(name: str) -> str:
         for form in ("--json", "--markdown")
     )
     store_rows(name, json.loads(rows)["rows"])
+    store_count(name, said)
     return shortened(name, said)
+
+
+def store_count(name: str, said: str) -> None:
+    """Replace the line of a paper in docs/papers/counted.txt: how many of its claims have each outcome."""
+    (line,) = re.findall(rf"^- {name}: .*", said, re.MULTILINE)
+    COUNTED.write_text(re.sub(rf"^- {name}: .*", lambda _: line, counted_lines(), flags=re.MULTILINE), encoding="utf-8")
 
 
 def shortened(name: str, said: str) -> str:
@@ -74,7 +91,7 @@ def shortened(name: str, said: str) -> str:
     for found in filter(None, map(NOT_COUNTED.search, apart)):
         others.setdefault(found[2], Counter())[found[1]] += 1
     rows = [line for line in lines if line.startswith("| ") and line not in apart]
-    marks = {mark for mark in CLAIM_MARKS if mark not in "\n".join(rows)}
+    marks = {name, *(mark for mark in CLAIM_MARKS if mark not in "\n".join(rows))}
     notes = [line for line in lines if line.startswith("- ") and line[2:].partition(": ")[0] not in marks]
     for basis, of in others.items():
         outcomes = ", ".join(f"{of[word]} {word}" for word in OUTCOMES if of[word])

@@ -17,6 +17,7 @@ from wsnsim.papers.counts import KINDS
 from wsnsim.papers.table import OUT_OF_REACH
 
 DOCS = Path(__file__).parents[1] / "docs"
+COUNTED = DOCS / "papers/counted.txt"
 PAPERS = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
 OUTCOMES = ("reproduced", "contradicted", "undecided", "dependent")
 """The first words of the outcomes of claims."""
@@ -34,9 +35,9 @@ def results() -> str:
     )
 
 
-def page(name: str) -> str:
-    """The text of a page of docs/papers."""
-    return (DOCS / "papers" / f"{name}.md").read_text(encoding="utf-8")
+def counted_lines() -> str:
+    """A line for each paper: how many of its claims have each outcome, as `wsnsim reproduce` says."""
+    return COUNTED.read_text(encoding="utf-8")
 
 
 def rows(name: str) -> Any:
@@ -49,7 +50,7 @@ def counted(name: str) -> dict[str, Counter[str]]:
 
     'never undecided' are those of them that no number of our runs could have reproduced.
     """
-    found = re.search(COUNT_LINE.format(name), page(name), re.MULTILINE)
+    found = re.search(COUNT_LINE.format(name), counted_lines(), re.MULTILINE)
     counts: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
     for part in found[1].split("; ") if found else ():
         kind = next(kind for kind in KINDS if f" {kind.removesuffix('s')}" in part)
@@ -60,7 +61,7 @@ def counted(name: str) -> dict[str, Counter[str]]:
 
 def readings(name: str) -> int:
     """The most readings of the paper that count for a claim."""
-    found = re.search(COUNT_LINE.format(name), page(name), re.MULTILINE)
+    found = re.search(COUNT_LINE.format(name), counted_lines(), re.MULTILINE)
     return int(found[2]) if found else 1
 
 
