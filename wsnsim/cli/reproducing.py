@@ -48,11 +48,11 @@ def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out
     and a verdict. Verdicts on means and RMSEs need 200 runs (--full). Finished runs are not repeated. The folder's
     study.py is imported.
 
-    Six studies of our own have no paper. `frontier` compares error and energy of every tracker on one field.
+    Seven studies of our own have no paper. `frontier` compares error and energy of every tracker on one field.
     `reality` compares recorded readings with simulated ones, on the tracks that come with wsnsim or on those of --data.
     `duty_cycles` compares what trackers cost on radios that are off most of the time. `few_bits` asks what readings of
     1 to 8 bits save, `late` what readings are worth that miss their step. `association` asks what finding out whose
-    detections are costs, and what loss does to it.
+    detections are costs, and what loss does to it; `headless` what it costs to need no cluster head.
     """
     from wsnsim.cli.reproduction_session import ReproductionSession
     from wsnsim.papers import reproduce as reproducing

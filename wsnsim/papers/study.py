@@ -28,7 +28,7 @@ from wsnsim.scenario.schema import unsafe_name
 from wsnsim.scenario.texts import Keys, shipped_studies
 
 PAPERS: Final = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
-STUDIES: Final = ("frontier", "reality", "duty_cycles", "few_bits", "late", "association")
+STUDIES: Final = ("frontier", "reality", "duty_cycles", "few_bits", "late", "association", "headless")
 """Studies of our own."""
 PAGES: Final = (*PAPERS, *STUDIES)
 """The names of what comes with wsnsim."""
