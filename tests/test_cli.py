@@ -17,6 +17,7 @@ import pytest
 
 from tests.helpers.commands import run_process
 from tests.helpers.thorough import thorough
+from wsnsim.analysis import phrases
 from wsnsim.cli import main
 from wsnsim.cli.progress import MODES, RUN, display
 from wsnsim.cli.shared import PURPOSES, every_command
@@ -117,6 +118,8 @@ def test_a_narrow_terminal_gets_a_narrow_table(
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 72
     assert any(line.startswith("  pso_mhpf ") for line in lines)
+    lines = [*phrases.wrapped("words " * 99), *phrases.aligned([["a cell"] * 30] * 2)]
+    assert 60 < max(map(len, lines)) <= 72
 
 
 def test_list_as_json_is_one_object_with_every_row(capsys: pytest.CaptureFixture[str]) -> None:
@@ -149,7 +152,7 @@ def test_new_writes_a_scenario_that_checks_and_never_overwrites(capsys: pytest.C
     assert capsys.readouterr().out.splitlines()[-1] == "mine.yaml: ok"
     Path("mine.yaml").write_text("mine")
     assert main(["new", "mine.yaml"]) == 2
-    assert capsys.readouterr().err == "wsnsim: error: file exists: mine.yaml\n"
+    assert capsys.readouterr().err == "wsnsim: error: mine.yaml exists already: choose another name, or remove it\n"
     assert Path("mine.yaml").read_text() == "mine"
     assert main(["new", "../mine"]) == 2
 
@@ -362,7 +365,7 @@ def test_a_picture_never_takes_the_place_of_its_result(result: Path, capsys: pyt
         (["list", "trakers"], "unknown role 'trakers' (did you mean 'trackers'?)"),
         (["list", "datashets"], "unknown role 'datashets' (did you mean 'datasheets'?)"),
         (["run", "--seed", "x", "y"],
-         "Invalid value for '--seed': 'x' is not a valid integer range. (see 'wsnsim run --help')"),
+         "Invalid value for '--seed': 'x' is no whole number. (see 'wsnsim run --help')"),
     ],
 )  # fmt: skip
 def test_a_slip_is_one_line_and_exit_code_2(

@@ -85,7 +85,7 @@ class ReproductionSession:
         try:
             rows, lines = reproducing.evaluated(source, experiment, folder)
         except ResultError:
-            damaged = reproducing.set_aside(folder)
+            damaged = Folder(folder).all_set_aside()
             for path in damaged:
                 echo(f"wsnsim: {path}: is damaged and was set aside; its runs are repeated", err=True)
             if not damaged or not self.run(source, experiment, should_stop).complete:

@@ -227,10 +227,7 @@ def _page_path(result: Path) -> Path:
     page = result.with_suffix(".html")
     if page == result or (page.exists() and result.exists() and page.samefile(result)):
         raise UsageError(f"--report: the page would overwrite {result}; give --out {result.with_suffix('.h5')}")
-    try:
-        return writable(page, Path(page.name))
-    except UsageError as error:
-        raise UsageError(f"--report: {str(error).removeprefix('--out ')}") from None
+    return writable(page, Path(page.name), "--report:")
 
 
 OF_CAMPAIGNS = ("port", "browser", "ends", "metric", "column", "quiet", "source", "out")
@@ -279,8 +276,6 @@ def _folder(source: str, out: Path | None) -> Path | None:
         return Path(source)
     from wsnsim.scenario.sweep import is_sweep, load_sweep
 
-    if Path(source).is_dir():
-        raise UsageError(f"folder holds no campaign: {source}")
     if not is_sweep(source):
         return None
     folder = out or Path("results") / load_sweep(source).name

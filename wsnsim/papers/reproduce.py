@@ -209,12 +209,6 @@ def evaluated(source: str, experiment: Experiment, folder: Path) -> tuple[list[C
     return [row_of(content) for content in found], lines
 
 
-def set_aside(folder: Path) -> list[Path]:
-    """Rename the unreadable files of a campaign, so that their runs count as missing. Return the new paths."""
-    campaign_folder = Folder(folder)
-    return [path for point in campaign_folder.manifest().points for path in campaign_folder.set_aside(point.id)]
-
-
 def summary(source: str, experiment: Experiment, folder: Path) -> list[str]:
     """The lines beneath an experiment's rows: the answers to its hypotheses, and its summary."""
     study = load_study(source)
