@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 
 from tests.helpers.commands import run_process
@@ -399,18 +400,59 @@ COMPARE = ("compare", "field.yaml", "--trackers", "ekf,ukf")
         (["run", "bearing", "--set", "sensor.sd=2"], "at most 0.5, is 2 rad (degrees have their unit: '2 deg')"),
         (["run", "pso_mhpf", "--set", "deploy={kind: uniform, width: 200,5 m}"], "unknown key, decimals have a point"),
         (["run", "pso_mhpf", "--set", "tracker.kind=mine.py:Mine"], "path; a module is named without .py"),
+        (["run", "pso_mhpf", "--set", "tracker.kind=my_good:Ensmble"], "no class Ensmble (did you mean 'Ensemble'?)"),
+        (["info", "my_good:Ensmble"], "no class Ensmble (did you mean 'Ensemble'?)"),
+        (["run", "pso_mhpf", "--set", "tracker=my_good:Ensemble"], "a mapping such as {kind: my_good:Ensemble} or"),
+        (["compare", "field.yaml", "ekf", "ukf"], "with --trackers: wsnsim compare field.yaml --trackers ekf,ukf"),
+        (["compare", "field.yaml", "--trackers", "ekf", "ukf"], "wsnsim compare field.yaml --trackers ekf,ukf"),
+        (["lifetime", "ekf"], "with --trackers: wsnsim lifetime SCENARIO --trackers ekf"),
+        *((words, "tags.csv: error: is a file of data, not a scenario; `wsnsim import` reads such files")
+          for words in (["run", "tags.csv"], ["check", "tags.csv"], ["info", "tags.csv"], ["compare", "tags.csv"],
+                        ["sweep", "tags.csv"], ["lifetime", "tags.csv"], ["watch", "tags.csv"])),
+        *((words, "data: error: is a folder, expected a scenario file, or that of a campaign in sweep, compare")
+          for words in (["run", "data"], ["check", "data"], ["info", "data"], ["compare", "data"], ["sweep", "data"],
+                        ["lifetime", "data"], ["watch", "data"])),
+        *(([*words, "field.yaml"], "field.yaml: is not a wsnsim result: these end in .h5, and `wsnsim run` writes them")
+          for words in (["plot"], ["report"], ["verify"], ["trace", "--step", "1"], ["diff", "field.yaml"])),
+        (["collect", "field.yaml"], "field.yaml: holds no campaign"),
+        (["new", "field"], "field.yaml exists already: choose another name, or remove it"),
+        (["new", "80 nodes.yaml"], "then also '_', '-' and '.', such as 80_nodes"),
+        (["run", "field.yaml", "-replicates", "3"], "Long options have two dashes: --replicates, --report."),
+        (["run", "field.yaml", "--out", "tags.csv"], "--out tags.csv exists and is another file; give a name that"),
+        (["lifetime", "field.yaml", "--out", "tags.csv"], "--out tags.csv exists and is another file"),
+        (["fit", "tags.csv", "--nodes", "tags.csv", "--out", "notes.txt"], "notes.txt exists and is another file"),
+        ([*COMPARE, "--timeout", "soon"], "--timeout: expected time (for example '1 s'), got the text 'soon'"),
+        (["compare", "compare_field", "--seed", "3"], "compare_field is a campaign, whose sweep is fixed"),
     ],
 )  # fmt: skip
 def test_a_beginners_mistake_is_one_sentence(
     command: list[str], sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("field.yaml").write_text("extends: jiang_field\n")
-    Path("compare_field").mkdir()
-    Path("compare_field/campaign.json").write_text("{}")
+    texts = {"field.yaml": "extends: jiang_field\n", "tags.csv": "time,node,reading\n0,1,2\n", "notes.txt": "mine\n",
+             "my_good.py": "class Ensemble: pass\n", "compare_field/campaign.json": "{}", "data/x": "x"}  # fmt: skip
+    for name, text in texts.items():
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).write_text(text)
     assert main(command) in (1, 2)
     assert sentence in capsys.readouterr().err
-    assert Path("field.yaml").read_text() == "extends: jiang_field\n"
+    assert {name: Path(name).read_text() for name in texts} == texts
+
+
+def test_the_help_of_a_command_is_shown_to_those_who_ask_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["help", "run"], ["run", "--help"]):
+        assert main(words) == 0
+    said = capsys.readouterr().out
+    assert said[: len(said) // 2] == said[len(said) // 2 :] and said.startswith("Usage: wsnsim run")
+
+
+@pytest.mark.parametrize("command", sorted(every_command()))
+def test_every_option_that_takes_a_number_refuses_a_word_in_plain_words(command: str, capsys: Any) -> None:
+    for option in every_command()[command].params:
+        if isinstance(option.type, click.types._NumberParamTypeBase) and isinstance(option, click.Option):
+            assert main([command, f"{option.opts[0]}=twenty"]) == 2
+            number = "whole number" if isinstance(option.type, click.types.IntParamType) else "number"
+            assert f"'twenty' is no {number}. (see 'wsnsim {command} --help')" in capsys.readouterr().err
 
 
 def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(

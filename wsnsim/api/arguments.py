@@ -60,18 +60,6 @@ def demand_several(trackers: Any) -> None:
         raise UsageError(f"trackers: expected at least two to compare, {TRACKERS}, got {shown_value(trackers)}")
 
 
-def tables_given(keep: Any) -> tuple[str, ...]:
-    """Return the names in `keep`; None means none."""
-    if keep is None:
-        return ()
-    if isinstance(keep, str):
-        return (keep,)
-    found = tuple(keep) if isinstance(keep, Iterable) else (None,)
-    if not all(isinstance(each, str) for each in found):
-        raise UsageError(f"keep: expected names of tables, such as ['events'], got {shown_value(keep)}")
-    return found
-
-
 def file_given(argument: str, value: Any, *suffixes: str, hint: str = "") -> Path:
     """Return the path of a file to be written.
 
@@ -202,8 +190,13 @@ def _leaves(key: str, value: Any) -> Iterator[Override]:
         yield from _leaves(f"{key}.{name}", inner)
 
 
-def _kept(keep: Iterable[str] | None) -> Iterator[Override]:
-    for table in tables_given(keep):
+def _kept(keep: Any) -> Iterator[Override]:
+    """The overrides that record the tables named in `keep`; None means none."""
+    names: Any = () if keep is None else (keep,) if isinstance(keep, str) else keep
+    names = tuple(names) if isinstance(names, Iterable) else (None,)
+    if not all(isinstance(each, str) for each in names):
+        raise UsageError(f"keep: expected names of tables, such as ['events'], got {shown_value(keep)}")
+    for table in names:
         if table not in TABLES:
             raise UsageError(f"keep: there is no table '{table}' ({did_you_mean(table, TABLES)})")
         yield f"record.{table}", True

@@ -313,9 +313,6 @@ def _interrupts_blocked() -> Iterator[None]:
 
     Terminals send Ctrl-C and SIGHUP, and cluster schedulers SIGTERM, to all processes at once.
     """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
         yield

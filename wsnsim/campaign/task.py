@@ -340,8 +340,8 @@ def start_worker(started: Any = None) -> None:
 
     Output of a plug-in goes to stderr, because stdout carries the answer of the command.
     """
-    for name in {"SIGINT", "SIGTERM", "SIGHUP"} & set(dir(signal)):
-        signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     with contextlib.suppress(OSError):
         os.dup2(2, 1)
     if started is not None:

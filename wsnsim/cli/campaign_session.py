@@ -131,8 +131,10 @@ def run_plan(plan: Plan, options: Options, interrupts: Interrupts, by: tuple[str
     return _run(folder, shard, options, interrupts, access(Plugins.ANY))
 
 
-def resume(source: str, options: Options, interrupts: Interrupts) -> int:
-    """Resume the campaign in a folder and return the exit code."""
+def resume(source: str, options: Options, interrupts: Interrupts, changes: Sequence[Any]) -> int:
+    """Resume the campaign in a folder and return the exit code. `changes`: what was given that would change it."""
+    if any(changes) or options.out:
+        raise UsageError(f"{source} is a campaign, whose sweep is fixed; to change it, give the sweep file instead")
     if options.dry_run:
         raise UsageError("--dry-run needs a sweep; `wsnsim info DIR` shows the progress of a campaign")
     shard, allowed = _shard(options.shard), access(Plugins.ANY if options.plugins else Plugins.INSTALLED)

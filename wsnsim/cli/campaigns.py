@@ -68,9 +68,7 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
 
     options, overrides, changes = session.options_of(given)
     if is_campaign(source):
-        if vary or overrides or any(changes.values()) or options.out:
-            raise UsageError(f"{source} is a campaign, whose sweep is fixed; to change it, give the sweep file instead")
-        return session.resume(source, options, interrupts)
+        return session.resume(source, options, interrupts, (*vary, *overrides, *changes.values()))
     from wsnsim.scenario.sweep import is_sweep, load_sweep
     from wsnsim.scenario.texts import find_or_none, shipped_sweeps
 
@@ -109,9 +107,7 @@ def compare(
     # without --no-bound, a comparison shows the bounds
     options, overrides, changes = session.options_of({**given, "bound": given["bound"] is not False})
     if len(sources) == 1 and is_campaign(sources[0]):
-        if trackers or vary or overrides or any(changes.values()):
-            raise UsageError(f"{sources[0]} is a campaign, whose comparison is fixed")
-        return session.resume(sources[0], options, interrupts)
+        return session.resume(sources[0], options, interrupts, (trackers, *vary, *overrides, *changes.values()))
     from wsnsim.scenario.sweep import load_sweep
     from wsnsim.scenario.texts import find_or_none
 
@@ -122,9 +118,8 @@ def compare(
     name = file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED_SCENARIOS])]))
     plan = load_sweep(list(sources), vary, overrides, trackers, **changes, name=name)
     # trackers with parameters are swept as whole blocks, those without by their kind
-    tracker_key = ("tracker" if "tracker" in plan.keys else "tracker.kind",) if trackers else ()
-    by = [*(["scenario"] if len(sources) > 1 else []), *tracker_key]
-    return session.run_plan(plan, options, interrupts, options.by or tuple(by))
+    chosen = ("scenario", *(("tracker", "tracker.kind") if trackers else ()))
+    return session.run_plan(plan, options, interrupts, options.by or tuple(key for key in chosen if key in plan.keys))
 
 
 @group.command()

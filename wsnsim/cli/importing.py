@@ -111,7 +111,9 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
     (MobilityHelper::EnableAscii). `sumo` reads floating car data (--fcd-output), XML or CSV. Texts may be compressed
     with gzip.
     """
-    _demand_meaning(kind, files)
+    if kind in ("ns3", "sumo") and len(files) > 1:
+        raise UsageError(f"{kind} reads one file, {len(files)} are given")
+    shared.demand_meaning(lambda name: kind in MEANT_FOR.get(name, (*TABLES, *TRACES)), kind)
     if kind in TABLES:
         _echo_written(_table(kind, files, options), as_json)
     elif not options["listed"]:
@@ -125,17 +127,6 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
             _echo_nodes(_tracks(files, options, None)[0].nodes, as_json)
         else:
             _echo_nodes(summarised(str(files[0]), _format(kind, options, [])), as_json)
-
-
-def _demand_meaning(kind: str, files: Sequence[Path]) -> None:
-    """Raise UsageError for several traces, and for an option that has no meaning for a kind."""
-    if kind in ("ns3", "sumo") and len(files) > 1:
-        raise UsageError(f"{kind} reads one file, {len(files)} are given")
-    context = click.get_current_context()
-    for option in context.command.params:
-        given = context.get_parameter_source(str(option.name)) is not click.core.ParameterSource.DEFAULT
-        if given and kind not in MEANT_FOR.get(str(option.name), (*TABLES, *TRACES)):
-            raise UsageError(f"{option.opts[0]} has no meaning for {kind}")
 
 
 def _conventions(options: dict[str, Any]) -> Conventions:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 from pathlib import Path
 
 import click
@@ -54,6 +52,7 @@ def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out
     1 to 8 bits save, `late` what readings are worth that miss their step. `association` asks what finding out whose
     detections are costs, and what loss does to it; `headless` what it costs to need no cluster head.
     """
+    from wsnsim.campaign.folders import demand_writable
     from wsnsim.cli.reproduction_session import ReproductionSession
     from wsnsim.papers import reproduce as reproducing
 
@@ -63,12 +62,7 @@ def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out
         raise UsageError("--only cannot be combined with --data")
     chosen = reproducing.chosen(sources, only) if data is None else reproducing.on_data(sources, data)
     if figures:
-        try:
-            figures.mkdir(parents=True, exist_ok=True)
-            if not os.access(figures, os.W_OK):
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        except OSError as error:
-            raise UsageError(f"--figures {figures}: {error.strerror or error}") from None
+        demand_writable(figures, "--figures ")
     where = out / ("quick" if quick else "full")
     session = ReproductionSession(where, jobs, not quick, batch, quiet, progress, figures)
     session.begin_all(chosen, accept_code_change)

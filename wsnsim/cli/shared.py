@@ -157,6 +157,15 @@ def is_campaign(source: str) -> bool:
     return os.path.isfile(f"{source}/campaign.json")  # noqa: PTH113 - Path.is_file raises if a name is too long
 
 
+def demand_meaning(has_meaning: Callable[[str], bool], what: str) -> None:
+    """Raise UsageError if an option was given to the current command that has no meaning for what it is about."""
+    context = click.get_current_context()
+    for option in context.command.params:
+        name = str(option.name)
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE and not has_meaning(name):
+            raise UsageError(f"{option.opts[0]} has no meaning for {what}")
+
+
 def demand_no_trackers(command: str, sources: Sequence[str], named: str | None) -> None:
     """Raise UsageError if trackers were given where scenarios are expected; `named`: those of --trackers."""
     from wsnsim.scenario.registry import kinds
