@@ -366,7 +366,7 @@ def test_a_picture_never_takes_the_place_of_its_result(result: Path, capsys: pyt
         (["list", "trakers"], "unknown role 'trakers' (did you mean 'trackers'?)"),
         (["list", "datashets"], "unknown role 'datashets' (did you mean 'datasheets'?)"),
         (["run", "--seed", "x", "y"],
-         "Invalid value for '--seed': 'x' is no whole number. (see 'wsnsim run --help')"),
+         "Invalid value for '--seed': 'x' is not a whole number. (see 'wsnsim run --help')"),
     ],
 )  # fmt: skip
 def test_a_slip_is_one_line_and_exit_code_2(
@@ -452,7 +452,7 @@ def test_every_option_that_takes_a_number_refuses_a_word_in_plain_words(command:
         if isinstance(option.type, click.types._NumberParamTypeBase) and isinstance(option, click.Option):
             assert main([command, f"{option.opts[0]}=twenty"]) == 2
             number = "whole number" if isinstance(option.type, click.types.IntParamType) else "number"
-            assert f"'twenty' is no {number}. (see 'wsnsim {command} --help')" in capsys.readouterr().err
+            assert f"'twenty' is not a {number}. (see 'wsnsim {command} --help')" in capsys.readouterr().err
 
 
 def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(

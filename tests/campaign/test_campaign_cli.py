@@ -207,16 +207,17 @@ REFUSALS: Mapping[str, Mapping[str, Any]] = {
     "track.csv: cannot be read": {"motion": {"kind": "recorded_track", "path": "track.csv"}},
     "scenario.json: is damaged": {"tracker.particles": 20},
     "out of sorts": {"tracker": {"kind": "moody:Moody", "mood": "starts"}},
+    "of sorts": {"tracker": {"kind": "moody:Moody", "mood": "starts"}},
 }
-"""{reason: what gives it}: of pso_mhpf, the last one of ungm_pf, in which a tracker starts before the first instant."""
+"""{reason: what gives it}: of pso_mhpf, the last one of ungm_pf, which has no network."""
 
 
 @pytest.mark.parametrize("words", REFUSALS)
-def test_whatever_refuses_a_run_before_its_clock_starts_refuses_its_point(lab: Path, words: str) -> None:
+def test_what_refuses_a_run_in_its_first_step_whatever_its_seed_refuses_its_point(lab: Path, words: str) -> None:
     at = "x,y\n0,0\n60,0\n0,60\n60,60\n"
     Path("nodes.csv").write_text(at)
     Path("track.csv").write_text("time,x,y\n0,0,0\n9,9,9\n")
-    network = {"deploy.cover": words.startswith("deploy")} if "sorts" not in words else {}
+    network = {"deploy.cover": words.startswith("deploy")} if words != "of sorts" else {}
     changes = {**network, "duration": "2 s", **REFUSALS[words]}
     folder = prepare(load_sweep("pso_mhpf" if network else "ungm_pf", [], changes, replicates=60), "c")
     for name in ("nodes.csv", "track.csv"):
@@ -228,7 +229,7 @@ def test_whatever_refuses_a_run_before_its_clock_starts_refuses_its_point(lab: P
     assert words in why and point == folder.manifest().points[0].id and len(outcome.missing[point]) == 60
 
 
-def test_a_run_that_fails_once_its_clock_started_refuses_no_other(poisoned: str) -> None:
+def test_a_run_that_fails_where_other_seeds_do_not_refuses_no_other(poisoned: str) -> None:
     assert main(["sweep", poisoned, "-o", "c", "-q"]) == 3
     assert len(wsnsim.read("c", "runs")) == 7
 

@@ -132,7 +132,7 @@ class TaskOutcome:
         done: the file was written.
         exists: the file was there before.
         failed: the simulation failed.
-        impossible: it failed, and so do runs of other seeds before their clock starts.
+        impossible: it failed, and so do runs of other seeds in their first step.
         suspect: workers died while they ran this task.
         storage: the file cannot be written, and no other file could be.
         version: the worker's version of wsnsim, or its code, differs.
@@ -240,15 +240,16 @@ def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> float:
     return compilation_wall() - before
 
 
-class _ClockStarted(BaseException):  # an Exception would be reported as a failed run
-    """Ends a run that has begun."""
+class _FirstStepEnded(BaseException):  # an Exception would be reported as a failed run
+    """Ends a run whose first step has ended."""
 
 
 def _is_impossible(folder: Folder, task: Task) -> bool:
-    """Whether runs of other seeds fail as well, before their clock starts; then no run of a failed task's point can."""
+    """Whether runs of other seeds fail as well, in their first step; then all runs of a failed task's point do."""
 
     def stop(time: float) -> None:
-        raise _ClockStarted
+        if time > 0.0:
+            raise _FirstStepEnded
 
     with contextlib.suppress(BaseException), _marker_kept(folder, task) as marker:
         import wsnsim.experiment as experiment

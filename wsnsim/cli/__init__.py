@@ -14,7 +14,6 @@ from __future__ import annotations
 import contextlib
 import gc
 import os
-import re
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -34,7 +33,7 @@ from wsnsim.cli.shared import echo, group
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 CAMPAIGNS: Final = ("lifetime", "sweep", "compare", "reproduce")
 """Commands whose runs, in other processes, import plug-ins again and again."""
-NUMBERS: Final = {"integer": "whole number", "float": "number"}
+NUMBERS: Final = {"a valid integer range": "a whole number", "a valid float range": "a number", "valid float": "number"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -148,7 +147,9 @@ def _said_by_click(error: click.ClickException) -> str:
         options = [name for each in error.ctx.command.params for name in each.opts]
         near = [name for name in options if name.startswith(f"-{error.option_name}")]
         said += f" Long options have two dashes: {', '.join(near)}." if near else ""
-    return re.sub(r"is not a valid (integer|float)( range)?", lambda word: f"is no {NUMBERS[word[1]]}", said)
+    for theirs, ours in NUMBERS.items():
+        said = said.replace(theirs, ours)
+    return said
 
 
 def _report_unexpected(error: BaseException) -> int:

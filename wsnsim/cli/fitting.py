@@ -113,11 +113,10 @@ def target(path: Path | None, default: str, read: Sequence[Path]) -> Path | None
     """The path of a file to be written, which must not be one that is read."""
     if path is None:
         return None
-    writable(path, Path(default))
     for other in read:
         if path.exists() and other.exists() and path.samefile(other):
             raise UsageError(f"{path} is one of the files that are read; write to another one")
-    return path
+    return writable(path, Path(default))
 
 
 def renamed_columns(texts: Sequence[str], option: str = "--column") -> dict[str, str]:
