@@ -192,11 +192,13 @@ def test_a_point_without_a_possible_run_is_tried_and_named_once_at_each_start(
         assert main(words) == 3
         failed, left, *rest = [line for line in capsys.readouterr().err.splitlines() if "no results" not in line]
         assert failed.startswith("wsnsim: deploy.nodes = 25 failed: deploy: none of 1 sampled deployments of 25 nodes")
-        assert failed.endswith("replicate 0); runs of other seeds fail, too, so that the others were not tried")
+        assert failed.endswith(
+            "replicate 0); runs with other random numbers fail, too, so that the others were not tried"
+        )
         assert left == "wsnsim: c is incomplete, runs missing: 70" and not rest and len(performed) == 1
         [report] = Path("c/failed").iterdir()
         assert report.name.endswith(".r00000-00069.txt")
-    with pytest.raises(RunError, match="runs of other seeds fail, too"):
+    with pytest.raises(RunError, match="runs with other random numbers fail, too"):
         wsnsim.compare("pso_mhpf", trackers=["ekf", "ppf"], replicates=2, workers=0, deploy=Uniform(nodes=25, draws=1))
 
 
@@ -213,7 +215,7 @@ REFUSALS: Mapping[str, Mapping[str, Any]] = {
 
 
 @pytest.mark.parametrize("words", REFUSALS)
-def test_what_refuses_a_run_in_its_first_step_whatever_its_seed_refuses_its_point(lab: Path, words: str) -> None:
+def test_what_refuses_a_run_in_its_first_step_whatever_is_random_refuses_its_point(lab: Path, words: str) -> None:
     at = "x,y\n0,0\n60,0\n0,60\n60,60\n"
     Path("nodes.csv").write_text(at)
     Path("track.csv").write_text("time,x,y\n0,0,0\n9,9,9\n")
@@ -229,7 +231,16 @@ def test_what_refuses_a_run_in_its_first_step_whatever_its_seed_refuses_its_poin
     assert words in why and point == folder.manifest().points[0].id and len(outcome.missing[point]) == 60
 
 
-def test_a_run_that_fails_where_other_seeds_do_not_refuses_no_other(poisoned: str) -> None:
+def test_a_dry_run_names_a_point_without_a_possible_run(capsys: pytest.CaptureFixture[str]) -> None:
+    few = ["--set", "deploy.draws=1", "--set", "duration=0.4 s", "--replicates", "1", "--dry-run"]
+    assert main(["sweep", "pso_mhpf", "--vary", "deploy.nodes=25,256", *few]) == 0
+    said = capsys.readouterr().out
+    assert "estimated from one trial run; deploy.nodes = 25 failed: deploy: none of 1 sampled deployments" in said
+    assert main(["sweep", "pso_mhpf", "--vary", "deploy.nodes=25", *few]) == 1
+    assert capsys.readouterr().err.startswith("wsnsim: error: deploy.nodes = 25 failed: deploy: none of 1 sampled")
+
+
+def test_a_run_that_fails_where_others_do_not_refuses_none_of_them(poisoned: str) -> None:
     assert main(["sweep", poisoned, "-o", "c", "-q"]) == 3
     assert len(wsnsim.read("c", "runs")) == 7
 

@@ -21,15 +21,7 @@ import pandas as pd
 
 from wsnsim.analysis import comparison
 from wsnsim.api import arguments
-from wsnsim.api.arguments import (
-    Changes,
-    demand_sweep,
-    demand_trackers,
-    of_campaign,
-    overrides_of,
-    renamed,
-    shown,
-)
+from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, of_campaign, overrides_of, renamed, shown
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
 from wsnsim.base.runs import run_count
 from wsnsim.campaign import describe_failed, prepare, run_campaign

@@ -201,10 +201,10 @@ class _CampaignRunner:
                 self.give_up(task, outcome.reason, isolate=True)
             else:
                 self.suspects.append(task)
-        elif outcome.status == "failed":
-            self.give_up(task, outcome.reason)
-        elif outcome.status == "impossible":
+        elif outcome.status == "impossible" and not self.folder.done(task.point):
             self.give_up_point(task, outcome.reason)
+        elif outcome.status in ("failed", "impossible"):
+            self.give_up(task, outcome.reason)
         else:
             self.worked, self.compiled = self.worked + outcome.seconds, self.compiled + outcome.compiling
             self.finish(task)
@@ -293,7 +293,7 @@ class _CampaignRunner:
         if point in self.failed or not missing:
             return
         self.given_up[point].update(missing)
-        self.failed[point] = f"{reason}; runs of other seeds fail, too, so that the others were not tried"
+        self.failed[point] = f"{reason}; runs with other random numbers fail, too, so that the others were not tried"
         self.write_failure(replace(task, first=missing[0], last=missing[-1]), self.failed[point])
 
     def write_failure(self, task: Task, reason: str, details: str = "") -> None:

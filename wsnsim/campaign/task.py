@@ -68,7 +68,7 @@ def _exit_after(parent: Any) -> None:
 
 TaskStatus = Literal["done", "exists", "failed", "impossible", "suspect", "storage", "version", "cancelled"]
 OTHER_RUNS: Final = (MOST_NUMBERED + 1, MOST_NUMBERED + 2)
-"""Numbers of runs, which no campaign has, that are begun to see whether a failure depends on the seed."""
+"""Numbers of runs, which no campaign has, that are begun to see whether a failure depends on random numbers."""
 MAX_MESSAGE: Final = 600
 """Characters of an error message that are kept."""
 COMMAND_LINE: Final = "a campaign's worker"
@@ -132,7 +132,7 @@ class TaskOutcome:
         done: the file was written.
         exists: the file was there before.
         failed: the simulation failed.
-        impossible: it failed, and so do runs of other seeds in their first step.
+        impossible: it failed, and so do runs with other random numbers, in their first step.
         suspect: workers died while they ran this task.
         storage: the file cannot be written, and no other file could be.
         version: the worker's version of wsnsim, or its code, differs.
@@ -245,7 +245,7 @@ class _FirstStepEnded(BaseException):  # an Exception would be reported as a fai
 
 
 def _is_impossible(folder: Folder, task: Task) -> bool:
-    """Whether runs of other seeds fail as well, in their first step; then all runs of a failed task's point do."""
+    """Whether other runs of a failed task's point fail as well, in their first step: then all are given up."""
 
     def stop(time: float) -> None:
         if time > 0.0:

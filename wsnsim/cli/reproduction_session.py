@@ -100,7 +100,7 @@ class ReproductionSession:
     def print_answer(self, as_json: bool, markdown: bool) -> None:
         """Print the rows and lines of all experiments."""
         if as_json:
-            echo_json({"schema_version": 1, "rows": reproducing.as_json(self.rows), "lines": self.lines})
+            echo_json({"rows": [reproducing.as_json(row) for row in self.rows], "lines": self.lines})
         elif markdown:
             echo(table.markdown(self.rows, self.lines))
         else:

@@ -232,12 +232,8 @@ def draw(source: str, experiment: Experiment, folder: Path, into: Path) -> list[
     return files
 
 
-def as_json(found: Sequence[ClaimRow]) -> list[dict[str, Any]]:
-    """The rows as plain values: verdicts with their ratios, shares and medians with their intervals."""
-    return [_plain(row) for row in found]
-
-
-def _plain(row: ClaimRow) -> dict[str, Any]:
+def as_json(row: ClaimRow) -> dict[str, Any]:
+    """A row as plain values: its verdict with the ratio, shares and medians with their intervals."""
     nested = ("title", "id", "key", "short", "judgement", "astray", "median", "losses")
     return {
         **{name: value for name, value in vars(row).items() if name not in nested},
