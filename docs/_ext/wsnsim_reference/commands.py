@@ -23,7 +23,7 @@ def page() -> str:
     """Return the text of the page."""
     commands = every_command()
     rows = [
-        [purpose if name == names[0] else "", f"[{name}](#{name})", escaped(commands[name].get_short_help_str(100))]
+        [purpose if name == next(iter(names)) else "", f"[{name}](#{name})", escaped(commands[name].get_short_help_str(100))]
         for purpose, names in PURPOSES.items()
         for name in names
     ]
