@@ -13,6 +13,7 @@ from wsnsim.analysis import statistics
 from wsnsim.analysis.conclusions import (
     PairWords,
     PointTraffic,
+    degenerate,
     hint,
     pair_columns,
     sentence,
@@ -172,6 +173,22 @@ def test_different_numbers_of_particles_are_hinted_at() -> None:
     )
     assert hint(few, PointTraffic(), ("gpf", "ekf")) == hint(few, few, ("gpf", "pf")) == ""
     assert hint(few, few._replace(particles=9), ("gpf:particles=100", "gpf:particles=9")) == "", "this was asked for"
+
+
+@pytest.mark.parametrize(
+    ("particles", "nees", "lost", "said"),
+    [
+        (100, 2.6e4, 0.75, True),
+        (100, 2.6e4, 0.0, False),  # it followed its target
+        (100, 0.9, 0.75, False),  # the spread covers the error
+        (100, NAN, 1.0, False),  # no step has an estimate
+        (None, 2.6e4, 0.75, False),  # a Kalman filter
+    ],
+)
+def test_a_particle_filter_that_lost_its_target_with_a_collapsed_covariance_is_hinted_at(
+    particles: int | None, nees: float, lost: float, said: bool
+) -> None:
+    assert bool(degenerate(particles, nees, lost)) == said
 
 
 def test_the_p_of_a_pair_is_that_of_the_statistics() -> None:

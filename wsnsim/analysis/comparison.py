@@ -23,7 +23,7 @@ import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.analysis.campaign_info import baseline_point, keys_by_default, label, point_name
-from wsnsim.analysis.conclusions import PairWords, hint, pair_columns, sentence, traffic, with_pairs
+from wsnsim.analysis.conclusions import PairWords, degenerate, hint, pair_columns, sentence, traffic, with_pairs
 from wsnsim.analysis.quantities import loss_rule
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.tables import DUTY_CYCLED, METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
@@ -278,5 +278,10 @@ def _concluded(
         one, other = (point_name(by, [values.get(key) for key in by]) for values in (settings, base))
         group = ", ".join(f"{key} = {label([settings.get(key)])}" for key in others)
         sentences[row] = sentence(table.iloc[row].to_dict(), PairWords(one, other, group, metric, unit))
-        hints[row] = hint(network[row], network[start], (one, other))
+        lossy = (
+            (name, degenerate(network[at].particles, *table.loc[at, ["nees_median", "ever_lost"]]))
+            for name, at in ((one, row), (other, start))
+        )
+        known = hint(network[row], network[start], (one, other))
+        hints[row] = "; ".join([*filter(None, [known]), *(f"{name}: {said}" for name, said in lossy if said)])
     return table.assign(conclusion=sentences, hint=hints)

@@ -4,6 +4,7 @@
     with_pairs(table, pairs) -> the table with these columns, and p-values corrected for the number of tests
     sentence(pair, words) -> 'ekf is 21.1 m better than pf in per-run RMSE, 95 % [18, 25], Wilcoxon p = 6.1e-05, ...'
     traffic(folder, table) -> [PointTraffic of each row]        hint(here, there, names) -> a sentence, or ''
+    degenerate(particles, nees, lost) -> why a particle filter may have lost its target, or ''
 
 Losses are compared first, on all runs, by McNemar's exact test. Errors are then compared by Wilcoxon's signed-rank test
 on the runs in which neither of the two lost its target at any time: the error of a run that lost it says only how long
@@ -177,6 +178,10 @@ def verdicts(pair: Pair, metric: str) -> Iterator[str]:
 PACKETS_DECIDED: Final = "packets, not the filter, may have decided: "
 DIFFERENT_PARTICLES: Final = "the numbers of particles differ: "
 """The beginnings of hints."""
+DEGENERATED: Final = "particles may have degenerated"
+"""Part of a hint."""
+OVERCONFIDENT: Final = 100.0
+"""Median NEES per degree of freedom above which the covariance of particles has collapsed [our choice]."""
 MOST_LATE: Final = 0.05
 """Share of steps with a late or missing estimate above which the network may have decided [our choice]."""
 READ: Final = ("replicate", "late", "reports", "delay", "handover_bits")
@@ -235,6 +240,22 @@ def hint(here: PointTraffic, there: PointTraffic, names: tuple[str, str]) -> str
         words = " and ".join(f"{name} has {one.particles} particles" for name, one in pair)
         found.append(f"{DIFFERENT_PARTICLES}{words}")
     return "; ".join(found)
+
+
+def degenerate(particles: int | None, nees: float, lost: float) -> str:
+    """Why a filter with particles may have lost its target: their spread says nothing of its error. '' if it does.
+
+    Args:
+        particles: their number; None for another filter.
+        nees: median NEES per degree of freedom.
+        lost: share of the runs in which the target was lost at any time.
+    """
+    if not (particles and lost > 0.0 and nees > OVERCONFIDENT):
+        return ""
+    return (
+        f"its {particles:,} {DEGENERATED} (median NEES {nees:.2g}): more of them, or more process "
+        "noise in the filter, may keep the target"
+    )
 
 
 def _tracks(folder: Folder) -> pd.DataFrame | None:
