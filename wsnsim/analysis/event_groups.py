@@ -6,7 +6,7 @@ LoggedMessage, LoggedBurst      a unicast over its hops, a broadcast, or a flood
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -186,25 +186,22 @@ def group_events(
         rows: the events of a step.
         other_steps: what `logged_events.in_other_steps` returns.
     """
-    found: list[NodeAction | LoggedMessage] = []
-    messages: dict[tuple[bool, int], LoggedMessage] = {}
-    actions: dict[tuple[object, ...], tuple[NodeAction, set[int]]] = {}
-    rows = list(rows)
+    groups, rows = _StepGroups(), list(rows)
     heads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
     for row in rows:
         if row.kind == "drop" and row.frame == 0 and row.what == EXPIRED:
-            message = messages.get((True, row.sequence))
+            message = groups.messages.get((True, row.sequence))
             if message is None:
-                _add_action(row, False, actions, found.append)
+                groups.add_action(row)
             else:
                 message.expired.append(row.node)
         elif row.kind in SENDS or row.kind in OUTCOMES:
-            _add_burst_event(row, messages, found.append, (other_steps or {}).get(row.sequence, OtherSteps()))
+            groups.add_burst_event(row, (other_steps or {}).get(row.sequence, OtherSteps()))
         elif row.kind not in CALLS:
-            _add_action(row, row.kind == "compute" and row.node in heads, actions, found.append)
-    for row in _assign_calls([row for row in rows if row.kind in CALLS], list(messages.values())):
-        _add_action(row, False, actions, found.append)
-    return sorted(found, key=lambda one: one.time)
+            groups.add_action(row, row.kind == "compute" and row.node in heads)
+    for row in _assign_calls([row for row in rows if row.kind in CALLS], list(groups.messages.values())):
+        groups.add_action(row)
+    return sorted(groups.found, key=lambda one: one.time)
 
 
 def _assign_calls(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]) -> list[LoggedEvent]:
@@ -236,60 +233,54 @@ def _assign_calls(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]
     return left
 
 
-def _add_action(
-    row: LoggedEvent,
-    by_head: bool,
-    actions: dict[tuple[object, ...], tuple[NodeAction, set[int]]],
-    append: Callable[[NodeAction], None],
-) -> None:
-    """Add an event that belongs to no message, or the overhearing of a burst, to its action."""
-    overheard = row.kind == "overhear"
-    key = (row.kind,) if overheard else (row.kind, row.what, row.target, row.peer, by_head)
-    action, nodes = actions.get(key, (None, set()))
-    if action is None or (row.node in nodes and not overheard):
-        action, nodes = (
-            NodeAction(row.time, row.time, row.kind, row.what, row.target, -1 if overheard else row.peer),
-            set(),
-        )
-        actions[key] = action, nodes
-        append(action)
-    nodes.add(row.node)
-    action.until = row.time
-    action.nodes.append(row.node)
-    action.count += 1
-    action.packets += row.packets
-    action.bits += row.bits
-    action.joules += row.joules
+class _StepGroups:
+    """The messages, by sequence number or burst, and the actions of a step so far."""
 
+    def __init__(self) -> None:
+        self.found: list[NodeAction | LoggedMessage] = []
+        self.messages: dict[tuple[bool, int], LoggedMessage] = {}
+        self._actions: dict[tuple[object, ...], tuple[NodeAction, set[int]]] = {}
 
-def _add_burst_event(
-    row: LoggedEvent,
-    messages: dict[tuple[bool, int], LoggedMessage],
-    append: Callable[[LoggedMessage], None],
-    other: OtherSteps,
-) -> None:
-    """Add an event of a burst to its message."""
-    key = (row.sequence > 0, row.sequence or row.frame)
-    message = messages.get(key) if key[1] else None
-    if message is None:
-        message = _new_message(row, other)
-        append(message)
-        if key[1]:
-            messages[key] = message
-    message.until = row.time
-    message.joules += row.joules
-    if row.what == ACK:
-        message.acknowledgements += row.kind == "receive"
-    elif row.kind in SENDS:
-        message.frames.append(LoggedBurst(row.frame, row.node, row.peer, row.packets, row.bits))
-        message.to = EVERYONE if row.peer == EVERYONE else message.to
-        message.most = max(message.most, row.packets)
-        message.what = message.what or row.what
-    elif row.frame == 0:
-        message.ended = row.what or "no_reason"
-        message.most = max(message.most, row.packets)
-    else:
-        _add_outcome(message, row)
+    def add_action(self, row: LoggedEvent, by_head: bool = False) -> None:
+        """Add an event that belongs to no message, or the overhearing of a burst, to its action."""
+        overheard = row.kind == "overhear"
+        key = (row.kind,) if overheard else (row.kind, row.what, row.target, row.peer, by_head)
+        action, nodes = self._actions.get(key, (None, set()))
+        if action is None or (row.node in nodes and not overheard):
+            action = NodeAction(row.time, row.time, row.kind, row.what, row.target, -1 if overheard else row.peer)
+            _, nodes = self._actions[key] = action, set()
+            self.found.append(action)
+        nodes.add(row.node)
+        action.until = row.time
+        action.nodes.append(row.node)
+        action.count += 1
+        action.packets += row.packets
+        action.bits += row.bits
+        action.joules += row.joules
+
+    def add_burst_event(self, row: LoggedEvent, other: OtherSteps) -> None:
+        """Add an event of a burst to its message."""
+        key = (row.sequence > 0, row.sequence or row.frame)
+        message = self.messages.get(key) if key[1] else None
+        if message is None:
+            message = _new_message(row, other)
+            self.found.append(message)
+            if key[1]:
+                self.messages[key] = message
+        message.until = row.time
+        message.joules += row.joules
+        if row.what == ACK:
+            message.acknowledgements += row.kind == "receive"
+        elif row.kind in SENDS:
+            message.frames.append(LoggedBurst(row.frame, row.node, row.peer, row.packets, row.bits))
+            message.to = EVERYONE if row.peer == EVERYONE else message.to
+            message.most = max(message.most, row.packets)
+            message.what = message.what or row.what
+        elif row.frame == 0:
+            message.ended = row.what or "no_reason"
+            message.most = max(message.most, row.packets)
+        else:
+            _add_outcome(message, row)
 
 
 def _new_message(row: LoggedEvent, other: OtherSteps) -> LoggedMessage:
