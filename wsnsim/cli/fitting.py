@@ -87,7 +87,7 @@ def fit(
     asked = {name: value for name, value in options.items() if context.get_parameter_source(name) is not default}
     renamed = {"columns": renamed_columns(column), "node_columns": renamed_columns(node_column, "--node-column")}
     asked |= {name: given for name, given in {"tracks": track, **renamed}.items() if given}
-    out, figure = target(out, "law.yaml", read), target(figure, "residuals.png", read)
+    out, figure = target(out, "law.yaml", read), target(figure, getattr(figure, "name", ""), read)
     if figure is not None:
         from wsnsim.analysis.figure_style import suffix_of
 
@@ -115,11 +115,10 @@ def target(path: Path | None, default: str, read: Sequence[Path]) -> Path | None
     """The path of a file to be written, which must not be one that is read."""
     if path is None:
         return None
-    writable(path, Path(default))
     for other in read:
         if path.exists() and other.exists() and path.samefile(other):
             raise UsageError(f"{path} is one of the files that are read; write to another one")
-    return path
+    return writable(path, Path(default))
 
 
 def renamed_columns(texts: Sequence[str], option: str = "--column") -> dict[str, str]:

@@ -105,9 +105,9 @@ def _check_figures(figure: Path | None, page: Path | None) -> None:
         from wsnsim.analysis.figure_style import suffix_of
 
         suffix_of(figure)
-        writable(figure, Path(figure.name))
+        writable(figure, Path(figure.name), "--plot")
     if page is not None:
-        writable(page, Path(page.name))
+        writable(page, Path("page.html"), "--page")
 
 
 def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -171,7 +171,7 @@ def writable(out: Path | None, default: Path, option: str = "--out") -> Path:
     """The path to write to: `out`, or the default, whose folder is created.
 
     Raises:
-        UsageError: the path cannot be written. It is checked before anything runs.
+        UsageError: the path cannot be written, or has another suffix. It is checked before anything runs.
     """
     import tempfile
 
@@ -183,6 +183,9 @@ def writable(out: Path | None, default: Path, option: str = "--out") -> Path:
             raise UsageError(f"{option} {path} is a folder; give a file such as {path / default.name}")
         if reason := why_not_regular(path):
             raise UsageError(f"{option} {path} {reason}")
+        if path.suffix.lower() != default.suffix.lower():
+            hint = "; `wsnsim export` writes tables in other formats" * (default.suffix == ".h5")
+            raise UsageError(f"{option} {path}: expected a file with the suffix {default.suffix}{hint}")
         if is_too_long(path.name):
             most = LARGEST_NAME - LONGEST_ADDITION
             raise UsageError(f"{option} {shortened(path.name)}: the name of a file has at most {most} bytes")
