@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+import wsnsim
 from wsnsim import experiment, load
 from wsnsim.analysis import notes, summary, summary_text
 from wsnsim.cli.shared import group
@@ -71,6 +72,20 @@ def test_the_summary_of_a_run_without_an_estimate_says_why(tmp_path):
     assert figures["unknown"]["rmse_low"] == "no step has an estimate"
     assert figures["unknown"]["tracked_low"] == "an interval needs 5 runs"
     assert figures["unknown"]["packet_delivery_ratio"] == "no frame was sent to a node in range"
+
+
+def test_a_particle_filter_that_degenerates_is_named_in_the_summary_and_in_a_comparison(tmp_path):
+    few = ["duration=4 s", "tracker={kind: pf, particles: 4}", "lost={window: 1 s, limit: 4 m}"]
+    report = run_of(tmp_path, few)
+    figures = summary.as_json(report, {})
+    assert figures["ever_lost"] == 1.0 and figures["nees_median"] > 100.0
+    (said,) = [note for note in figures["notes"] if "degenerated" in note]
+    assert said.startswith("pf: its 4 particles may have degenerated (median NEES ")
+    found = wsnsim.compare(
+        load("pso_mhpf", few), trackers=["ekf", "pf:particles=4"], replicates=2, workers=0, out=tmp_path / "c"
+    )
+    (hint,) = [line for line in str(found).splitlines() if "degenerated" in line]
+    assert hint.startswith("- hint: pf:particles=4: its 4 particles may")
 
 
 @pytest.mark.thorough

@@ -20,7 +20,7 @@ import pandas as pd
 from wsnsim.analysis.answer import percent
 from wsnsim.analysis.campaign_info import label, point_name
 from wsnsim.analysis.comparison import Comparison
-from wsnsim.analysis.conclusions import DIFFERENT_PARTICLES, ERRORS, PACKETS_DECIDED, number, verdicts
+from wsnsim.analysis.conclusions import DEGENERATED, DIFFERENT_PARTICLES, ERRORS, PACKETS_DECIDED, number, verdicts
 from wsnsim.analysis.phrases import aligned, wrapped
 from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
@@ -194,9 +194,9 @@ def _alike(found: Comparison, paired: pd.DataFrame) -> list[str]:
 
 
 def _hints(paired: pd.DataFrame) -> list[str]:
-    """Each hint once: the latencies of the points that it is on, and the numbers of particles."""
+    """Each hint once: the latencies of the points that it is on, and what is said of particles."""
     pieces = dict.fromkeys(piece for hint in paired["hint"] for piece in hint.split("; ") if piece)
-    particles = [piece for piece in pieces if piece.startswith(DIFFERENT_PARTICLES)]
+    particles = [piece for piece in pieces if piece.startswith(DIFFERENT_PARTICLES) or DEGENERATED in piece]
     late = list(dict.fromkeys(piece.removeprefix(PACKETS_DECIDED) for piece in pieces if piece not in particles))
     more = [f"and {len(late) - MOST_LATE} more points"] if len(late) > MOST_LATE else []
     said = [PACKETS_DECIDED + "; ".join([*late[:MOST_LATE], *more])] if late else []

@@ -20,6 +20,7 @@ import numpy as np
 
 import wsnsim.scenario as scenarios
 from wsnsim.analysis import recording_notes, setup_notes
+from wsnsim.analysis.conclusions import degenerate
 from wsnsim.analysis.quantities import FIGURES, NETWORK_ONLY
 from wsnsim.analysis.setup_notes import covering_range, named
 from wsnsim.base.arrays import Floats, Ints, is_relative, planar
@@ -171,6 +172,9 @@ def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
     elif missing:
         count = f"{missing:,.4g} of {steps:,.10g} steps"
         notes += [f"{count} have no estimate (mean of the runs); errors are over the others"]
+    tracker = report.scenario.tracker
+    if said := degenerate(getattr(tracker, "particles", None), figures["nees_median"], figures["ever_lost"]):
+        notes.append(f"{tracker.kind}: {said}")
     poor = [summary for summary in report.summaries if any(track["tracked"] < 1.0 for track in summary.tracks)]
     if report.out.is_file():  # it may have been moved since
         notes += _skipped(read_json(report.out, "provenance_json", optional=True))

@@ -143,7 +143,7 @@ def report(results: tuple[Path, ...], out: Path | None, megabytes: float, **opti
     for result in results:
         recording.attributes(result)
     page = out or (results[0].with_suffix(".html") if len(results) == 1 else Path("report.html"))
-    path = writable(page, Path(page.name))
+    path = writable(page, Path("report.html"))
     for result in results:
         not_the_result(path, result, "page")
     with reading(*results):

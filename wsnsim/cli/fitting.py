@@ -87,7 +87,7 @@ def fit(
     asked = {name: value for name, value in options.items() if context.get_parameter_source(name) is not default}
     renamed = {"columns": renamed_columns(column), "node_columns": renamed_columns(node_column, "--node-column")}
     asked |= {name: given for name, given in {"tracks": track, **renamed}.items() if given}
-    out, figure = target(out, "law.yaml", read), target(figure, "residuals.png", read)
+    out, figure = target(out, "law.yaml", read), target(figure, getattr(figure, "name", ""), read)
     if figure is not None:
         plot_path(figure)
     found = fitting.fit(data, nodes, law, test, **asked)

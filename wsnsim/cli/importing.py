@@ -153,7 +153,7 @@ def _table(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[st
         raise UsageError(f"{data} exists: --out FILE{data.suffix} names another file, --out {data} replaces it")
     if options["origin"] and not options["crs"]:
         raise UsageError("--origin goes with --crs wgs84: longitude and latitude that become (0, 0)")
-    target(writable(data, data), data.name, files)
+    target(data, data.name, files)
     from wsnsim.interop import field_data
     from wsnsim.recording.atomic_files import write_text_atomically
 

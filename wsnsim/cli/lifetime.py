@@ -101,9 +101,9 @@ def _print(points: Sequence[Mapping[str, Any]], labels: Sequence[str], as_json: 
 def _check_figures(figure: Path | None, page: Path | None) -> None:
     """Raise UsageError, before anything is simulated, if a file cannot be written."""
     if figure is not None:
-        plot_path(figure)
+        plot_path(figure, option="--plot")
     if page is not None:
-        writable(page, Path(page.name))
+        writable(page, Path("page.html"), "--page")
 
 
 def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[str, Any]) -> list[dict[str, Any]]:

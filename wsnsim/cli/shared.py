@@ -187,7 +187,7 @@ def writable(out: Path | None, default: Path, option: str = "--out") -> Path:
     """The path to write to: `out`, or the default, whose folder is created.
 
     Raises:
-        UsageError: the path cannot be written. It is checked before anything runs.
+        UsageError: the path cannot be written, or has another suffix. It is checked before anything runs.
     """
     import tempfile
 
@@ -197,10 +197,11 @@ def writable(out: Path | None, default: Path, option: str = "--out") -> Path:
             path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise UsageError(f"{option} {path} is a folder; give a file such as {path / default.name}")
-        if path.is_file() and path.suffix != default.suffix and path.stat().st_size:
-            raise UsageError(f"{option} {path} exists and is another file; give a name that ends in {default.suffix}")
         if reason := why_not_regular(path):
             raise UsageError(f"{option} {path} {reason}")
+        if path.suffix.lower() != default.suffix.lower():
+            hint = "; `wsnsim export` writes tables in other formats" * (default.suffix == ".h5")
+            raise UsageError(f"{option} {path}: expected a file with the suffix {default.suffix}{hint}")
         if is_too_long(path.name):
             most = LARGEST_NAME - LONGEST_ADDITION
             raise UsageError(f"{option} {shortened(path.name)}: the name of a file has at most {most} bytes")
@@ -233,12 +234,12 @@ def seconds_of(option: str, text: str) -> float:
     return seconds
 
 
-def plot_path(path: Path, animated: bool = False) -> Path:
+def plot_path(path: Path, animated: bool = False, option: str = "--out") -> Path:
     """The path of a figure, checked for its suffix and for being writable. Raises UsageError."""
     from wsnsim.analysis.figure_style import suffix_of
 
     suffix_of(path, animated)
-    return writable(path, Path(path.name))
+    return writable(path, Path(path.name), option)
 
 
 def not_the_result(path: Path, result: Path, content: str) -> Path:
