@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import wsnsim.campaign as campaign
 from wsnsim.analysis import campaign_info  # not comparison: pandas may start a thread, and workers would be spawned
-from wsnsim.base.errors import ResultError, UsageError, did_you_mean, printable
+from wsnsim.base.errors import ResultError, UsageError, counted, did_you_mean, printable
 from wsnsim.base.tables import METRICS
 from wsnsim.campaign import WHOLE, CampaignOutcome, Shard, engines, needs_permission
 from wsnsim.campaign.sweeping import CostEstimate, engine_of, estimate_cost
@@ -193,9 +193,9 @@ def _report_outcome(
 ) -> int:
     """Print what failed, what is missing and how to resume; return the exit code."""
     manifest = folder.manifest()
-    points, runs = (0, 0) if options.quiet else folder.outside_manifest(manifest)
-    beside = f"{folder.path} also holds {points} points and {runs} runs outside this campaign; they are kept"
-    lines = [f"wsnsim: {beside}"] if points or runs else []
+    others = 0 if options.quiet else folder.outside_manifest(manifest)
+    beside = f"{folder.path} also holds {counted(others, 'run')} outside this campaign; they are kept, and not shown"
+    lines = [f"wsnsim: {beside}"] if others else []
     lines += [f"wsnsim: worker {worker} was left out: it {why}" for worker, why in outcome.left_out.items()]
     failures = campaign.describe_failed(outcome.failed, manifest)
     lines += [f"wsnsim: {said}" for said in failures[:MAX_FAILURES]]

@@ -197,12 +197,11 @@ class Folder:
         """The replicates of a point that are on disk."""
         return {number for batch in self.batches(point) for number in range(batch.first, batch.last + 1)}
 
-    def outside_manifest(self, manifest: Manifest) -> tuple[int, int]:
-        """(points, replicates of known points) on disk that the manifest does not contain."""
+    def outside_manifest(self, manifest: Manifest) -> int:
+        """The number of runs on disk that the manifest does not contain."""
         own = {point.id: point.replicates for point in manifest.points}
         existing = {place.parent.name for place in self.path.glob("*/r*.h5")}
-        more = sum(sum(number >= most for number in self.done(point)) for point, most in own.items())
-        return len(existing - own.keys()), more
+        return sum(number >= own.get(point, 0) for point in existing for number in self.done(point))
 
     def missing(self, point: str, replicates: int) -> list[int]:
         """The missing ones of a point's first replicates."""
