@@ -201,13 +201,12 @@ def _typed(values: Sequence[Any], owners: np.ndarray) -> Any:
 
 def _type_of(values: Sequence[Any]) -> Any:
     known = [value for value in values if value is not None]
-    complete = len(known) == len(values)
-    if known and all(isinstance(value, bool) for value in known):
+    kind, complete = pd.api.types.infer_dtype(known, skipna=False), len(known) == len(values)
+    if kind == "boolean":
         return "bool" if complete else "boolean"
-    if known and all(isinstance(value, int) and not isinstance(value, bool) for value in known):
-        if all(-(2**63) <= value < 2**63 for value in known):
-            return "int64" if complete else "Int64"
-        return "uint64" if complete and all(0 <= value < 2**64 for value in known) else "object"
-    if known and all(isinstance(value, int | float) and not isinstance(value, bool) for value in known):
+    if kind == "integer":
+        width = pd.Series(known).dtype.name
+        return width if complete else "Int64" if width == "int64" else "object"
+    if kind in ("floating", "mixed-integer-float", "integer-na"):
         return "float64"
     return pd.CategoricalDtype(list(dict.fromkeys(str(value) for value in known)))

@@ -17,9 +17,9 @@ from typing import Any, Final
 
 import pandas as pd
 
-from wsnsim.analysis.answer import percent
+from wsnsim.analysis.answer import SEEN, percent
 from wsnsim.analysis.campaign_info import label, point_name
-from wsnsim.analysis.comparison import Comparison
+from wsnsim.analysis.comparison import ENERGY, Comparison
 from wsnsim.analysis.conclusions import (
     DEGENERATED,
     DIFFERENT_PARTICLES,
@@ -156,14 +156,8 @@ def _plain(value: Any) -> Any:
     return None if value is pd.NA or value != value else value
 
 
-ENERGY: Final = "energy"
-"""The metric that is the energy itself."""
 DIFFERENCE: Final = "difference"
 """The first column of what is about pairs of points."""
-SEEN: Final = 0.995
-"""Share of tracked steps above which the column `tracked` is left out."""
-
-
 MOST_LATE: Final = 3
 """Points up to which a hint gives the latency of each (our choice)."""
 

@@ -26,6 +26,7 @@ from scipy import stats
 import wsnsim.recording as recording
 from wsnsim.analysis import plot_data
 from wsnsim.analysis.quantities import interval
+from wsnsim.analysis.statistics import LEAST
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import ResultError
@@ -35,8 +36,6 @@ Statistic = Literal["nees", "nis", "state"]
 """NEES of the position, NIS, and NEES of the whole state."""
 KEYS: Final = ["replicate", "target", "step"]
 DRAWS: Final = 400
-LEAST: Final = 5
-"""Runs from which on there is a bootstrap interval."""
 TAILS: Final = np.array([0.025, 0.975])
 
 

@@ -6,7 +6,6 @@ text(point) -> str          several(points) -> str, a table with a row for each
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -28,11 +27,7 @@ def text(point: Point) -> str:
     lines += wrapped(_baseline(point))
     for title, items in (("notes", point["notes"]), ("not modelled", point["not_modelled"])):
         lines += [f"{title}:"] if items else []
-        lines += [
-            line
-            for item in items
-            for line in textwrap.wrap(item, width(), initial_indent="  - ", subsequent_indent="    ")
-        ]
+        lines += [line for item in items for line in wrapped(item, "  - ")]
     return "\n".join(lines)
 
 

@@ -23,6 +23,7 @@ from wsnsim.analysis import recording_notes, setup_notes
 from wsnsim.analysis.conclusions import degenerate
 from wsnsim.analysis.quantities import FIGURES, NETWORK_ONLY
 from wsnsim.analysis.setup_notes import covering_range, named
+from wsnsim.analysis.statistics import LEAST
 from wsnsim.base.arrays import Floats, Ints, is_relative, planar
 from wsnsim.base.errors import RunError, counted
 from wsnsim.base.initial_conditions import InitialConditions, node_names, sample_initial_conditions, sample_positions
@@ -41,8 +42,6 @@ OF_THREE: Final = ("rmse_three", "mean_error_three", "median_error_three")
 ON_REQUEST: Final = "it is computed by `wsnsim run --bound`"
 FEWEST_DIFFERENCES: Final = 3
 """Nodes whose differences of readings fix a place in the plane, but for a few more places."""
-LEAST_RUNS: Final = 5
-"""Runs from which on there are intervals (see `quantities`)."""
 
 
 class _Visibility(NamedTuple):
@@ -146,15 +145,11 @@ A check looks at the whole graph of links in place of the nearest nodes; a run t
 
 def before_a_run(setup: Setup) -> list[str]:
     """A sentence on each value that is probably not intended, and whether no node can reach another."""
-    return _noted(BEFORE_A_RUN, setup)
+    return of_setup(setup, BEFORE_A_RUN)
 
 
-def of_setup(setup: Setup) -> list[str]:
+def of_setup(setup: Setup, when: str = IN_A_CHECK) -> list[str]:
     """What makes a valid scenario hopeless or harder than it looks: its values, and the initial conditions of a run."""
-    return _noted(IN_A_CHECK, setup)
-
-
-def _noted(when: str, setup: Setup) -> list[str]:
     return [
         note
         for asked, about, rule in RULES
@@ -255,8 +250,8 @@ def _reason(key: str, report: Report, figures: Mapping[str, Any]) -> str:
     base = key.removesuffix("_low").removesuffix("_high")
     known = figures.get(base, math.nan)
     if base != key and isinstance(known, float) and math.isfinite(known):
-        few = len(report.summaries) < LEAST_RUNS
-        return f"an interval needs {LEAST_RUNS} runs" if few else "it is known in too few runs"
+        few = len(report.summaries) < LEAST
+        return f"an interval needs {LEAST} runs" if few else "it is known in too few runs"
     if base.startswith("bound") and figures["bound_reason"]:
         return str(figures["bound_reason"])
     if base in NETWORK_ONLY and report.scenario.network is not None:

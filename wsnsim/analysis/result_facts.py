@@ -22,8 +22,6 @@ from wsnsim.base.results import Report
 from wsnsim.base.tables import CAUSES
 from wsnsim.recording import attributes, read_json, read_table, tables
 
-Table = Mapping[str, Any]
-"""Columns by name."""
 MANY_ROWS: Final = 500_000
 """Rows of the table `energy` above which the energy is summed from `energy_steps`, if that is shorter (our choice)."""
 SHORT: Final = ("runs", "tracks", "reports")
@@ -142,12 +140,13 @@ def facts_of_report(report: Report) -> ResultFacts:
     about = scenarios.resolved(report.scenario)
     unit = report.states[report.position[0]][1] if report.states else "m"
     runs = _columns({name: [row[name] for row in rows] for name in rows[0]})
+    causes = {cause for summary in report.summaries for cause in summary.joules}
     return ResultFacts(
         runs,
         _by_run({name: [row[name] for row in tracks] for name in tracks[0]} if tracks else {}, len(rows)),
         _columns(read_table(report.out, "reports")) if recorded else {},
         RecordedErrors(np.array([row["replicate"] for row in rows]), np.arange(1, steps + 1), errors_of(report, steps)),
-        joules_of(report),
+        {cause: float(np.mean([one.joules.get(cause, 0.0) for one in report.summaries])) for cause in sorted(causes)},
         **_context(unit, about, len(report.position) if report.states else 0),
     )
 
@@ -161,18 +160,12 @@ def errors_of(report: Report, steps: int) -> Floats:
     return errors
 
 
-def joules_of(report: Report) -> dict[str, float]:
-    """Energy (J) by cause, mean over the runs of a report."""
-    causes = sorted({cause for summary in report.summaries for cause in summary.joules})
-    return {cause: float(np.mean([one.joules.get(cause, 0.0) for one in report.summaries])) for cause in causes}
-
-
 def facts_of_file(path: str | Path) -> ResultFacts:
     """The facts of a result file; of its long tables, only the errors and the joules are read."""
     held = {name: size.rows for name, size in tables(path).items() if size.rows}
     runs, tracks, reports = (_columns(read_table(path, name)) if name in held else {} for name in SHORT)
     count = next(iter(runs.values())).size if runs else 0
-    estimates: Table = {}
+    estimates: Mapping[str, Any] = {}
     if multi_target.is_unlabelled(path):
         estimates = _of_followed(path) if {"truth", "runs"} <= held.keys() else {}
     elif "estimates" in held:
@@ -187,7 +180,7 @@ def facts_of_file(path: str | Path) -> ResultFacts:
     return ResultFacts(runs, _by_run(tracks, count), reports, recorded, joules, **context)
 
 
-def _of_followed(path: str | Path) -> Table:
+def _of_followed(path: str | Path) -> Mapping[str, Any]:
     """Columns of `estimates` as they are where readings name their target: of the tracks that follow targets."""
     pieces = [
         np.stack([np.full_like(run.errors, run.replicate), *np.indices(run.errors.shape), run.errors]).reshape(4, -1)
@@ -203,20 +196,20 @@ def position_unit(path: str | Path) -> str:
     return str(root["states"][(root["position"] or (0,))[0]][1]) if root["states"] else "m"
 
 
-def _columns(table: Table) -> dict[str, Floats]:
+def _columns(table: Mapping[str, Any]) -> dict[str, Floats]:
     """The columns of a table that hold numbers."""
     columns = {name: np.asarray(table[name]) for name in table}
     return {name: values.astype(np.float64) for name, values in columns.items() if values.dtype.kind in "uifb"}
 
 
-def _by_run(table: Table, runs: int) -> dict[str, Floats]:
+def _by_run(table: Mapping[str, Any], runs: int) -> dict[str, Floats]:
     """The columns of the table `tracks`, (runs, targets) each; a row each if runs differ in their tracks."""
     columns = {name: column for name, column in _columns(table).items() if column.size}
     rows = runs if runs and all(column.size % runs == 0 for column in columns.values()) else -1
     return {name: column.reshape((rows, -1) if rows > 0 else (-1, 1)) for name, column in columns.items()}
 
 
-def _errors(table: Table) -> RecordedErrors:
+def _errors(table: Mapping[str, Any]) -> RecordedErrors:
     """The position errors of the table `estimates`."""
     if not table:
         return RecordedErrors()
@@ -227,7 +220,7 @@ def _errors(table: Table) -> RecordedErrors:
     return RecordedErrors(numbers.astype(np.int64), steps.astype(np.int64), errors)
 
 
-def _joules(table: Table, runs: int) -> dict[str, float]:
+def _joules(table: Mapping[str, Any], runs: int) -> dict[str, float]:
     """Joules by cause, mean over the runs, of a table with the columns `cause` and `joules`."""
     sums = np.bincount(table["cause"], table["joules"], len(CAUSES)) / runs
     return {CAUSES[code]: float(sums[code]) for code in np.unique(table["cause"]) if code < len(CAUSES)}

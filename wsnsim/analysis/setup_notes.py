@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -41,12 +41,8 @@ def motions_beyond_the_field(setup: TrackingSetup) -> Iterator[str]:
     """Targets whose area reaches beyond the field by more than the sensing range: there no node can measure them."""
     field, reach = setup.deploy.field, setup.sensor.reach
     for i, motion in enumerate(setup.motions):
-        found = _area(motion)
-        if found is None:
-            continue
-        key, (left, right, bottom, top) = found
-        monitored = _box(field)
-        beyond = max(monitored[0] - left, right - monitored[1], monitored[2] - bottom, top - monitored[3])
+        key, area = _area(motion)
+        beyond = (np.subtract(_box(field), area) * (1.0, -1.0, 1.0, -1.0)).max(initial=0.0)
         if beyond > reach:
             yield (
                 f"{_of_target(setup, i)}.{key}: the target moves up to {beyond:g} m beyond {named(field)}, out of the "
@@ -138,9 +134,8 @@ def sink_outside_the_field(setup: RadioSetup) -> Iterator[str]:
     field = setup.deploy.field
     left, right, bottom, top = _box(field)
     for x, y in setup.sink_points:
-        away = math.hypot(max(left - x, x - right, 0.0), max(bottom - y, y - top, 0.0))
-        if away > setup.link.reach:
-            nearest = min(max(x, left), right), min(max(y, bottom), top)
+        nearest = min(max(x, left), right), min(max(y, bottom), top)
+        if (away := math.dist((x, y), nearest)) > setup.link.reach:
             yield (
                 f"sink: ({x:g}, {y:g}) m is {away:.4g} m outside {named(field)}; the sink is the node nearest to it, "
                 f"at the edge: the nearest point of the field is ({nearest[0]:g}, {nearest[1]:g}) m"
@@ -212,14 +207,13 @@ def sleep_that_costs_more(setup: RadioSetup) -> Iterator[str]:
 
 def steps_shorter_than_a_hop(setup: NetworkSetup) -> Iterator[str]:
     """Steps in which hardly a reading can reach a cluster head: a hop takes longer."""
-    if not is_duty_cycled(setup.mac) or setup.dt >= setup.hop.unicast:
-        return
-    least = math.ceil(setup.hop.unicast * 10.0) / 10.0
-    yield (
-        f"step: steps of {1000 * setup.dt:g} ms are out of reach of mac: {setup.mac.mechanism}: a unicast waits up to "
-        f"{setup.hop.unicast:.3g} s for its receiver; give a step of {least:g} s or more, or a shorter interval of the "
-        "radio"
-    )
+    if is_duty_cycled(setup.mac) and setup.dt < setup.hop.unicast:
+        least = math.ceil(setup.hop.unicast * 10.0) / 10.0
+        yield (
+            f"step: steps of {1000 * setup.dt:g} ms are out of reach of mac: {setup.mac.mechanism}: a unicast waits up "
+            f"to {setup.hop.unicast:.3g} s for its receiver; give a step of {least:g} s or more, or a shorter interval "
+            "of the radio"
+        )
 
 
 def rounds_longer_than_a_step(setup: NetworkSetup) -> Iterator[str]:
@@ -244,10 +238,9 @@ def rounds_longer_than_a_step(setup: NetworkSetup) -> Iterator[str]:
 
 def messages_after_their_step(setup: NetworkSetup) -> Iterator[str]:
     """Wake-up messages that arrive after the step for which they wake nodes, two hops from a head that waits long."""
-    if not is_duty_cycled(setup.mac) or setup.wakeup.mechanism == "none":
-        return
     wait, hops = setup.waits.gather or 0.0, 2.0 * setup.hop.broadcast
-    if setup.hop.broadcast < setup.dt < wait + hops:
+    wakes = is_duty_cycled(setup.mac) and setup.wakeup.mechanism != "none"
+    if wakes and setup.hop.broadcast < setup.dt < wait + hops:
         enough = math.ceil(10.0 * hops / (1.0 - CAP_SHARE)) / 10.0
         yield (
             f"wakeup: over mac: {setup.mac.mechanism} readings take up to {wait:.3g} s and a message of two hops "
@@ -258,10 +251,8 @@ def messages_after_their_step(setup: NetworkSetup) -> Iterator[str]:
 
 def radios_that_save_nothing(setup: RadioSetup) -> Iterator[str]:
     """Radios that are mostly off where listening costs nothing."""
-    if not is_duty_cycled(setup.mac):
-        return
     model = continuous_power(setup.energy)
-    if model is None or not model.mode_power(Mode.AWAKE).radio:
+    if is_duty_cycled(setup.mac) and (model is None or not model.mode_power(Mode.AWAKE).radio):
         yield (
             f"mac: {setup.mac.mechanism} turns radios off, and by energy: listening costs nothing: nodes pay for "
             "reaching each other and save nothing; give energy: {kind: states}"
@@ -270,11 +261,8 @@ def radios_that_save_nothing(setup: RadioSetup) -> Iterator[str]:
 
 def beacons_that_fill_the_channel(setup: RadioSetup) -> Iterator[str]:
     """Routing beacons that follow each other faster than a neighbourhood of duty-cycled radios can send them."""
-    shortest = getattr(setup.routing, "i_min", None)
-    if shortest is None or not is_duty_cycled(setup.mac):
-        return
-    least = CROWD * setup.hop.broadcast
-    if shortest < least:
+    shortest, least = getattr(setup.routing, "i_min", math.inf), CROWD * setup.hop.broadcast
+    if is_duty_cycled(setup.mac) and shortest < least:
         yield (
             f"routing.i_min: over mac: {setup.mac.mechanism} a beacon takes up to {setup.hop.broadcast:.3g} s, and "
             f"nodes begin with one in {shortest:g} s each: they fill the channel, and routes are found late; give "
@@ -282,40 +270,21 @@ def beacons_that_fill_the_channel(setup: RadioSetup) -> Iterator[str]:
         )
 
 
-def _if(other: str, *values: Any) -> Callable[[Any, Setup], bool]:
-    """Whether another parameter has one of these values, or any but 0; it does where a plug-in lacks it."""
-
-    def counts(part: Any, _: Setup) -> bool:
-        value = getattr(part, other, values[0] if values else True)
-        return value in values if values else bool(value)
-
-    return counts
-
-
-def _with_targets(_: Any, setup: Setup) -> bool:
-    return isinstance(setup, TrackingSetup)
-
-
-def _with_slots(part: Any, setup: Setup) -> bool:
-    """Whether a MAC has slots inside clusters, or none of TDMA's parameters for them."""
-    return _with_targets(part, setup) or part.mechanism != "tdma"
-
-
-SLOTS: Final = ("acks", "guard", "slot", "schedule_bits", "contention", "idle_slots")
-"""Parameters of TDMA that count only inside clusters."""
 CONDITIONS: Final = (
-    ("detection", "stuck_at", _if("stuck"), "while no sensor is stuck: give detection.stuck"),
-    ("motion", "room", _if("course", "in_room"), "on this course: give motion.course: in_room"),
-    ("motion", "slack", _if("course", "in_room"), "on this course: give motion.course: in_room"),
-    ("sensor", "dof", _if("noise", "student_t"), "with this noise: give sensor.noise: student_t"),
-    ("sensor", "decorrelation", _if("shadowing"), "without shadowing: give sensor.shadowing"),
-    ("sensor", "detour", _if("blocked"), "while no line of sight is blocked: give sensor.blocked"),
-    ("link", "capture_margin", _if("interference", "sinr"), "without link.interference: sinr"),
-    ("deploy", "position_error", _with_targets, "with a workload without targets"),
-    ("energy", "sensing", _with_targets, "with a workload without targets"),
-    *(("mac", key, _with_slots, "with a workload without targets") for key in SLOTS),
+    ("detection", "stuck_at", "stuck", True, "while no sensor is stuck: give detection.stuck"),
+    ("motion", "room", "course", "in_room", "on this course: give motion.course: in_room"),
+    ("motion", "slack", "course", "in_room", "on this course: give motion.course: in_room"),
+    ("sensor", "dof", "noise", "student_t", "with this noise: give sensor.noise: student_t"),
+    ("sensor", "decorrelation", "shadowing", True, "without shadowing: give sensor.shadowing"),
+    ("sensor", "detour", "blocked", True, "while no line of sight is blocked: give sensor.blocked"),
+    ("link", "capture_margin", "interference", "sinr", "without link.interference: sinr"),
 )
-"""(role, parameter, whether it has an effect, what it needs) of parameters that depend on others."""
+"""(role, parameter, another one, the value of that with which the first counts, True: any but 0, what is needed)."""
+ONLY_WITH_TARGETS: Final = {
+    "deploy": ("position_error",), "energy": ("sensing",),
+    "mac": ("acks", "guard", "slot", "schedule_bits", "contention", "idle_slots"),
+}  # fmt: skip
+"""{role: parameters that count only with targets}; those of a MAC, of TDMA, inside clusters."""
 
 READINGS: Final = ("stuck", "bias")
 LASTING: Final = (*READINGS, "blackout", "link_loss", "clock_step")
@@ -333,14 +302,21 @@ def keys_without_effect(setup: Setup) -> Iterator[str]:
 
 def parameters_without_effect(setup: Setup) -> Iterator[str]:
     """Parameters with another value than by default that count only with another one, or in another kind of run."""
-    for role, key, counts, need in CONDITIONS:
-        parts = (
-            setup.motions if role == "motion" and isinstance(setup, TrackingSetup) else (getattr(setup, role, None),)
-        )
-        for part in parts:
-            given = getattr(part, key, None) != getattr(type(part), key, None)
-            if given and not counts(part, setup):
+    for role, key, other, wanted, need in CONDITIONS:
+        for part in getattr(setup, "motions", ()) if role == "motion" else (getattr(setup, role, None),):
+            value = getattr(part, other, wanted)  # a plug-in may lack it
+            if _is_given(part, key) and not (value if wanted is True else value == wanted):
                 yield f"{role}.{key}: no effect {need}"
+    for role, keys in () if isinstance(setup, TrackingSetup) else ONLY_WITH_TARGETS.items():
+        held: Any = getattr(setup, role)
+        for key in keys if role != "mac" or held.mechanism == "tdma" else ():
+            if _is_given(held, key):
+                yield f"{role}.{key}: no effect with a workload without targets"
+
+
+def _is_given(part: Any, key: str) -> bool:
+    """Whether a parameter has another value than by default."""
+    return bool(getattr(part, key, None) != getattr(type(part), key, None))
 
 
 def faults_that_hit_nobody(setup: Setup) -> Iterator[str]:
@@ -395,8 +371,8 @@ def covering_range(setup: Setup) -> float:
     return setup.link.reach
 
 
-def _area(motion: Any) -> tuple[str, Box] | None:
-    """(key, box) of what bounds a trajectory; None if nothing does."""
+def _area(motion: Any) -> tuple[str, Box]:
+    """(key, box) of what bounds a trajectory; a box of NaN if nothing does."""
     if getattr(motion, "course", None) == "in_room":
         return "room", motion.room
     if getattr(motion, "box", None) is not None:
@@ -407,7 +383,7 @@ def _area(motion: Any) -> tuple[str, Box] | None:
     width, height = getattr(motion, "width", None), getattr(motion, "height", None)
     if isinstance(width, float) and isinstance(height, float):
         return "width", _box(Field(width, height, getattr(motion, "centre", (0.0, 0.0))))
-    return None
+    return "", (math.nan, math.nan, math.nan, math.nan)
 
 
 def _greatest_speed(motion: Any) -> float:

@@ -93,8 +93,6 @@ def _report(action: NodeAction, who: str, context: StepContext) -> str:
 
 def _parcel(what: str, several: bool) -> str:
     """The name of a parcel, of one sender or of several."""
-    if not what:
-        return ("a message", "messages")[several]
     words = what.replace("_", " ")
     return PARCELS.get(what, (f"its {words}", f"their {words}"))[several]
 

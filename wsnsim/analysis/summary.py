@@ -19,7 +19,7 @@ from wsnsim.analysis import notes
 from wsnsim.analysis.answer import comparable, sentence
 from wsnsim.analysis.phrases import REASONS
 from wsnsim.analysis.quantities import NETWORK_ONLY, QUANTITIES, flagged, interval, median_time, medians
-from wsnsim.analysis.result_facts import ResultFacts, errors_of, facts_of_report, joules_of
+from wsnsim.analysis.result_facts import ResultFacts, errors_of, facts_of_report
 from wsnsim.base import metrics
 from wsnsim.base.results import Report
 from wsnsim.base.tables import KIND, UNLABELLED
@@ -229,7 +229,7 @@ def _figures_without_target(report: Report) -> dict[str, Any]:
         **clock_figures(report),
         **_report_figures(report, facts),
         "energy": facts.mean("energy"),
-        "joules": joules_of(report),
+        "joules": dict(facts.joules),
         **_costs(report),
     }
 

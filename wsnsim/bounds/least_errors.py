@@ -69,13 +69,8 @@ def unknown_constants(setup: TrackingSetup, query: BoundQuery) -> UnknownConstan
 
 def checked(query: BoundQuery) -> BoundQuery:
     """The query itself. Raises UsageError if a word is not allowed, or if there are no runs."""
-    for name, value, allowed in (
-        ("kind", query.kind, KINDS),
-        ("readings", query.readings, READINGS),
-        ("gains", query.gains, GAINS),
-        ("places", query.places, PLACES),
-    ):
-        if value not in allowed:
+    for name, allowed in {"kind": KINDS, "readings": READINGS, "gains": GAINS, "places": PLACES}.items():
+        if (value := getattr(query, name)) not in allowed:
             raise UsageError(f"{name}: '{value}': {did_you_mean(value, allowed)}")
     if not query.replicates:
         raise UsageError("replicates: a bound needs at least one run")

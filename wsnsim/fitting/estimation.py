@@ -184,7 +184,7 @@ def _check_determined(sample: LocatedReadings, form: LawForm, heights: bool, cou
 
 def _block_length(sample: LocatedReadings, path: float) -> tuple[float, float]:
     """The least time (s) and path (m) of a block: as wanted, but short enough for `LEAST_BLOCKS` of them."""
-    total = sum(float(np.ptp(sample.times[own])) for _, own in sample.by_file() if own.any())
+    total = sum(sample.spans(sample.times))
     return min(BLOCK, total / LEAST_BLOCKS) or BLOCK, min(path, sample.whole_path / LEAST_BLOCKS)
 
 

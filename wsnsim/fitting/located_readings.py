@@ -15,7 +15,7 @@ A law must not be judged on rows that it was fitted to, whatever a file is calle
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Set
+from collections.abc import Hashable, Iterable, Mapping, Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, NamedTuple, TypeAlias
@@ -114,7 +114,11 @@ class LocatedReadings:
     @property
     def whole_path(self) -> float:
         """The path (m) of all tracks together."""
-        return sum(float(np.ptp(self.travelled[own])) for _, own in self.by_file() if own.any())
+        return sum(self.spans(self.travelled))
+
+    def spans(self, along: Floats) -> list[float]:
+        """From the least to the greatest of values (n,), such as times, on each track."""
+        return [float(np.ptp(along[self.tracks == track])) for track in np.unique(self.tracks).tolist()]
 
     def blocks(self, seconds: float, path: float = 0.0) -> Ints:
         """(n,) number of the block of each reading.
@@ -170,11 +174,6 @@ class LocatedReadings:
         own = self.tracks == track
         columns = (self.times, self.nodes, self.readings, self.points[:, 0], self.points[:, 1])
         return frozenset(zip(*(column[own].tolist() for column in columns), strict=True))
-
-    def by_file(self) -> Iterator[tuple[DataFile, Bools]]:
-        """Each file, and which readings are its own."""
-        for index, file in enumerate(self.files):
-            yield file, self.tracks == index
 
 
 CONFIDENCE: Final = 0.95

@@ -96,7 +96,8 @@ class Averaged(NamedTuple):
 def averaged(sample: LocatedReadings, gains: bool) -> Averaged:
     """The paths of a sample's tracks, at `PATH_POINTS` of their readings."""
     paths, shares = [], []
-    for _, own in sample.by_file():
+    for track in np.unique(sample.tracks).tolist():
+        own = sample.tracks == track
         path = sample.travelled[own]
         paths.append(path[np.linspace(0, len(path) - 1, PATH_POINTS).astype(np.int64)])
         shares.append(float(own.mean()))
@@ -108,8 +109,7 @@ def lagged(sample: LocatedReadings, residuals: Floats, blocks: Ints, along: Floa
     """The products of pairs by their lag in `along` (n,): the travelled path, or the time."""
     first, second = sample.pairs
     lags = along[second] - along[first]
-    lengths = [float(np.ptp(along[own])) for _, own in sample.by_file() if own.any()]
-    longest = LONGEST * max(lengths, default=0.0)
+    longest = LONGEST * max(sample.spans(along), default=0.0)
     moving = lags[(lags > 0.0) & (lags <= longest)]
     if not moving.size:
         return Lagged(np.empty(0), np.empty((0, 0)), np.empty((0, 0)))

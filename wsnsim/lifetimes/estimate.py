@@ -281,13 +281,14 @@ class Estimation:
         criteria = {name: self._estimated(each) for name, each in times.items()}
         first, visit = self._epochs[0], plan.visit
         spoken, baseline = (first.quiet, first.library, self._stores, visit), self._baseline()
-        notes = limits.notes(*spoken, plan.horizon)
+        notes = [*limits.notes(*spoken, plan.horizon)]
         if (reached := self._error(criteria["first_death"])) > plan.error:
-            notes += (limits.missed(reached, plan.error, len(first.library.tracked)),)
+            notes.append(limits.missed(reached, plan.error, len(first.library.tracked)))
+        left_out = limits.not_modelled(self._setup, *spoken, self._strays, min(max(1.0, baseline), plan.horizon))
+        most = max(len(each.dead) for each in self._epochs) / self._size
         return Lifetime(
             plan, self._facts, criteria, times, events, tuple(self._epochs), self._mortal(first.dead), rules, baseline,
-            limits.not_modelled(self._setup, *spoken, self._strays, min(max(1.0, baseline), plan.horizon))
-            + limits.thinned([len(each.dead) / self._size for each in self._epochs], self._stores.restarts), notes,
+            (*left_out, limits.thinned(most, self._stores.restarts)), tuple(notes),
         )  # fmt: skip
 
     def _estimated(self, times: Floats) -> CriterionTime:

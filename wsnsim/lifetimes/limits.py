@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -29,12 +29,11 @@ def missed(reached: float, asked: float, count: int) -> str:
     )
 
 
-def thinned(shares: Sequence[float], come_back: bool) -> tuple[str, ...]:
-    """What is not known of tracking in a network that has lost more nodes than any that was simulated."""
+def thinned(most: float, come_back: bool) -> str:
+    """What is not known of tracking in a network that has lost more than this share of nodes, the most simulated."""
     if come_back:
-        return ("visits while nodes are down: all nodes are up in simulated visits, and tracked shares are those",)
-    most = f"{max(shares):.0%}"
-    return (f"visits with more than {most} of the nodes dead: the tracked share is that with {most} dead",)
+        return "visits while nodes are down: all nodes are up in simulated visits, and tracked shares are those"
+    return f"visits with more than {most:.0%} of the nodes dead: the tracked share is that with {most:.0%} dead"
 
 
 def not_modelled(
@@ -45,8 +44,8 @@ def not_modelled(
     visit: Visit,
     strays: Sequence[float],
     horizon: float,
-) -> tuple[str, ...]:
-    """What is left out, each with its size.
+) -> Iterator[str]:
+    """Yield what is left out, each with its size.
 
     Args:
         setup: the network.
@@ -57,62 +56,58 @@ def not_modelled(
         strays: mean share of the nodes that are dead in a path, but not in the library, at the begin of each epoch.
         horizon: end of the paths in s.
     """
-    found, visits = [], visit.visits
+    visits = visit.visits
     nodes = np.flatnonzero(stores.alive & np.isfinite(stores.joules))
     if nodes.size:
         power = quiet.watts.sum(axis=0) + visits.frequency(horizon) * library.added.mean(axis=0)
         uneven = float(power[nodes].std() / max(float(power[nodes].max()), 1e-300))
-        found.append(
+        yield (
             "choices that depend on residual energy: batteries are full in simulated visits; at the first death those "
             f"of equal capacity differ by {uneven:.1%} of it (standard deviation)"
         )
     if visits.rate is not None:
         soon = -math.expm1(-visit.tail / float(visits.gaps().min()))
-        found.append(
+        yield (
             f"memory between visits: {soon:.1%} begin less than {visit.tail:g} s after another has ended (busiest "
             "hour), and are simulated as if it had not been"
         )
-        found.append(f"visits that overlap: {overlap(visit):.1%} of Poisson visits at this rate would; here none does")
+        yield f"visits that overlap: {overlap(visit):.1%} of Poisson visits at this rate would; here none does"
     kept = float((library.false_time > 0.9 * visit.tail).mean()) if library.false_time.size else 0.0
     if kept:
-        found.append(
+        yield (
             f"tracks of targets that have left: in {kept:.0%} of the simulated visits one was kept to the end, "
             f"{visit.tail:g} s later, and what it costs from then on is left out"
         )
     if setup.faults:
-        found.append(f"faults of the scenario: {len(setup.faults)} are ignored")
+        yield f"faults of the scenario: {len(setup.faults)} are ignored"
     if strays:
-        found.append(
+        yield (
             f"paths that differ from the median path: {max(strays):.0%} of the nodes that are dead in a path are alive "
             "in the simulated visits of its epoch (mean of the paths, largest of the epochs)"
         )
     error = float(quiet.error.sum(axis=0)[nodes].mean()) if nodes.size else 0.0
     if error:
         share = error / max(float(quiet.watts.sum(axis=0)[nodes].mean()), 1e-300)
-        found.append(f"the error of the quiet power, {share:.2%} of it")
-    return tuple(found)
+        yield f"the error of the quiet power, {share:.2%} of it"
 
 
-def notes(quiet: QuietPower, library: Library, stores: Stores, visit: Visit, horizon: float) -> tuple[str, ...]:
-    """What is special about a network, and how it was treated."""
-    found, visits = [], visit.visits
+def notes(quiet: QuietPower, library: Library, stores: Stores, visit: Visit, horizon: float) -> Iterator[str]:
+    """Yield what is special about a network, and how it was treated."""
+    visits = visit.visits
     living = np.flatnonzero(stores.alive)
     mortal = living[np.isfinite(stores.joules[living])]
     most = library.added.max(axis=0)
     if not visits.frequency(horizon):
-        found.append("no target comes before the horizon: the network is quiet")
+        yield "no target comes before the horizon: the network is quiet"
     elif visits.rate is None and visits.begins[-1] < horizon:
-        found.append(f"the last visit begins at {visits.begins[-1]:g} s; the network is quiet from then on")
+        yield f"the last visit begins at {visits.begins[-1]:g} s; the network is quiet from then on"
     if not mortal.size:
-        found.append("all nodes are on mains or have infinite batteries: none can die")
+        yield "all nodes are on mains or have infinite batteries: none can die"
     if living.size < stores.alive.size:
         dead = stores.alive.size - living.size
-        found.append(f"{counted(dead, 'node')} dead at the start, with nothing to draw: no first death")
+        yield f"{counted(dead, 'node')} dead at the start, with nothing to draw: no first death"
     small = int((most[mortal] >= stores.joules[mortal]).sum())
     if small:
-        found.append(
-            f"one visit can empty the batteries of {counted(small, 'node')}: a death is timed within the visit, evenly"
-        )
+        yield f"one visit can empty the batteries of {counted(small, 'node')}: a death is timed evenly within the visit"
     if not quiet.watts[CAUSE["sleep"], living].any() and quiet.watts[:, living].any():
-        found.append("no node ever sleeps: nearly all energy is that of the quiet network")
-    return tuple(found)
+        yield "no node ever sleeps: nearly all energy is that of the quiet network"

@@ -9,11 +9,10 @@ A rule that is broken raises an AssertionError that names it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
-from wsnsim.base.answers import estimate_fault
 from wsnsim.base.arrays import Bools, Estimate
 from wsnsim.base.ports import HeadlessTracker, MotionModel, SensorModel, Tracker
 from wsnsim.base.requests import Local, Member, Parcel, Request
@@ -28,7 +27,7 @@ from wsnsim.testing.mechanisms import check_fault, check_sync, check_workload
 from wsnsim.testing.models import check_motion, check_sensor
 from wsnsim.testing.multi_trackers import check_multi_tracker
 from wsnsim.testing.privacy import demand_missed_steps, examine, same
-from wsnsim.testing.table import FIRST, SECOND, Table, another, demand, examined, passed_on, track
+from wsnsim.testing.table import FIRST, SECOND, Play, Table, another, demand, demand_sound, examined, passed_on, track
 from wsnsim.testing.whole_runs import demand_angles, demand_whole_runs
 
 __all__ = [
@@ -47,12 +46,8 @@ __all__ = [
 ]
 
 
-class Models(NamedTuple):
-    """The motion model, the sensor model and the seed of a check."""
-
-    motion: MotionModel
-    sensor: SensorModel
-    seed: int
+Models: TypeAlias = tuple[MotionModel, SensorModel, int]
+"""The motion model, the sensor model and the seed of a check."""
 
 
 def check_tracker(
@@ -89,7 +84,7 @@ def check_tracker(
     """
     target: Any = BoundedVelocity() if motion is None else motion
     nodes: Any = AcousticEnergy() if sensor is None else sensor
-    models = Models(target, nodes, seed)
+    models = target, nodes, seed
     if getattr(tracker, "headless", False):
         check_headless(cast(HeadlessTracker, tracker), *models)
         return
@@ -113,8 +108,7 @@ def check_tracker(
             _demand_isolation(tracker, models, record, believed, altered)
     for how, lose in _losses(seed).items():
         with demand(f"loss ({how})"):
-            for estimate in track(tracker, Table(*models), lose):
-                _sound(estimate)
+            demand_sound(track(tracker, Table(*models), lose))
     _demand_early_handover(tracker, models)
     with demand("whole runs"):
         demand_whole_runs(tracker, *models)
@@ -132,8 +126,7 @@ def _demand_sound(tracker: Tracker[Any], table: Table) -> None:
         bits += parcel.packets * parcel.packet_bits
         return perfect(source, to, parcel)
 
-    for estimate in track(tracker, table, count, watch=_ask_for_cycles):
-        _sound(estimate)
+    demand_sound(track(tracker, table, count, watch=_ask_for_cycles))
     assert bits > 0, "nothing ever crosses the air: members must send measurements or results to the head"
 
 
@@ -144,26 +137,18 @@ def _ask_for_cycles(request: Request, members: dict[int, Member]) -> None:
         request.work, request.work_all = lambda member: (work(member), cycles(member), None)[-1], None
 
 
-def _sound(estimate: Estimate) -> None:
-    fault = estimate_fault(estimate)
-    assert not fault, fault
-
-
 def _demand_early_handover(tracker: Tracker[Any], models: Models) -> None:
     """Hand over before the first step, once and twice, in lossless, lossy and silent networks; then step."""
     for handovers in (1, 2):
         with demand(f"early handover ({handovers} before the first step)"):
             table = Table(*models)
-            values = Isolation(table.known)
-            found = list(passed_on(tracker, table, answer=values.answer, handovers=handovers))
-            again = list(passed_on(tracker, Table(*models), watch=examine, handovers=handovers))
+            found = list(passed_on(tracker, Play(table, answer=Isolation(table.known).answer), handovers))
+            again = list(passed_on(tracker, Play(Table(*models), watch=examine), handovers))
             assert _all_equal(found, again), "the same seed gives two different tracks"
-            for estimate in found:
-                _sound(estimate)
-        for how, lose in _losses(models.seed).items():
+            demand_sound(found)
+        for how, lose in _losses(models[-1]).items():
             with demand(f"early handover ({handovers} before the first step, loss: {how})"):
-                for estimate in passed_on(tracker, Table(*models), lose, handovers=handovers):
-                    _sound(estimate)
+                demand_sound(passed_on(tracker, Play(Table(*models), lose), handovers))
 
 
 def _demand_silence(tracker: Tracker[Any], models: Models) -> None:

@@ -71,7 +71,7 @@ class _FaultyNetwork:
         self._nodes = Nodes(positions, np.ones((size, 1)), BATTERY, 75.0)
         self._nodes.on_death = self._note_death
         self._clocks = Clocks(PerfectClock(), 1, size)
-        actions = self._crash, self._restart, lambda target: HEAD
+        actions = self._crash, lambda node: self._nodes.restart(node, self._env.now), lambda target: HEAD
         self._site = FaultSite(self._env, self._nodes, self._log, self._clocks, *actions)
         self.schedule = FaultSchedule([fault], self._site, 11, STEP)
         self._crashed = False
@@ -107,13 +107,7 @@ class _FaultyNetwork:
         """The rows of the event log."""
         self._log.flush(everything=True)
         table = self._memory.table("events")
-        names = list(table)
-        return [
-            dict(zip(names, row, strict=True)) for row in zip(*(table[name].tolist() for name in names), strict=True)
-        ]
-
-    def _restart(self, node: int) -> None:
-        self._nodes.restart(node, self._env.now)
+        return [dict(zip(table, row, strict=True)) for row in zip(*map(np.ndarray.tolist, table.values()), strict=True)]
 
     def _crash(self, node: int) -> None:
         self._crashed = True

@@ -234,10 +234,8 @@ def _differ(one: Floats, other: Floats) -> bool:
 
 
 def _message(name: str, ids: tuple[int, ...], found: Floats, expected: Floats) -> str:
-    what = "mean" if name == "mean" else "covariance"
-    diagonal = (found, expected) if name == "mean" else (np.diag(found), np.diag(expected))
-    shown, wanted = (np.array2string(values, precision=4) for values in diagonal)
-    shown, wanted = (text if name == "mean" else f"diagonal {text}" for text in (shown, wanted))
+    what, values = ("mean", [found, expected]) if name == "mean" else ("covariance", [*map(np.diag, (found, expected))])
+    shown, wanted = ("diagonal " * (name != "mean") + np.array2string(each, precision=4) for each in values)
     readings = "with the readings of all members" if ids else "without a reading"
     by_model = "" if ids else f" (by the motion model {wanted})"
     return (

@@ -1,12 +1,12 @@
 """Scripted tracks for checks: two clusters around a target, and handovers, without clock and energy.
 
 estimates = list(track(tracker, Table(motion, sensor, seed)))
-estimates = list(passed_on(tracker, Table(motion, sensor, seed)))
+estimates = list(passed_on(tracker, Play(Table(motion, sensor, seed)), handovers=1))
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
+from wsnsim.base.answers import estimate_fault
 from wsnsim.base.arrays import Estimate, Floats, Reading, as_readings, components_of, planar
 from wsnsim.base.border import checked
 from wsnsim.base.errors import PluginAnswerError
@@ -48,6 +49,12 @@ def demand_each(checks: Mapping[str, Callable[..., object]], *given: Any) -> Non
     for name, check in checks.items():
         with demand(name):
             check(*given)
+
+
+def demand_sound(estimates: Iterable[Estimate]) -> None:
+    """Assert that estimates are what a tracker may answer."""
+    for estimate in estimates:
+        assert not (fault := estimate_fault(estimate)), fault
 
 
 def examined(component: Component, port: type, columns: int | None = None) -> Component:
@@ -286,28 +293,20 @@ def track(
         yield tracker.estimate(belief)
 
 
-def passed_on(
-    tracker: Tracker[Any],
-    table: Table,
-    lose: Lose = perfect,
-    watch: Watch | None = None,
-    answer: Answer | None = None,
-    handovers: int = 1,
-) -> Iterator[Estimate]:
+def passed_on(tracker: Tracker[Any], play: Play, handovers: int) -> Iterator[Estimate]:
     """Every estimate and forecast of a track that is handed over right after its start: before its first step.
 
     A head hands over as early where heads move, and where an election gives a new cluster to another node; then a
     belief that has just arrived goes on, without a step between two `handovers`. Two steps follow at the last head.
-    The track ends at a handover that is lost. For the other arguments see `Play`.
+    The track ends at a handover that is lost.
     """
-    play, clusters = Play(table, lose, watch, answer), (FIRST, SECOND)
     play.lead(FIRST)
     scene = play.scene(0, 0, FIRST)
-    belief = play.drive(tracker.start(table.prior, scene))
+    belief = play.drive(tracker.start(play.table.prior, scene))
     for number in range(1, handovers + 1):
         yield tracker.estimate(belief)
         yield from _forecasts(tracker, belief, scene, 1)
-        cluster = clusters[number % 2]
+        cluster = (FIRST, SECOND)[number % 2]
         belief = play.drive(tracker.hand_over(belief, scene, cluster[0]))
         if belief is None:
             return
