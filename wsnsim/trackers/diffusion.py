@@ -23,12 +23,11 @@ from wsnsim.trackers.shared.peers import (
     PeerFilter,
     inversion_cycles,
     news_of,
-    number_packets,
     received,
     update,
     updated,
 )
-from wsnsim.trackers.shared.readings import parcel
+from wsnsim.trackers.shared.readings import number_packets, parcel
 
 READ, ESTIMATED = "information", "estimate"
 COPIES, SENDS = "copies", "sends"

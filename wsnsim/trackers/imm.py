@@ -33,8 +33,8 @@ from wsnsim.trackers.shared.readings import (
     arrived_probabilities,
     gather_readings,
     moment_packets,
+    number_packets,
     parcel,
-    weight_packets,
 )
 
 LEAST = 1e-300
@@ -274,7 +274,7 @@ class InteractingModels(LateFilter):
         bank, modes = belief.bank, self._modes(scene.motion)
         size, count = bank.means.shape
         each = moment_packets(size)
-        mask = yield Send(successor, parcel(tuple(bank), count * each + weight_packets(count), "handover"))
+        mask = yield Send(successor, parcel(tuple(bank), count * each + number_packets(count), "handover"))
         whole = arrived_groups(mask, count, each)
         if not whole.any():
             return None

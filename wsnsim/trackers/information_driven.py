@@ -33,7 +33,7 @@ from wsnsim.trackers.shared.mixtures import (
     predicted_mixture,
     reduced,
 )
-from wsnsim.trackers.shared.readings import arrived_groups, parcel, weight_packets
+from wsnsim.trackers.shared.readings import arrived_groups, number_packets, parcel
 from wsnsim.trackers.shared.selection import (
     DECISION_CYCLES,
     EXTRAPOLATION_CYCLES,
@@ -183,7 +183,7 @@ class InformationDriven(HeadFilter):
         have not sent yet of earlier steps is not asked for: the question would cost more than it brings.
         """
         missing, size, arrived = _mixture_of(belief), belief.mean.size, []
-        each = weight_packets(1 + size + size * (size + 1) // 2)
+        each = number_packets(1 + size + size * (size + 1) // 2)
         for _ in range(TRIES):
             sent = parcel(tuple(map(tuple, missing)), each * len(missing), "handover")
             mask: Bools = yield Send(successor, sent)

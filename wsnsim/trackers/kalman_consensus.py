@@ -20,11 +20,10 @@ from wsnsim.trackers.shared.peers import (
     PeerFilter,
     inversion_cycles,
     news_of,
-    number_packets,
     received,
     update,
 )
-from wsnsim.trackers.shared.readings import parcel
+from wsnsim.trackers.shared.readings import number_packets, parcel
 
 SENT = "prediction"
 

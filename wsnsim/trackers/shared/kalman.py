@@ -1,4 +1,4 @@
-"""What Kalman filters in a head have in common: beliefs, operations, and updates of many filters at once.
+"""What Kalman filters in a head have in common: operations, and updates of many filters at once.
 
 Updates with the same measurement of means (K, 4) and covariances (K, 4, 4) return the means, the covariances and the
 log-likelihoods (K,). Where a measurement is so much sharper than the prediction, or than another axis of its own, that
@@ -8,43 +8,17 @@ squares of roots, one axis of the measurement after the other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation
+from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Scene
-from wsnsim.trackers.shared.heads import GaussianBelief
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence
-from wsnsim.trackers.shared.silence import SharedEstimate
 
 LINEARISE_CYCLES = 20.0
 """CPU cycles to compute what is expected of one reading at one point, with its slope and variance."""
-
-
-@dataclass(frozen=True, slots=True)
-class KalmanBelief(GaussianBelief):
-    """A Gaussian after a step of a Kalman filter. It has all that a `GaussianBelief` has.
-
-    Attributes:
-        innovation: that of the step's update.
-        shared: the estimate that members share with the head, if their trigger needs one.
-    """
-
-    innovation: Innovation = NO_INNOVATION
-    shared: SharedEstimate | None = None
-
-
-def kalman_estimate(belief: GaussianBelief) -> Estimate:
-    """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet.
-
-    Args:
-        belief: A `KalmanBelief`, or a `GaussianBelief` that has arrived from another head.
-    """
-    innovation = belief.innovation if isinstance(belief, KalmanBelief) else NO_INNOVATION
-    return Estimate(belief.mean, belief.cov, innovation=innovation)
 
 
 def prediction_cycles(size: int) -> float:

@@ -90,11 +90,6 @@ def unpacked(numbers: Floats) -> tuple[Floats, Floats]:
     return numbers[:size].copy(), matrix
 
 
-def number_packets(numbers: int) -> int:
-    """Packets of so many numbers: four each."""
-    return -(-numbers // 4)
-
-
 def inverse(matrix: Floats) -> Floats:
     """The inverse of a positive definite matrix (D, D); of one that is not, after the jitter of `cholesky`."""
     root = np.zeros_like(matrix)
