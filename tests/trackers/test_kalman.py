@@ -7,10 +7,10 @@ import pytest
 
 from tests.helpers.scenes import make_scene
 from tests.trackers.test_mixture_pf import H, textbook_update
+from wsnsim.kernels.relay import kalman
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range
-from wsnsim.trackers.shared import kalman
-from wsnsim.trackers.shared.kalman import PLACE, updated_by_fix, updated_by_readings
+from wsnsim.trackers.mixture_pf import PLACE, updated_by_fix, updated_by_readings
 from wsnsim.trackers.shared.readings import Evidence
 
 always = pytest.mark.parametrize("share", [kalman.SHARP, np.inf], ids=["where needed", "always"])

@@ -36,8 +36,7 @@ from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.gains import gain_prior, gains_before, gains_of
 from wsnsim.trackers.shared.gaussian_port import LinearisedPort
 from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
-from wsnsim.trackers.shared.kalman import prediction_cycles, update_cycles
-from wsnsim.trackers.shared.moments import predicted
+from wsnsim.trackers.shared.moments import predicted, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.readings import Evidence, packet_bits, parcel, reading_parcel, replied
 from wsnsim.trackers.shared.silence import HeardReadings
 from wsnsim.trackers.shared.triggers import Always, trigger_issues

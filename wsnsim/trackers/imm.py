@@ -25,8 +25,7 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared import gaussian_port
 from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
-from wsnsim.trackers.shared.kalman import prediction_cycles, update_cycles
-from wsnsim.trackers.shared.moments import symmetric
+from wsnsim.trackers.shared.moments import prediction_cycles, symmetric, update_cycles
 from wsnsim.trackers.shared.readings import (
     Evidence,
     arrived_groups,

@@ -31,8 +31,7 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.gaussian import cholesky
 from wsnsim.trackers.shared.gaussian_port import GaussianBank, LinearisedPort, joined
 from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
-from wsnsim.trackers.shared.kalman import LINEARISE_CYCLES, is_definite
-from wsnsim.trackers.shared.moments import symmetric
+from wsnsim.trackers.shared.moments import LINEARISE_CYCLES, is_definite, symmetric
 from wsnsim.trackers.shared.readings import Evidence
 from wsnsim.trackers.shared.triggers import Always, trigger_issues
 

@@ -99,16 +99,15 @@ def arrived_particles(sent: tuple[Floats, Floats | float], mask: Bools) -> tuple
     """
     cloud, log_weights = sent
     columns, count = cloud.shape
+    each = log_weights if isinstance(log_weights, np.ndarray) else np.full(count, log_weights)
     if is_whole(mask):
-        return cloud, log_weights if isinstance(log_weights, np.ndarray) else np.full(count, log_weights)
+        return cloud, each
     whole = arrived_groups(mask, count, state_packets(columns))
-    if not isinstance(log_weights, np.ndarray):
-        log_weights = np.full(count, log_weights)
-    else:
+    if each is log_weights:
         first = count * state_packets(columns)
         known = np.repeat(mask[first : first + number_packets(count)], 4)[:count]
-        log_weights = np.where(known, log_weights, UNKNOWN)
-    return np.ascontiguousarray(cloud[:, whole]), log_weights[whole]
+        each = np.where(known, each, UNKNOWN)
+    return np.ascontiguousarray(cloud[:, whole]), each[whole]
 
 
 def is_whole(mask: Bools) -> bool:
