@@ -284,6 +284,8 @@ MOST_STEPS: Final = 20
 def recorded_issues(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield issues of components that sample what was recorded, of differing origins of time, and of in-sample laws.
 
+    A law must not be judged on the readings to which it was fitted.
+
     A law is in-sample if its `fitted_on` contains the digest of the file of readings.
     """
     if not sensor.in_sample and _is_in_sample(sensor):
