@@ -15,8 +15,7 @@ from wsnsim.base.requests import PACKET_BITS, Broadcast, Compute, Gather, Local,
 from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
 from wsnsim.models.motion import BoundedVelocity
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.scenario.registry import Kind, load_class

@@ -13,7 +13,7 @@ from wsnsim.base.scans import TrackEvent
 from wsnsim.scenario.registry import ROLES, find, load_class
 from wsnsim.testing import check_multi_tracker
 from wsnsim.trackers.ekf import ExtendedKalman
-from wsnsim.trackers.multi_target.beliefs import Belief
+from wsnsim.trackers.multi_target.frames import Belief
 from wsnsim.trackers.multi_target.management import KnownTargets, MOfN, SequentialTest
 from wsnsim.trackers.multi_target.single_gaussian import Gnn
 

@@ -109,7 +109,6 @@ if TYPE_CHECKING:
         CloudBelief as CloudBelief, GaussianBelief as GaussianBelief, HeadCloud as HeadCloud, HeadFilter as HeadFilter,
         only_predicted as only_predicted, Prediction as Prediction,
     )
-    from wsnsim.trackers.shared.kalman import kalman_estimate as kalman_estimate, KalmanBelief as KalmanBelief
     from wsnsim.trackers.shared.moments import (
         forecast as forecast, fused_by_variance as fused_by_variance, predicted as predicted, symmetric as symmetric,
     )

@@ -15,8 +15,7 @@ from wsnsim.base.optional_ports import IsShadowed
 from wsnsim.base.rng import Streams, derive
 from wsnsim.base.sensing import PathShadowing, informations, path_shadowing
 from wsnsim.bounds import bound
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.scenario import build
 

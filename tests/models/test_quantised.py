@@ -18,9 +18,8 @@ from wsnsim.bounds import bound
 from wsnsim.models.bearing import Bearing
 from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.quantised import Binary, Quantised, lloyd_max
-from wsnsim.models.ranging import Range
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.models.recorded_readings import RecordedSensor
-from wsnsim.models.rssi import Rssi
 from wsnsim.models.sensing import AcousticEnergy, Coordinate
 from wsnsim.offline.loopback import perfect, perform, silent
 from wsnsim.scenario import build

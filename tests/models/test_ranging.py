@@ -12,8 +12,7 @@ from scipy.stats import norm
 
 from wsnsim.base.optional_ports import Detects
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
-from wsnsim.models.ranging import Range, RangeFromOrigin
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, RangeFromOrigin, Rssi
 
 SENSORS = {
     "range": Range(sd=0.7),

@@ -9,9 +9,8 @@ import pytest
 
 from wsnsim.base.errors import RunError
 from wsnsim.models.bearing import Bearing
-from wsnsim.models.ranging import Range
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.models.recorded_readings import ReadingColumns, RecordedSensor, RepeatedReadings
-from wsnsim.models.rssi import Rssi
 
 NAN = np.nan
 NAMES = ("a", "b")

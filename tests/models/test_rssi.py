@@ -11,7 +11,7 @@ from scipy.stats import kstest, norm, t
 import wsnsim
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.models.node_constants import AssumedDistance
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Rssi
 
 NODES = np.array([[0.0, 0.0], [9.0, 1.0], [4.0, 12.0]])
 TRAITS = np.array([[3.0, 1.2], [-5.0, 2.3], [0.5, 0.0]])

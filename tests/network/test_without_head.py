@@ -27,9 +27,8 @@ from wsnsim.offline.loopback import perform
 from wsnsim.testing import check_tracker
 from wsnsim.testing.table import FIRST, Table
 from wsnsim.trackers.covariance_intersection import CovarianceIntersection, NaiveFusion
-from wsnsim.trackers.diffusion import DiffusionFilter
 from wsnsim.trackers.information_consensus import HybridConsensus, InformationConsensus
-from wsnsim.trackers.kalman_consensus import KalmanConsensus
+from wsnsim.trackers.neighbour_filters import DiffusionFilter, KalmanConsensus
 from wsnsim.trackers.shared.consensus import VALUES, average, neighbourhood
 from wsnsim.trackers.shared.heads import HeadFilter
 from wsnsim.trackers.shared.peers import PeerFilter

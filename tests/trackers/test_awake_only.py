@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.range_cluster import Chase, asked, straight
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.range_fixes import AwakeOnly

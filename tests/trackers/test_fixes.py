@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.trackers.shared.fixes import ITERATIONS, Ranged, fix_covariance, fix_cycles, fixed, least_squares, usable
 from wsnsim.trackers.shared.readings import Evidence
 

@@ -13,8 +13,7 @@ from tests.helpers.linear_cluster import VARIANCE, Cluster, LinearSensor, kalman
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.models.linear import ConstantVelocity
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.scenario import build
 from wsnsim.testing import check_tracker

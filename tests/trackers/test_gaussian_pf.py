@@ -13,8 +13,7 @@ from tests.helpers.thorough import thorough
 from tests.kernels.test_gravity import attract_twin
 from wsnsim.base.rng import uniforms
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.gaussian_pf import (
     GaussianPf,

@@ -11,8 +11,7 @@ from tests.helpers.range_cluster import Chase, asked, straight
 from wsnsim.base.requests import Compute, Send
 from wsnsim.kernels.grey import equal_intervals, forecast
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.range_fixes import GreyTracking, grey_cycles, line_cycles

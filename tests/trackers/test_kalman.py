@@ -9,11 +9,11 @@ from tests.helpers.scenes import make_scene
 from tests.trackers.test_mixture_pf import H, textbook_update
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range
-from wsnsim.trackers.shared import kalman
-from wsnsim.trackers.shared.kalman import PLACE, updated_by_fix, updated_by_readings
+from wsnsim.trackers import mixture_pf
+from wsnsim.trackers.mixture_pf import PLACE, updated_by_fix, updated_by_readings
 from wsnsim.trackers.shared.readings import Evidence
 
-always = pytest.mark.parametrize("share", [kalman.SHARP, np.inf], ids=["where needed", "always"])
+always = pytest.mark.parametrize("share", [mixture_pf.SHARP, np.inf], ids=["where needed", "always"])
 
 
 def bank(scale, count=5):
@@ -31,7 +31,7 @@ def rotated(variances):
 
 @always
 def test_a_fix_updates_each_filter_as_the_textbook_says(share, monkeypatch) -> None:
-    monkeypatch.setattr(kalman, "SHARP", share)
+    monkeypatch.setattr(mixture_pf, "SHARP", share)
     means, covs = bank(3.0)
     point, noise = np.array([1.0, -2.0]), rotated([0.5, 4.0])
     found = updated_by_fix(means, covs, point, noise)
@@ -43,7 +43,7 @@ def test_a_fix_updates_each_filter_as_the_textbook_says(share, monkeypatch) -> N
 
 @always
 def test_readings_update_each_filter_as_the_textbook_says(share, monkeypatch) -> None:
-    monkeypatch.setattr(kalman, "SHARP", share)
+    monkeypatch.setattr(mixture_pf, "SHARP", share)
     means, covs = bank(1.0)
     place, sensor = np.array([[30.0, -40.0]]), Range(sd=2.0)
     seen = Evidence((0,), np.array([51.0]), place, np.ones((1, 1)))

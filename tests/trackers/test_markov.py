@@ -10,8 +10,7 @@ import pytest
 from tests.helpers.range_cluster import Chase, asked, straight
 from wsnsim.base.requests import Compute
 from wsnsim.models.linear import ConstantAcceleration
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.range_fixes import TwoPhase

@@ -17,8 +17,7 @@ from tests.helpers.thorough import thorough
 from wsnsim.base.errors import RunError
 from wsnsim.base.requests import Compute
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.mixture_pf import MixturePf, new_course

@@ -17,11 +17,9 @@ from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.ranging import Range
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.imm import InteractingModels
-from wsnsim.trackers.multi_target.beliefs import Belief, stacked
-from wsnsim.trackers.multi_target.frames import Frame
-from wsnsim.trackers.multi_target.lmb import Lmb
+from wsnsim.trackers.multi_target.frames import Belief, Frame, stacked
 from wsnsim.trackers.multi_target.management import KnownTargets, MOfN, SequentialTest
-from wsnsim.trackers.multi_target.mht import Mht, best_global
+from wsnsim.trackers.multi_target.several_gaussians import Lmb, Mht, best_global
 from wsnsim.trackers.multi_target.single_gaussian import Gnn, Jpda, LocalNearestNeighbour, Pda
 from wsnsim.trackers.sigma_points import CubatureKalman, UnscentedKalman
 

@@ -8,8 +8,7 @@ import pytest
 from tests.helpers.scenes import make_scene
 from wsnsim.base.sensing import informations
 from wsnsim.models.motion import BoundedVelocity
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.models.sensing import AcousticEnergy, Coordinate
 from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.trackers.shared.posteriors import updated

@@ -14,10 +14,9 @@ from wsnsim.base.scans import Scan
 from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.ranging import Range
 from wsnsim.trackers.ekf import ExtendedKalman
-from wsnsim.trackers.multi_target.beliefs import Belief, BelievedTrack
-from wsnsim.trackers.multi_target.lmb import Lmb
+from wsnsim.trackers.multi_target.frames import Belief, BelievedTrack
 from wsnsim.trackers.multi_target.management import KnownTargets, MOfN, SequentialTest, with_hit
-from wsnsim.trackers.multi_target.mht import Mht
+from wsnsim.trackers.multi_target.several_gaussians import Lmb, Mht
 from wsnsim.trackers.multi_target.single_gaussian import Gnn, Jpda, LocalNearestNeighbour, Pda
 from wsnsim.trackers.shared.gaussian_port import GaussianBank
 

@@ -10,8 +10,7 @@ import pytest
 
 from tests.helpers.linear_cluster import Cluster, LinearMotion, LinearSensor, sent
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
-from wsnsim.models.ranging import Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.trilateration import Trilateration, weighted_centroid
 

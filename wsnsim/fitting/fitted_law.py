@@ -16,8 +16,7 @@ from scipy import stats
 from wsnsim.base.arrays import Floats
 from wsnsim.fitting.located_readings import CONFIDENCE, DataFile, LocatedReadings
 from wsnsim.fitting.residuals import Family, Noise, correlation_at
-from wsnsim.models.ranging import GREATEST_RANGE, Range
-from wsnsim.models.rssi import Rssi
+from wsnsim.models.ranging import GREATEST_RANGE, Range, Rssi
 
 LEAST_RANGE: Final = -100.0
 """Least range (m) in a file (our choice): the sensor `range` has it if sd = 10 m; before a fit, sd is unknown."""

@@ -40,6 +40,7 @@ from wsnsim.models.hardware import NoSync as NoSync
 from wsnsim.models.hardware import PerfectClock as PerfectClock
 from wsnsim.models.hardware import PerfectDetection as PerfectDetection
 from wsnsim.models.hardware import Processor as Processor
+from wsnsim.models.hardware import UnlabelledDetection as UnlabelledDetection
 from wsnsim.models.linear import ConstantAcceleration as ConstantAcceleration
 from wsnsim.models.linear import ConstantVelocity as ConstantVelocity
 from wsnsim.models.links import Disk as Disk
@@ -57,12 +58,11 @@ from wsnsim.models.quantised import Binary as Binary
 from wsnsim.models.quantised import Quantised as Quantised
 from wsnsim.models.ranging import Range as Range
 from wsnsim.models.ranging import RangeFromOrigin as RangeFromOrigin
+from wsnsim.models.ranging import Rssi as Rssi
 from wsnsim.models.ranging import TimeDifference as TimeDifference
 from wsnsim.models.recorded_links import RecordedLinks as RecordedLinks
 from wsnsim.models.recorded_readings import RecordedSensor as RecordedSensor
 from wsnsim.models.recorded_track import RecordedTrack as RecordedTrack
-from wsnsim.models.rssi import Rssi as Rssi
-from wsnsim.models.scans import UnlabelledDetection as UnlabelledDetection
 from wsnsim.models.sensing import AcousticEnergy as AcousticEnergy
 from wsnsim.models.sensing import Coordinate as Coordinate
 from wsnsim.models.sleep import AlwaysOn as AlwaysOn
@@ -114,6 +114,7 @@ FramesPacking = Frames
 FtspSync = Ftsp
 Imperfect = ImperfectDetection
 ProcessorCpu = Processor
+Unlabelled = UnlabelledDetection
 DiskLink = Disk
 Contikimac = ContikiMac
 Xmac = XMac
@@ -122,11 +123,10 @@ FileDeployment = FromFile
 BinarySensor = Binary
 QuantisedSensor = Quantised
 RangeSensor = Range
+RssiSensor = Rssi
 Tdoa = TimeDifference
 TdoaSensor = TimeDifference
 RecordedLink = RecordedLinks
-RssiSensor = Rssi
-Unlabelled = UnlabelledDetection
 CoordinateSensor = Coordinate
 Ris = RandomIndependent
 RisSleep = RandomIndependent

@@ -161,7 +161,9 @@ class FromReadings:
             if whole or np.all(narrower[1] > 0.9 * box[1]):
                 break
             box = narrower
-        return _moments(points, weights)
+        mean = points @ weights
+        apart = points - mean[:, None]
+        return mean, (apart * weights) @ apart.T
 
     def _score(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel
@@ -209,12 +211,6 @@ def _tempered(score: Floats, enough: float = 12.0) -> tuple[Floats, bool]:
         if (weights**2).sum() * enough <= 1.0:
             return weights, halvings == 0
     return weights, False
-
-
-def _moments(points: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    mean = points @ weights
-    apart = points - mean[:, None]
-    return mean, (apart * weights) @ apart.T
 
 
 def _bounded(cov: Floats, floor: float, cap: float) -> Floats:

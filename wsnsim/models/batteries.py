@@ -184,12 +184,7 @@ class BatteryFields:
 
     @property
     def share_drawable(self) -> float:
-        """The share of the capacity that can be drawn."""
-        return self.share_in_the_cold
-
-    @property
-    def share_in_the_cold(self) -> float:
-        """The share of the capacity that is usable at the temperature."""
+        """The share of the capacity that can be drawn: of what is usable, less in the cold."""
         return self.usable * (1.0 - self.cold * max(ROOM - self.temperature, 0.0))
 
     @property
@@ -304,9 +299,10 @@ class Linear(BatteryFields):
     @property
     def share_drawable(self) -> float:
         """The share of the capacity that can be drawn."""
+        share = super().share_drawable
         if self.cut_off is None:
-            return self.share_in_the_cold
-        return self.share_in_the_cold * (self.full**2 - self.cut_off**2) / (self.full**2 - self.empty**2)
+            return share
+        return share * (self.full**2 - self.cut_off**2) / (self.full**2 - self.empty**2)
 
 
 class Misfit(RunError):

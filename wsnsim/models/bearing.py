@@ -35,15 +35,16 @@ WHOSE_AXIS: Final = "axis from which bearings are measured: the x-axis for all, 
 LEAST: Final = "least distance: a node has no reading of a nearer target"
 
 
+@part
 class OfDirection(OfPosition):
     """The base of sensors of directions. A subclass gives `components` with their `periods`, and `deviations`.
 
     The components are a bearing, or a range and a bearing.
     """
 
-    reach: float
-    least: float
-    heading: str
+    reach: Annotated[float, REACH, "sensing range; .inf: unlimited"] = 60.0
+    least: Annotated[float, LENGTH, LEAST] = 1.0
+    heading: Annotated[Literal["common", "own"], WHOSE_AXIS] = "common"
     components: ClassVar[tuple[str, ...]]
 
     @property
@@ -171,9 +172,6 @@ class Bearing(OfDirection):
     """Least and greatest bearing (rad) that may be recorded: more would be degrees."""
 
     sd: Annotated[float, ANGLE_ERROR, "standard deviation of a bearing"] = 0.035
-    reach: Annotated[float, REACH, "sensing range; .inf: unlimited"] = 60.0
-    least: Annotated[float, LENGTH, LEAST] = 1.0
-    heading: Annotated[Literal["common", "own"], WHOSE_AXIS] = "common"
 
     @property
     def deviations(self) -> tuple[float]:
@@ -199,9 +197,6 @@ class RangeBearing(OfDirection):
 
     range_sd: Annotated[float, ACCURACY, "standard deviation of a range"] = 1.0
     bearing_sd: Annotated[float, ANGLE_ERROR, "standard deviation of a bearing"] = 0.035
-    reach: Annotated[float, REACH, "sensing range; .inf: unlimited"] = 60.0
-    least: Annotated[float, LENGTH, LEAST] = 1.0
-    heading: Annotated[Literal["common", "own"], WHOSE_AXIS] = "common"
 
     @property
     def deviations(self) -> tuple[float, float]:

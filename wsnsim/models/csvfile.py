@@ -209,13 +209,6 @@ def cells_in(lines: Iterable[str], separator: str = ",") -> Iterator[list[str]]:
     return ([cell.strip() for cell in row] for row in csv.reader(lines, delimiter=separator))
 
 
-def demand_once(place: str, header: Sequence[str], names: Iterable[str]) -> None:
-    """Refuse a header that has a column of one of these names twice. Raises RunError with its place."""
-    for name in names:
-        if header.count(name) > 1:
-            raise RunError(f"{place}: the header names the column '{name}' twice: rename one of them, or delete it")
-
-
 IMPORTED: Final = {"readings": "readings", "nodes": "nodes", "positions": "nodes", "points of a trajectory": "track"}
 """{what a file contains: the kind of `wsnsim import` that makes such files of tables}."""
 
@@ -330,7 +323,9 @@ def _present(path: str, first: int, header: list[str], wanted: Wanted, what: str
         if kind := IMPORTED.get(what):
             raise RunError(f"{error}; a table of another form: wsnsim import {kind} {shlex.quote(path)}")
         raise error
-    demand_once(f"{path}:{first}", header, named.values())
+    for twice in (name for name in named.values() if header.count(name) > 1):
+        said = f"the header names the column '{twice}' twice: rename one of them, or delete it"
+        raise RunError(f"{path}:{first}: {said}")
     return {ours: header.index(theirs) for ours, theirs in named.items() if theirs in header}
 
 

@@ -36,6 +36,8 @@ class Centred:
     nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
     width: Annotated[float, LENGTH, "width of the field, in x"] = 400.0
     height: Annotated[float, LENGTH, "height of the field, in y"] = 400.0
+    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
+    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
     @property
     def field(self) -> Field:
@@ -54,9 +56,7 @@ class Uniform(Centred):
     Source: Jiang, Song, Lin (2013), table 2; about 1.05 samples are needed there. The limit on samples is our choice.
     """
 
-    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
-    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions. Raises RunError if no sample covers the field."""
@@ -69,9 +69,6 @@ class Grid(Centred):
     """Nodes at the centres of nearly square cells, row by row; an incomplete last row is spread evenly."""
 
     fixed: ClassVar[bool] = True
-
-    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
-    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions, row by row from the lower left; `rng` is not used."""
@@ -88,9 +85,7 @@ class JitteredGrid(Centred):
     """Nodes on a grid as in `Grid`, each moved at random in its cell; sampled again until the field is covered."""
 
     jitter: Annotated[float, Quantity("", ge=0, le=1), "fraction of its cell over which a node is spread"] = 0.5
-    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
-    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions. Raises RunError if no sample covers the field."""

@@ -18,7 +18,7 @@ from wsnsim.base.network_ports import Field
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import Mode
 from wsnsim.base.setups import BeaconSetup, RadioSetup, Setup, TrackingSetup
-from wsnsim.models.bounds import MOST_NODES, PLACE, READING, SHARE
+from wsnsim.models.bounds import MOST_NODES, PLACE, READING, SHARE, number_of_nodes
 
 TIME: Final = Quantity("s", ge=0.0, le=1e9)
 COMPONENT: Final = "the component of readings that it concerns, such as bearing; left out: all"
@@ -69,7 +69,7 @@ class Aimed:
             return
         if not self.nodes:
             yield _fault("nodes", "is empty: give at least one node, such as [0]")
-        number = _number_of_nodes(setup)
+        number = number_of_nodes(setup.deploy)
         beyond = [node for node in self.nodes if number is not None and node >= number]
         if beyond:
             yield _fault("nodes", f"no node {beyond[0]}: the {number} nodes are numbered from 0")
@@ -230,9 +230,3 @@ def _wrong_component(component: str, setup: Setup, one_unit: bool) -> Iterator[I
 
 def _fault(key: str, message: str) -> Issue:
     return Issue(("faults", key), message)
-
-
-def _number_of_nodes(setup: Setup) -> int | None:
-    """The number of nodes, or None if the deployment does not know it before positions are sampled."""
-    places = getattr(setup.deploy, "places", None)
-    return getattr(setup.deploy, "nodes", None) if places is None else len(places)

@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -111,6 +111,8 @@ class Binary(OfCells, OfPosition):
     Source: Djurić, Vemula, Bugallo (2008), whose nodes compare a received power with a threshold.
     """
 
+    reading_bits: ClassVar[int] = 1
+
     radius: Annotated[float, LENGTH, "distance at which a detection is as probable as none"] = 30.0
     edge: Annotated[float, ACCURACY, "standard deviation of the distance at which a target is just detected"] = 3.0
     error: Annotated[float, Quantity("", ge=1e-6, le=0.4), "ε: probability of a wrong reading far from the edge"] = 0.01
@@ -120,11 +122,6 @@ class Binary(OfCells, OfPosition):
     def reading_values(self) -> Floats:
         """(2,) what a reading can be."""
         return np.array([0.0, 1.0])
-
-    @property
-    def reading_bits(self) -> int:
-        """One bit."""
-        return 1
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
         """(n,) readings, 0 or 1, of targets at points (n, P), with standard normal noise."""

@@ -18,7 +18,7 @@ from wsnsim.base.network_ports import Deployment
 from wsnsim.base.radio import Mode
 from wsnsim.base.sensing import HEIGHT, may_have_gains, samples_gains
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
-from wsnsim.scenario.registry import ROLES, Plugins, kinds, load_class
+from wsnsim.scenario.registry import Plugins, loaded
 from wsnsim.scenario.schema import Scenario
 
 MOST_COMPONENTS: Final = 4
@@ -176,12 +176,7 @@ def _able(scenario: Scenario, role: str, ability: str) -> str:
 
 def kinds_with(role: str, ability: str, allowed: Plugins = Plugins.NONE) -> Iterator[str]:
     """Yield the kinds of a role whose class has something of this name, and that the scenario might name."""
-    for info in kinds(role).values() if allowed else ROLES[role].kinds:
-        try:
-            if getattr(load_class(info), ability, None):
-                yield info.kind
-        except ImportError:
-            continue
+    return (info.kind for info, part in loaded(role, allowed > Plugins.NONE) if getattr(part, ability, None))
 
 
 def impossible_combinations(setup: Setup) -> Iterator[Issue]:

@@ -17,10 +17,10 @@ from typing import Any, Final, NamedTuple
 from pydantic import ValidationError
 
 from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
-from wsnsim.scenario.fields import PartError, PartModel, abouts_of, nested_model, nested_of
+from wsnsim.scenario.fields import PartModel, abouts_of, nested_model, nested_of
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.reader import origin_of, read
-from wsnsim.scenario.registry import AT_TOP, ROLES, kinds, load_class
+from wsnsim.scenario.registry import AT_TOP, ROLES, loaded
 from wsnsim.scenario.schema import Chosen, InvalidComponent, built
 from wsnsim.scenario.texts import BROKEN, Keys, LocatedValue, content_of, find_sheet, sheets
 from wsnsim.scenario.units import described, shown
@@ -193,12 +193,8 @@ def _parts_by_sheet(plugins: bool) -> dict[str, Any]:
     """Return {value of `sheet`: class} of the components within any kind of any role, which datasheets can describe."""
     found: dict[str, Any] = {}
     for role in ROLES:
-        for info in kinds(role).values() if plugins else ROLES[role].kinds:
-            try:
-                component: Any = load_class(info)
-                for field, part in nested_of(component).items():
-                    found.setdefault(getattr(part, "sheet", field), part)
-            except (ImportError, PartError):
-                continue
+        for _, component in loaded(role, plugins):
+            for field, part in nested_of(component).items():
+                found.setdefault(getattr(part, "sheet", field), part)
     found.pop("", None)
     return found

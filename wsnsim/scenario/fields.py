@@ -108,16 +108,14 @@ class Inner(NamedTuple):
     several: bool
 
 
-def roles_of(part: Any) -> Mapping[str, Inner]:
-    """Return the fields of a component that hold a component, or a list of them, of any kind of a role."""
-    return _roles_of(part)
-
-
-@functools.cache
 def _roles_of(part: Any) -> Mapping[str, Inner]:
     hints = get_type_hints(part, include_extras=True)
     found = {name: inner_in(hints[name]) for name in names_of(part)}
     return types.MappingProxyType({name: inner for name, inner in found.items() if inner})
+
+
+roles_of: Final[Callable[[Any], Mapping[str, Inner]]] = functools.cache(_roles_of)
+"""Returns the fields of a component that hold a component, or a list of them, of any kind of a role."""
 
 
 def inner_in(hint: Any) -> Inner | None:

@@ -197,7 +197,6 @@ class KindInfo:
         plain = asdict(self)
         plain["citations"] = [one._asdict() for one in self.citations]
         plain["facts"] = dict(self.facts)
-        plain["example"] = {"base": self.example.base, "lines": self.example.lines, "files": self.example.files}
         return plain
 
 
@@ -234,6 +233,7 @@ def kind_info(role: str, kind: str) -> KindInfo:
     summary, method, notes = paragraphs_of(part)
     text = " ".join([entry.paper, *notes, *method])
     idea = summary.rstrip(".") if entry.plugin else entry.idea or summary.rstrip(".")
+    required = tuple(field.name for field in dataclasses.fields(part) if field.init and has_no_default(field))
     return KindInfo(
         role=role, kind=kind, purpose=described_role.purpose, idea=idea, paper=entry.paper,
         method=(summary, *method), notes=notes, citations=tuple(cited_in(text)),
@@ -242,7 +242,7 @@ def kind_info(role: str, kind: str) -> KindInfo:
         import_line=import_line(role, kind)
         if entry in described_role.kinds
         else f"from {part.__module__} import {part.__name__}",
-        example=example_of(described_role, kind, tuple(_required(part))),
+        example=example_of(described_role, kind, required),
         default=kind == described_role.default, plugin=entry.plugin,
     )  # fmt: skip
 
@@ -294,9 +294,3 @@ def _facts(part: type[Any], state: str, messages: str) -> Iterator[tuple[str, st
         yield "keeps", state
     if messages:
         yield "sends per step", messages
-
-
-def _required(part: type[Any]) -> Iterator[str]:
-    for field in dataclasses.fields(part):
-        if field.init and has_no_default(field):
-            yield field.name

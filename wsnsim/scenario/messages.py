@@ -40,7 +40,7 @@ def issues_of(error: ValidationError, model: type[BaseModel], tree: LocatedValue
     at_key = set()
     for problem in error.errors(include_url=False):
         path = _written(problem["loc"], tree)
-        if _is_broken(tree, path):
+        if getattr(tree.at(path), "value", None) is BROKEN:
             continue
         message = _message(problem, path, model)
         if message not in messages.setdefault(path, []):
@@ -59,11 +59,6 @@ def _written(location: tuple[Key, ...], tree: LocatedValue) -> Keys:
             path.append(key)
             node = node.child(key)
     return tuple(path)
-
-
-def _is_broken(tree: LocatedValue, path: Keys) -> bool:
-    node = tree.at(path)
-    return node is not None and node.value is BROKEN
 
 
 def _message(problem: Any, path: Keys, model: type[BaseModel]) -> str:

@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final, Literal, final, get_args, get_origin, get_type_hints
+from typing import Any, Final, Literal, Union, final, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
@@ -168,7 +168,8 @@ def json_schema() -> dict[str, Any]:
     """Return the schema as plain JSON values, without plug-ins that cannot be imported."""
     fields: dict[str, Any] = {}
     for role in ROLES.values():
-        one: Any = _either(_alternatives(role.name))
+        models = _alternatives(role.name)
+        one: Any = Union[tuple(models)] if models else dict  # noqa: UP007
         about = Field(description=role.purpose)
         fields |= {key: (list[one] if key == role.listed else one, about) for key in role.keys}
     model: type[BaseModel] = create_model("Scenario", __base__=Scenario, **fields)
@@ -204,14 +205,6 @@ def _alternatives(role: str) -> list[type[PartModel]]:
         except (ImportError, PartError):
             continue
     return models
-
-
-def _either(models: list[type[PartModel]]) -> Any:
-    """Return the annotation of a value that follows any of these models."""
-    result: Any = dict
-    for i, model in enumerate(models):
-        result = model if i == 0 else result | model
-    return result
 
 
 def _demands(schema: dict[str, Any]) -> dict[str, Any]:

@@ -39,11 +39,10 @@ def values_of(component: Any, role: str = "") -> dict[str, Any]:
     """
     if isinstance(component, type):
         raise WrongComponent(f"is the class {component.__name__}, expected a component: {component.__name__}()")
-    own = _kind_of(type(component), role)
-    inner = roles_of(type(component))
+    cls: Any = type(component)
+    own, inner = _kind_of(cls, role), roles_of(cls)
     fields = {
-        name: _within(getattr(component, name), inner[name].role if name in inner else "")
-        for name in names_of(type(component))
+        name: _within(getattr(component, name), inner[name].role if name in inner else "") for name in names_of(cls)
     }
     return ({"kind": own} if own else {}) | fields
 

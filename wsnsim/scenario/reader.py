@@ -31,9 +31,9 @@ from wsnsim.scenario.texts import (
     Origin,
     ScenarioText,
     Spot,
-    TextFile,
+    content_of,
+    find_or_none,
     shipped,
-    text_file,
 )
 from wsnsim.scenario.units import shown
 
@@ -45,20 +45,20 @@ def read_scenario(source: str | Path | Mapping[str, Any], plugins: Plugins = Plu
     """Return the text of a scenario merged with what it extends, unchecked. `plugins`: which ones it may name."""
     if isinstance(source, Mapping):
         return _of_dict(source, plugins)
-    file = text_file(source)
-    if file.path is not None:
-        return _of_file(file, plugins)
+    path = find_or_none(source)
+    if path is not None:
+        return _of_file(path, plugins)
     message = f"file not found, and no shipped scenario has this name ({_nearest(source)})"
     return ScenarioText(None, [Spot(Origin(str(source), Path())).issue((), message)])
 
 
-def _of_file(file: TextFile, plugins: Plugins, extending: tuple[Path, ...] = ()) -> ScenarioText:
+def _of_file(path: Path, plugins: Plugins, extending: tuple[Path, ...] = ()) -> ScenarioText:
     """Return the text of a file merged with the file it extends. `extending`: the files that led to this one."""
-    if file.path is None or file.content is None:
-        return ScenarioText(None, file.issues)
-    tree, issues = read(file.content, origin_of(file.path, file.content, plugins=plugins))
-    text = ScenarioText(tree, issues, (str(file.path), file.content))
-    return _extended(text, file.path.parent, (*extending, file.path.resolve()))
+    content, issues = content_of(path)
+    if content is None:
+        return ScenarioText(None, issues)
+    tree, issues = read(content, origin_of(path, content, plugins=plugins))
+    return _extended(ScenarioText(tree, issues, (str(path), content)), path.parent, (*extending, path.resolve()))
 
 
 def _of_dict(source: Mapping[str, Any], plugins: Plugins) -> ScenarioText:
@@ -82,18 +82,18 @@ def _extended(text: ScenarioText, folder: Path, extending: tuple[Path, ...]) -> 
     bases = list[ScenarioText]()
     for node in entry.value if isinstance(entry.value, list) and entry.value else [entry]:
         named = isinstance(node.value, str)
-        file = text_file(node.value, folder) if named and node.value else TextFile(None, None, [])
+        path = find_or_none(node.value, folder) if named and node.value else None
         problem = ""
-        if file.path is None:
+        if path is None:
             problem = f"there is no scenario {node.value!r}" if named else "expected the name of a scenario, or a list"
             problem += f" ({_nearest(str(node.value))})" * named
-        elif file.path.resolve() in extending:
-            problem = f"{file.path} extends itself"
-        if problem:  # what the files lack without their base would follow from it
+        elif path.resolve() in extending:
+            problem = f"{path} extends itself"
+        if path is None or problem:  # what the files lack without their base would follow from it
             return text._replace(tree=None, issues=[*text.issues, node.spot.issue(("extends",), problem)])
         if len(extending) > MOST_EXTENDED:
             raise ScenarioError([node.spot.issue(("extends",), f"more than {MOST_EXTENDED} files extend each other")])
-        bases.append(_of_file(file, tree.spot.origin.plugins, extending))
+        bases.append(_of_file(path, tree.spot.origin.plugins, extending))
     issues = [*text.issues, *(issue for base in bases for issue in base.issues)]
     trees = [base.tree for base in bases if base.tree is not None]
     unknown = issues and len(trees) < len(bases)

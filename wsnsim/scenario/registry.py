@@ -21,7 +21,7 @@ import functools
 import importlib
 import importlib.machinery
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -210,6 +210,13 @@ def load_class(info: Kind) -> type[Any]:
     if not isinstance(found, type):
         raise ImportError(f"{named} is not a class")
     return found
+
+
+def loaded(role: str, plugins: bool) -> Iterator[tuple[Kind, Any]]:
+    """Yield the kinds of a role with their classes, perhaps with those plug-ins that can be imported."""
+    for info in kinds(role).values() if plugins else ROLES[role].kinds:
+        with contextlib.suppress(ImportError):
+            yield info, load_class(info)
 
 
 def search(folders: Iterable[str]) -> None:

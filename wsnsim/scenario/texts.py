@@ -95,20 +95,6 @@ def find_sweep(source: str | Path) -> Path | None:
     return _first_file(named) or shipped_sweeps().get(str(source).removesuffix(".yaml"))
 
 
-class TextFile(NamedTuple):
-    """The file of a scenario: its path (None if nothing has the name), its text (None if unreadable), and issues."""
-
-    path: Path | None
-    content: str | None
-    issues: list[Issue]
-
-
-def text_file(source: str | Path, folder: Path | None = None) -> TextFile:
-    """Return the file that `find_or_none` finds, with its text. `folder`: where a relative path starts, as there."""
-    path = find_or_none(source, folder)
-    return TextFile(None, None, []) if path is None else TextFile(path, *content_of(path))
-
-
 def content_of(path: Path) -> tuple[str | None, list[Issue]]:
     """Return the text of a file, or None and an issue if it cannot be read as text."""
     if path.is_dir():

@@ -7,7 +7,6 @@ from wsnsim.trackers.covariance_intersection import CovarianceIntersection as Co
 from wsnsim.trackers.covariance_intersection import NaiveFusion as NaiveFusion
 from wsnsim.trackers.cuckoo_pf import CuckooPf as CuckooPf
 from wsnsim.trackers.cuckoo_pf import ImprovedCuckooPf as ImprovedCuckooPf
-from wsnsim.trackers.diffusion import DiffusionFilter as DiffusionFilter
 from wsnsim.trackers.ekf import ExtendedKalman as ExtendedKalman
 from wsnsim.trackers.gaussian_pf import GaussianPf as GaussianPf
 from wsnsim.trackers.gaussian_pf import GravitationalGaussianPf as GravitationalGaussianPf
@@ -18,17 +17,18 @@ from wsnsim.trackers.information_consensus import HybridConsensus as HybridConse
 from wsnsim.trackers.information_consensus import InformationConsensus as InformationConsensus
 from wsnsim.trackers.information_driven import InformationDriven as InformationDriven
 from wsnsim.trackers.information_pf import InformationPf as InformationPf
-from wsnsim.trackers.kalman_consensus import KalmanConsensus as KalmanConsensus
 from wsnsim.trackers.mixture_pf import MixturePf as MixturePf
-from wsnsim.trackers.multi_target.lmb import Lmb as Lmb
 from wsnsim.trackers.multi_target.management import KnownTargets as KnownTargets
 from wsnsim.trackers.multi_target.management import MOfN as MOfN
 from wsnsim.trackers.multi_target.management import SequentialTest as SequentialTest
-from wsnsim.trackers.multi_target.mht import Mht as Mht
+from wsnsim.trackers.multi_target.several_gaussians import Lmb as Lmb
+from wsnsim.trackers.multi_target.several_gaussians import Mht as Mht
 from wsnsim.trackers.multi_target.single_gaussian import Gnn as Gnn
 from wsnsim.trackers.multi_target.single_gaussian import Jpda as Jpda
 from wsnsim.trackers.multi_target.single_gaussian import LocalNearestNeighbour as LocalNearestNeighbour
 from wsnsim.trackers.multi_target.single_gaussian import Pda as Pda
+from wsnsim.trackers.neighbour_filters import DiffusionFilter as DiffusionFilter
+from wsnsim.trackers.neighbour_filters import KalmanConsensus as KalmanConsensus
 from wsnsim.trackers.parallel_pf import ParallelPf as ParallelPf
 from wsnsim.trackers.pso_mhpf import PsoMhpf as PsoMhpf
 from wsnsim.trackers.range_fixes import AwakeOnly as AwakeOnly
@@ -48,7 +48,6 @@ from wsnsim.trackers.trilateration import Trilateration as Trilateration
 Pf = Sir
 CsPf = CuckooPf
 IcsPf = ImprovedCuckooPf
-Diffusion = DiffusionFilter
 Ekf = ExtendedKalman
 Gpf = GaussianPf
 GsaGpf = GravitationalGaussianPf
@@ -62,6 +61,7 @@ KnownManagement = KnownTargets
 Sprt = SequentialTest
 SprtManagement = SequentialTest
 NearestNeighbour = LocalNearestNeighbour
+Diffusion = DiffusionFilter
 Ppf = ParallelPf
 Ris = AwakeOnly
 Gmtt = GreyTracking

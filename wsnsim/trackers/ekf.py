@@ -17,7 +17,6 @@ import numpy as np
 
 from wsnsim.base.arrays import (
     NO_INNOVATION,
-    Estimate,
     Floats,
     Innovation,
     Ints,
@@ -37,9 +36,8 @@ from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.gains import gain_prior, gains_before, gains_of
 from wsnsim.trackers.shared.gaussian_port import LinearisedPort
 from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
-from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
-from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.readings import Evidence, packet_bits, parcel, reading_parcel
+from wsnsim.trackers.shared.moments import predicted, prediction_cycles, update_cycles
+from wsnsim.trackers.shared.readings import Evidence, packet_bits, parcel, reading_parcel, replied
 from wsnsim.trackers.shared.silence import HeardReadings
 from wsnsim.trackers.shared.triggers import Always, trigger_issues
 from wsnsim.trackers.shared.whole_runs import kalman_runs
@@ -102,17 +100,13 @@ class ExtendedKalman(LateFilter):
         if gain_prior(scene.sensor):
             gains = gains_before(gains_of(belief, scene, ()), scene, belief.mean)
             gains = gains_of(replace(belief, gains=gains), scene, seen.ids)
-            before = KalmanBelief(mean, cov, scene.head, gains=gains)
+            before = GaussianBelief(mean, cov, scene.head, gains=gains)
             return (yield from _updated_with_gains(before, seen, scene, self.iterations))
         innovation = NO_INNOVATION
         if seen.ids:
             mean, cov, innovation = _updated(mean, cov, seen, scene, self.iterations)
         mean, cov = heard.with_silence(mean, cov, scene)
-        return KalmanBelief(mean, cov, scene.head, innovation=innovation, shared=heard.shared)
-
-    def estimate(self, belief: GaussianBelief) -> Estimate:
-        """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet."""
-        return kalman_estimate(belief)
+        return GaussianBelief(mean, cov, scene.head, innovation=innovation, shared=heard.shared)
 
     def gaussian(self, motion: MotionModel) -> LinearisedPort:
         """The filter for trackers of several targets: without further iterations, and with the scans of all members."""
@@ -166,7 +160,7 @@ def _updated(
     return *after, innovation
 
 
-def _updated_with_gains(belief: KalmanBelief, seen: Evidence, scene: Scene, iterations: int) -> Flow[KalmanBelief]:
+def _updated_with_gains(belief: GaussianBelief, seen: Evidence, scene: Scene, iterations: int) -> Flow[GaussianBelief]:
     """The belief at the time of the scene, updated with readings as one augmented state of the target and the gains."""
     gains, size = belief.gains, belief.mean.size
     assert gains is not None, "the gains of the nodes heard are added before the update"
@@ -183,18 +177,12 @@ def _updated_with_gains(belief: KalmanBelief, seen: Evidence, scene: Scene, iter
 
 def _nearest_reading(point: Floats, scene: Scene) -> Flow[Evidence]:
     """The reading of the member nearest to a point (P,), if there is one and its packet arrives."""
-    rows: list[int] = []
-    values: list[float] = []
-    if scene.ids:
-        row = int(((scene.positions - planar(point[None])) ** 2).sum(axis=1).argmin())
-        node = scene.ids[row]
-        polled = {node: True} if node == scene.head else (yield Scatter({node: parcel(None, 1, POLL)}))
-        answer = partial(_polled_reading, bits=packet_bits(scene.sensor))
-        reply = (yield Gather(answer, who=(node,))) if node in polled else {}
-        rows = [row] if node in reply else []
-        values = [reply[node][0] for _ in rows]
-    ids = tuple(scene.ids[row] for row in rows)
-    return Evidence(ids, np.array(values, dtype=np.float64), scene.positions[rows], scene.traits[rows])
+    if not scene.ids:
+        return replied({}, scene)
+    node = scene.ids[int(((scene.positions - planar(point[None])) ** 2).sum(axis=1).argmin())]
+    polled = {node: True} if node == scene.head else (yield Scatter({node: parcel(None, 1, POLL)}))
+    answer = partial(_polled_reading, bits=packet_bits(scene.sensor))
+    return replied((yield Gather(answer, who=(node,))) if node in polled else {}, scene)
 
 
 def _polled_reading(member: Member, bits: int) -> Parcel | None:

@@ -21,7 +21,7 @@ from wsnsim.base.requests import Compute, Flow, Member, Send
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.grid import WINDOW, spread, weigh
 from wsnsim.trackers.shared.heads import WEIGH_CYCLES, GaussianBelief, HeadFilter
-from wsnsim.trackers.shared.readings import gather_readings, moment_packets, parcel, weight_packets
+from wsnsim.trackers.shared.readings import gather_readings, moment_packets, number_packets, parcel
 
 SPREAD_CYCLES = 15.0
 """CPU cycles to add a share of one cell's mass to another cell."""
@@ -98,7 +98,7 @@ class GridFilter(HeadFilter):
         Masses that are lost are read off a line between the nearest that arrived. If none arrived, or only empty cells,
         the moments give a Gaussian; without them, too, the track is lost.
         """
-        first = weight_packets(self.cells)
+        first = number_packets(self.cells)
         packets = first + moment_packets(belief.mean.size)
         mask = yield Send(successor, parcel((belief.masses, belief.mean, belief.cov), packets, "handover"))
         masses = _arrived_masses(belief.masses, mask[:first])

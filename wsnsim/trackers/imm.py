@@ -25,16 +25,15 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared import gaussian_port
 from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
-from wsnsim.trackers.shared.kalman import prediction_cycles, update_cycles
-from wsnsim.trackers.shared.moments import symmetric
+from wsnsim.trackers.shared.moments import prediction_cycles, symmetric, update_cycles
 from wsnsim.trackers.shared.readings import (
     Evidence,
     arrived_groups,
     arrived_probabilities,
     gather_readings,
     moment_packets,
+    number_packets,
     parcel,
-    weight_packets,
 )
 
 LEAST = 1e-300
@@ -274,7 +273,7 @@ class InteractingModels(LateFilter):
         bank, modes = belief.bank, self._modes(scene.motion)
         size, count = bank.means.shape
         each = moment_packets(size)
-        mask = yield Send(successor, parcel(tuple(bank), count * each + weight_packets(count), "handover"))
+        mask = yield Send(successor, parcel(tuple(bank), count * each + number_packets(count), "handover"))
         whole = arrived_groups(mask, count, each)
         if not whole.any():
             return None

@@ -31,7 +31,9 @@ MOST = 10**6
 
 @part
 class AveragingFilter(PeerFilter):
-    """What both filters share: rounds of average consensus, and the number of participants N. A subclass gives `mixed`.
+    """What both filters share: rounds of average consensus, and the number of participants N.
+
+    A subclass gives `values` and `update`.
 
     One further round of a packet each tells the participants their numbers of neighbours; if they are to count all
     participants, as many further rounds as those of the consensus tell them the ids of all within so many hops.

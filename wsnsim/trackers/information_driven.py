@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Any, ClassVar, Final, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, TypeAlias
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from wsnsim.trackers.shared.mixtures import (
     predicted_mixture,
     reduced,
 )
-from wsnsim.trackers.shared.readings import arrived_groups, parcel, weight_packets
+from wsnsim.trackers.shared.readings import arrived_groups, number_packets, parcel
 from wsnsim.trackers.shared.selection import (
     DECISION_CYCLES,
     EXTRAPOLATION_CYCLES,
@@ -86,12 +86,8 @@ class PlannedBelief(GaussianBelief):
     kept: tuple[Kept, ...] = ()
 
 
-class Planned(NamedTuple):
-    """The plan, what it makes its members expect, and who is expected to send; None: as announced before."""
-
-    plan: SelectionPlan | None = None
-    expected: Expected | None = None
-    senders: Callable[[], tuple[NodeId, ...]] | None = None
+Planned: TypeAlias = tuple[SelectionPlan | None, Expected | None, Callable[[], tuple[NodeId, ...]] | None]
+"""The plan, what it makes its members expect, and who is expected to send; None: as announced before."""
 
 
 @part
@@ -183,7 +179,7 @@ class InformationDriven(HeadFilter):
         have not sent yet of earlier steps is not asked for: the question would cost more than it brings.
         """
         missing, size, arrived = _mixture_of(belief), belief.mean.size, []
-        each = weight_packets(1 + size + size * (size + 1) // 2)
+        each = number_packets(1 + size + size * (size + 1) // 2)
         for _ in range(TRIES):
             sent = parcel(tuple(map(tuple, missing)), each * len(missing), "handover")
             mask: Bools = yield Send(successor, sent)
@@ -202,10 +198,10 @@ class InformationDriven(HeadFilter):
         """The plan that the members have, broadcast where the last one does not fit; at a review, who will send."""
         plan, expected = belief.plan, belief.expected
         if self.keep >= 1.0:
-            return Planned()
+            return None, None, None
         if plan is not None and expected is not None:
             if (scene.step - plan.step) % REVIEW:
-                return Planned(plan, expected)
+                return plan, expected, None
             yield Compute(EXTRAPOLATION_CYCLES * (scene.step - expected.step))
             expected = extrapolated(expected, scene)
         mean, cov = moments_of(mixture)
@@ -214,7 +210,7 @@ class InformationDriven(HeadFilter):
         those = candidates(point, scene)
         yield Compute(CANDIDATE_CYCLES * len(scene.known.ids))
         if not those.rows.size or not self._settled(spread, point, those, scene):
-            return Planned(plan, expected)
+            return plan, expected, None
         ahead = PREDICTION_CYCLES * len(mixture) * (self.every - 1)
         yield Compute(ahead + WORTH_CYCLES * those.rows.size)
         limits = self.keep**SLACK, EXCESS
@@ -225,7 +221,7 @@ class InformationDriven(HeadFilter):
             plan = planned(mean, spread, those, self.keep, every, scene.step)
             expected = first_expected(plan)
             yield Broadcast(plan.in_parcel())
-        return Planned(plan, expected, partial(senders, plan, expected, REVIEW, scene))
+        return plan, expected, partial(senders, plan, expected, REVIEW, scene)
 
     def _settled(self, spread: Floats, point: Floats, those: Candidates, scene: Scene) -> bool:
         places = scene.known.positions[those.rows][:, : point.size]

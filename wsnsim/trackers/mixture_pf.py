@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final, TypeAlias
 
 import numpy as np
 
@@ -22,12 +22,23 @@ from wsnsim.base.requests import Compute, Flow, Parcel, Send
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.fixes import OfRanges, fix_cycles, fixed, usable
-from wsnsim.trackers.shared.kalman import PLACE, updated_by_fix, updated_by_readings
-from wsnsim.trackers.shared.moments import mixed
+from wsnsim.trackers.shared.moments import mixed, symmetric
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
 
 COLUMNS: Final = ("px", "vx", "py", "vy")
 MOVING: Final = np.array([1, 3])
+Updates: TypeAlias = tuple[Floats, Floats, Floats]
+"""Means (K, 4), covariances (K, 4, 4) and log-likelihoods (K,) after one measurement of all filters.
+
+Where it is so much sharper than the prediction, or than another axis of its own, that a difference of covariances would
+keep none of their digits, Joseph's form takes its place (Bucy, Joseph 1968): a sum of squares of roots, one axis of the
+measurement after the other.
+"""
+PLACE: Final = np.array([0, 2])
+"""The columns of the position."""
+SHARP: Final = 1e-14
+"""A variance below this share of another is lost beside it: a number has 16 digits."""
+ROUNDING: Final = float(np.finfo(np.float64).eps)
 ENOUGH_RANGES: Final = 3
 """Least number of ranges for a fix; with fewer, each range updates the filters on its own."""
 UNKNOWN: Final = 1e6
@@ -250,3 +261,73 @@ def new_course(means: Floats, covs: Floats, dt: float, sd: float) -> tuple[Float
         spread[:, v, v] = sd * sd
     spread[np.ix_(each, place, place)] = covs[:, PLACE][:, :, PLACE] + sd * sd * dt * dt * np.eye(2)
     return later, spread
+
+
+def updated_by_fix(means: Floats, covs: Floats, point: Floats, noise: Floats) -> Updates:
+    """After a fix (2,) of covariance (2, 2)."""
+    values, axes = np.linalg.eigh(noise)
+    if values[0] < SHARP * max(values[1], covs.max()):
+        return _updated_by_axes(means, covs, point, np.maximum(values, ROUNDING * values[1]), axes)
+    innovation = point - means[:, PLACE]
+    spread = covs[:, PLACE][:, :, PLACE] + noise
+    inverse = np.linalg.inv(spread)
+    gain = covs[:, :, PLACE] @ inverse
+    later = means + np.einsum("kij,kj->ki", gain, innovation)
+    cov = covs - gain @ covs[:, PLACE, :]
+    square = np.einsum("ki,kij,kj->k", innovation, inverse, innovation)
+    return later, symmetric(cov), -0.5 * (square + np.log(np.linalg.det(spread)))
+
+
+def updated_by_readings(means: Floats, covs: Floats, seen: Evidence, scene: Scene) -> Updates:
+    """After one reading at a time, linearised."""
+    scores = np.zeros(len(means))
+    for i, reading in enumerate(seen.readings.tolist()):
+        points = np.ascontiguousarray(means[:, PLACE].T)
+        expected, gradients, variances = scene.sensor.linearise(
+            points, seen.positions[i : i + 1], seen.traits[i : i + 1]
+        )
+        g = gradients[0].T
+        cross = np.einsum("kij,kj->ki", covs[:, :, PLACE], g)
+        told = np.einsum("ki,ki->k", g, cross[:, PLACE])
+        innovation = reading - expected[0]
+        if (variances[0] < SHARP * told).any():
+            means, roots, more = _updated_along(means, _roots(covs), innovation, g, variances[0])
+            covs, scores = roots @ roots.transpose(0, 2, 1), scores + more
+            continue
+        spread = told + variances[0]
+        means = means + cross * (innovation / spread)[:, None]
+        covs = covs - cross[:, :, None] * cross[:, None, :] / spread[:, None, None]
+        scores = scores - 0.5 * (innovation**2 / spread + np.log(spread))
+    return means, symmetric(covs), scores
+
+
+def _updated_by_axes(means: Floats, covs: Floats, point: Floats, variances: Floats, axes: Floats) -> Updates:
+    """After a fix (2,) with independent errors of variances (2,) along axes, the columns of (2, 2)."""
+    roots, scores = _roots(covs), np.zeros(len(means))
+    for variance, axis in zip(variances.tolist(), axes.T, strict=True):
+        innovation = (point - means[:, PLACE]) @ axis
+        slopes, each = np.broadcast_to(axis, (len(means), 2)), np.full(len(means), variance)
+        means, roots, more = _updated_along(means, roots, innovation, slopes, each)
+        scores = scores + more
+    return means, roots @ roots.transpose(0, 2, 1), scores
+
+
+def _roots(covs: Floats) -> Floats:
+    """(K, 4, 4) R of each covariance R Rᵀ; what rounding has made negative is 0."""
+    values, axes = np.linalg.eigh(covs)
+    roots: Floats = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    return roots
+
+
+def _updated_along(means: Floats, roots: Floats, innovation: Floats, slopes: Floats, variances: Floats) -> Updates:
+    """After one number, its innovations (K,), its slopes (K, 2) by the position, and its variances (K,).
+
+    Takes and returns roots R (K, 4, n) of covariances R Rᵀ, those returned with another column.
+    """
+    seen = np.einsum("kin,ki->kn", roots[:, PLACE], slopes)
+    spread = (seen * seen).sum(axis=1) + variances
+    gain = np.einsum("kin,kn->ki", roots, seen) / spread[:, None]
+    left = roots - gain[:, :, None] * seen[:, None, :]
+    noise = gain * np.sqrt(variances)[:, None]
+    later = means + gain * innovation[:, None]
+    return later, np.concatenate([left, noise[:, :, None]], axis=2), -0.5 * (innovation**2 / spread + np.log(spread))

@@ -39,9 +39,9 @@ from wsnsim.trackers.shared.readings import (
     guessed,
     is_whole,
     log_mean,
+    number_packets,
     parcel,
     state_packets,
-    weight_packets,
 )
 from wsnsim.trackers.shared.spread import (
     LOCAL,
@@ -176,7 +176,7 @@ def _report(member: Member, head: int) -> Parcel | None:
     if log_weights is None or not log_weights.size:
         return None
     result: LocalEstimate = member.memory[LOCAL]
-    packets = weight_packets(log_weights.size) + state_packets(result.mean.size)
+    packets = number_packets(log_weights.size) + state_packets(result.mean.size)
     return parcel(
         WeightReport(log_weights.copy(), result.mean, result.cov if member.id == head else None), packets, "weights"
     )
@@ -194,9 +194,9 @@ def _tallied(reply: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> tuple[
         if is_whole(mask):
             weights[node], means[node] = report.log_weights, report.mean
             continue
-        known = np.repeat(mask[: weight_packets(size)], 4)[:size]
+        known = np.repeat(mask[: number_packets(size)], 4)[:size]
         weights[node] = np.where(known, report.log_weights, UNKNOWN)
-        if mask[weight_packets(size) :].all():
+        if mask[number_packets(size) :].all():
             means[node] = report.mean
     everything = guessed(np.concatenate([np.empty(0), *weights.values()]))
     cuts = np.cumsum([piece.size for piece in weights.values()])[:-1]

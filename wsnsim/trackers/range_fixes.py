@@ -56,7 +56,7 @@ class GreyTracking(RangeFix):
     Source: Li, Jiang, Zhang, Zhang (2012). The window of 5 is implied by the message's 20 bytes at 4 a position.
     """
 
-    window: Annotated[int, Quantity("", ge=4, le=64), "n: number of fixes in the model"] = 5
+    window: Annotated[int, Quantity("", ge=4, le=64), "n: number of fixes in the model"] = 5  # type: ignore[misc]
     predictor: Annotated[Literal["grey", "linear"], "model of the fixes: grey (GM(1,1), the paper's), or a line"] = (
         "grey"
     )
@@ -81,10 +81,6 @@ class GreyTracking(RangeFix):
     @property
     def _handover_bits(self) -> int:
         return HEADER_BITS + self.window * POSITION_BITS
-
-    @property
-    def _kept(self) -> int:
-        return self.window
 
     def _other_cycles(self, fixes: int) -> float:
         if fixes < LEAST_FIXES:
@@ -120,7 +116,7 @@ class TwoPhase(RangeFix):
     """
 
     _handover_bits: ClassVar[int] = TWO_FIXES_BITS
-    _kept: ClassVar[int] = 2
+    window: ClassVar[int] = 2
 
     def belief_bits(self, belief: Fixes) -> int:
         """Two positions of 4 bytes."""
@@ -142,7 +138,7 @@ class AwakeOnly(RangeFix):
     """
 
     _handover_bits: ClassVar[int] = ONE_FIX_BITS
-    _kept: ClassVar[int] = 1
+    window: ClassVar[int] = 1
 
     def foresees(self, belief: Fixes) -> bool:
         """Never."""

@@ -30,8 +30,8 @@ from wsnsim.trackers.shared.readings import (
     gather_readings,
     linearised,
     moment_packets,
+    number_packets,
     parcel,
-    weight_packets,
 )
 from wsnsim.trackers.shared.whole_runs import HEAD, Outcome, priors, scenes_of
 from wsnsim.trackers.shared.whole_runs import predicted as predicted_runs
@@ -133,7 +133,7 @@ class RelayKalman(SensorChain):
         join and drop out.
         """
         first = moment_packets(belief.mean.size)
-        packets = first + weight_packets(len(belief.ids))
+        packets = first + number_packets(len(belief.ids))
         payload = (belief.mean, belief.cov, belief.ids, belief.probabilities)
         mask = yield Send(successor, parcel(payload, packets, "handover"))
         if not mask[:first].all():
@@ -236,7 +236,7 @@ class InteractingKalman(SensorChain):
         if not count:
             mask = yield Send(successor, parcel((belief.mean, belief.cov), each, "handover"))
             return InteractingBelief(belief.mean, belief.cov, successor) if mask.all() else None
-        packets = count * each + weight_packets(count)
+        packets = count * each + number_packets(count)
         payload = (belief.ids, belief.means, belief.covs, belief.probabilities)
         mask = yield Send(successor, parcel(payload, packets, "handover"))
         whole = arrived_groups(mask, count, each)

@@ -31,8 +31,7 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.gaussian import cholesky
 from wsnsim.trackers.shared.gaussian_port import GaussianBank, LinearisedPort, joined
 from wsnsim.trackers.shared.heads import GaussianBelief, LateFilter
-from wsnsim.trackers.shared.kalman import LINEARISE_CYCLES, KalmanBelief, is_definite, kalman_estimate
-from wsnsim.trackers.shared.moments import symmetric
+from wsnsim.trackers.shared.moments import LINEARISE_CYCLES, is_definite, symmetric
 from wsnsim.trackers.shared.readings import Evidence
 from wsnsim.trackers.shared.triggers import Always, trigger_issues
 
@@ -79,11 +78,7 @@ class SigmaPointFilter(LateFilter):
         if seen.ids:
             mean, cov, innovation = updated(mean, cov, weights, seen, scene)
         mean, cov = heard.with_silence(mean, cov, scene)
-        return KalmanBelief(mean, cov, scene.head, innovation=innovation, shared=heard.shared)
-
-    def estimate(self, belief: GaussianBelief) -> Estimate:
-        """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet."""
-        return kalman_estimate(belief)
+        return GaussianBelief(mean, cov, scene.head, innovation=innovation, shared=heard.shared)
 
     def gaussian(self, motion: MotionModel) -> SigmaPointPort:
         """The filter for trackers of several targets."""

@@ -10,18 +10,15 @@ point, and the position is the weighted centroid of these points.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Annotated, Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow
-from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
 from wsnsim.trackers.shared.fixes import OfRanges, usable
 from wsnsim.trackers.shared.heads import GaussianBelief, only_predicted
@@ -55,15 +52,6 @@ class Trilateration(OfRanges):
     floor: Annotated[
         float, Quantity("m", ge=1e-6, le=1e7), "standard deviation that the position has if all pairs agree"
     ] = 0.1
-
-    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """The position of the motion model must have two columns."""
-        if any(len(motion.position) != 2 for motion in setup.filter_motions):
-            yield Issue(
-                ("tracker", "kind"),
-                "trilateration needs a motion model whose position has two columns, such as constant_velocity or "
-                "bounded_velocity",
-            )
 
     def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
         """One step: N_act - 1 readings reach the head; it intersects the circles of each pair."""

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.scans import TrackEstimate, TrackEvent
-from wsnsim.trackers.multi_target.beliefs import BelievedTrack, distances
+from wsnsim.trackers.multi_target.frames import BelievedTrack, distances
 
 Verdict = Literal["stay", "confirm", "delete"]
 RARELY: Final = 0.05

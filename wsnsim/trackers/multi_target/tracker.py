@@ -20,14 +20,19 @@ from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import KnownNodes, Tracker
 from wsnsim.base.scans import Facts, Scan, ScanOutcome, TrackEstimate, TrackEvent
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.trackers.multi_target.beliefs import (
+from wsnsim.trackers.multi_target.frames import (
+    LEAST_SEEN,
     Belief,
     BelievedTrack,
+    Frame,
+    frame_of,
+    in_order,
     moments_of,
     picked,
+    some,
     stacked,
+    visible,
 )
-from wsnsim.trackers.multi_target.frames import LEAST_SEEN, Frame, frame_of, in_order, some, visible
 from wsnsim.trackers.multi_target.initiation import Start, can_start, found
 from wsnsim.trackers.multi_target.management import MOfN, TrackRules, with_hit, without_duplicates
 from wsnsim.trackers.shared.gaussian_port import GaussianPort
@@ -167,13 +172,9 @@ class MultiTargetTracker:
         mean, cov = np.zeros(size), self.management.rate_sd**2 * np.eye(size)
         mean[place], cov[np.ix_(place, place)] = start.point, start.cov
         track = self._begun(port, mean, cov, number, time)
-        existence = self._existence(start.odds)
-        return replace(track, hits=(True,), existence=existence)
-
-    def _existence(self, odds: float) -> float:
-        """The probability that a target exists, of its log-odds; 1 if it is not estimated."""
         tells = self.estimates_existence or self.management.tests_existence
-        return 1.0 / (1.0 + math.exp(-min(odds, 700.0))) if tells else 1.0
+        existence = 1.0 / (1.0 + math.exp(-min(start.odds, 700.0))) if tells else 1.0  # 1: not estimated
+        return replace(track, hits=(True,), existence=existence)
 
     def _predicted(self, belief: Belief, time: float, port: GaussianPort, facts: Facts) -> list[BelievedTrack]:
         """The tracks at a time."""

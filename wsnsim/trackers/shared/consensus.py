@@ -21,8 +21,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.requests import Exchange, Flow, Local, Member, Parcel
-from wsnsim.trackers.shared.peers import number_packets, received
-from wsnsim.trackers.shared.readings import parcel
+from wsnsim.trackers.shared.peers import received
+from wsnsim.trackers.shared.readings import number_packets, parcel
 
 ConsensusWeights: TypeAlias = Literal["metropolis", "ratio"]
 VALUES: Final = "values"

@@ -23,10 +23,10 @@ from wsnsim.trackers.shared.readings import (
     arrived_particles,
     guessed,
     moment_packets,
+    number_packets,
     parcel,
     particles_parcel,
     state_packets,
-    weight_packets,
 )
 from wsnsim.trackers.shared.stacks import (
     CLOUD,
@@ -240,7 +240,7 @@ def send_all(pool: Pool, mean: Floats, cov: Floats, successor: int) -> Flow[Arri
 def handover_parcel(pool: Pool, mean: Floats, cov: Floats) -> Parcel:
     """The parcel of a handover: particles, then weights, then mean and covariance."""
     count, columns = pool.log_weights.size, mean.size
-    packets = count * state_packets(columns) + weight_packets(count) + moment_packets(columns)
+    packets = count * state_packets(columns) + number_packets(count) + moment_packets(columns)
     return parcel((pool.cloud, pool.log_weights, mean, cov), packets, "handover")
 
 

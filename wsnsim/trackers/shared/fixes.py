@@ -69,8 +69,7 @@ def usable(seen: Evidence, scene: Scene) -> Ranged:
     known = (ranges >= 0.0) & (ranges < FARTHEST)
     if known.all():
         return Ranged(seen, ranges)
-    ids = tuple(node for node, is_known in zip(seen.ids, known.tolist(), strict=True) if is_known)
-    return Ranged(Evidence(ids, seen.readings[known], seen.positions[known], seen.traits[known]), ranges[known])
+    return Ranged(seen.part(known), ranges[known])
 
 
 def fixed(ranged: Ranged, start: Floats, spread: float, scene: Scene) -> Fix:
@@ -219,6 +218,15 @@ class OfRanges(HeadFilter):
     vector_readings: ClassVar[bool] = False
     relative_readings: ClassVar[bool] = False
 
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
+        """The position of the motion model must have two columns."""
+        if any(len(motion.position) != 2 for motion in setup.filter_motions):
+            yield Issue(
+                ("tracker", "kind"),
+                "a position from ranges needs a motion model whose position has two columns, such as "
+                "constant_velocity or bounded_velocity",
+            )
+
 
 @part
 class RangeFix(OfRanges):
@@ -229,6 +237,9 @@ class RangeFix(OfRanges):
     than the position are the velocity, from the last two fixes, if they are named vx and vy, and else unknown: 0 with
     the prior's spread. The position that a track starts with counts as its first fix (our choice).
     """
+
+    window: ClassVar[int]
+    """Number of fixes that are kept."""
 
     reading_bits: Annotated[int, Quantity("", ge=1, le=100_000, label="bit"), "bits of a reading on the air"] = 88
 
@@ -252,7 +263,7 @@ class RangeFix(OfRanges):
             foretold = expected if self._predicts(belief) else None
             return replace(belief, mean=expected.mean, cov=expected.cov, head=scene.head, foretold=foretold)
         fix = fixed(ranged, *self._start_of(expected, ranged, scene), scene)
-        fixes = min(len(belief.points) + 1, self._kept)
+        fixes = min(len(belief.points) + 1, self.window)
         yield Compute(fix_cycles(count, fix.iterations) + self._other_cycles(fixes))
         return self._with(belief, fix, expected, scene)
 
@@ -266,19 +277,6 @@ class RangeFix(OfRanges):
         """The expected position `ahead` steps later, with the covariance of the motion model's prediction."""
         moved = forecast(Estimate(belief.mean, belief.cov), scene, ahead)
         return self._placed(moved, belief, scene.time + ahead * scene.dt, scene)
-
-    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """The position of the motion model must have two columns."""
-        if any(len(motion.position) != 2 for motion in setup.filter_motions):
-            yield Issue(
-                ("tracker", "kind"),
-                "a fix from ranges needs a motion model whose position has two columns, such as constant_velocity",
-            )
-
-    @property
-    def _kept(self) -> int:
-        """Number of fixes that are kept."""
-        raise NotImplementedError
 
     @property
     def _handover_bits(self) -> int:
@@ -318,7 +316,7 @@ class RangeFix(OfRanges):
         """The belief with one more fix; of two at one time the later."""
         x, y = fix.point.tolist()
         earlier = [(time, point) for time, point in zip(belief.times, belief.points, strict=True) if time < scene.time]
-        kept = [*earlier, (scene.time, (x, y))][-self._kept :]
+        kept = [*earlier, (scene.time, (x, y))][-self.window :]
         times, points = tuple(time for time, _ in kept), tuple(point for _, point in kept)
         mean, cov = _state(times, points, (belief.last_cov, fix.cov), belief.unknown, scene)
         foretold = expected if self._predicts(belief) else None

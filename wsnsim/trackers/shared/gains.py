@@ -24,7 +24,7 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Flow, Send
 from wsnsim.base.sensing import BIAS, GAIN_DB
 from wsnsim.trackers.shared.moments import symmetric
-from wsnsim.trackers.shared.readings import Evidence, parcel, weight_packets
+from wsnsim.trackers.shared.readings import Evidence, number_packets, parcel
 
 SMALLEST = 1e-10
 """Of the greatest eigenvalue of the state's covariance: smaller ones count as zero in its inverse (our choice)."""
@@ -158,7 +158,7 @@ def gains_before(gains: Gains, scene: Scene, mean: Floats) -> Gains:
 def gain_packets(count: int, columns: int) -> int:
     """Packets of `count` gains beside a state of D columns: nodes, means, covariances and those with the state."""
     numbers = count * (2 + columns) + count * (count + 1) // 2
-    return weight_packets(numbers)
+    return number_packets(numbers)
 
 
 def send_gains(gains: Gains, scene: Scene, successor: int) -> Flow[Gains | None]:

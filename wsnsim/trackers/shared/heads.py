@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Estimate, Floats, Ints, Keys
+from wsnsim.base.arrays import NO_INNOVATION, Estimate, Floats, Innovation, Ints, Keys
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Member
@@ -40,9 +40,10 @@ from wsnsim.trackers.shared.gains import (
     reported,
     send_gains,
 )
-from wsnsim.trackers.shared.late import Late, PastStep, handover_with_late, step_with_late
+from wsnsim.trackers.shared.late import Late, PastStep, step_with_late, with_late
 from wsnsim.trackers.shared.moments import forecast, predicted
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
+from wsnsim.trackers.shared.silence import SharedEstimate
 from wsnsim.trackers.shared.stacks import Score, place_of, propagated_by, snapshot
 
 WEIGH_CYCLES = 30.0
@@ -65,6 +66,8 @@ class GaussianBelief:
         effective: the effective number of particles; NaN without particles.
         gains: those that the filter estimates; None: it estimates none.
         past: the last steps of this head, of a filter that uses late readings.
+        innovation: that of the step's update, of a Kalman filter; after a handover there is none yet.
+        shared: the estimate that members share with the head, if their trigger needs one.
     """
 
     mean: Floats
@@ -73,6 +76,8 @@ class GaussianBelief:
     effective: float = float("nan")
     gains: Gains | None = field(default=None, kw_only=True)
     past: tuple[PastStep, ...] = field(default=(), kw_only=True)
+    innovation: Innovation = field(default=NO_INNOVATION, kw_only=True)
+    shared: SharedEstimate | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,10 +121,8 @@ class HeadFilter:
     assumes_gaussian: ClassVar[bool] = False
     """Whether it takes the noise of readings as Gaussian, by their mean and variance at the prediction."""
 
-    @property
-    def member_cycles(self) -> float:
-        """0: members only send their readings, the head does the rest."""
-        return 0.0
+    member_cycles: ClassVar[float] = 0.0
+    """Operations of a member in a step: it only sends its reading, the head does the rest."""
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[Any]:
         """The prior as the first belief; nothing is sent."""
@@ -139,8 +142,8 @@ class HeadFilter:
         return GaussianBelief(arrival.mean, arrival.cov, successor, gains=gains)
 
     def estimate(self, belief: Any) -> Estimate:
-        """The belief's mean and covariance, with the effective number of its particles if it has any."""
-        return Estimate(belief.mean, belief.cov, belief.effective)
+        """The belief's mean and covariance, with its innovation and the effective number of particles if it has any."""
+        return Estimate(belief.mean, belief.cov, belief.effective, getattr(belief, "innovation", NO_INNOVATION))
 
     def forecast(self, belief: Any, scene: Scene, ahead: int) -> Estimate:
         """The estimate, predicted by the motion model for `ahead` steps later."""
@@ -178,13 +181,18 @@ class LateFilter(HeadFilter):
         """One step: N_act - 1 readings reach the head, and late ones of earlier steps if it uses them."""
         if self.late == "ignore":
             return self.one_step(belief, scene)
-        return step_with_late(self, belief, scene)
+        return step_with_late(self.one_step, self.late, self.late_window, belief, scene)
 
     def hand_over(self, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
         """Send the belief, after what has arrived late is used; None if no track could go on from what arrives."""
         if self.late == "ignore":
             return self.deliver(belief, scene, successor)
-        return handover_with_late(self, belief, scene, successor)
+        return self._deliver_with_late(belief, scene, successor)
+
+    def _deliver_with_late(self, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
+        """Use what has arrived late, and send the belief without its past."""
+        belief = yield from with_late(self.one_step, self.late, self.late_window, belief, scene)
+        return (yield from self.deliver(replace(belief, past=()), scene, successor))
 
 
 @part

@@ -12,9 +12,9 @@ A handover carries the belief with all that has arrived until then, but no past 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -42,61 +42,41 @@ class PastStep(NamedTuple):
 Late: TypeAlias = Literal["ignore", "refilter", "retrodict"]
 
 
-class UsesLate(Protocol):
-    """A filter in a head that can use late readings; see `heads.LateFilter`."""
-
-    @property
-    def late(self) -> Late:
-        """How it uses them."""
-
-    @property
-    def late_window(self) -> float:
-        """Age in s of the oldest one that it uses."""
-
-    def one_step(self, belief: Any, scene: Scene) -> Flow[Any]:
-        """One step with the readings that arrive in time."""
-
-    def deliver(self, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
-        """Send the belief to the next head."""
+OneStep: TypeAlias = Callable[[Any, Scene], Flow[Any]]
+"""One step of a filter with the readings that arrive in time; see `heads.LateFilter`."""
 
 
-def step_with_late(tracker: UsesLate, belief: Any, scene: Scene) -> Flow[Any]:
+def step_with_late(one_step: OneStep, use: Late, window: float, belief: Any, scene: Scene) -> Flow[Any]:
     """One step with the readings that arrive in time, after what has arrived late is used."""
     reply: GatheredReadings = yield GatherReadings(packet_bits(scene.sensor))
-    belief = yield from _with_late(tracker, belief, scene)
+    belief = yield from with_late(one_step, use, window, belief, scene)
     made = PastStep(scene, replace(belief, past=()), reply)
-    after = yield from _answered(tracker.one_step(made.before, scene), reply)
+    after = yield from _answered(one_step(made.before, scene), reply)
     return replace(after, past=(*belief.past, made))
 
 
-def handover_with_late(tracker: UsesLate, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
-    """Use what has arrived late, and send the belief without its past."""
-    belief = yield from _with_late(tracker, belief, scene)
-    return (yield from tracker.deliver(replace(belief, past=()), scene, successor))
-
-
-def _with_late(tracker: UsesLate, belief: Any, scene: Scene) -> Flow[Any]:
+def with_late(one_step: OneStep, use: Late, window: float, belief: Any, scene: Scene) -> Flow[Any]:
     """The belief after what has arrived late of its past steps; those that are too old are dropped."""
-    past = tuple([each for each in belief.past if scene.time - each.scene.time <= tracker.late_window])
+    past = tuple([each for each in belief.past if scene.time - each.scene.time <= window])
     if not past:
         return replace(belief, past=())
     arrived: Mapping[int, GatheredReadings] = yield GatherLate(past[0].scene.step, past[-1].scene.step)
     late = {i: new for i, each in enumerate(past) if (new := _new(each, arrived.get(each.scene.step))).ids}
     if not late:
         return replace(belief, past=past)
-    if tracker.late == "refilter":
-        return (yield from _refiltered(tracker, past, late))
+    if use == "refilter":
+        return (yield from _refiltered(one_step, past, late))
     return (yield from _retrodicted(belief, past, late))
 
 
-def _refiltered(tracker: UsesLate, past: tuple[PastStep, ...], late: Mapping[int, GatheredReadings]) -> Flow[Any]:
+def _refiltered(one_step: OneStep, past: tuple[PastStep, ...], late: Mapping[int, GatheredReadings]) -> Flow[Any]:
     """The belief after its past steps from the first one with late readings on are made again."""
     first = min(late)
     again, belief = list(past[:first]), past[first].before
     for i, each in enumerate(past[first:], first):
         reply = _joined(each.reply, late[i]) if i in late else each.reply
         again.append(PastStep(each.scene, belief, reply))
-        belief = yield from _answered(tracker.one_step(belief, each.scene), reply)
+        belief = yield from _answered(one_step(belief, each.scene), reply)
     return replace(belief, past=tuple(again))
 
 

@@ -12,6 +12,7 @@ and the mixture after each of them, and computes those steps and the later ones 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import reduce
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -20,7 +21,7 @@ from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.ports import Scene
 from wsnsim.trackers.shared.moments import mixed, stepped, symmetric
 from wsnsim.trackers.shared.posteriors import updated
-from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.trackers.shared.readings import Evidence, replied, together
 
 LEAST: Final = 1e-4
 """A Gaussian with a smaller share of the probability is dropped, or not cut off."""
@@ -187,52 +188,32 @@ class Kept(NamedTuple):
 
 def by_step(reply: Mapping[int, tuple[Any, Bools]], scene: Scene) -> dict[int, Evidence]:
     """The readings that arrived, by the step in which they were taken."""
-    found: dict[int, list[tuple[int, int, Any]]] = {}
-    for row, node in enumerate(scene.ids):
+    found: dict[int, dict[int, tuple[Any, Bools]]] = {}
+    for node in scene.ids:
         if node in reply and reply[node][1].all():
             for ago, value in reply[node][0]:
-                found.setdefault(scene.step - ago, []).append((row, node, value))
-    return {step: _evidence(taken, scene) for step, taken in found.items()}
-
-
-def _evidence(taken: list[tuple[int, int, Any]], scene: Scene) -> Evidence:
-    rows = [row for row, _, _ in taken]
-    values = np.array([value for _, _, value in taken], dtype=np.float64)
-    return Evidence(tuple(node for _, node, _ in taken), values, scene.positions[rows], scene.traits[rows])
+                found.setdefault(scene.step - ago, {})[node] = value, reply[node][1]
+    return {step: replied(taken, scene) for step, taken in found.items()}
 
 
 def filtered(
     kept: tuple[Kept, ...], mixture: Hypotheses, arrived: dict[int, Evidence], scene: Scene
 ) -> tuple[Kept, ...]:
     """The kept steps and this one. Where readings of earlier steps arrived, these are computed once more."""
-    now = scene.step
+    now, nothing = scene.step, replied({}, scene)
     first = min(arrived, default=now)
     before = tuple(each for each in kept if each.step < first)
     if first >= now or not before:
-        seen = arrived.get(now, _nothing(scene))
+        seen = arrived.get(now, nothing)
         return (*kept, Kept(now, seen, updated_mixture(mixture, seen, scene)))
     again = {each.step: each.seen for each in kept if each.step >= first}
     for step in sorted({*again, *arrived, now}):
-        seen = _joined(again.get(step), arrived.get(step), scene)
+        both = [each for each in (again.get(step), arrived.get(step)) if each and each.ids]
+        seen = reduce(together, both or [nothing])
         last = before[-1]
         mixture = predicted_mixture(last.mixture, scene, last.step * scene.dt, step - last.step)
         before = (*before, Kept(step, seen, updated_mixture(mixture, seen, scene)))
     return before
-
-
-def _joined(first: Evidence | None, second: Evidence | None, scene: Scene) -> Evidence:
-    if first is None or second is None or not first.ids or not second.ids:
-        return next((each for each in (first, second) if each is not None and each.ids), _nothing(scene))
-    return Evidence(
-        first.ids + second.ids,
-        np.concatenate([first.readings, second.readings]),
-        np.concatenate([first.positions, second.positions]),
-        np.concatenate([first.traits, second.traits]),
-    )
-
-
-def _nothing(scene: Scene) -> Evidence:
-    return Evidence((), np.zeros(0), scene.positions[:0], scene.traits[:0])
 
 
 def filter_cycles(kept: tuple[Kept, ...], arrived: Mapping[int, Evidence], scene: Scene) -> float:

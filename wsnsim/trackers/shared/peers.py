@@ -18,8 +18,7 @@ from wsnsim.base.arrays import Estimate, Floats, is_finite, near, rows
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Delivery, Flow, Local, Member, Parcel
 from wsnsim.kernels.gaussian import cholesky
-from wsnsim.trackers.shared.kalman import LINEARISE_CYCLES, prediction_cycles
-from wsnsim.trackers.shared.moments import forecast, predicted, symmetric
+from wsnsim.trackers.shared.moments import LINEARISE_CYCLES, forecast, predicted, prediction_cycles, symmetric
 from wsnsim.trackers.shared.readings import is_whole, linearised, moment_packets, parcel
 
 MEAN: Final = "mean"
@@ -88,11 +87,6 @@ def unpacked(numbers: Floats) -> tuple[Floats, Floats]:
     matrix[upper] = numbers[size:]
     matrix.T[upper] = numbers[size:]
     return numbers[:size].copy(), matrix
-
-
-def number_packets(numbers: int) -> int:
-    """Packets of so many numbers: four each."""
-    return -(-numbers // 4)
 
 
 def inverse(matrix: Floats) -> Floats:

@@ -7,13 +7,14 @@ unrounded, but for readings of a sensor that quantises them, whose packets have 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, is_finite
+from wsnsim.base.arrays import Bools, Floats, Ints, is_finite
 from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import (
     HEADER_BITS,
@@ -57,9 +58,9 @@ def state_packets(columns: int) -> int:
     return -(-columns // 4)
 
 
-def weight_packets(count: int) -> int:
-    """Packets of `count` weights: four each."""
-    return -(-count // 4)
+def number_packets(numbers: int) -> int:
+    """Packets of so many numbers: four each."""
+    return -(-numbers // 4)
 
 
 def count_packets(count: int) -> int:
@@ -87,7 +88,7 @@ def particles_parcel(cloud: Floats, log_weights: Floats | float) -> Parcel:
     A common weight is sent in the header of the first packet (our choice): only n state packets.
     """
     columns, count = cloud.shape
-    packets = count * state_packets(columns) + (weight_packets(count) if isinstance(log_weights, np.ndarray) else 0)
+    packets = count * state_packets(columns) + (number_packets(count) if isinstance(log_weights, np.ndarray) else 0)
     return parcel((cloud, log_weights), packets, PARTICLES)
 
 
@@ -98,16 +99,15 @@ def arrived_particles(sent: tuple[Floats, Floats | float], mask: Bools) -> tuple
     """
     cloud, log_weights = sent
     columns, count = cloud.shape
+    each = log_weights if isinstance(log_weights, np.ndarray) else np.full(count, log_weights)
     if is_whole(mask):
-        return cloud, log_weights if isinstance(log_weights, np.ndarray) else np.full(count, log_weights)
+        return cloud, each
     whole = arrived_groups(mask, count, state_packets(columns))
-    if not isinstance(log_weights, np.ndarray):
-        log_weights = np.full(count, log_weights)
-    else:
+    if each is log_weights:
         first = count * state_packets(columns)
-        known = np.repeat(mask[first : first + weight_packets(count)], 4)[:count]
-        log_weights = np.where(known, log_weights, UNKNOWN)
-    return np.ascontiguousarray(cloud[:, whole]), log_weights[whole]
+        known = np.repeat(mask[first : first + number_packets(count)], 4)[:count]
+        each = np.where(known, each, UNKNOWN)
+    return np.ascontiguousarray(cloud[:, whole]), each[whole]
 
 
 def is_whole(mask: Bools) -> bool:
@@ -157,6 +157,25 @@ class Evidence:
     readings: Floats
     positions: Floats
     traits: Floats
+
+    def part(self, rows: Ints | Bools) -> Evidence:
+        """Some of the measurements, by a mask (S,) or by their numbers."""
+        ids = tuple(np.array(self.ids, dtype=np.int64)[rows].tolist())
+        return Evidence(ids, self.readings[rows], self.positions[rows], self.traits[rows])
+
+
+def together(one: Evidence, other: Evidence) -> Evidence:
+    """The measurements of both."""
+    pairs = ((getattr(one, name), getattr(other, name)) for name in ("readings", "positions", "traits"))
+    return Evidence(one.ids + other.ids, *map(np.concatenate, pairs))
+
+
+def replied(reply: Mapping[int, tuple[Any, Bools]], scene: Scene) -> Evidence:
+    """The measurements that members sent, one each, in the order of the scene's members."""
+    rows = [row for row, node in enumerate(scene.ids) if node in reply]
+    ids = tuple([scene.ids[row] for row in rows])
+    values = np.array([reply[node][0] for node in ids], dtype=np.float64)
+    return Evidence(ids, values, scene.positions[rows], scene.traits[rows])
 
 
 def ranges_of(seen: Evidence, sensor: Any) -> Floats:
@@ -230,12 +249,9 @@ def _gather_about(belief: Any, scene: Scene, bits: int) -> Flow[Evidence]:
         yield Broadcast(told)
     if scene.head in scene.ids:
         yield Scatter({scene.head: told})
-    reply = yield Gather(partial(_reading_about, sensor=sensor, bits=bits))
-    rows = [row for row, node in enumerate(scene.ids) if node in reply]
-    ids = tuple([scene.ids[row] for row in rows])
-    positions = scene.positions[rows]
-    traits = sensor.with_thresholds(*told.payload, positions, scene.traits[rows])  # type: ignore[attr-defined]
-    return Evidence(ids, np.array([reply[node][0] for node in ids], dtype=np.float64), positions, traits)
+    seen = replied((yield Gather(partial(_reading_about, sensor=sensor, bits=bits))), scene)
+    traits = sensor.with_thresholds(*told.payload, seen.positions, seen.traits)  # type: ignore[attr-defined]
+    return replace(seen, traits=traits)
 
 
 def _reading_about(member: Member, sensor: Any, bits: int) -> Parcel | None:
@@ -285,15 +301,9 @@ def evidence_at(member: Member, heard: list[Delivery]) -> Evidence:
 
 def _merge(member: Member, shared: Evidence, arrived: np.ndarray) -> Evidence:
     """The measurements of the broadcast that arrived, with the member's own."""
-    kept = [row for row, node in enumerate(shared.ids) if arrived[row] and node != member.id]
     own = own_evidence(member)
-    readings = own.readings.reshape(len(own.ids), *shared.readings.shape[1:])
-    return Evidence(
-        tuple(shared.ids[row] for row in kept) + own.ids,
-        np.concatenate([shared.readings[kept], readings]),
-        np.concatenate([shared.positions[kept], own.positions]),
-        np.concatenate([shared.traits[kept], own.traits]),
-    )
+    own = replace(own, readings=own.readings.reshape(len(own.ids), *shared.readings.shape[1:]))
+    return together(shared.part(arrived & (np.array(shared.ids) != member.id)), own)
 
 
 def _readings_a_packet(evidence: Evidence) -> int:
@@ -314,7 +324,7 @@ def linearised(points: Floats, sensor: SensorModel, positions: Floats, traits: F
 
 def arrived_probabilities(probabilities: Floats, mask: Bools) -> Floats:
     """The probabilities (n,) after a transfer of four per packet: lost ones become equal, so that the sum is 1."""
-    known = np.repeat(mask[: weight_packets(probabilities.size)], 4)[: probabilities.size]
+    known = np.repeat(mask[: number_packets(probabilities.size)], 4)[: probabilities.size]
     if known.all():
         return probabilities
     missing = max(1.0 - float(probabilities[known].sum()), 0.0)

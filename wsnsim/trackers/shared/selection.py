@@ -18,7 +18,7 @@ from wsnsim.base.arrays import Bools, Floats, Reading, components_of, is_finite
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Member, NodeId, Parcel
 from wsnsim.base.sensing import detected, informations
-from wsnsim.trackers.shared.readings import parcel, weight_packets
+from wsnsim.trackers.shared.readings import number_packets, parcel
 
 PLAN: Final = "plan"
 EXPECTED: Final = "expected"
@@ -66,7 +66,7 @@ class SelectionPlan(NamedTuple):
 
     def in_parcel(self) -> Parcel:
         """The plan as it is broadcast."""
-        return parcel(self, weight_packets(self.state.size + len(self.weights) + 2), PLAN)
+        return parcel(self, number_packets(self.state.size + len(self.weights) + 2), PLAN)
 
 
 class Expected(NamedTuple):
@@ -297,4 +297,4 @@ def readings_parcel(unsent: Sequence[tuple[int, Reading]], scene: Scene) -> Parc
     """
     payload = tuple((scene.step - step, value) for step, value in unsent)
     numbers = len(unsent) * len(components_of(scene.sensor))
-    return Parcel(payload, weight_packets(numbers), 96, READING, readings=len(unsent))
+    return Parcel(payload, number_packets(numbers), 96, READING, readings=len(unsent))

@@ -95,9 +95,7 @@ class OwnReadings:
 
     def among(self, rows: Ints) -> OwnReadings:
         """The likelihood of some of the members."""
-        seen = self.evidence
-        ids = tuple([seen.ids[row] for row in rows.tolist()])
-        return replace(self, evidence=Evidence(ids, seen.readings[rows], seen.positions[rows], seen.traits[rows]))
+        return replace(self, evidence=self.evidence.part(rows))
 
     def score(self, stack: Stack) -> Score:
         """For clouds laid out as the stack's."""

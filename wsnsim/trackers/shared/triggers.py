@@ -24,13 +24,13 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.gains import gain_prior
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.readings import (
-    Evidence,
     gather_readings,
     is_whole,
     moment_packets,
     packet_bits,
     parcel,
     reading_parcel,
+    replied,
 )
 from wsnsim.trackers.shared.silence import LEAST_CHANCE, ExpectedReadings, HeardReadings, SharedEstimate, SilenceMoments
 
@@ -67,7 +67,7 @@ class ChosenMembers(Always):
         def parcel_of(member: Member) -> Parcel | None:
             return reading_parcel(member, bits) if self.sends(member, step) else None
 
-        return HeardReadings(_evidence((yield Gather(parcel_of)), scene))
+        return HeardReadings(replied((yield Gather(parcel_of)), scene))
 
 
 @part
@@ -146,7 +146,7 @@ class EstimateTrigger(Always):
             yield Local(partial(self._decide, scene=scene), DECISION_CYCLES, who=tuple(others), uses_readings=False)
         bits, head = packet_bits(scene.sensor), scene.head
         reply = yield Gather(partial(_reading_of_sender, head=head, bits=bits))
-        seen = _evidence(reply, scene)
+        seen = replied(reply, scene)
         silent = [row for row, node in enumerate(scene.ids) if node in others and node not in reply]
         if self.silence == "ignored" or not silent:
             return HeardReadings(seen, shared)
@@ -266,13 +266,6 @@ def _reading_of_sender(member: Member, head: int, bits: int) -> Parcel | None:
     if member.id != head and member.memory.get("silent", False):
         return None
     return reading_parcel(member, bits)
-
-
-def _evidence(reply: Any, scene: Scene) -> Evidence:
-    """The readings that arrived, in the order of the scene's members."""
-    rows = [row for row, node in enumerate(scene.ids) if node in reply]
-    values = np.array([reply[scene.ids[row]][0] for row in rows], dtype=np.float64)
-    return Evidence(tuple([scene.ids[row] for row in rows]), values, scene.positions[rows], scene.traits[rows])
 
 
 def _uniform(member: Member) -> float:
