@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.helpers import unlabelled
 from tests.helpers.recordings import recording
 from wsnsim import read
+from wsnsim.analysis.plot_data import is_headless, read_replicate
+from wsnsim.base.tables import KIND, TABLES
+from wsnsim.recording import ResultFile
 from wsnsim.report import replay, replay_encoding
+from wsnsim.report.replay_encoding import ENDS, JOINS, DetailLevel, ReplayEncoder, add_clusters
 
 from .page_reader import decoded, rows_at
-from .synthetic_results import CLUSTER_EVENTS, ON_A_LINE, write_result
+from .synthetic_results import CLUSTER_EVENTS, ON_A_LINE, PLANE, write_result
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +189,7 @@ def test_what_a_reader_cannot_see_is_noted(real, tmp_path):
 
 def test_how_late_estimates_were_known_is_noted(tmp_path):
     path = write_result(tmp_path / "x.h5", delay=1.25)
-    assert "cluster heads computed it up to 1.25 s later" in " ".join(replay.encode(path, 0, 10**6).notes)
+    assert "it was computed up to 1.25 s later" in " ".join(replay.encode(path, 0, 10**6).notes)
 
 
 @pytest.mark.thorough
@@ -283,3 +289,18 @@ def test_a_replay_without_a_switch_or_a_target_is_ordinary(tmp_path):
 def test_targets_that_are_named_have_a_replay_without_groups(two):
     header, at = decoded(replay.encode(two, 0, 10**7).text)
     assert header["groups"] is None and "track_x" not in at
+
+
+def test_without_a_head_those_who_compute_are_the_members_of_a_frame(tmp_path):
+    with ResultFile(tmp_path / "y.h5", PLANE, dict.fromkeys(TABLES, True), position=(0, 2), headless=True):
+        pass
+    run = read_replicate(write_result(tmp_path / "x.h5", nodes=5), 0)
+    assert (is_headless(tmp_path / "y.h5"), run.headless) == (True, False)
+    events = {"step": np.array([1, 1, 1, 2]), "node": np.array([2, 0, 2, 3]), "target": np.zeros(4, int)}
+    run = replace(run, events=events | {"kind": np.full(4, KIND["compute"])}, headless=True)
+    encoder = ReplayEncoder.empty(run, DetailLevel())
+    assert add_clusters(encoder).tolist() == [0, 2, 3]
+    columns = encoder.columns
+    assert columns["membership_count"].tolist()[:4] == [0, 3, 2, 0]
+    assert columns["membership_change"].tolist() == [ENDS, JOINS, JOINS, ENDS, JOINS]
+    assert columns["membership_node"][columns["membership_change"] == JOINS].tolist() == [0, 2, 3]

@@ -7,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib import style
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from wsnsim.analysis.answer import answer
 from wsnsim.analysis.quantities import BOUND_NAMES, QUANTITIES
@@ -268,21 +265,6 @@ def test_several_results_have_an_answer_each_under_their_names(real, tmp_path, m
     html_page.write([real, real], tmp_path / "x.html")
     said = answer(real)
     assert (tmp_path / "x.html").read_text().count(f"</bdi></b>: {said}</p>") == 2
-
-
-@pytest.mark.thorough(fast=["4"])
-@pytest.mark.parametrize("count", [2, 4, 7, 10])
-def test_the_title_of_a_figure_with_a_long_legend_is_inside_the_figure(count):
-    figure = Figure(figsize=svg_figures.SIZE)
-    canvas = FigureCanvasAgg(figure)
-    with style.context(["default", svg_figures.PAGE_STYLE]):
-        axes = figure.subplots(gridspec_kw=svg_figures.MARGINS)
-        for number in range(count):
-            axes.plot([0, 1], [number, number], label=f"cause {number}")
-        axes.set_title("energy", loc="left", pad=20)
-        svg_figures._wrap_legend(axes)
-        canvas.draw()
-        assert axes._left_title.get_window_extent().y1 <= figure.bbox.y1
 
 
 @pytest.mark.parametrize(

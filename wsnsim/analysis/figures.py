@@ -172,8 +172,7 @@ def panels_of(path: Path, what: str, choice: PlotSelection, among_all: bool) -> 
             yield f"state {column}", partial(plots.states, path=path, column=column, **options)
         return
     if what == "particles":
-        last = plot_data.last_step_with_particles(path, **options) if choice.step is None else choice.step
-        options |= {"step": last, "column": choice.column}
+        options |= {"step": choice.step, "column": choice.column}
     elif what == "step":
         options["step"] = choice.step
     elif what != "track":

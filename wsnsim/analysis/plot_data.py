@@ -251,6 +251,7 @@ class ReplicateTables:
         events: the event log.
         cloud: the particles.
         unlabelled: all tracks where readings name no target, and `guess` has those that follow a target; else None.
+        headless: whether there is no cluster head; the column `head` is then the gateway, whose estimate was recorded.
     """
 
     dt: float
@@ -263,6 +264,7 @@ class ReplicateTables:
     events: Columns
     cloud: Columns
     unlabelled: Columns | None = None
+    headless: bool = False
 
     @property
     def groups(self) -> list[int]:
@@ -369,7 +371,14 @@ def read_replicate(path: str | Path, replicate: int) -> ReplicateTables:
     truth, guess, nodes, events, cloud = (rows[name] for name in wanted)
     step = float(stored_json(path, "scenario/resolved_json").get("step", "nan"))  # it may hold no scenario
     unrecorded = frozenset(wanted) - sizes.keys()
-    return ReplicateTables(step, plan, words, unrecorded, truth, guess, nodes, events, cloud, unlabelled)
+    tables = truth, guess, nodes, events, cloud, unlabelled
+    return ReplicateTables(step, plan, words, unrecorded, *tables, is_headless(path))
+
+
+def is_headless(path: str | Path) -> bool:
+    """Whether a result is of a network without a cluster head."""
+    tables = recording.tables(path)
+    return "estimates" in tables and "disagreement" in tables["estimates"].columns
 
 
 def first_replicate(path: str | Path) -> int:

@@ -21,7 +21,7 @@ import numpy as np
 from wsnsim.analysis.plot_data import Columns, ReplicateTables, StateLayout, read_replicate
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.rows import RunStart
-from wsnsim.base.setups import RadioSetup, TrackingSetup
+from wsnsim.base.setups import NetworkSetup, RadioSetup, TrackingSetup
 from wsnsim.report.replay_encoding import (
     MISSING,
     DetailLevel,
@@ -116,6 +116,7 @@ def _header(encoder: ReplayEncoder, last: int, charge: list[float] | None) -> di
         "last": last, "stride": encoder.detail.stride, "frames": encoder.frames, "targets": run.targets,
         "groups": None if run.unlabelled is None else len(run.groups),
         "box": encoder.box, "dt": run.dt if np.isfinite(run.dt) else None, "flat": run.flat, "axes": run.axes,
+        "headless": run.headless,
         "messages": run.words, "nodes": encoder.drawn.size, "charge": charge, "trajectory": TRAJECTORY, "trail": TRAIL,
     }  # fmt: skip
 
@@ -279,7 +280,9 @@ def _tables_at_start(start: RunStart) -> ReplicateTables:
         units = dict(zip(motion.columns, motion.units, strict=True))
         layout = StateLayout(units, tuple(motion.columns[i] for i in motion.position))
         truth = _truth(start, layout.position)
-    return ReplicateTables(setup.dt, layout, (), frozenset(), truth, {}, nodes if size else {}, {}, {}, unlabelled)
+    headless = isinstance(setup, NetworkSetup) and setup.headless
+    tables = truth, {}, nodes if size else {}, {}, {}
+    return ReplicateTables(setup.dt, layout, (), frozenset(), *tables, unlabelled, headless)
 
 
 def _truth(start: RunStart, position: tuple[str, ...]) -> Columns:

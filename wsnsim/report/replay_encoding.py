@@ -7,7 +7,7 @@ their number per frame. A frame shows one step, or, if steps are thinned, the st
 Targets and clusters: ground truth, estimates, particles, and changes of membership by frame. Changes stand in the order
 of the event log, in the columns membership_node, membership_target and membership_change: a node JOINS a target's
 cluster; a cluster STARTS with the node as its only member; a node LEAVES every cluster, because it goes to sleep or
-fails; or a cluster ENDS, because its track is lost.
+fails; or a cluster ENDS, because its track is lost. Without a head, those who compute are the members of that frame.
 """
 
 from __future__ import annotations
@@ -182,9 +182,7 @@ def add_tracks(encoder: ReplayEncoder) -> None:
     delay = run.guess["issued"] - run.guess["time"] if run.guess else np.empty(0)
     delay = delay[np.isfinite(delay)]
     if delay.size and delay.max() > NO_DELAY:
-        encoder.notes.append(
-            f"each estimate is drawn at its step; cluster heads computed it up to {delay.max():.3g} s later"
-        )
+        encoder.notes.append(f"each estimate is drawn at its step; it was computed up to {delay.max():.3g} s later")
 
 
 def add_track(encoder: ReplayEncoder, name: str, table: Columns) -> None:
@@ -314,6 +312,8 @@ def add_clusters(encoder: ReplayEncoder, joined_before: Ints | None = None) -> I
     Returns:
         The indices of all nodes that joined a cluster so far.
     """
+    if encoder.run.headless:
+        return _add_participants(encoder)
     events = encoder.run.events
     index, change = encoder.index_of(events["node"]), coded(events["kind"], CHANGES)
     targets = np.array(encoder.run.groups, dtype=np.int64)
@@ -336,3 +336,20 @@ def add_clusters(encoder: ReplayEncoder, joined_before: Ints | None = None) -> I
         change=change[rows].astype("u1"),
     )
     return joined
+
+
+def _add_participants(encoder: ReplayEncoder) -> Ints:
+    """Add the nodes that compute in each frame as members; returns their indices."""
+    events, index = encoder.run.events, encoder.index_of(encoder.run.events["node"])
+    keys = np.column_stack([encoder.frame_of(events["step"]), events["target"], index])
+    found = np.unique(keys[(events["kind"] == KIND["compute"]) & (index >= 0)], axis=0)
+    ends = np.unique(found[:, :2], axis=0)
+    frames, targets = np.concatenate([ends, found[:, :2]]).T
+    encoder.add(
+        "membership",
+        frames,
+        node=np.concatenate([np.zeros_like(ends[:, 0]), found[:, 2]]).astype("<u4"),
+        target=np.searchsorted(encoder.run.groups, targets).astype("<u2"),
+        change=np.repeat([ENDS, JOINS], [len(ends), len(found)]).astype("u1"),
+    )
+    return np.unique(found[:, 2])

@@ -139,8 +139,9 @@ def _changes_html(name: str, pairs: Mapping[str, Any]) -> str:
 
 def _value(value: Any) -> str:
     """A value of a scenario as text: of a component, or of a datasheet, its name."""
-    if isinstance(value, dict) and (named := value.get("name") or value.get("kind")):
-        return str(named)
+    if isinstance(value, dict):
+        inner = (f"{key} {_value(each)}" for key, each in value.items())
+        return str(value.get("name") or value.get("kind") or f"({', '.join(inner)})")
     if isinstance(value, list):
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, float):

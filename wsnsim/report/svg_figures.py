@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from wsnsim.analysis import error_bounds, plot_data, sweep_plots
-from wsnsim.analysis.figure_style import LEGEND, STYLE
+from wsnsim.analysis.figure_style import STYLE, titled
 from wsnsim.analysis.figures import PlotSelection, panels_of
 from wsnsim.analysis.multi_target import is_unlabelled
 from wsnsim.base.errors import ResultError, UsageError
@@ -29,17 +29,12 @@ from wsnsim.recording.folder import Folder
 
 MANY: Final = 3000
 """Marks above which they are drawn as an image (our choice)."""
-SIZE: Final = (5.2, 3.7)
-MARGINS: Final = {"left": 0.15, "right": 0.97, "bottom": 0.13, "top": 0.84}
-"""Space for two rows of a legend and a title. It is fixed, because computing it takes as long as drawing."""
-ROW_OF_LEGEND: Final = 0.065
-"""Height of a further row of a legend, as a share of the figure's."""
+SIZE: Final = (4.0, 3.1)
+"""Inches, so that letters can be read on a phone's screen (our choice)."""
 ORDER: Final = ("track", "gospa", "error", "consistency", "energy", "particles", "states")
 """The figures of a result, the most important first."""
 MAX_TARGETS: Final = 4
 """Targets whose tracks get a figure (our choice)."""
-LEGEND_COLUMNS: Final = 3
-"""Entries per row of a legend, so that a figure fits a phone's screen (our choice)."""
 PAGE_STYLE: Final = {
     **STYLE,
     "svg.fonttype": "none",
@@ -106,14 +101,12 @@ def _panels(path: Path, replicate: int, possible: set[str], targets: list[int], 
 
 def _drawn(name: str, draw: Callable[[Axes], Axes], target: int | None, several_targets: bool) -> SvgFigure:
     """A figure as SVG without its XML prologue. If there are several targets, the title names the one shown."""
-    figure = Figure(figsize=SIZE)
-    axes = figure.subplots(gridspec_kw=MARGINS)
-    draw(axes)
+    figure = Figure(figsize=SIZE, layout="constrained")
+    axes = draw(figure.subplots())
     if several_targets and target is not None:
         title = axes.get_title(loc="left")
         if not title.endswith(f", target {target}"):
-            axes.set_title(f"{title}, target {target}", loc="left", pad=20)
-    _wrap_legend(axes)
+            titled(axes, f"{title}, target {target}")
     if axes.get_yscale() == "log":  # powers of ten would be formulas, which are not text
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
@@ -125,18 +118,6 @@ def _drawn(name: str, draw: Callable[[Axes], Axes], target: int | None, several_
     text = buffer.getvalue()
     svg = re.sub(r"\s*<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
     return SvgFigure(name, axes.get_title(loc="left"), svg)
-
-
-def _wrap_legend(axes: Axes) -> None:
-    """Spread a long legend over several rows, with the title above."""
-    handles, labels = axes.get_legend_handles_labels()
-    if len(handles) <= LEGEND_COLUMNS:
-        return
-    rows = -(-len(handles) // LEGEND_COLUMNS)
-    box = axes.get_position()
-    axes.set_position((box.x0, box.y0, box.width, box.height - ROW_OF_LEGEND * max(rows - 2, 0)))
-    axes.set_title(axes.get_title(loc="left"), loc="left", pad=8 + 12 * rows)
-    axes.legend(handles, labels, ncols=LEGEND_COLUMNS, labelspacing=0.2, **LEGEND)
 
 
 def _marks(artist: Any) -> int:
