@@ -216,7 +216,7 @@ def titled(axes: Axes, title: str, of_time: str = "") -> Axes:
 def legend_above(axes: Axes, size: float = 8.0) -> float:
     """Draw the legend above the data in letters of a size (points), in as few rows as fit; its height in points."""
     handles, labels = axes.get_legend_handles_labels()
-    room = CHARACTERS / size * axes.get_position().width * axes.figure.get_figwidth()
+    room = CHARACTERS / size * axes.bbox.width / axes.figure.dpi
     for across in range(len(labels), 0, -1):
         columns = [part.tolist() for part in np.array_split(labels, across)]
         if sum(6 + max(map(len, "\n".join(column).split("\n"))) for column in columns) <= room:

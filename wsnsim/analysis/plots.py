@@ -253,13 +253,10 @@ def step(axes: Axes, path: str | Path, step: int | None = None, replicate: int =
         for chosen, marker, colour, name in marks:
             axes.plot(nodes["x"][chosen], nodes["y"][chosen], marker, color=colour, markersize=5, label=name)
     axes.plot(whole[across], whole[up], color=PALE, linewidth=1.0)
-    axes.plot(truth[across], truth[up], color=BLACK, linewidth=2.2, label="ground truth")
-    axes.plot(guess[across], guess[up], color=ORANGE, linewidth=1.0, label="estimate")
+    _in_plane(axes, plan, truth, guess, {})
+    look = {"markersize": 8, "markeredgewidth": 2, "fillstyle": "none"}
     for held, marker, colour in ((guess, "D", ORANGE), (truth, "+", BLACK)):
-        axes.plot(
-            held[across][-1:], held[up][-1:], marker, color=colour, markersize=8, markeredgewidth=2, fillstyle="none"
-        )
-    _plane(axes, plan)
+        axes.plot(held[across][-1:], held[up][-1:], marker, color=colour, **look)
     return titled(axes, f"step {now} of {_which(replicate, target)}, {truth['time'][-1]:g} s")
 
 

@@ -109,7 +109,7 @@ def html_of(section: PageSection, number: int) -> str:
 {shown}
 </div>
 {f'<ul class="small">{missing}</ul>' if missing else ""}
-<details open><summary>Scenario</summary>
+<details open><summary>Scenario, in SI units</summary>
 {scenario_html(section.path)}
 </details>
 <details><summary>Provenance</summary>
@@ -251,9 +251,7 @@ def _small(text: str) -> str:
 
 def _published_values(path: Path, published: PublishedLookup | None) -> tuple[Mapping[str, float], str, str]:
     """The published values of the result's scenario, the paper, and why runs differ from it."""
-    if published is None:
-        return {}, "", ""
     try:
-        return published(read_json(path, "scenario/resolved_json"))
+        return published(read_json(path, "scenario/resolved_json")) if published else ({}, "", "")
     except (ResultError, ValueError):
         return {}, "", ""

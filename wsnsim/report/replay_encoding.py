@@ -83,6 +83,12 @@ class ReplayEncoder:
         """The frames that show the steps, counted from the first one."""
         return -(-steps.astype(np.int64) // self.detail.stride) - self.first
 
+    def shown(self, steps: Ints) -> tuple[Ints, Bools]:
+        """The frames that show the steps, and whether each step is the one that is drawn of its frame."""
+        frames = self.frame_of(steps)
+        drawn: Bools = np.minimum((frames + self.first) * self.detail.stride, self.run.last) == steps
+        return frames, drawn & (frames >= 0) & (frames < self.frames)
+
     def index_of(self, nodes: Ints) -> Ints:
         """The indices of nodes among the drawn ones, -1 for others."""
         if not self.drawn.size:
@@ -188,9 +194,7 @@ def add_tracks(encoder: ReplayEncoder) -> None:
 def add_track(encoder: ReplayEncoder, name: str, table: Columns) -> None:
     """The position of each target at each frame, target by target; for estimates also error and cluster head."""
     run, box = encoder.run, encoder.box
-    steps = np.minimum(np.arange(encoder.frames) * encoder.detail.stride, run.last)
-    frame = encoder.frame_of(table["step"])
-    kept = steps[frame] == table["step"]
+    frame, kept = encoder.shown(table["step"])
     cell = np.searchsorted(run.targets, table["target"][kept]) * encoder.frames + frame[kept]
 
     def by_frame(values: Floats) -> Floats:
@@ -215,27 +219,21 @@ def add_particles(encoder: ReplayEncoder) -> None:
     kept = thinned(frames, encoder.detail.particles)
     if not kept.all():
         encoder.notes.append(f"at most {encoder.detail.particles} particles are drawn at a time")
-    encoder.add_total("particle", encoder.frame_of(cloud["step"])[_is_shown(encoder)])
+    frame, shown = encoder.shown(cloud["step"])
+    encoder.add_total("particle", frame[shown])
     rows, frames = rows[kept], frames[kept]
     positions = run.places(cloud | {"time": cloud["step"] * run.dt})
     x, y = (_boxed(encoder, axis, values[rows], frames) for axis, values in enumerate(positions))
     encoder.add("particle", frames, x=x, y=y)
 
 
-def _is_shown(encoder: ReplayEncoder) -> Bools:
-    """(particles,) whether the particle's step is drawn."""
-    steps = encoder.run.cloud["step"]
-    shown = np.minimum(encoder.frame_of(steps) * encoder.detail.stride, encoder.run.last) == steps
-    return np.asarray(shown)
-
-
 def _weighty(encoder: ReplayEncoder) -> tuple[Ints, Ints]:
     """The rows of particles with a noticeable weight, ordered by frame, and their frames; a note on the others."""
     run, cloud = encoder.run, encoder.run.cloud
-    frame, shown = encoder.frame_of(cloud["step"]), _is_shown(encoder)
+    frame, shown = encoder.shown(cloud["step"])
     heaviest = np.zeros(encoder.frames)
     np.maximum.at(heaviest, frame[shown], cloud["weight"][shown])
-    heavy = cloud["weight"] > LEAST_WEIGHT * heaviest[frame]
+    heavy = cloud["weight"] > LEAST_WEIGHT * heaviest[frame.clip(0, encoder.frames - 1)]
     if (shown & ~heavy).any():
         encoder.notes.append(f"particles lighter than {LEAST_WEIGHT:g} of the heaviest one are not drawn")
     shown &= heavy & np.isfinite(np.sum(run.places(cloud | {"time": cloud["step"]}), axis=0))

@@ -67,11 +67,7 @@ def _in_words(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         held = scenario.get(key)
         for component in held if isinstance(held, list) else [held]:
             kind = component.get("kind") if isinstance(component, dict) else None
-            if (
-                not isinstance(component, dict)
-                or not isinstance(kind, str)
-                or (kind == role.default and role.default == "none")
-            ):
+            if not isinstance(kind, str) or kind == role.default == "none":
                 continue
             idea = known.idea if (known := kinds(role.name).get(kind)) else "a plug-in"
             values = (
