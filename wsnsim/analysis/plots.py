@@ -254,7 +254,7 @@ def step(axes: Axes, path: str | Path, step: int | None = None, replicate: int =
             axes.plot(nodes["x"][chosen], nodes["y"][chosen], marker, color=colour, markersize=5, label=name)
     axes.plot(whole[across], whole[up], color=PALE, linewidth=1.0)
     _in_plane(axes, plan, truth, guess, {})
-    look = {"markersize": 8, "markeredgewidth": 2, "fillstyle": "none"}
+    look: dict[str, Any] = {"markersize": 8, "markeredgewidth": 2, "fillstyle": "none"}
     for held, marker, colour in ((guess, "D", ORANGE), (truth, "+", BLACK)):
         axes.plot(held[across][-1:], held[up][-1:], marker, color=colour, **look)
     return titled(axes, f"step {now} of {_which(replicate, target)}, {truth['time'][-1]:g} s")

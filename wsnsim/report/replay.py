@@ -79,7 +79,7 @@ def encode(path: str | Path, replicate: int, room: int) -> Replay:
         stride = max(detail.stride, -(-run.last // MAX_FRAMES))
         header, encoder = _encoded(run, detail._replace(stride=stride), marks)
         notes = _sentences([*encoder.notes, *missing])
-        text = encoder.text(header | {"notes": notes})
+        text = encoder.text(header)
         if len(text) <= room:
             return Replay(text, notes)
     return Replay("", (f"The replay was left out: even thinned, it takes more than {max(room, 0):,} characters.",))
@@ -183,7 +183,7 @@ class ReplayPortions:
                 encoder.columns["charge"] = self._levels
         if run.truth:
             add_track(encoder, "truth", run.truth)
-        return encoder.text(_header(encoder, self._last, self._scale()) | {"notes": []})
+        return encoder.text(_header(encoder, self._last, self._scale()))
 
     def add(self, last: int, residual: Floats | None, spent: Sequence[tuple[float, float]], **tables: Any) -> str:
         """The frames up to that of step `last`, as text. There may be none, but estimates of earlier steps.

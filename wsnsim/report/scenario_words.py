@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.errors import ScenarioError
+from wsnsim.base.errors import WsnsimError
 from wsnsim.recording import read_json, read_text
 from wsnsim.scenario import load, resolved
 from wsnsim.scenario.build import differing_leaves
@@ -25,7 +25,7 @@ from wsnsim.scenario.texts import Origin, shipped
 MAX_TEXT: Final = 60_000
 """Characters of a scenario's text that are shown (our choice)."""
 MAX_ROW: Final = 400
-"""Characters of a role in words, or of a changed value (our choice)."""
+"""Characters of a role in words, or of a change (our choice)."""
 MAX_CHANGES: Final = 40
 """Changed values that are listed (our choice)."""
 OF_EACH: Final = ("name", "replicates")
@@ -65,8 +65,8 @@ def _in_words(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "time", ", ".join([*times, f"seed {scenario.get('seed')}"])
     for key, role in AT_TOP.items():
         held = scenario.get(key)
-        for component in held if isinstance(held, list) else [held]:
-            kind = component.get("kind") if isinstance(component, dict) else None
+        for component in (each for each in (held if isinstance(held, list) else [held]) if isinstance(each, dict)):
+            kind = component.get("kind")
             if not isinstance(kind, str) or kind == role.default == "none":
                 continue
             idea = known.idea if (known := kinds(role.name).get(kind)) else "a plug-in"
@@ -107,7 +107,7 @@ def changes(source: str, values: Mapping[str, Any], overridden: bool) -> Iterato
             sides.append((str(extended), resolved(load(_completed(base, values), plugins=Plugins.NONE))))
         if overridden:
             sides.append((str(values.get("name")), resolved(load(written, plugins=Plugins.NONE))))
-    except ScenarioError:
+    except WsnsimError:
         return
     for (name, old), (_, new) in pairwise([*sides, ("", values)]):
         if pairs := differing_leaves(old, new, OF_EACH):
@@ -127,7 +127,7 @@ def _changes_html(name: str, pairs: Mapping[str, Any]) -> str:
     """A list of changed values. Of a component of another kind, only the kinds are named."""
     replaced = tuple(key.removesuffix("kind") for key in pairs if key.endswith(".kind"))
     shown = [key for key in pairs if key.endswith(".kind") or not key.startswith(replaced)]
-    rows = [f"{key}: {' → '.join(map(_value, pairs[key]))}" for key in shown[:MAX_CHANGES]]
+    rows = [_shortened(f"{key}: {' → '.join(map(_value, pairs[key]))}", MAX_ROW) for key in shown[:MAX_CHANGES]]
     rows += [f"and {len(shown) - MAX_CHANGES} more"] if len(shown) > MAX_CHANGES else []
     items = "".join(f"<li>{isolated(row)}</li>" for row in rows)
     return f'<p>Changed against {isolated(name)}:</p><ul class="small">{items}</ul>'
@@ -142,4 +142,4 @@ def _value(value: Any) -> str:
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, float):
         return f"{value:.10g}"
-    return _shortened(value if isinstance(value, str) else json.dumps(value, ensure_ascii=False), MAX_ROW)
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)

@@ -132,8 +132,6 @@ class LiveFrames:
 
     Attributes:
         head: the head of the replay as text.
-        replicate: number of the run.
-        time: simulated time in s.
         error: position error of the last estimate, NaN before the first one.
         joules: {cause: energy in J that the network has spent}.
     """
@@ -143,7 +141,7 @@ class LiveFrames:
         self._rows: dict[str, Columns] = {"events": NONE, "particles": NONE}
         self._squares, self._count = 0.0, 0
         self.head = self._portions.head()
-        self.replicate, self.time, self.error = start.replicate, 0.0, float("nan")
+        self.error = float("nan")
         self.joules: dict[str, float] = {}
 
     @property
@@ -165,7 +163,6 @@ class LiveFrames:
             self._squares += float((guess["error"][known] ** 2).sum())
             self._count += int(known.sum())
             self.error = float(guess["error"][known][np.argmax(guess["step"][known])])
-        self.time = last.time
         self.joules = {cause: joules for cause, joules in zip(CAUSES, last.joules, strict=False) if joules > 0.0}
         complete = last.step - 2
         spent = [(piece.time, sum(piece.joules)) for piece in pieces if piece.joules]
