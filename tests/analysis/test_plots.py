@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from matplotlib import style
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -259,7 +260,9 @@ def test_energy_is_cumulative_by_cause_over_all_runs_and_ends_at_what_was_spent(
     axes = plots.energy(axes_of(), path)
     table = read_table(path, "energy_steps")
     words = [cause for cause in CAUSES if cause in ("rx", "cpu", "tx_amplifier")]
-    assert labels(axes) == [word.replace("_", " ") for word in words]
+    spent = {word: table["joules"][table["cause"] == CAUSE[word]].sum() for word in words}
+    shares = {word: f"{100 * joules / sum(spent.values()):.1f} %" for word, joules in spent.items()}
+    assert labels(axes) == [f"{word.replace('_', ' ')} {shares[word]}" for word in words]
     below = np.zeros(8)
     for word, area in zip(words, axes.collections, strict=True):
         mine = table["cause"] == CAUSE[word]
@@ -454,6 +457,38 @@ def test_no_display_and_no_pyplot_is_used(write, tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)
     figures.draw(write(), tmp_path / "x.png", "error")
     assert "matplotlib.pyplot" not in sys.modules
+
+
+def test_a_cause_that_dominates_the_energy_is_named_and_the_others_are_drawn(write, monkeypatch):
+    spent = np.zeros((len(CAUSES), 3))
+    spent[CAUSE["idle"]], spent[CAUSE["rx"]] = (3.0, 6.0, 9.0), (0.1, 0.5, 1.0)
+    monkeypatch.setattr(plot_data, "spent", lambda path: (spent, np.arange(3.0), 2))
+    axes = plots.energy(axes_of(), write(network=True))
+    assert labels(axes) == ["rx 10.0 %"] and axes.dataLim.y1 == 1.0
+    assert axes.get_title(loc="left").endswith("\nnot drawn: idle 90.0 % of 10 J")
+
+
+@pytest.mark.parametrize("for_paper", [False, True])
+@pytest.mark.parametrize(
+    "names", [["a"], [f"cause {i}" for i in range(14)], ["short", "long " * 8, "in two\n" + 28 * "l"]]
+)
+def test_a_legend_and_its_title_are_inside_the_figure_and_above_the_data(names, for_paper):
+    def draw(axes):
+        for number, name in enumerate(names):
+            axes.plot([0, 1], [number, number], label=name)
+        return figure_style.titled(axes, "two lines\nof a title", "value")
+
+    with style.context(["default", figure_style.STYLE]):
+        figure = Figure(figsize=(4.0, 3.1), layout="constrained")
+        if for_paper:
+            figure = figure_style.figure_of([draw], figure_style.WIDTHS["column"])
+        else:
+            draw(figure.subplots())
+        figure.draw_without_rendering()
+    (axes,) = figure.axes
+    box, legend, title = (part.get_window_extent() for part in (axes, axes.get_legend(), axes._left_title))
+    assert legend.y0 >= box.y1 - 1.0 and legend.x1 <= figure.bbox.x1 and legend.y1 <= figure.bbox.y1
+    assert for_paper or (title.y0 >= legend.y1 - 2.0 and title.y1 <= figure.bbox.y1)
 
 
 @pytest.mark.thorough

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.helpers import unlabelled
 from tests.helpers.recordings import recording
 from wsnsim import read
+from wsnsim.analysis.plot_data import is_headless, read_replicate
+from wsnsim.base.tables import KIND, TABLES
+from wsnsim.recording import ResultFile
 from wsnsim.report import replay, replay_encoding
+from wsnsim.report.replay_encoding import ENDS, JOINS, DetailLevel, ReplayEncoder, add_clusters, add_particles
 
 from .page_reader import decoded, rows_at
-from .synthetic_results import CLUSTER_EVENTS, ON_A_LINE, write_result
+from .synthetic_results import CLUSTER_EVENTS, ON_A_LINE, PLANE, write_result
 
 
 @pytest.fixture(scope="module")
@@ -178,12 +184,11 @@ def test_what_a_reader_cannot_see_is_noted(real, tmp_path):
     assert "No cluster members are drawn: the event log has none." in notes and "bold" not in notes
     held, logged = 5 * (2.0 - 1.5), read(bare, "events").joules.sum()
     assert f"Of {held:.4g} J that the nodes spent, the event log has no time for {held - logged:.4g} J" in notes
-    assert [replay.ordinal(each) for each in (2, 3, 11, 21, 112)] == ["2nd", "3rd", "11th", "21st", "112th"]
 
 
 def test_how_late_estimates_were_known_is_noted(tmp_path):
     path = write_result(tmp_path / "x.h5", delay=1.25)
-    assert "cluster heads computed it up to 1.25 s later" in " ".join(replay.encode(path, 0, 10**6).notes)
+    assert "it was computed up to 1.25 s later" in " ".join(replay.encode(path, 0, 10**6).notes)
 
 
 @pytest.mark.thorough
@@ -214,7 +219,7 @@ def test_what_has_no_room_is_thinned_and_said(tmp_path):
     whole = replay.encode(path, 0, 10**6)
     part = replay.encode(path, 0, len(whole.text) // 3)
     assert len(part.text) <= len(whole.text) // 3
-    assert any("step of 200 is drawn" in note for note in part.notes)
+    assert any("of 200 is drawn" in note for note in part.notes)
     assert not any("step of" in note for note in whole.notes)
     header, at = decoded(part.text)
     assert header["stride"] > 1 and header["frames"] == -(-200 // header["stride"]) + 1 == len(at["link_count"])
@@ -283,3 +288,27 @@ def test_a_replay_without_a_switch_or_a_target_is_ordinary(tmp_path):
 def test_targets_that_are_named_have_a_replay_without_groups(two):
     header, at = decoded(replay.encode(two, 0, 10**7).text)
     assert header["groups"] is None and "track_x" not in at
+
+
+def test_without_a_head_those_who_compute_are_the_members_of_a_frame(tmp_path):
+    with ResultFile(tmp_path / "y.h5", PLANE, dict.fromkeys(TABLES, True), position=(0, 2), headless=True):
+        pass
+    run = read_replicate(write_result(tmp_path / "x.h5", nodes=5), 0)
+    assert (is_headless(tmp_path / "y.h5"), run.headless) == (True, False)
+    events = {"step": np.array([1, 1, 1, 2]), "node": np.array([2, 0, 2, 3]), "target": np.zeros(4, int)}
+    run = replace(run, events=events | {"kind": np.full(4, KIND["compute"])}, headless=True)
+    encoder = ReplayEncoder.empty(run, DetailLevel())
+    assert add_clusters(encoder).tolist() == [0, 2, 3]
+    columns = encoder.columns
+    assert columns["membership_count"].tolist()[:4] == [0, 3, 2, 0]
+    assert columns["membership_change"].tolist() == [ENDS, JOINS, JOINS, ENDS, JOINS]
+    assert columns["membership_node"][columns["membership_change"] == JOINS].tolist() == [0, 2, 3]
+
+
+def test_a_portion_after_the_first_one_has_the_particles_of_its_steps(tmp_path):
+    run = read_replicate(write_result(tmp_path / "x.h5"), 0)
+    cloud = {"target": np.zeros(4, int), "step": np.array([1, 2, 3, 4]), "px": np.zeros(4), "py": np.zeros(4)}
+    run = replace(run, cloud=cloud | {"weight": np.ones(4)})
+    encoder = replace(ReplayEncoder.empty(run, DetailLevel()), first=2, frames=2)
+    add_particles(encoder)
+    assert encoder.columns["particle_count"].tolist() == encoder.columns["particle_total"].tolist() == [1, 1]

@@ -7,16 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib import style
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from wsnsim.analysis.answer import answer
 from wsnsim.analysis.quantities import BOUND_NAMES, QUANTITIES
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import TABLES
-from wsnsim.report import html_page, page_sections, replay, svg_figures
+from wsnsim.report import html_page, page_sections, replay, scenario_words, svg_figures
 from wsnsim.report.svg_figures import SvgFigure
+from wsnsim.scenario import load, resolved
 
 from .page_reader import PageReader, decoded, no_figures, replays_in
 from .synthetic_results import ON_A_LINE, write_result
@@ -269,16 +267,28 @@ def test_several_results_have_an_answer_each_under_their_names(real, tmp_path, m
     assert (tmp_path / "x.html").read_text().count(f"</bdi></b>: {said}</p>") == 2
 
 
-@pytest.mark.thorough(fast=["4"])
-@pytest.mark.parametrize("count", [2, 4, 7, 10])
-def test_the_title_of_a_figure_with_a_long_legend_is_inside_the_figure(count):
-    figure = Figure(figsize=svg_figures.SIZE)
-    canvas = FigureCanvasAgg(figure)
-    with style.context(["default", svg_figures.PAGE_STYLE]):
-        axes = figure.subplots(gridspec_kw=svg_figures.MARGINS)
-        for number in range(count):
-            axes.plot([0, 1], [number, number], label=f"cause {number}")
-        axes.set_title("energy", loc="left", pad=20)
-        svg_figures._wrap_legend(axes)
-        canvas.draw()
-        assert axes._left_title.get_window_extent().y1 <= figure.bbox.y1
+@pytest.mark.parametrize(
+    ("text", "overrides", "said"),
+    [
+        ("{extends: bases/field.yaml, name: x}", [], {}),
+        ("{extends: gmtt.yaml, name: x, duration: 42 s, mac: {kind: xmac, interval: 1 s}}", [],
+         {"gmtt.yaml": ["duration: 202 → 42", "mac.kind: csma → xmac"]}),
+        ("{extends: gmtt, name: x}", ["clusters.quiet=null"], {"x": ["clusters.quiet: 0.012 → null"]}),
+        ("{extends: ../../gmtt.yaml, name: x}", ["clusters.quiet=null"], {}),
+        ("{extends: bases/jiang2013.yaml, name: x, tracker: {kind: ekf}, energy: {battery: 1 J}}", ["link.loss=0.1"],
+         {"bases/jiang2013.yaml": ["energy.battery: 2 → 1"], "x": ["link.loss: 0 → 0.1"]}),
+    ],
+)  # fmt: skip
+def test_a_page_says_what_was_changed_against_a_known_scenario_and_by_overrides(tmp_path, text, overrides, said):
+    known = re.sub(r"extends: (\.\./)*", f"extends: {Path('scenarios').resolve()}/", text)
+    (tmp_path / "x.yaml").write_text(known)
+    values = resolved(load(tmp_path / "x.yaml", overrides))
+    found = {name: scenario_words._changes_html(name, pairs)
+             for name, pairs in scenario_words.changes(text, values, bool(overrides))}  # fmt: skip
+    assert {name: re.findall("<li><bdi>(.*?)</bdi></li>", items) for name, items in found.items()} == said
+
+
+@pytest.mark.parametrize("named", ["/etc/hostname", "../pyproject.toml", "a" * 300, "[x, y]", '"\\0"', "studies"])
+def test_what_a_page_does_not_know_of_a_scenario_it_does_not_say(named):
+    assert list(scenario_words.changes(f"{{extends: {named}, name: x}}", {"name": "x"}, True)) == []
+    assert list(scenario_words.changes("[1", {}, True)) == []

@@ -24,6 +24,12 @@ RUNS = {
 }
 
 
+def settle(view):
+    """Wait until all that has happened is encoded."""
+    view._queue.put(None)
+    view._encoder.join()
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("scenario", RUNS)
 def test_a_run_that_is_looked_at_in_every_step_has_the_same_result(tmp_path, ask, scenario):
@@ -47,7 +53,7 @@ def test_a_run_that_is_looked_at_in_every_step_has_the_same_result(tmp_path, ask
             ended.set()
             for tab in tabs:
                 tab.join()
-        view.settle()
+        settle(view)
         state = json.loads(ask(view.url, "state")[2])
     assert differ(tmp_path / "alone.h5", tmp_path / "watched.h5").same
     assert state["note"] == "" and state["run"] == 2 and len(state["texts"]) > 1
@@ -58,7 +64,7 @@ def test_a_tab_gets_each_text_once_and_another_one_gets_all(tmp_path, ask):
     with RunView("x", interval=0.0) as view:
         assert json.loads(ask(view.url, "state?run=0&from=0")[2])["texts"] == []
         experiment.run(load("pso_mhpf", SHORT), replicates=1, out=tmp_path / "x.h5", watched=view.recorder)
-        view.settle()
+        settle(view)
         first = json.loads(ask(view.url, "state?run=0&from=0")[2])
         count = len(first["texts"])
         again = json.loads(ask(view.url, f"state?run=1&from={count}")[2])
@@ -75,7 +81,7 @@ def test_an_answer_is_limited_and_the_rest_comes_with_the_next(tmp_path, ask, mo
     monkeypatch.setattr(run_view, "MOST_SENT", 5000)
     with RunView("x", interval=0.0) as view:
         experiment.run(load("pso_mhpf", SHORT), replicates=1, out=tmp_path / "x.h5", watched=view.recorder)
-        view.settle()
+        settle(view)
         got, texts = 0, []
         view._texts.extend(["x" * 3000] * 3)
         while not texts or got < texts[-1]["known"]:
@@ -88,7 +94,7 @@ def test_what_cannot_be_shown_is_said_and_does_not_disturb_the_run(tmp_path, ask
     monkeypatch.setattr(run_view.LiveFrames, "add", lambda self, pieces: 1 / 0)
     with RunView("x", interval=0.0) as view:
         experiment.run(load("rkf", RUNS["rkf"]), replicates=1, out=tmp_path / "x.h5", watched=view.recorder)
-        view.settle()
+        settle(view)
         assert "cannot be shown any further: ZeroDivisionError" in json.loads(ask(view.url, "state")[2])["note"]
     assert (tmp_path / "x.h5").exists()
 

@@ -7,6 +7,7 @@ band(axes, x, rows, label, ...)           median over runs with the band between
 rmse_band(axes, x, rows, label, ...)      RMSE over runs with its 95 % confidence band
 rmse_interval(rows) -> (low, high)        this confidence band
 titled(axes, title, of_time)              a title, and the legend between it and the data
+legend_above(axes, size) -> float         this legend alone; its height
 runs_text(runs, whose) -> str             the number of runs, for a title
 """
 
@@ -44,6 +45,8 @@ LEGEND: Final[dict[str, Any]] = {
     "handlelength": 1.4, "columnspacing": 1.0,
 }  # fmt: skip
 """A legend between the title and the data."""
+CHARACTERS: Final = 160.0
+"""Characters of a legend in an inch, times the size of a letter in points."""
 MIN_RUNS: Final = 5
 """The smallest number of runs that have a band, as for `metrics.bootstrap_interval`."""
 RESAMPLES: Final = 400
@@ -85,6 +88,8 @@ def write_figure(draw: Callable[[Figure], None], out: Path, size: tuple[float, f
 
 WIDTHS: Final = {"column": 3.5, "text": 7.16}
 """Widths of figures in a paper (inches): a column and the whole text of two columns, as in IEEE journals."""
+PAPER_LEGEND: Final = 7.0
+"""Size of the letters of a legend in a paper (points)."""
 
 
 def figure_of(panels: list[Panel], width: float | None = None) -> Figure:
@@ -101,7 +106,7 @@ def figure_of(panels: list[Panel], width: float | None = None) -> Figure:
         if width is not None:
             cell.set_title("", loc="left")
             if cell.get_legend():
-                cell.legend(fontsize=6.5, frameon=False)
+                legend_above(cell, PAPER_LEGEND)
     for cell in cells[len(panels) :]:
         cell.remove()
     return figure
@@ -193,20 +198,28 @@ def runs_text(runs: int, whose: str = "") -> str:
     return f"{runs} runs (bands{f' of {whose}' if whose else ''}: 95 % confidence)"
 
 
-def titled(axes: Axes, title: str, of_time: str = "", across: int = 0) -> Axes:
+def titled(axes: Axes, title: str, of_time: str = "") -> Axes:
     """Set the title, and between it and the data the legend; labels of what is drawn over time.
 
     Args:
         axes: matplotlib axes.
         title: the title.
         of_time: the label of the values; empty where they are not over time.
-        across: entries in a row of the legend; 0: all.
     """
     if of_time:
         axes.set_xlabel("time [s]")
         axes.set_ylabel(of_time)
-    handles, _ = axes.get_legend_handles_labels()
-    across = across or len(handles)
-    axes.set_title(title, loc="left", pad=20 + 12 * (ceil(len(handles) / across) - 1))
-    axes.legend(ncols=across, **LEGEND)
+    axes.set_title(title, loc="left", pad=8 + legend_above(axes))
     return axes
+
+
+def legend_above(axes: Axes, size: float = 8.0) -> float:
+    """Draw the legend above the data in letters of a size (points), in as few rows as fit; its height in points."""
+    handles, labels = axes.get_legend_handles_labels()
+    room = CHARACTERS / size * axes.bbox.width / axes.figure.dpi
+    for across in range(len(labels), 0, -1):
+        columns = [part.tolist() for part in np.array_split(labels, across)]
+        if sum(6 + max(map(len, "\n".join(column).split("\n"))) for column in columns) <= room:
+            break
+    axes.legend(handles, labels, ncols=across, fontsize=size, labelspacing=0.2, **LEGEND)
+    return 1.4 * size * max(1 + "\n".join(column).count("\n") for column in columns)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from inspect import signature
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,16 +26,10 @@ from wsnsim.base.errors import ResultError
 from wsnsim.recording.atomic_files import replacing
 from wsnsim.recording.folder import Folder
 
-TAKES: Final = {
-    "all": ("column", "step", "replicate", "target"),
-    "track": ("replicate", "target"),
-    "states": ("column", "replicate", "target"),
-    "gospa": (),
-    "error": (),
-    "consistency": (),
-    "energy": (),
-    "particles": ("column", "step", "replicate", "target"),
-    "step": ("step", "replicate", "target"),
+OPTIONS: Final = ("column", "step", "replicate", "target")
+TAKES: Final = {"all": OPTIONS} | {
+    what: tuple(name for name in OPTIONS if name in signature(getattr(plots, what)).parameters)
+    for what in plot_data.NEEDS
 }
 """What can be plotted, and which options apply to it."""
 SWEPT: Final = ("median", "energy", "differences", "lost")
@@ -154,31 +149,21 @@ def draw_campaign(
             figure.suptitle(f"{lines.found.name}, {lines.runs} per point", x=0.01, ha="left", fontweight="bold")
         handles, labels = figure.axes[0].get_legend_handles_labels()
         if handles:
-            figure.legend(
-                handles,
-                labels,
-                loc="outside lower left",
-                ncols=min(4 if width is None else 1, len(handles)),
-                frameon=False,
-            )
+            columns = min(4 if width is None else 1, len(handles))
+            figure.legend(handles, labels, loc="outside lower left", ncols=columns, frameon=False)
         save(figure, out)
     return WrittenFigure(out, tuple(panels), left_out)
 
 
 def panels_of(path: Path, what: str, choice: PlotSelection, among_all: bool) -> Iterator[tuple[str, Panel]]:
     """The panels of one plot: (name, function that draws it)."""
-    options: dict[str, Any] = {"replicate": choice.replicate, "target": choice.target}
-    if what == "states":
-        plan = plot_data.layout(path)
-        shown_by_track = among_all and tuple(plan.units) == plan.position  # the only column, over time
-        for column in (choice.column,) if choice.column is not None else () if shown_by_track else plan.units:
-            yield f"state {column}", partial(plots.states, path=path, column=column, **options)
+    options: dict[str, Any] = {name: getattr(choice, name) for name in TAKES[what]}
+    if what in ("error", "gospa"):
+        options["plugins"] = choice.plugins
+    if what != "states":
+        yield what, partial(getattr(plots, what), path=path, **options)
         return
-    if what == "particles":
-        last = plot_data.last_step_with_particles(path, **options) if choice.step is None else choice.step
-        options |= {"step": last, "column": choice.column}
-    elif what == "step":
-        options["step"] = choice.step
-    elif what != "track":
-        options = {"plugins": choice.plugins} if what in ("error", "gospa") else {}
-    yield what, partial(getattr(plots, what), path=path, **options)
+    plan = plot_data.layout(path)
+    shown_by_track = among_all and tuple(plan.units) == plan.position  # the only column, over time
+    for column in (choice.column,) if choice.column is not None else () if shown_by_track else plan.units:
+        yield f"state {column}", partial(plots.states, path=path, **options | {"column": column})

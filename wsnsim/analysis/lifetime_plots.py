@@ -5,15 +5,15 @@ Each function takes Axes and the outcome of a scenario (see `lifetime_result`), 
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from wsnsim.analysis.figure_style import BLUE, GREEN, GREY, ORANGE, SKY, STYLE, VERMILLION, save
+from wsnsim.analysis.figure_style import BLUE, GREEN, GREY, ORANGE, SKY, STYLE, VERMILLION, figure_of, save
 from wsnsim.analysis.lifetime_text import DAY, Point
 
 CURVES: Final = {
@@ -34,7 +34,7 @@ def shares(axes: Axes, point: Point) -> Axes:
     first = point["criteria"][0]["median"] / DAY
     if np.isfinite(first):
         axes.axvline(first, color=GREY, linewidth=0.9, linestyle=":", label="first death (median)")
-    axes.set(xlabel="days", ylabel="share", ylim=(0.0, 1.03), title="Life (median, 95 % of networks)")
+    axes.set(xlabel="time [days]", ylabel="share", ylim=(0.0, 1.03), title="Life (median, 95 % of networks)")
     axes.legend(loc="lower left", frameon=False)
     return axes
 
@@ -42,11 +42,11 @@ def shares(axes: Axes, point: Point) -> Axes:
 def causes(axes: Axes, point: Point) -> Axes:
     """The mean node's joules per day by cause: without a target, and in visits."""
     found = point["causes"]
-    names = list(found["cause"][:MOST_CAUSES])[::-1]
+    names = [cause.replace("_", " ") for cause in found["cause"][:MOST_CAUSES]][::-1]
     quiet, visits = (DAY * np.asarray(found[key][:MOST_CAUSES])[::-1] for key in ("quiet", "visits"))
     axes.barh(names, quiet, color=SKY, label="without a target")
     axes.barh(names, visits, left=np.maximum(quiet, 0.0), color=ORANGE, label="visits")
-    axes.set(xlabel="J per day", title="Energy of the mean node by cause")
+    axes.set(xlabel="energy [J per day]", title="Energy of the mean node by cause")
     axes.legend(loc="lower right", frameon=False)
     axes.grid(axis="y", visible=False)
     return axes
@@ -63,7 +63,7 @@ def field(axes: Axes, point: Point) -> Axes:
         axes.figure.colorbar(dots, ax=axes, label="day of death (median)", shrink=0.85)
     if sinks.any():
         axes.scatter(x[sinks], y[sinks], s=90, marker="s", facecolors="none", edgecolors=VERMILLION, label="sink")
-    axes.set(xlabel="x (m)", ylabel="y (m)", title="Who dies when")
+    axes.set(xlabel="x [m]", ylabel="y [m]", title="Who dies when")
     axes.set_aspect("equal")
     if sinks.any() or not known.all():
         axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16), ncols=2, frameon=False)
@@ -76,8 +76,5 @@ PANELS: Final = {"shares": shares, "causes": causes, "field": field}
 def write(point: Point, out: Path) -> Path:
     """Write a figure of all panels; its suffix is .png, .svg or .pdf. Raises UsageError, ResultError."""
     with style.context(["default", STYLE]):
-        figure = Figure(figsize=(5.0 * len(PANELS), 4.2), layout="constrained")
-        for axes, panel in zip(figure.subplots(1, len(PANELS)), PANELS.values(), strict=True):
-            panel(axes, point)
-        save(figure, out)
+        save(figure_of([partial(panel, point=point) for panel in PANELS.values()]), out)
     return out

@@ -142,19 +142,13 @@ def last_step_with_particles(path: str | Path, replicate: int, target: int) -> i
 
 def nodes_of(path: str | Path, replicate: int) -> Columns:
     """The positions of a run's nodes and their initial energy; empty if not recorded."""
-    if "nodes" not in recording.table_names(path):
-        return {}
-    held = recording.read_table(path, "nodes", ["replicate", "node", "x", "y", "energy_initial"])
-    return _chosen(held, held["replicate"] == replicate)
+    return _rows(path, "nodes", ("node", "x", "y", "energy_initial"), replicate)
 
 
 def woken_regions(path: str | Path, replicate: int, target: int) -> Columns:
     """The centres of the regions in which nodes were woken; empty if there are none, or not recorded."""
-    tables = recording.tables(path)
-    if "wakeups" not in tables or not tables["wakeups"].rows:
-        return {}
-    held = recording.read_table(path, "wakeups", ["replicate", "target", "x", "y"])
-    return _chosen(held, (held["replicate"] == replicate) & (held["target"] == target))
+    held = _rows(path, "wakeups", ("target", "x", "y"), replicate)
+    return _chosen(held, held["target"] == target) if held else held
 
 
 def errors(path: str | Path) -> tuple[Floats, Ints, Floats]:
@@ -206,11 +200,8 @@ def telling_step(path: str | Path, replicate: int, target: int) -> int:
 
 def sensing_nodes(path: str | Path, step: int, replicate: int) -> np.ndarray:
     """The nodes that sensed at a step; empty if events were not recorded."""
-    if "events" not in recording.table_names(path):
-        return np.empty(0, dtype=np.int64)
-    held = recording.read_table(path, "events", ["replicate", "step", "kind", "node"])
-    sensed = (held["replicate"] == replicate) & (held["step"] == step) & (held["kind"] == KIND["sense"])
-    return np.unique(held["node"][sensed])
+    held = _rows(path, "events", ("step", "kind", "node"), replicate)
+    return np.unique(held["node"][(held["step"] == step) & (held["kind"] == KIND["sense"])]) if held else np.empty(0)
 
 
 def _at(path: str | Path, table: str, numbers: np.ndarray, name: str, wanted: int) -> np.ndarray:
@@ -251,6 +242,7 @@ class ReplicateTables:
         events: the event log.
         cloud: the particles.
         unlabelled: all tracks where readings name no target, and `guess` has those that follow a target; else None.
+        headless: whether there is no cluster head; the column `head` is then the gateway, whose estimate was recorded.
     """
 
     dt: float
@@ -263,6 +255,7 @@ class ReplicateTables:
     events: Columns
     cloud: Columns
     unlabelled: Columns | None = None
+    headless: bool = False
 
     @property
     def groups(self) -> list[int]:
@@ -354,22 +347,27 @@ def read_replicate(path: str | Path, replicate: int) -> ReplicateTables:
     }
     named = not is_unlabelled(path)
     rows = {
-        name: _rows(path, name, columns, replicate, sizes)
-        for name, columns in wanted.items()
-        if named or name != "estimates"
+        name: _rows(path, name, columns, replicate) for name, columns in wanted.items() if named or name != "estimates"
     }
     if not named:
         followed = followed_estimates(path, replicate)
         rows["estimates"] = {name: followed[name] for name in wanted["estimates"]} if followed["step"].size else {}
         columns = ("step", "time", "track", *place, "confirmed")
-    unlabelled = None if named else _rows(path, "estimates", columns, replicate, sizes)
+    unlabelled = None if named else _rows(path, "estimates", columns, replicate)
     if not any(rows.values()):
         check_replicate(path, replicate)
     words = recording.meanings(path, "events", "what") if rows["events"] else ()
     truth, guess, nodes, events, cloud = (rows[name] for name in wanted)
     step = float(stored_json(path, "scenario/resolved_json").get("step", "nan"))  # it may hold no scenario
     unrecorded = frozenset(wanted) - sizes.keys()
-    return ReplicateTables(step, plan, words, unrecorded, truth, guess, nodes, events, cloud, unlabelled)
+    tables = truth, guess, nodes, events, cloud, unlabelled
+    return ReplicateTables(step, plan, words, unrecorded, *tables, is_headless(path))
+
+
+def is_headless(path: str | Path) -> bool:
+    """Whether a result is of a network without a cluster head."""
+    tables = recording.tables(path)
+    return "estimates" in tables and "disagreement" in tables["estimates"].columns
 
 
 def first_replicate(path: str | Path) -> int:
@@ -390,8 +388,9 @@ def check_replicate(path: str | Path, replicate: int) -> None:
         raise UsageError(f"{path}: no replicate {replicate}; it has {number_span(np.unique(held))}")
 
 
-def _rows(path: str | Path, table: str, columns: tuple[str, ...], replicate: int, sizes: dict[str, Any]) -> Columns:
+def _rows(path: str | Path, table: str, columns: tuple[str, ...], replicate: int) -> Columns:
     """A table's columns of one run, empty without rows. Only the range of rows that holds the run is read."""
+    sizes = recording.tables(path)
     if table not in sizes or not sizes[table].rows:
         return {}
     mine = np.flatnonzero(recording.read_table(path, table, ["replicate"])["replicate"] == replicate)

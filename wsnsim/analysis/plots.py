@@ -45,6 +45,8 @@ from wsnsim.recording import read_table, table_names
 OF_SPENT: Final = ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, PALE, PURPLE, BLACK
 OF_LOSSES: Final = "#B0A060", "#705030", "#C08080", "#A0C0A0"
 CAUSE_COLOURS: Final = dict(zip(CAUSES, OF_SPENT + OF_LOSSES, strict=True))
+DOMINANT: Final = 0.8
+"""Share of the energy from which on a cause is not drawn, since the others would be hardly visible (our choice)."""
 LOG_FROM: Final = 100.0
 """Ratio of the largest to the smallest error from which on the axis is logarithmic (our choice)."""
 CONSISTENCY: Final[tuple[tuple[str, Statistic, str], ...]] = (("NEES", "nees", BLUE), ("NIS", "nis", ORANGE))
@@ -61,7 +63,7 @@ def track(axes: Axes, path: str | Path, replicate: int = 0, target: int = 0) -> 
     plot_data.demand(path, "track")
     plan = plot_data.layout(path)
     if is_unlabelled(path):
-        return titled(track_plots.tracks(axes, path, plan, replicate), f"tracks of replicate {replicate}", across=3)
+        return titled(track_plots.tracks(axes, path, plan, replicate), f"tracks of replicate {replicate}")
     truth, guess = plot_data.course(path, plan.position, replicate, target)
     nodes = plot_data.nodes_of(path, replicate)
     if len(plan.position) == 1:
@@ -70,6 +72,8 @@ def track(axes: Axes, path: str | Path, replicate: int = 0, target: int = 0) -> 
             _nodes_beside(axes, nodes["x"])
     else:
         _in_plane(axes, plan, truth, guess, nodes, plot_data.woken_regions(path, replicate, target))
+        if nodes and not np.isnan(nodes["energy_initial"]).all():  # without a network there is no cluster head
+            _heads(axes, nodes, guess["head"], "gateway" if plot_data.is_headless(path) else "cluster head")
     return titled(axes, f"track of {_which(replicate, target)}")
 
 
@@ -105,7 +109,7 @@ def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     if (limit := error_bounds.found_bound(path, "in_range", plugins)) is not None:
         bound = limit.rmse[steps - 1]
         faults = fault_kinds(plot_data.stored_json(path, "scenario/resolved_json"))
-        name = bound_name("in_range", faults)
+        name = bound_name("in_range", faults).replace(", ", ",\n", 1)
         axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label=name)
         shown = np.concatenate([shown, bound])
     _scaled(axes, shown)
@@ -147,7 +151,7 @@ def consistency(axes: Axes, path: str | Path) -> Axes:
         shown.append(found.values)
     axes.axhline(1.0, color=BLACK, linewidth=1.0, linestyle=":", label="consistent")
     _scaled(axes, np.concatenate([*shown, [1.0]]))
-    return titled(axes, f"consistency, time average: {', '.join(averages)}", "per degree of freedom")
+    return titled(axes, f"consistency, time average:\n{', '.join(averages)}", "per degree of freedom")
 
 
 def gospa(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
@@ -155,37 +159,58 @@ def gospa(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
     plot_data.demand(path, "gospa")
     axes, title = track_plots.gospa(axes, path, plugins)
     plan = plot_data.layout(path)
-    return titled(axes, title, "GOSPA" + bracketed(plan.units[plan.position[0]]), across=3)
+    return titled(axes, title, "GOSPA" + bracketed(plan.units[plan.position[0]]))
 
 
 def energy(axes: Axes, path: str | Path) -> Axes:
-    """Draw the energy that the network has spent by each step, stacked by cause; the mean over all runs."""
+    """Draw the energy that the network has spent by each step, stacked by cause with its share; the mean over all runs.
+
+    A cause that dominates is named in the title instead, so that the others can be seen.
+    """
     plot_data.demand(path, "energy")
     joules, times, runs = plot_data.spent(path)
-    words = [cause for cause, row in zip(CAUSES, joules, strict=True) if row.any()]
+    parts = {cause: row for cause, row in zip(CAUSES, joules, strict=True) if row.any()}
+    whole = joules[:, -1].sum()
+    names = {cause: f"{cause.replace('_', ' ')} {_percent(row[-1] / whole)}" for cause, row in parts.items()}
+    title = f"energy spent by the network, mean of {counted(runs, 'run')}"
+    largest = max(parts, key=lambda cause: float(parts[cause][-1]))
+    if len(parts) > 1 and parts[largest][-1] > DOMINANT * whole:
+        title += f"\nnot drawn: {names[largest]} of {whole:.4g} J"
+        del parts[largest]
     axes.stackplot(
         times,
-        joules[[CAUSES.index(word) for word in words]],
-        labels=[word.replace("_", " ") for word in words],
-        colors=[CAUSE_COLOURS[word] for word in words],
+        list(parts.values()),
+        labels=[names[cause] for cause in parts],
+        colors=[CAUSE_COLOURS[cause] for cause in parts],
         linewidth=0,
     )
     axes.set_ylim(bottom=0)
-    return titled(axes, f"energy spent by the network, mean of {counted(runs, 'run')}", "energy spent [J]")
+    return titled(axes, title, "energy spent [J]")
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %" if share >= 0.0005 else "< 0.1 %"
 
 
 def particles(
-    axes: Axes, path: str | Path, step: int, column: str | None = None, replicate: int = 0, target: int = 0
+    axes: Axes,
+    path: str | Path,
+    step: int | None = None,
+    column: str | None = None,
+    replicate: int = 0,
+    target: int = 0,
 ) -> Axes:
     """Draw the particles at a step with the ground truth: a cloud in the plane, or the histogram of one column.
 
     A cloud is drawn if the position has two columns and `column` is None; the area of a dot grows with its weight.
+    `step` is by default the last one that has particles.
     """
     plan = plot_data.layout(path)
     if column is not None:
         plan.check(path, column)
     plot_data.demand(path, "particles")
     names = (column,) if column else plan.position
+    step = plot_data.last_step_with_particles(path, replicate, target) if step is None else step
     held, truth = plot_data.cloud(path, names, step, replicate, target)
     seen = held["weight"] > LEAST_WEIGHT * held["weight"].max()
     weights, values = held["weight"][seen], [held[name][seen] for name in names]
@@ -223,17 +248,16 @@ def step(axes: Axes, path: str | Path, step: int | None = None, replicate: int =
         marks = (
             (~seeing, ".", GREY, "node"),
             (seeing, "o", BLUE, "sensing node"),
-            (head, "s", VERMILLION, "cluster head"),
+            (head, "s", VERMILLION, "gateway" if plot_data.is_headless(path) else "cluster head"),
         )
         for chosen, marker, colour, name in marks:
             axes.plot(nodes["x"][chosen], nodes["y"][chosen], marker, color=colour, markersize=5, label=name)
     axes.plot(whole[across], whole[up], color=PALE, linewidth=1.0)
-    axes.plot(truth[across], truth[up], color=BLACK, linewidth=2.2, label="ground truth")
-    axes.plot(guess[across], guess[up], color=ORANGE, linewidth=1.0, label="estimate")
+    _in_plane(axes, plan, truth, guess, {})
+    look: dict[str, Any] = {"markersize": 8, "markeredgewidth": 2, "fillstyle": "none"}
     for held, marker, colour in ((guess, "D", ORANGE), (truth, "+", BLACK)):
-        axes.plot(held[across][-1:], held[up][-1:], marker, color=colour, markersize=8, markeredgewidth=2)
-    _plane(axes, plan)
-    return titled(axes, f"step {now} of {_which(replicate, target)}, {truth['time'][-1]:g} s", across=3)
+        axes.plot(held[across][-1:], held[up][-1:], marker, color=colour, **look)
+    return titled(axes, f"step {now} of {_which(replicate, target)}, {truth['time'][-1]:g} s")
 
 
 def _in_plane(
@@ -247,8 +271,6 @@ def _in_plane(
     axes.plot(truth[across], truth[up], color=BLACK, linewidth=2.2, label="ground truth")
     axes.plot(truth[across][:1], truth[up][:1], "o", color=BLACK, markersize=5)
     axes.plot(guess[across], guess[up], color=ORANGE, linewidth=1.0, label="estimate", **_marks(guess[across]))
-    if nodes and not np.isnan(nodes["energy_initial"]).all():  # without a network there is no cluster head
-        _heads(axes, nodes, guess["head"])
     if woken and len(woken["x"]):
         label = counted(len(woken["x"]), "wake-up region")
         axes.plot(woken["x"], woken["y"], "+", color=GREEN, markersize=5, markeredgewidth=0.9, label=label)
@@ -259,15 +281,16 @@ def _plane(axes: Axes, plan: StateLayout) -> None:
     axes.set_xlabel(plan.label(plan.position[0]))
     axes.set_ylabel(plan.label(plan.position[1]))
     axes.set_aspect("equal", adjustable="datalim")
+    axes.locator_params(axis="x", nbins=6)
 
 
-def _heads(axes: Axes, nodes: Columns, heads: np.ndarray) -> None:
-    """Draw the cluster heads in the order in which they led, joined by a line."""
+def _heads(axes: Axes, nodes: Columns, heads: np.ndarray, name: str) -> None:
+    """Draw the cluster heads, or gateways, in the order in which they led, joined by a line."""
     led = heads[heads >= 0]
     order = led[np.diff(led, prepend=-1) != 0]
     place = {node: row for row, node in enumerate(nodes["node"].tolist())}
     rows = [place[node] for node in order.tolist()]
-    label = counted(len(set(rows)), "cluster head")
+    label = counted(len(set(rows)), name)
     axes.plot(nodes["x"][rows], nodes["y"][rows], ":s", color=VERMILLION, markersize=4, linewidth=0.8, label=label)
 
 
@@ -279,8 +302,8 @@ def _nodes_beside(axes: Axes, places: Floats) -> None:
 
 
 def _over_time(axes: Axes, plan: StateLayout, column: str, truth: Columns, guess: Columns) -> None:
-    if column in plan.position:
-        claimed = 2.0 * guess[("sd_x", "sd_y")[plan.position.index(column)]]
+    claimed = 2.0 * guess[("sd_x", "sd_y")[plan.position.index(column)]] if column in plan.position else np.empty(0)
+    if np.isfinite(claimed).any():
         low, high = guess[column] - claimed, guess[column] + claimed
         axes.fill_between(guess["time"], low, high, color=ORANGE, alpha=0.3, linewidth=0, label="estimated ±2σ")
     axes.plot(truth["time"], truth[column], color=BLACK, linewidth=2.2, label="ground truth")

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from wsnsim.analysis import campaigns, comparison
 from wsnsim.base.arrays import Floats
@@ -201,13 +202,9 @@ def _words(key: str, value: Any, unit: str) -> str:
 
 def _is_ordered(here: Sequence[Settings], line: SweepLine, companions: Iterable[str]) -> bool:
     """Whether the numbers determined by the swept key only rise, or only fall, along a line."""
-    for key in companions:
-        values = [here[row].get(key) for row in line.rows]
-        if all(_is_number(value) for value in values):
-            steps = np.diff(np.array(values, dtype=np.float64))
-            if not ((steps >= 0).all() or (steps <= 0).all()):
-                return False
-    return True
+    columns = [pd.Series([here[row].get(key) for row in line.rows]) for key in companions]
+    numbers = [column for column in columns if column.map(_is_number).all()]
+    return all(each.is_monotonic_increasing or each.is_monotonic_decreasing for each in numbers)
 
 
 def _unit(folder: Folder, manifest: Manifest, key: str) -> str:

@@ -6,6 +6,7 @@ places_of_detections(path, run) -> {step, x, y, clutter}
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,7 +27,11 @@ PLACED: Final = {"range": ("range",), "bearing": ("bearing",), "range_bearing": 
 """Kinds of sensors whose detections have a place in the plane, and what their readings are of it."""
 GOLDEN: Final = 0.6180339887498949
 """Multiples of it, without their whole parts, are evenly spread."""
-PART_COLOURS: Final = {"localisation": BLUE, "missed": ORANGE, "false": VERMILLION}
+PARTS: Final = (
+    ("distance", "GOSPA", BLACK), ("localisation", "localisation", BLUE), ("missed", "missed targets", ORANGE),
+    ("false", "false tracks", VERMILLION),
+)  # fmt: skip
+"""GOSPA and its parts: attribute, label and colour."""
 SWAP: Final[dict[str, Any]] = {"marker": "*", "color": YELLOW, "markeredgecolor": BLACK, "markersize": 9, "zorder": 5}
 
 
@@ -133,30 +138,22 @@ def gospa(axes: Axes, path: str | Path, plugins: bool = False) -> tuple[Axes, st
     found = list(followed_runs(path))
     rule = found[0].rule
     each = [multi_target.gospa(run.truth, run.tracks, [run.rule.cutoff]) for run in found]
-    steps = max(parts.distance.shape[1] for parts in each)
-    times = np.arange(1, steps + 1) * rule.dt
-    axes.plot(
-        times, _over_runs([parts.distance[0] for parts in each], steps), color=BLACK, linewidth=1.6, label="GOSPA"
-    )
-    for name, colour in PART_COLOURS.items():
-        rows = [getattr(parts, name)[0] for parts in each]
-        label = {"missed": "missed targets", "false": "false tracks"}.get(name, name)
-        axes.plot(times, _over_runs(rows, steps), color=colour, linewidth=1.0, label=label)
+    times = np.arange(1, 1 + max(parts.distance.shape[1] for parts in each)) * rule.dt
+    for part, label, colour in PARTS:
+        rows = [getattr(parts, part)[0] for parts in each]
+        axes.plot(times, _over_runs(rows), color=colour, linewidth=1.0 + 0.6 * (colour == BLACK), label=label)
     limit = error_bounds.found_bound(path, "in_range", plugins)
     if limit is not None:
         least = np.broadcast_to(limit.each, (len(found), *limit.each.shape[1:]))
         squares = [np.where(run.followed >= 0, one[:, : run.followed.shape[1]], 0.0) ** 2
                    for run, one in zip(found, least, strict=True)]  # fmt: skip
         rows = [np.sqrt(square.sum(axis=0)) for square in squares]
-        axes.plot(times, _over_runs(rows, steps), label="CRLB, known association", **BOUND)
+        axes.plot(times, _over_runs(rows), label="CRLB, known association", **BOUND)
     axes.set_ylim(bottom=0.0)
     return axes, f"GOSPA of {counted(len(found), 'run')} (c = {rule.cutoff:.4g}, p = 2, α = 2)"
 
 
-def _over_runs(rows: list[Floats], steps: int) -> Floats:
-    """(steps,) root mean square over the runs, of those that are that long."""
-    whole = np.full((len(rows), steps), np.nan)
-    for into, row in zip(whole, rows, strict=True):
-        into[: row.size] = row
-    result: Floats = np.sqrt(np.nanmean(whole**2, axis=0))
-    return result
+def _over_runs(rows: list[Floats]) -> Floats:
+    """Root mean square over the runs at each step, of those that are that long."""
+    whole = np.array(list(zip_longest(*rows, fillvalue=np.nan)))
+    return np.asarray(np.sqrt(np.nanmean(whole**2, axis=1)))

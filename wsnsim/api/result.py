@@ -137,7 +137,7 @@ class Result:
 
     @property
     def plot(self) -> ResultPlots:
-        """The plots: `.track()`, `.states()`, `.gospa()`, `.error()`, `.consistency()`, `.energy()`, `.particles()`."""
+        """The plots, as methods: `track`, `states`, `gospa`, `error`, `consistency`, `energy`, `particles`, `step`."""
         return ResultPlots(self._file)
 
     def save(self, path: str | Path) -> Path:
@@ -318,7 +318,7 @@ def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = 
 
     Args:
         result: what `simulate` or `run` returned, or the path of a result file.
-        what: 'track', 'states', 'gospa', 'error', 'consistency', 'energy' or 'particles'.
+        what: 'track', 'states', 'gospa', 'error', 'consistency', 'energy', 'particles' or 'step'.
         ax: matplotlib axes to draw on; by default those of a new figure.
         options: what the plot of this name takes beside `ax`, such as `replicate` and `target` of 'track', `column` of
             'states', `step` of 'particles' (see `ResultPlots`).

@@ -13,7 +13,7 @@ from wsnsim.base.errors import UsageError, did_you_mean
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-KINDS = ("track", "states", "gospa", "error", "consistency", "energy", "particles")
+KINDS = ("track", "states", "gospa", "error", "consistency", "energy", "particles", "step")
 
 
 @final
@@ -148,17 +148,31 @@ class ResultPlots:
         """
         return self._drawn("particles", ax, step=step, column=column, replicate=replicate, target=target)
 
+    def step(
+        self, step: int | None = None, *, replicate: int | None = None, target: int = 0, ax: Axes | None = None
+    ) -> Axes:
+        """Draw the plane at a step: nodes, who sensed, the cluster head, ground truth and estimates up to then.
+
+        Args:
+            step: the step; by default that of the largest error after the first tenth of the run.
+            replicate: the run to draw; by default the first one.
+            target: the target to draw.
+            ax: matplotlib axes to draw on; by default those of a new figure.
+
+        Raises:
+            ResultError: the tables `truth` and `estimates` were not recorded.
+            UsageError: there is no such step, run or target, or the position has one column.
+        """
+        return self._drawn("step", ax, step=step, replicate=replicate, target=target)
+
     def _drawn(self, what: str, ax: Axes | None, **options: Any) -> Axes:
-        """A plot; without a number, of the first run, and of the last step that has particles."""
-        from wsnsim.analysis import plot_data, plots
+        """A plot; without a number, of the first run."""
+        from wsnsim.analysis import plots
         from wsnsim.analysis.plot_data import first_replicate
 
         with self._file() as path, _axes(ax) as axes:
             if options.get("replicate", 0) is None:
                 options["replicate"] = first_replicate(path)
-            if options.get("step", 0) is None:
-                run = options["replicate"], options["target"]
-                options["step"] = plot_data.last_step_with_particles(path, *run)
             axes_drawn: Axes = getattr(plots, what)(axes, path, **options)
             return axes_drawn
 

@@ -23,6 +23,7 @@ from wsnsim.recording.atomic_files import replacing
 from wsnsim.report import page_sections
 from wsnsim.report.page_sections import PageSection, summary_table
 from wsnsim.report.replay import Replay, encode
+from wsnsim.report.scenario_words import isolated
 from wsnsim.report.svg_figures import svg_figures
 
 SLOT: Final = re.compile(r"\{\{(\w+)\}\}")
@@ -156,7 +157,7 @@ def _page(sections: Sequence[PageSection], replays: Sequence[Replay], summary: s
     names, pairs = list(dict.fromkeys(section.name for section in sections)), list(zip(sections, replays, strict=True))
     slots = {
         "title": html.escape(" · ".join(names)),
-        "heading": " · ".join(map(page_sections.isolated, names)),
+        "heading": " · ".join(map(isolated, names)),
         "hash": source_of(script),
         "style": static_text("style.css"),
         "script": script,

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import html
-import io
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
-
-from matplotlib import style
-from matplotlib.figure import Figure
 
 from wsnsim.analysis import lifetime_plots, lifetime_text
 from wsnsim.recording.atomic_files import replacing
 from wsnsim.report.html_page import static_text
-from wsnsim.report.svg_figures import PAGE_STYLE
+from wsnsim.report.svg_figures import svg_of
 
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
-SIZE: Final = (5.2, 3.7)
 
 
 def write(points: Sequence[Mapping[str, Any]], labels: Sequence[str], out: Path) -> Path:
@@ -41,14 +37,11 @@ def write(points: Sequence[Mapping[str, Any]], labels: Sequence[str], out: Path)
 def section(point: Mapping[str, Any]) -> str:
     """The answer, the figures and the whole text of an outcome, as HTML; a notebook shows the same."""
     answer, whole = html.escape(lifetime_text.answer(point)), html.escape(lifetime_text.text(point))
-    return f"<p><strong>{answer}</strong></p>\n{''.join(_figures(point))}\n<pre>{whole}</pre>"
+    figures = f'<div class="figures">{"".join(_figures(point))}</div>'
+    return f'<p class="answer">{answer}</p>\n{figures}\n<pre>{whole}</pre>'
 
 
 def _figures(point: Mapping[str, Any]) -> Iterator[str]:
-    with style.context(["default", PAGE_STYLE]):
-        for name, panel in lifetime_plots.PANELS.items():
-            figure, text = Figure(figsize=SIZE, layout="constrained"), io.StringIO()
-            panel(figure.subplots(), point)
-            figure.savefig(text, format="svg", metadata={"Date": None})
-            svg = text.getvalue()
-            yield f'<figure role="img" aria-label="{name}">{svg[svg.index("<svg") :]}</figure>'
+    for name, panel in lifetime_plots.PANELS.items():
+        figure = svg_of(name, partial(panel, point=point))
+        yield f'<figure role="img" aria-label="{name}">{figure.svg}</figure>'

@@ -8,7 +8,6 @@ is folded, all others. The name of a quantity is explained by its definition.
 from __future__ import annotations
 
 import html
-import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,15 +21,11 @@ from wsnsim.analysis.quantities import BOUND_NOTE, QUANTITIES, beside, bound_nam
 from wsnsim.analysis.result_facts import facts_of_file
 from wsnsim.analysis.summary_text import PublishedLookup
 from wsnsim.base.errors import ResultError
-from wsnsim.recording import read_json, read_text
+from wsnsim.recording import read_json
 from wsnsim.report.replay import Replay
+from wsnsim.report.scenario_words import isolated, scenario_html
 from wsnsim.report.svg_figures import SvgFigure
-from wsnsim.scenario.registry import AT_TOP, kinds
 
-MAX_TEXT: Final = 60_000
-"""Characters of a scenario's text that are shown (our choice)."""
-MAX_ROW: Final = 400
-"""Characters of a role in words (our choice)."""
 MAX_FINGERPRINTS: Final = 30
 TAG: Final = re.compile(r"<[^>]*>")
 ID: Final = re.compile(r'(\bid="|href="#|url\(#)')
@@ -55,11 +50,6 @@ class PageSection:
     replicate: int
     figures: list[SvgFigure]
     left_out: list[str]
-
-
-def isolated(text: object) -> str:
-    """A text from a result as HTML, its writing direction isolated."""
-    return f"<bdi>{html.escape(str(text))}</bdi>"
 
 
 def names(infos: Sequence[Mapping[str, Any]], files: Sequence[Path]) -> list[str]:
@@ -119,8 +109,8 @@ def html_of(section: PageSection, number: int) -> str:
 {shown}
 </div>
 {f'<ul class="small">{missing}</ul>' if missing else ""}
-<details open><summary>Scenario</summary>
-{_scenario(section)}
+<details open><summary>Scenario, in SI units</summary>
+{scenario_html(section.path)}
 </details>
 <details><summary>Provenance</summary>
 <dl>{"".join(_provenance(section))}</dl>
@@ -132,55 +122,6 @@ def _figure(figure: SvgFigure, prefix: str) -> str:
     """A figure with ids that are unique in the page."""
     svg = TAG.sub(lambda tag: ID.sub(rf"\g<1>f{prefix}-", tag[0]), figure.svg)
     return f'<figure role="img" aria-label="{html.escape(figure.label)}">{svg}</figure>'
-
-
-def _scenario(section: PageSection) -> str:
-    """The scenario in words, as it was written, and with every default."""
-    source, resolved = (
-        read_text(section.path, f"scenario/{name}", optional=True) for name in ("source_yaml", "resolved_json")
-    )
-    if not source and not resolved:
-        return "<p>The result does not contain its scenario.</p>"
-    try:
-        values = dict(json.loads(resolved or "{}"))
-    except (ValueError, TypeError):
-        values = {}
-    rows = "".join(f"<dt>{html.escape(head)}</dt><dd>{isolated(words)}</dd>" for head, words in _in_words(values))
-    whole = "\n".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()) or resolved
-    texts = {"As it was written": source, "With every default, in SI units": whole}
-    folded = (
-        f"<details><summary>{head}</summary><pre>{html.escape(_shortened(text))}</pre></details>"
-        for head, text in texts.items()
-        if text
-    )
-    return f"<dl>{rows}</dl>{''.join(folded)}"
-
-
-def _in_words(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield what each role of a resolved scenario is, with its numbers in SI units."""
-    times = (f"{key} {scenario[key]} s" for key in ("duration", "step") if key in scenario)
-    yield "time", ", ".join([*times, f"seed {scenario.get('seed')}"])
-    for key, role in AT_TOP.items():
-        held = scenario.get(key)
-        for component in held if isinstance(held, list) else [held]:
-            kind = component.get("kind") if isinstance(component, dict) else None
-            if (
-                not isinstance(component, dict)
-                or not isinstance(kind, str)
-                or (kind == role.default and role.default == "none")
-            ):
-                continue
-            idea = known.idea if (known := kinds(role.name).get(kind)) else "a plug-in"
-            values = (
-                f"{name} {value.get('name', '') if isinstance(value, dict) else value}".strip()
-                for name, value in component.items()
-                if name != "kind" and value not in (None, [], "", False)
-            )
-            yield key, _shortened(f"{kind} ({idea}): {', '.join(values)}", MAX_ROW)
-
-
-def _shortened(text: str, most: int = MAX_TEXT) -> str:
-    return text if len(text) <= most else f"{text[:most]}\n… ({len(text) - most:,} more characters)"
 
 
 def _provenance(section: PageSection) -> Iterator[str]:
@@ -310,9 +251,7 @@ def _small(text: str) -> str:
 
 def _published_values(path: Path, published: PublishedLookup | None) -> tuple[Mapping[str, float], str, str]:
     """The published values of the result's scenario, the paper, and why runs differ from it."""
-    if published is None:
-        return {}, "", ""
     try:
-        return published(read_json(path, "scenario/resolved_json"))
+        return published(read_json(path, "scenario/resolved_json")) if published else ({}, "", "")
     except (ResultError, ValueError):
         return {}, "", ""

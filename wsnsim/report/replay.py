@@ -3,7 +3,7 @@
     encode(path, replicate, room)     a whole replay
     portions = ReplayPortions(start)  one in portions, for a run that is still computing
     portions.head()                   as text: the nodes, the ground truth and the number of all frames
-    portions.add(tables, last, ...)   as text: the frames up to step `last` that were not sent before
+    portions.add(last, ...)           as text: the frames up to step `last` that were not sent before
 
 `replay_encoding` defines the format, which static/replay_data.js reads, and, with `replay_nodes` and `replay_tracks`,
 its content; static/live_data.js puts portions together. A portion also takes the events of the steps beside it: a node
@@ -12,6 +12,7 @@ that goes to sleep after a handover is shown asleep one step later, and a frame 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -21,7 +22,7 @@ import numpy as np
 from wsnsim.analysis.plot_data import Columns, ReplicateTables, StateLayout, read_replicate
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.rows import RunStart
-from wsnsim.base.setups import RadioSetup, TrackingSetup
+from wsnsim.base.setups import NetworkSetup, RadioSetup, TrackingSetup
 from wsnsim.report.replay_encoding import (
     MISSING,
     DetailLevel,
@@ -33,7 +34,7 @@ from wsnsim.report.replay_encoding import (
     quantised,
 )
 from wsnsim.report.replay_nodes import StateHistory, add_nodes, add_places, add_traffic
-from wsnsim.report.replay_tracks import TrackMarks, add_unlabelled, marks_of
+from wsnsim.report.replay_tracks import add_unlabelled, marks_of
 
 MAX_FRAMES: Final = 20_000
 """Frames above which steps are thinned, whatever the room (our choice)."""
@@ -78,7 +79,7 @@ def encode(path: str | Path, replicate: int, room: int) -> Replay:
         stride = max(detail.stride, -(-run.last // MAX_FRAMES))
         header, encoder = _encoded(run, detail._replace(stride=stride), marks)
         notes = _sentences([*encoder.notes, *missing])
-        text = encoder.text(header | {"notes": notes})
+        text = encoder.text(header)
         if len(text) <= room:
             return Replay(text, notes)
     return Replay("", (f"The replay was left out: even thinned, it takes more than {max(room, 0):,} characters.",))
@@ -88,18 +89,14 @@ def _sentences(notes: list[str]) -> tuple[str, ...]:
     return tuple(f"{note[0].upper()}{note[1:]}." for note in notes)
 
 
-def ordinal(number: int) -> str:
-    """1st, 2nd, 3rd, 11th."""
-    ending = "th" if number % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
-    return f"{number:,}{ending}"
-
-
-def _encoded(run: ReplicateTables, detail: DetailLevel, marks: TrackMarks) -> tuple[dict[str, Any], ReplayEncoder]:
+def _encoded(
+    run: ReplicateTables, detail: DetailLevel, marks: tuple[Columns, Columns]
+) -> tuple[dict[str, Any], ReplayEncoder]:
     """The header and the columns of a run at one level of detail."""
     encoder = ReplayEncoder.empty(run, detail)
     charge = add_nodes(encoder) if run.nodes else None
     add_tracks(encoder)
-    add_unlabelled(encoder, marks)
+    add_unlabelled(encoder, *marks)
     if run.events and run.nodes:
         add_clusters(encoder)
         add_traffic(encoder)
@@ -116,6 +113,7 @@ def _header(encoder: ReplayEncoder, last: int, charge: list[float] | None) -> di
         "last": last, "stride": encoder.detail.stride, "frames": encoder.frames, "targets": run.targets,
         "groups": None if run.unlabelled is None else len(run.groups),
         "box": encoder.box, "dt": run.dt if np.isfinite(run.dt) else None, "flat": run.flat, "axes": run.axes,
+        "headless": run.headless,
         "messages": run.words, "nodes": encoder.drawn.size, "charge": charge, "trajectory": TRAJECTORY, "trail": TRAIL,
     }  # fmt: skip
 
@@ -124,7 +122,7 @@ def _add_notes(encoder: ReplayEncoder) -> None:
     """Notes on thinned steps, on how much of a trajectory is drawn, and on rounding."""
     run, stride = encoder.run, encoder.detail.stride
     if stride > 1:
-        note = f"every {ordinal(stride)} step of {run.last:,} is drawn"
+        note = f"one step in {stride:,} of {run.last:,} is drawn"
         if run.events:
             note += ", together with what happened since the previous one"
         encoder.notes.insert(0, note)
@@ -144,37 +142,18 @@ SMALLEST_SPAN: Final = 0.001
 """The range of residual energy that the levels span at first, as a fraction; it doubles as often as needed."""
 
 
-@dataclass(frozen=True)
-class PortionTables:
-    """What happened since the last portion.
-
-    Attributes:
-        events: the event log of the portion's steps, of the step before and of the step after.
-        guess: estimates that were not sent before, of any step: target, step, time, position, error, head.
-        cloud: the particles of the portion's steps.
-        residual: (N,) residual energies in J at its end, None without a network.
-        words: the categories of `events.what` so far.
-        spent: (time in s, energy in J that the network has spent until then) of each look at the run.
-    """
-
-    events: Columns
-    guess: Columns
-    cloud: Columns
-    residual: Floats | None
-    words: tuple[str, ...]
-    spent: tuple[tuple[float, float], ...] = ()
-
-
 class ReplayPortions:
     """Encodes the replay of one run, portion by portion.
 
     Attributes:
         known: number of frames encoded so far.
+        position: the state columns of the position; none without a target.
     """
 
     def __init__(self, start: RunStart) -> None:
         setup = start.setup
         self._run = run = _tables_at_start(start)
+        self.position = run.layout.position if run.layout else ()
         stride = max(1, -(-setup.steps // MAX_FRAMES))
         self._last = run.last if run.truth else setup.steps
         detail = DetailLevel(stride, particles=400, levels=LEVELS)
@@ -204,16 +183,24 @@ class ReplayPortions:
                 encoder.columns["charge"] = self._levels
         if run.truth:
             add_track(encoder, "truth", run.truth)
-        return encoder.text(_header(encoder, self._last, self._scale()) | {"notes": []})
+        return encoder.text(_header(encoder, self._last, self._scale()))
 
-    def add(self, tables: PortionTables, last: int) -> str:
-        """The frames up to that of step `last`, as text. There may be none, but estimates of earlier steps."""
+    def add(self, last: int, residual: Floats | None, spent: Sequence[tuple[float, float]], **tables: Any) -> str:
+        """The frames up to that of step `last`, as text. There may be none, but estimates of earlier steps.
+
+        Args:
+            last: the last step.
+            residual: (N,) residual energies in J at its end, None without a network.
+            spent: (time in s, energy in J that the network has spent until then) of each look at the run.
+            tables: what happened since the last portion, as in `ReplicateTables`: `events` of these steps, of the step
+                before and of the step after; `guess`: estimates of any step; `cloud` of these steps; `words` so far.
+        """
         stride = self._whole.detail.stride
         until = min(self._whole.frames, (last // stride if last < self._last else self._whole.frames - 1) + 1)
         count = max(until - self.known, 0)
-        run = replace(self._run, events=tables.events, guess=tables.guess, cloud=tables.cloud, words=tables.words)
+        run = replace(self._run, **tables)
         encoder = replace(self._whole, run=run, columns={}, first=self.known, frames=count)
-        header: dict[str, Any] = {"first": self.known, "frames": count, "messages": tables.words, "spent": tables.spent}
+        header: dict[str, Any] = {"first": self.known, "frames": count, "messages": run.words, "spent": spent}
         if run.guess:
             self._add_estimates(encoder)
         if count and run.events and run.nodes:
@@ -224,8 +211,8 @@ class ReplayPortions:
             add_traffic(encoder)
         if count and run.cloud:
             add_particles(encoder)
-        if count and tables.residual is not None and np.isfinite(self._battery) and self._battery > 0:
-            self._add_charge(encoder, tables.residual)
+        if count and residual is not None and np.isfinite(self._battery) and self._battery > 0:
+            self._add_charge(encoder, residual)
         for name in [name for name in encoder.columns if name.endswith("_total")]:
             del encoder.columns[name]
         self.known += count
@@ -268,7 +255,7 @@ def _tables_at_start(start: RunStart) -> ReplicateTables:
     setup, size = start.setup, len(start.positions)
     unknown = np.full(size, np.nan)
     battery = float(setup.energy.battery) if isinstance(setup, RadioSetup) else np.nan
-    nodes = {
+    nodes = {} if not size else {
         "node": np.arange(size), "x": start.positions[:, 0], "y": start.positions[:, 1],
         "energy_initial": np.full(size, battery), "energy_left": unknown, "died_at": unknown,
     }  # fmt: skip
@@ -279,7 +266,8 @@ def _tables_at_start(start: RunStart) -> ReplicateTables:
         units = dict(zip(motion.columns, motion.units, strict=True))
         layout = StateLayout(units, tuple(motion.columns[i] for i in motion.position))
         truth = _truth(start, layout.position)
-    return ReplicateTables(setup.dt, layout, (), frozenset(), truth, {}, nodes if size else {}, {}, {}, unlabelled)
+    headless = isinstance(setup, NetworkSetup) and setup.headless
+    return ReplicateTables(setup.dt, layout, (), frozenset(), truth, {}, nodes, {}, {}, unlabelled, headless)
 
 
 def _truth(start: RunStart, position: tuple[str, ...]) -> Columns:

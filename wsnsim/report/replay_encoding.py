@@ -7,7 +7,7 @@ their number per frame. A frame shows one step, or, if steps are thinned, the st
 Targets and clusters: ground truth, estimates, particles, and changes of membership by frame. Changes stand in the order
 of the event log, in the columns membership_node, membership_target and membership_change: a node JOINS a target's
 cluster; a cluster STARTS with the node as its only member; a node LEAVES every cluster, because it goes to sleep or
-fails; or a cluster ENDS, because its track is lost.
+fails; or a cluster ENDS, because its track is lost. Without a head, those who compute are the members of that frame.
 """
 
 from __future__ import annotations
@@ -82,6 +82,12 @@ class ReplayEncoder:
     def frame_of(self, steps: Ints) -> Ints:
         """The frames that show the steps, counted from the first one."""
         return -(-steps.astype(np.int64) // self.detail.stride) - self.first
+
+    def shown(self, steps: Ints) -> tuple[Ints, Bools]:
+        """The frames that show the steps, and whether each step is the one that is drawn of its frame."""
+        frames = self.frame_of(steps)
+        drawn: Bools = np.minimum((frames + self.first) * self.detail.stride, self.run.last) == steps
+        return frames, drawn & (frames >= 0) & (frames < self.frames)
 
     def index_of(self, nodes: Ints) -> Ints:
         """The indices of nodes among the drawn ones, -1 for others."""
@@ -182,17 +188,13 @@ def add_tracks(encoder: ReplayEncoder) -> None:
     delay = run.guess["issued"] - run.guess["time"] if run.guess else np.empty(0)
     delay = delay[np.isfinite(delay)]
     if delay.size and delay.max() > NO_DELAY:
-        encoder.notes.append(
-            f"each estimate is drawn at its step; cluster heads computed it up to {delay.max():.3g} s later"
-        )
+        encoder.notes.append(f"each estimate is drawn at its step; it was computed up to {delay.max():.3g} s later")
 
 
 def add_track(encoder: ReplayEncoder, name: str, table: Columns) -> None:
     """The position of each target at each frame, target by target; for estimates also error and cluster head."""
     run, box = encoder.run, encoder.box
-    steps = np.minimum(np.arange(encoder.frames) * encoder.detail.stride, run.last)
-    frame = encoder.frame_of(table["step"])
-    kept = steps[frame] == table["step"]
+    frame, kept = encoder.shown(table["step"])
     cell = np.searchsorted(run.targets, table["target"][kept]) * encoder.frames + frame[kept]
 
     def by_frame(values: Floats) -> Floats:
@@ -217,27 +219,21 @@ def add_particles(encoder: ReplayEncoder) -> None:
     kept = thinned(frames, encoder.detail.particles)
     if not kept.all():
         encoder.notes.append(f"at most {encoder.detail.particles} particles are drawn at a time")
-    encoder.add_total("particle", encoder.frame_of(cloud["step"])[_is_shown(encoder)])
+    frame, shown = encoder.shown(cloud["step"])
+    encoder.add_total("particle", frame[shown])
     rows, frames = rows[kept], frames[kept]
     positions = run.places(cloud | {"time": cloud["step"] * run.dt})
     x, y = (_boxed(encoder, axis, values[rows], frames) for axis, values in enumerate(positions))
     encoder.add("particle", frames, x=x, y=y)
 
 
-def _is_shown(encoder: ReplayEncoder) -> Bools:
-    """(particles,) whether the particle's step is drawn."""
-    steps = encoder.run.cloud["step"]
-    shown = np.minimum(encoder.frame_of(steps) * encoder.detail.stride, encoder.run.last) == steps
-    return np.asarray(shown)
-
-
 def _weighty(encoder: ReplayEncoder) -> tuple[Ints, Ints]:
     """The rows of particles with a noticeable weight, ordered by frame, and their frames; a note on the others."""
     run, cloud = encoder.run, encoder.run.cloud
-    frame, shown = encoder.frame_of(cloud["step"]), _is_shown(encoder)
+    frame, shown = encoder.shown(cloud["step"])
     heaviest = np.zeros(encoder.frames)
     np.maximum.at(heaviest, frame[shown], cloud["weight"][shown])
-    heavy = cloud["weight"] > LEAST_WEIGHT * heaviest[frame]
+    heavy = cloud["weight"] > LEAST_WEIGHT * heaviest[frame.clip(0, encoder.frames - 1)]
     if (shown & ~heavy).any():
         encoder.notes.append(f"particles lighter than {LEAST_WEIGHT:g} of the heaviest one are not drawn")
     shown &= heavy & np.isfinite(np.sum(run.places(cloud | {"time": cloud["step"]}), axis=0))
@@ -314,6 +310,8 @@ def add_clusters(encoder: ReplayEncoder, joined_before: Ints | None = None) -> I
     Returns:
         The indices of all nodes that joined a cluster so far.
     """
+    if encoder.run.headless:
+        return _add_participants(encoder)
     events = encoder.run.events
     index, change = encoder.index_of(events["node"]), coded(events["kind"], CHANGES)
     targets = np.array(encoder.run.groups, dtype=np.int64)
@@ -336,3 +334,20 @@ def add_clusters(encoder: ReplayEncoder, joined_before: Ints | None = None) -> I
         change=change[rows].astype("u1"),
     )
     return joined
+
+
+def _add_participants(encoder: ReplayEncoder) -> Ints:
+    """Add the nodes that compute in each frame as members; returns their indices."""
+    events, index = encoder.run.events, encoder.index_of(encoder.run.events["node"])
+    keys = np.column_stack([encoder.frame_of(events["step"]), events["target"], index])
+    found = np.unique(keys[(events["kind"] == KIND["compute"]) & (index >= 0)], axis=0)
+    ends = np.unique(found[:, :2], axis=0)
+    frames, targets = np.concatenate([ends, found[:, :2]]).T
+    encoder.add(
+        "membership",
+        frames,
+        node=np.concatenate([np.zeros_like(ends[:, 0]), found[:, 2]]).astype("<u4"),
+        target=np.searchsorted(encoder.run.groups, targets).astype("<u2"),
+        change=np.repeat([ENDS, JOINS], [len(ends), len(found)]).astype("u1"),
+    )
+    return np.unique(found[:, 2])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,58 +18,45 @@ MOST_DETECTIONS = 500
 """Detections that are drawn in a frame at most (our choice)."""
 
 
-class TrackMarks(NamedTuple):
-    """Detections of a run (`step`, `x`, `y`, `clutter`), and where identities switch (`step`, `x`, `y`)."""
+def marks_of(path: str | Path, replicate: int) -> tuple[Columns, Columns]:
+    """Detections of a run (`step`, `x`, `y`, `clutter`), and where identities switch (`step`, `x`, `y`).
 
-    detections: Columns
-    switches: Columns
-
-
-def marks_of(path: str | Path, replicate: int) -> TrackMarks:
-    """The marks of a run; empty where readings name their targets, or where it has no ground truth."""
+    Both are empty where readings name their targets, or where it has no ground truth.
+    """
     if not is_unlabelled(path) or not {"truth", "runs"} <= tables(path).keys():
-        return TrackMarks({}, {})
+        return {}, {}
     run = next(followed_runs(path, [replicate]), None)
     if run is None:
-        return TrackMarks({}, {})
+        return {}, {}
     step, target = run.switches[:, 0], run.switches[:, 1]
     places, flat = run.truth[target, step], run.truth.shape[2] < 2
     x, y = (step * run.rule.dt, places[:, 0]) if flat else (places[:, 0], places[:, 1])
-    return TrackMarks({} if flat else places_of_detections(path, run), {"step": step, "x": x, "y": y})
+    return {} if flat else places_of_detections(path, run), {"step": step, "x": x, "y": y}
 
 
-def add_unlabelled(encoder: ReplayEncoder, marks: TrackMarks) -> None:
+def add_unlabelled(encoder: ReplayEncoder, detections: Columns, switches: Columns) -> None:
     """Add the tracks, the detections, the switches, and how many groups merge and split."""
     run = encoder.run
     if run.unlabelled:
         held = run.unlabelled
-        frames, shown = _shown(encoder, held["step"].astype(np.int64))
+        frames, shown = encoder.shown(held["step"])
         x, y = run.places(held)
         columns = {"x": x, "y": y, "number": held["track"].astype("<u4"), "confirmed": held["confirmed"].astype("u1")}
         _add(encoder, "track", frames, columns, shown)
         for what in ("merge", "split") if run.events else ():
             encoder.add(what, encoder.frame_of(run.events["step"][run.events["kind"] == KIND[what]].astype(np.int64)))
-    if marks.detections:
-        held = marks.detections
-        frames, shown = _shown(encoder, held["step"])
+    if detections:
+        frames, shown = encoder.shown(detections["step"])
         order = np.flatnonzero(shown)[np.argsort(frames[shown], kind="stable")]
         kept = thinned(frames[order], MOST_DETECTIONS)
         if not kept.all():
             encoder.notes.append(f"at most {MOST_DETECTIONS} detections are drawn at a time")
         drawn = np.zeros(shown.size, dtype=bool)
         drawn[order[kept]] = True
-        columns = {"x": held["x"], "y": held["y"], "clutter": held["clutter"].astype("u1")}
+        columns = {"x": detections["x"], "y": detections["y"], "clutter": detections["clutter"].astype("u1")}
         _add(encoder, "detection", frames, columns, drawn)
-    if marks.switches:
-        held = marks.switches
-        _add(encoder, "switch", encoder.frame_of(held["step"]), {"x": held["x"], "y": held["y"]})
-
-
-def _shown(encoder: ReplayEncoder, steps: Ints) -> tuple[Ints, Bools]:
-    """The frame of each row, and whether its step is the one that the frame shows."""
-    frames = encoder.frame_of(steps)
-    shown: Bools = np.minimum(frames * encoder.detail.stride, encoder.run.last) == steps
-    return frames, shown
+    if switches:
+        _add(encoder, "switch", encoder.frame_of(switches["step"]), {"x": switches["x"], "y": switches["y"]})
 
 
 def _add(encoder: ReplayEncoder, name: str, frames: Ints, columns: Columns, rows: Bools | slice = slice(None)) -> None:

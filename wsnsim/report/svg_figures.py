@@ -7,20 +7,20 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib import style
-from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogFormatter, NullFormatter
 
 from wsnsim.analysis import error_bounds, plot_data, sweep_plots
-from wsnsim.analysis.figure_style import LEGEND, STYLE
-from wsnsim.analysis.figures import PlotSelection, panels_of
+from wsnsim.analysis.figure_style import STYLE, Panel, titled
+from wsnsim.analysis.figures import SWEPT, PlotSelection, panels_of
 from wsnsim.analysis.multi_target import is_unlabelled
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.runs import tracked
@@ -29,17 +29,12 @@ from wsnsim.recording.folder import Folder
 
 MANY: Final = 3000
 """Marks above which they are drawn as an image (our choice)."""
-SIZE: Final = (5.2, 3.7)
-MARGINS: Final = {"left": 0.15, "right": 0.97, "bottom": 0.13, "top": 0.84}
-"""Space for two rows of a legend and a title. It is fixed, because computing it takes as long as drawing."""
-ROW_OF_LEGEND: Final = 0.065
-"""Height of a further row of a legend, as a share of the figure's."""
+SIZE: Final = (4.0, 3.1)
+"""Inches, so that letters can be read on a phone's screen (our choice)."""
 ORDER: Final = ("track", "gospa", "error", "consistency", "energy", "particles", "states")
 """The figures of a result, the most important first."""
 MAX_TARGETS: Final = 4
 """Targets whose tracks get a figure (our choice)."""
-LEGEND_COLUMNS: Final = 3
-"""Entries per row of a legend, so that a figure fits a phone's screen (our choice)."""
 PAGE_STYLE: Final = {
     **STYLE,
     "svg.fonttype": "none",
@@ -55,10 +50,6 @@ class SvgFigure(NamedTuple):
     name: str
     label: str
     svg: str
-
-
-_Panel = tuple[str, Callable[[Axes], Axes], int | None]
-"""A figure to draw: its name, the function that draws it, and the target that it shows, if it shows one."""
 
 
 def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list[SvgFigure], list[str]]:
@@ -80,63 +71,50 @@ def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list
         targets = [0] if is_unlabelled(path) else targets  # one figure shows them all
     if len(targets) > MAX_TARGETS:
         left_out.append(f"only the tracks of the first {MAX_TARGETS} of {len(targets):,} targets are drawn")
-    with style.context(["default", PAGE_STYLE]):
-        panels = list(_panels(path, replicate, possible, targets, plugins))
-        for panel in tracked(panels, f"figures of {path.name} drawn"):
-            try:
-                figures.append(_drawn(*panel, len(targets) > 1))
-            except (ResultError, UsageError) as error:
-                left_out.append(f"without {panel[0]}: {error}")
+    panels = list(_panels(path, replicate, possible, targets, plugins))
+    for panel in tracked(panels, f"figures of {path.name} drawn"):
+        try:
+            figures.append(svg_of(*panel))
+        except (ResultError, UsageError) as error:
+            left_out.append(f"without {panel[0]}: {error}")
     return figures, left_out
 
 
-def _panels(path: Path, replicate: int, possible: set[str], targets: list[int], plugins: bool) -> Iterator[_Panel]:
-    """The figures to draw."""
-    of_targets: dict[str, list[int | None]] = {
-        "track": [*targets[:MAX_TARGETS]],
-        "particles": [*targets[:1]],
-        "states": [*targets[:1]],
-    }
+def _panels(
+    path: Path, replicate: int, possible: set[str], targets: list[int], plugins: bool
+) -> Iterator[tuple[str, Panel, int | None]]:
+    """The arguments of `svg_of` for each figure to draw."""
+    of_targets = {"track": targets[:MAX_TARGETS], "particles": targets[:1], "states": targets[:1]}
     for name in (name for name in ORDER if name in possible):
-        for target in of_targets.get(name, [None]):
-            chosen = PlotSelection(replicate=replicate, target=target or 0, plugins=plugins)
+        for target in of_targets.get(name, [0]):
+            chosen = PlotSelection(replicate=replicate, target=target, plugins=plugins)
             for title, draw in panels_of(path, name, chosen, among_all=True):
-                yield title, draw, target
+                yield title, draw, target if len(targets) > 1 and name in of_targets else None
 
 
-def _drawn(name: str, draw: Callable[[Axes], Axes], target: int | None, several_targets: bool) -> SvgFigure:
-    """A figure as SVG without its XML prologue. If there are several targets, the title names the one shown."""
-    figure = Figure(figsize=SIZE)
-    axes = figure.subplots(gridspec_kw=MARGINS)
-    draw(axes)
-    if several_targets and target is not None:
-        title = axes.get_title(loc="left")
-        if not title.endswith(f", target {target}"):
-            axes.set_title(f"{title}, target {target}", loc="left", pad=20)
-    _wrap_legend(axes)
-    if axes.get_yscale() == "log":  # powers of ten would be formulas, which are not text
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
-    for artist in axes.get_children():
-        if _marks(artist) > MANY:
-            artist.set_rasterized(True)
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    text = buffer.getvalue()
-    svg = re.sub(r"\s*<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
+def svg_of(name: str, draw: Panel, target: int | None = None) -> SvgFigure:
+    """A figure of one panel, its SVG without prologue and date, so that the same figure gives the same text.
+
+    Args:
+        name: its name.
+        draw: draws the panel.
+        target: the target that is shown; its title names it.
+    """
+    with style.context(["default", PAGE_STYLE]):
+        figure, text = Figure(figsize=SIZE, layout="constrained"), io.StringIO()
+        axes = draw(figure.subplots())
+        if target is not None and not (title := axes.get_title(loc="left")).endswith(f", target {target}"):
+            titled(axes, f"{title}, target {target}")
+        if isinstance(axes.yaxis.get_major_formatter(), LogFormatter):  # its powers of ten are formulas, not text
+            axes.yaxis.set_major_formatter("{x:g}")
+            axes.yaxis.set_minor_formatter(NullFormatter())
+        for artist in axes.get_children():
+            if _marks(artist) > MANY:
+                artist.set_rasterized(True)
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    svg = text.getvalue()
+    svg = re.sub(r"\s*<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     return SvgFigure(name, axes.get_title(loc="left"), svg)
-
-
-def _wrap_legend(axes: Axes) -> None:
-    """Spread a long legend over several rows, with the title above."""
-    handles, labels = axes.get_legend_handles_labels()
-    if len(handles) <= LEGEND_COLUMNS:
-        return
-    rows = -(-len(handles) // LEGEND_COLUMNS)
-    box = axes.get_position()
-    axes.set_position((box.x0, box.y0, box.width, box.height - ROW_OF_LEGEND * max(rows - 2, 0)))
-    axes.set_title(axes.get_title(loc="left"), loc="left", pad=8 + 12 * rows)
-    axes.legend(handles, labels, ncols=LEGEND_COLUMNS, labelspacing=0.2, **LEGEND)
 
 
 def _marks(artist: Any) -> int:
@@ -148,18 +126,11 @@ def _marks(artist: Any) -> int:
     return 0
 
 
-PLOTS: Final = ("median", "energy", "lost", "differences")
-
-
-class SweepSvgs(NamedTuple):
-    """{name of a plot: (its title, its SVG)}, and {name of a plot: why it cannot be drawn}."""
-
-    drawn: dict[str, tuple[str, str]]
-    left_out: dict[str, str]
-
-
-def sweep_svgs(folder: Folder, metric: str = "rmse", key: str | None = None) -> SweepSvgs:
+def sweep_svgs(folder: Folder, metric: str = "rmse", key: str | None = None) -> tuple[list[SvgFigure], dict[str, str]]:
     """Plot a campaign over one of its keys: a metric, energy, lost runs and paired differences.
+
+    Returns:
+        The figures, and {name of a plot: why it cannot be drawn}.
 
     Raises:
         UsageError: the campaign does not vary the key, or there is no such metric.
@@ -167,13 +138,5 @@ def sweep_svgs(folder: Folder, metric: str = "rmse", key: str | None = None) -> 
     """
     lines = sweep_plots.lines_of(folder, metric, key)
     left_out = sweep_plots.lacking(lines)
-    drawn = {}
-    with style.context(["default", PAGE_STYLE]):
-        for name in PLOTS:
-            if name not in left_out:
-                figure = Figure(figsize=SIZE, layout="constrained")
-                axes = getattr(sweep_plots, name)(figure.subplots(), lines)
-                text = io.StringIO()
-                figure.savefig(text, format="svg", metadata={"Date": None})
-                drawn[name] = (axes.get_title(loc="left"), text.getvalue())
-    return SweepSvgs(drawn, left_out)
+    names = [name for name in SWEPT if name not in left_out]
+    return [svg_of(name, partial(getattr(sweep_plots, name), lines=lines)) for name in names], left_out

@@ -23,7 +23,7 @@ from wsnsim.analysis.campaign_info import ReplicateCounts, label
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.recording.folder import Folder
 from wsnsim.report.html_page import script_of, static_text
-from wsnsim.report.svg_figures import SweepSvgs, sweep_svgs
+from wsnsim.report.svg_figures import SvgFigure, sweep_svgs
 from wsnsim.watch.run_view import page
 from wsnsim.watch.server import HttpAnswer, WatchServer
 
@@ -130,7 +130,9 @@ class CampaignView(WatchServer):
     def __init__(self, folder: Folder, metric: str = "rmse", column: str | None = None, port: int = 0) -> None:
         self._folder, self._metric, self._column = folder, metric, column
         self._state = campaign_state(folder)
-        self._curves, self._version, self._why = SweepSvgs({}, {}), 0, "There are no results yet."
+        self._curves: list[SvgFigure] = []
+        self._left_out: dict[str, str] = {}
+        self._version, self._why = 0, "There are no results yet."
         self._drawn_at = -1
         self._began, self._first = time.monotonic(), self._state.done
         self._looked, self._computes = threading.Event(), False
@@ -192,7 +194,8 @@ class CampaignView(WatchServer):
         if done == self._drawn_at or not done:
             return
         try:
-            self._curves, self._why = sweep_svgs(self._folder, self._metric, self._column), ""
+            self._curves, self._left_out = sweep_svgs(self._folder, self._metric, self._column)
+            self._why = ""
         except UsageError as error:
             if self._column or self._metric != "rmse":
                 raise
@@ -205,21 +208,18 @@ class CampaignView(WatchServer):
         if name == "state":
             self._looked.set()
             return HttpAnswer.json(self._told())
-        found = self._curves.drawn.get(name.removesuffix(".svg")) if name.endswith(".svg") else None
-        return HttpAnswer(found[1].encode(), "image/svg+xml", SVG_POLICY) if found else None
+        found = next((curve for curve in self._curves if name == f"{curve.name}.svg"), None)
+        return HttpAnswer(found.svg.encode(), "image/svg+xml", SVG_POLICY) if found else None
 
     def _told(self) -> dict[str, Any]:
         """The state as the page takes it."""
-        state, curves = self._state, self._curves
+        state = self._state
         known = [point.seconds for point in state.points if point.seconds is not None]
-        return {
-            "done": state.done, "failed": state.failed, "total": state.total, "running": state.running,
+        return vars(state) | {
             "computes": self._computes, "complete": state.complete, "left": self._left(state),
-            "seconds": median_high(known) if known else None,
-            "points": state.points,
-            "failures": list(state.failures.items()), "version": self._version, "why": self._why,
-            "curves": [[name, title] for name, (title, _) in curves.drawn.items()],
-            "left_out": list(curves.left_out.items()),
+            "seconds": median_high(known) if known else None, "failures": list(state.failures.items()),
+            "version": self._version, "why": self._why, "left_out": list(self._left_out.items()),
+            "curves": [[curve.name, curve.label] for curve in self._curves],
         }  # fmt: skip
 
     def _left(self, state: CampaignState) -> float | None:

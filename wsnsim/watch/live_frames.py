@@ -21,11 +21,10 @@ from typing import Any, Final, final
 import numpy as np
 
 from wsnsim.analysis.plot_data import EVENTS, Columns
-from wsnsim.base.arrays import Floats
 from wsnsim.base.rows import Issued, RunNow, RunStart
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import CAUSES, Recorder, equally_long
-from wsnsim.report.replay import PortionTables, ReplayPortions
+from wsnsim.report.replay import ReplayPortions
 
 INTERVAL: Final = 0.25
 """Seconds between two looks at a run."""
@@ -133,8 +132,6 @@ class LiveFrames:
 
     Attributes:
         head: the head of the replay as text.
-        replicate: number of the run.
-        time: simulated time in s.
         error: position error of the last estimate, NaN before the first one.
         joules: {cause: energy in J that the network has spent}.
     """
@@ -144,7 +141,7 @@ class LiveFrames:
         self._rows: dict[str, Columns] = {"events": NONE, "particles": NONE}
         self._squares, self._count = 0.0, 0
         self.head = self._portions.head()
-        self.replicate, self.time, self.error = start.replicate, 0.0, float("nan")
+        self.error = float("nan")
         self.joules: dict[str, float] = {}
 
     @property
@@ -155,32 +152,24 @@ class LiveFrames:
     def add(self, pieces: Sequence[RunPiece]) -> str:
         """The frames that are complete after these pieces, as text."""
         last = pieces[-1]
-        names = {"events": EVENTS, "particles": ("target", "step", *self._position(), "weight")}
+        names = {"events": EVENTS, "particles": ("target", "step", *self._portions.position, "weight")}
         for table, columns in names.items():
             written = [rows for piece in pieces for rows in piece.rows.get(table, ())]
             new = [equally_long({name: rows[name] for name in columns}) for rows in written]
             self._rows[table] = _joined([self._rows[table], *new])
-        guess = self._guess([each for piece in pieces for each in piece.estimates])
-        if guess:
-            self._squares += float((guess["error"] ** 2).sum())
-            self._count += guess["error"].size
-            self.error = float(guess["error"][np.argmax(guess["step"])])
-        guess = _joined([guess, self._headed(pieces, guess)])
-        self.time = last.time
+        guess = self._guess(pieces)
+        known = np.isfinite(guess["error"]) if guess else np.empty(0, dtype=bool)
+        if known.any():
+            self._squares += float((guess["error"][known] ** 2).sum())
+            self._count += int(known.sum())
+            self.error = float(guess["error"][known][np.argmax(guess["step"][known])])
         self.joules = {cause: joules for cause, joules in zip(CAUSES, last.joules, strict=False) if joules > 0.0}
         complete = last.step - 2
-        spent = tuple((piece.time, sum(piece.joules)) for piece in pieces if piece.joules)
-        tables = PortionTables(self._rows["events"], guess, self._until(complete), last.residual, last.words, spent)
-        text = self._portions.add(tables, complete)
+        spent = [(piece.time, sum(piece.joules)) for piece in pieces if piece.joules]
+        tables = {"events": self._rows["events"], "guess": guess, "cloud": self._until(complete), "words": last.words}
+        text = self._portions.add(complete, last.residual, spent, **tables)
         self._forget_rows()
         return text
-
-    def _position(self) -> tuple[str, ...]:
-        setup = self._start.setup
-        if not isinstance(setup, TrackingSetup):
-            return ()
-        motion = setup.motions[0]
-        return tuple(motion.columns[i] for i in motion.position)
 
     def _until(self, step: int) -> Columns:
         """The particles of the steps that are complete and not yet encoded."""
@@ -196,37 +185,24 @@ class LiveFrames:
         kept = {table: rows["step"] >= self._encoded() for table, rows in self._rows.items() if rows}
         self._rows |= {table: _chosen(self._rows[table], rows) for table, rows in kept.items()}
 
-    def _guess(self, estimates: Sequence[tuple[int, Issued]]) -> Columns:
-        """The rows of estimates, with their errors."""
+    def _guess(self, pieces: Sequence[RunPiece]) -> Columns:
+        """The rows of new estimates, with their errors, and of cluster heads at steps without an estimate."""
         setup, truths = self._start.setup, self._start.truths
-        if not estimates or not isinstance(setup, TrackingSetup):
+        if not isinstance(setup, TrackingSetup):
             return NONE
         place = list(setup.motions[0].position)
-        targets = np.array([target for target, _ in estimates])
-        steps = np.array([issued.step for _, issued in estimates])
-        means = np.array([issued.estimate.mean for _, issued in estimates])[:, place]
-        true = np.array([truths[target][step, place] for target, step in zip(targets, steps, strict=True)])
-        heads = np.array([issued.head for _, issued in estimates])
-        error = np.sqrt(((means - true) ** 2).sum(axis=1))
-        return _row_columns(targets, steps, setup.dt, dict(zip(self._position(), means.T, strict=True)), error, heads)
-
-    def _headed(self, pieces: Sequence[RunPiece], guess: Columns) -> Columns:
-        """Rows with the cluster heads of steps without an estimate."""
-        rows = [row for piece in pieces for row in piece.heads if row[1] > 0]
-        known = set(zip(guess["target"].tolist(), guess["step"].tolist(), strict=True)) if guess else set()
-        rows = [row for row in rows if row[:2] not in known]
+        unknown = [np.nan] * (len(place) + 1)
+        rows = {row[:2]: (*row[:2], *unknown, row[2]) for piece in pieces for row in piece.heads if row[1] > 0}
+        for target, issued in (each for piece in pieces for each in piece.estimates):
+            mean = issued.estimate.mean[place]
+            error = np.sqrt(((mean - truths[target][issued.step, place]) ** 2).sum())
+            rows[target, issued.step] = (target, issued.step, *mean, error, issued.head)
         if not rows:
             return NONE
-        targets, steps, heads = np.array(rows).T
-        missing = np.full(len(rows), np.nan)
-        places = dict.fromkeys(self._position(), missing)
-        return _row_columns(targets, steps, self._start.setup.dt, places, missing, heads)
-
-
-def _row_columns(
-    targets: np.ndarray, steps: np.ndarray, dt: float, places: dict[str, Floats], error: Floats, heads: np.ndarray
-) -> Columns:
-    return {"target": targets, "step": steps, "time": steps * dt, **places, "error": error, "head": heads}
+        names = ("target", "step", *self._portions.position, "error", "head")
+        guess = dict(zip(names, np.array(list(rows.values())).T, strict=True))
+        guess |= {name: guess[name].astype(np.int64) for name in ("target", "step", "head")}
+        return guess | {"time": guess["step"] * setup.dt}
 
 
 def _joined(tables: Sequence[Columns]) -> Columns:

@@ -35,7 +35,7 @@ FAREWELL: Final = 5.0
 """Seconds that tabs get to fetch the result's page before the server is closed."""
 OPEN: Final = 3.0
 """Seconds since its last request for which a tab is taken to be open."""
-Queued = RunStart | RunPiece | threading.Event | None
+Queued = RunStart | RunPiece | None
 
 
 @final
@@ -85,12 +85,6 @@ class RunView(WatchServer):
 
         return report
 
-    def settle(self) -> None:
-        """Wait until all that has happened so far is encoded."""
-        settled = threading.Event()
-        self._queue.put(settled)
-        settled.wait()
-
     def finish(self, page: str) -> None:
         """Show the page of the result instead."""
         self._final = answer_with_page(page)
@@ -117,9 +111,6 @@ class RunView(WatchServer):
                     self._begin(list(group)[-1])
                 elif kind is RunPiece:
                     self._add(list(group))
-                elif kind is threading.Event:
-                    for event in group:
-                        event.set()
                 else:
                     return
 
@@ -160,7 +151,7 @@ class RunView(WatchServer):
             begin = first if run == self._run and 0 <= first <= len(texts) + 1 else 0
             everything = [frames.head, *texts]
             state |= {
-                "run": self._run, "replicate": frames.replicate, "from": begin, "error": _finite(frames.error),
+                "run": self._run, "from": begin, "error": _finite(frames.error),
                 "rmse": _finite(frames.rmse), "joules": dict(frames.joules), "known": len(everything),
             }  # fmt: skip
         return state | {"texts": _as_many_as_fit(everything[begin:])}

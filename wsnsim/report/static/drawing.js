@@ -17,7 +17,7 @@ function measure() {
   const room = wide - border.left - border.right;
   const ratio = replay.flat ? 0.55 : (y1 - y0) / (x1 - x0);
   let width = room, height = room * ratio;
-  const most = Math.max(160, Math.min(0.78 * innerHeight, innerHeight - 130) - border.top - border.bottom), least = 120;
+  const most = Math.max(160, Math.min(0.7 * innerHeight, innerHeight - 130) - border.top - border.bottom), least = 120;
   if (height > most) { height = most; if (!replay.flat) width = most / ratio; }
   if (height < least) height = least;
   const tall = Math.round(height + border.top + border.bottom), zoom = devicePixelRatio || 1;

@@ -12,6 +12,8 @@ const EXPLANATIONS = {
   node: "one sensor node: sensor, processor, radio, battery; small: asleep, dormant or on its schedule; crossed: dead",
   energy: "what is left in a battery, drawable or not: initial and harvested less spent and lost; as a share of the initial energy",
   head: "the node that runs the tracker and collects from the members",
+  gateway: "the participant whose estimate is recorded and reported",
+  participant: "a node that runs the tracker, where there is no cluster head",
   member: "a node that joined a cluster, the head included",
   sensing: "a node that takes a measurement of the target in this step",
   message: "a line is a message from its sender to a receiver, a dashed ring a broadcast",
@@ -103,22 +105,25 @@ function nodeEntries() {
       for (let x = 0; x < 34; x++) { pen.fillStyle = ramp[Math.round((x / 33) * full)]; pen.fillRect(x, 6, 1.2, 10); }
     }, EXPLANATIONS.energy]);
   }
-  if (col.head && col.head.some((at) => at >= 0)) entries.push(["cluster head", marked(headMark), EXPLANATIONS.head]);
+  if (col.head && col.head.some((at) => at >= 0)) {
+    entries.push([replay.headless ? "gateway" : "cluster head", marked(headMark), EXPLANATIONS[replay.headless ? "gateway" : "head"]]);
+  }
   if (col.membership_node && col.membership_node.length) entries.push(memberEntry(full));
   if (col.sense_node && col.sense_node.length) entries.push(["sensing node", marked(senseMark), EXPLANATIONS.sensing]);
   return entries;
 }
 
-// Members of several targets differ in the dashes of their rings.
+// Members of several targets, or groups of tracks, differ in the dashes of their rings.
 function memberEntry(full) {
-  const shown = replay.targets.slice(0, RING_DASHES.length), several = replay.groups == null && shown.length > 1, repeat = replay.targets.length > shown.length;
+  const every = replay.groups == null ? replay.targets : replay.clusters, shown = every.slice(0, RING_DASHES.length);
+  const several = shown.length > 1, repeat = every.length > shown.length, word = replay.headless ? "participant" : "cluster member";
   const paint = (pen) => shown.forEach((_, target) => {
     const x = 17 + 11 * (target - (shown.length - 1) / 2);
     node(pen, x, 11, several ? 2 : 3.5, AWAKE, full);
-    memberMark(pen, x, 11, several ? target : 0);
+    memberMark(pen, x, 11, target);
   });
-  const text = several ? `cluster member of target ${shown.join(", ")}${repeat ? " …" : ""}` : "cluster member";
-  return [text, paint, EXPLANATIONS.member + (repeat ? "; rings repeat for further targets" : "")];
+  const whose = replay.groups == null ? `target ${shown.join(", ")}${repeat ? " …" : ""}` : "each group of tracks";
+  return [several ? `${word} of ${whose}` : word, paint, EXPLANATIONS[replay.headless ? "participant" : "member"] + (repeat ? "; rings repeat for further targets" : "")];
 }
 
 function messageEntries() {

@@ -20,8 +20,8 @@ function describeTarget(number, target) {
   const { col } = replay, at = target * replay.frames + frame, head = col.head ? col.head[at] : -1;
   const unit = (replay.axes[1].match(/\[(.*)\]$/) || ["", ""])[1], error = col.error ? col.error[at] : NaN;
   const parts = [Number.isFinite(error) ? `error ${digits(error)} ${isolated(unit)}` : "no estimate"];
-  if (head >= 0) parts.push(`cluster head ${col.node[head]}${replay.mode[head] === DEAD ? ", dead" : ""}`);
-  if (replay.groups == null && col.membership_node && col.membership_node.length) parts.push(counted(replay.clusters[target].size, "member"));
+  if (head >= 0) parts.push(`${replay.headless ? "gateway" : "cluster head"} ${col.node[head]}${replay.mode[head] === DEAD ? ", dead" : ""}`);
+  if (replay.groups == null && col.membership_node && col.membership_node.length) parts.push(counted(replay.clusters[target].size, replay.headless ? "participant" : "member"));
   return (replay.targets.length > 1 ? `target ${number}: ` : "") + parts.join(", ");
 }
 
@@ -51,7 +51,7 @@ function layers() {
     const label = document.createElement("label"), box = document.createElement("input");
     box.type = "checkbox"; box.checked = shown[name];
     box.addEventListener("change", () => { shown[name] = box.checked; redraw(); });
-    label.append(box, document.createTextNode(` ${words}`));
+    label.append(box, document.createTextNode(` ${replay.headless && name === "members" ? "participants" : words}`));
     byId("shown").append(label);
   }
 }
@@ -155,7 +155,7 @@ function key(event) {
 }
 
 function redraw() {
-  if (!replay || player.hidden) return;
+  if (!replay || !canvas.clientWidth) return;
   view = null;
   show(frame);
   legend();
@@ -170,7 +170,7 @@ function listen() {
   chosen.addEventListener("change", () => open(+chosen.value, null).then(() => { if (replay) updateAddress(); }));
   addEventListener("keydown", key);
   addEventListener("hashchange", followAddress);
-  new ResizeObserver(() => { if (view && canvas.clientWidth && canvas.clientWidth !== view.wide) redraw(); }).observe(canvas);
+  new ResizeObserver(() => { if (view && canvas.clientWidth !== view.wide) redraw(); }).observe(canvas);
   addEventListener("resize", () => { if (view && Math.abs(innerHeight - view.high) > MIN_RESIZE) redraw(); });
   addEventListener("beforeprint", () => { root.dataset.print = "yes"; redraw(); });
   addEventListener("afterprint", () => { delete root.dataset.print; redraw(); });

@@ -1,6 +1,6 @@
 // The page of a campaign: it asks its server for the progress, and for the curves when there are new ones.
-const PAUSE = 1000, PATIENCE = 5, root = document.documentElement, byId = (id) => document.getElementById(id);
-const seen = { version: -1, failures: 0 };
+const PAUSE = 1000, PATIENCE = 5, BETWEEN = 10000, root = document.documentElement, byId = (id) => document.getElementById(id);
+const seen = { version: -1, failures: 0, done: null, at: -Infinity };
 const number = (value) => +value.toPrecision(3);
 
 function duration(seconds) {
@@ -60,7 +60,9 @@ function tell(state) {
   byId("why").hidden = !state.why;
   fillTable(state.points);
   items(byId("failures"), state.failures.map(([task, why]) => `${task}: ${why}`));
-  const waiting = state.running || state.computes ? "The campaign runs." : "No task is running: resume the campaign with wsnsim sweep.";
+  if (seen.done !== null && state.done !== seen.done) seen.at = performance.now();  // between two tasks, none is running
+  seen.done = state.done;
+  const waiting = state.running || state.computes || performance.now() - seen.at < BETWEEN ? "The campaign runs." : "No task is running: resume the campaign with wsnsim sweep.";
   byId("state").textContent = state.complete ? "The campaign is complete." : waiting;
   if (state.version !== seen.version) { seen.version = state.version; showCurves(state); }
   root.dataset.done = state.done;
