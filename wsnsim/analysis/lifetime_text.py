@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from wsnsim.analysis.phrases import aligned, width, wrapped
+from wsnsim.analysis.phrases import aligned, wrapped
 from wsnsim.base.errors import counted
 
 HOUR, DAY, YEAR = 3600.0, 86_400.0, 365.25 * 86_400.0
