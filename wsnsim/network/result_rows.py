@@ -16,7 +16,7 @@ import simpy
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.frames import Counters
 from wsnsim.base.mechanisms import SyncMechanism
-from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResult
+from wsnsim.base.results import RunResult, RunTotals, TrackResult
 from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
@@ -143,7 +143,7 @@ def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:
         first_death=deaths[0] if deaths else NAN,
         half_dead=deaths[half - 1] if len(deaths) >= half else NAN,
         coverage=coverage,
-        **{name: getattr(outcome.counters, name) for name in RADIO_COUNTERS},
+        **{name: getattr(outcome.counters, name) for name in RunTotals._fields if hasattr(outcome.counters, name)},
     )
 
 
