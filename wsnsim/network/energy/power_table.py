@@ -105,14 +105,8 @@ class PowerTable:
 
     def powers(self, state: int) -> list[tuple[int, float]]:
         """(cause, W) of a state other than SCHEDULED, with ON if the MAC is duty-cycled."""
-        result = [
-            (self.radio_cause[state], self.radio[state] * self.share[state]),
-            (self.processor_cause[state], self.processor[state]),
-            (SENSE, self.sensor[state]),
-        ]
-        if self.duties:
-            result += (IDLE, self.listening[state]), (SWITCH, self.switching[state]), (ON, self.on[state])
-        return result
+        watts = self.by_state(state, passed=1.0, busy=0.0, computed=0.0)
+        return [*watts, (ON, self.on[state])] if self.duties else watts
 
     def total(self, state: int) -> float:
         """W of a state other than SCHEDULED."""
