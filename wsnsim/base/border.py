@@ -57,7 +57,7 @@ class CheckedServices:
 
     def __init__(self, services: Any, size: float | None = None) -> None:
         self._services = services
-        self._size: float = services.size if size is None else size
+        self._size: float = getattr(services, "size", np.inf) if size is None else size
 
     def __getattr__(self, name: str) -> Any:
         value = getattr(self._services, name)

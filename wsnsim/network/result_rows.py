@@ -22,8 +22,7 @@ from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.base.tables import CAUSES, KIND, SPENT, Recorder
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.clusters.track import ClusterRecord, Track
-from wsnsim.network.clusters.track_book import TrackBook
+from wsnsim.network.clusters.track import ClusterRecord, Track, TrackBook
 from wsnsim.network.event_log import EventLog, event, then
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram

@@ -15,8 +15,7 @@ from wsnsim.network.clusters.driver import DriverServices, HeadDied
 from wsnsim.network.clusters.elections import Elections
 from wsnsim.network.clusters.head_services import Estimates, HeadMessages, HeadProtocol, HeadServices
 from wsnsim.network.clusters.network_view import TargetSearch
-from wsnsim.network.clusters.track import GroupEnded, Handover, LastClusterDone, Track, TrackLost
-from wsnsim.network.clusters.track_book import TrackBook
+from wsnsim.network.clusters.track import GroupEnded, Handover, LastClusterDone, Track, TrackBook, TrackLost
 from wsnsim.network.clusters.wake_ahead import WakeAhead
 from wsnsim.network.event_log import Acting
 from wsnsim.network.node_process import NodeProcesses

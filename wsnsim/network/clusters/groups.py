@@ -24,8 +24,7 @@ from wsnsim.base.scans import Facts, Scan, TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.head_services import HeadProtocol, HeadServices
-from wsnsim.network.clusters.track import Handover, Track
-from wsnsim.network.clusters.track_book import TrackRow, predicted
+from wsnsim.network.clusters.track import Handover, Track, TrackRow, predicted
 from wsnsim.network.event_log import Acting
 
 NUMBERS: Final = 4

@@ -22,8 +22,7 @@ from wsnsim.network.clusters.collection import Deadline
 from wsnsim.network.clusters.driver import Driver, DriverServices, HeadDied
 from wsnsim.network.clusters.elections import Elections
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
-from wsnsim.network.clusters.track import Handover, LastClusterDone, Track
-from wsnsim.network.clusters.track_book import TrackBook
+from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackBook
 from wsnsim.network.clusters.wake_ahead import WakeAhead
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.node_process import NodeProcesses

@@ -27,8 +27,7 @@ from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.groups import NUMBERS, Arrived, GroupLead, Groups
 from wsnsim.network.clusters.head_services import HeadServices
 from wsnsim.network.clusters.received_tracks import BroadcastTracks, FreeDetections, ReceivedTracks
-from wsnsim.network.clusters.track import GroupEnded, Handover, Track
-from wsnsim.network.clusters.track_book import outdone, predicted
+from wsnsim.network.clusters.track import GroupEnded, Handover, Track, outdone, predicted
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.radio.datagrams import Datagram
 

@@ -14,7 +14,7 @@ from wsnsim.base.arrays import Bools, Floats, components_of, near, planar
 from wsnsim.base.scans import Facts, TrackEstimate
 from wsnsim.network.clusters.election import strength_of
 from wsnsim.network.clusters.network_view import NetworkView
-from wsnsim.network.clusters.track_book import TrackBook, predicted
+from wsnsim.network.clusters.track import TrackBook, predicted
 
 GATE: Final = 4.0
 """Standard deviations of a reading about its expected value within which it is explained."""

@@ -30,11 +30,6 @@ AWAKE, ASLEEP, SCHEDULED = int(Mode.AWAKE), int(Mode.ASLEEP), int(Mode.SCHEDULED
 Number = TypeVar("Number", float, Floats)
 
 
-def level_of(duty: int) -> int:
-    """Return the level at which radios follow a duty, given its number."""
-    return duty if duty == 0 else duty + 1
-
-
 class PowerTable:
     """The power of a node in each state.
 
@@ -208,7 +203,7 @@ class RadioLevels:
 
     def set_duty(self, node: int, index: int) -> int:
         """A node follows another duty; returns the level of that."""
-        self._duty_level[node] = level = level_of(index)
+        self._duty_level[node] = level = index + (index > 0)  # radios that are held on are at level 1
         return level
 
     def add(self, node: int, listened: float, switched: float) -> None:
