@@ -195,7 +195,7 @@ def run(  # noqa: PLR0913
         StorageError: The file cannot be written.
         UsageError: `replicates` is neither a number of runs nor a list of different run numbers.
     """
-    runs = _Runs(scenario, replicates, plugins, batch, timeout)
+    runs = _RunSeries(scenario, replicates, plugins, batch, timeout)
     result = ResultFile(Path(out), runs.layout.states, runs.setup.record, **runs.layout.keywords)
     made_by = {"command_line": command_line, "code": code}
     return runs.make(result, Path(out), made_by, progress, on_compile, watched)
@@ -230,13 +230,13 @@ def run_in_memory(
         RunError: A simulation failed.
         UsageError: `replicates` is neither a number of runs nor a list of different run numbers.
     """
-    runs = _Runs(scenario, replicates, plugins, batch, timeout)
+    runs = _RunSeries(scenario, replicates, plugins, batch, timeout)
     result = MemoryResult(runs.layout.states, runs.setup.record, **runs.layout.keywords)
     return runs.make(result, Path(), {"command_line": command_line}, progress), result
 
 
-class _Runs:
-    """Runs of a scenario, into one result.
+class _RunSeries:
+    """The runs of a scenario that go into one result.
 
     Attributes:
         setup: The setup of the scenario.
@@ -244,13 +244,9 @@ class _Runs:
     """
 
     def __init__(
-        self,
-        scenario: Source,
-        replicates: int | Sequence[int] | None,
-        plugins: bool,
-        batch: bool,
+        self, scenario: Source, replicates: int | Sequence[int] | None, plugins: bool, batch: bool,
         timeout: float | None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._began, self._compiled, self._timeout = time.monotonic(), compilation_seconds(), time_limit(timeout)
         self._scenario = load(scenario, plugins=plugins)
         self.setup = scenarios.build(self._scenario)
