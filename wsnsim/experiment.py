@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import wsnsim.scenario as scenarios
 from wsnsim.base.errors import plugin_faults_of_run
@@ -33,7 +33,7 @@ from wsnsim.base.process import contained, gc_frozen, limited, time_limit
 from wsnsim.base.results import Report, RunResult, Summary, provenance_of, summarise
 from wsnsim.base.rows import RunStart, follower_of
 from wsnsim.base.runs import OnTime, Progress, run_numbers, throttled
-from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TableLayout, TrackingSetup, table_layout
+from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup, table_layout
 from wsnsim.base.tables import Memory, Recorder
 from wsnsim.models.compilation import announced, compilation_seconds, compilation_wall, time_without_compilation
 from wsnsim.models.coverage import coverage_of_living
@@ -125,7 +125,8 @@ def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime 
         return summarise(setup, replicate, result, (), recorder, started + compilation_seconds())
     assert isinstance(setup, TrackingSetup)
     conditions = sample_initial_conditions(setup, replicate)
-    follower_of(recorder).begin(RunStart(setup, replicate, conditions.positions, conditions.truths))
+    if (follower := follower_of(recorder)) is not None:
+        follower.begin(RunStart(setup, replicate, conditions.positions, conditions.truths))
     if isinstance(setup, NetworkSetup):
         with gc_frozen():
             result = _in_network(setup, replicate, conditions, recorder, progress)
@@ -141,7 +142,8 @@ def _without_targets(setup: BeaconSetup, replicate: int, recorder: Recorder, pro
     from wsnsim.network.workload_world import WorkloadWorld
 
     positions = sample_positions(setup, setup.link.reach, replicate)
-    follower_of(recorder).begin(RunStart(setup, replicate, positions, ()))
+    if (follower := follower_of(recorder)) is not None:
+        follower.begin(RunStart(setup, replicate, positions, ()))
     outcome = WorkloadWorld(setup, replicate, positions, setup.streams(replicate), recorder).run(progress)
     write_tables(outcome, replicate, setup, recorder)
     return network_result(outcome, setup)
@@ -193,9 +195,10 @@ def run(  # noqa: PLR0913
         StorageError: The file cannot be written.
         UsageError: `replicates` is neither a number of runs nor a list of different run numbers.
     """
-    task = _task(scenario, replicates, plugins, batch, timeout)._replace(watched=watched)
-    result = ResultFile(Path(out), task.layout.states, task.setup.record, **task.layout.keywords)
-    return _performed(task, result, Path(out), {"command_line": command_line, "code": code}, progress, on_compile)
+    runs = _RunSeries(scenario, replicates, plugins, batch, timeout)
+    result = ResultFile(Path(out), runs.layout.states, runs.setup.record, **runs.layout.keywords)
+    made_by = {"command_line": command_line, "code": code}
+    return runs.make(result, Path(out), made_by, progress, on_compile, watched)
 
 
 def run_in_memory(
@@ -227,93 +230,77 @@ def run_in_memory(
         RunError: A simulation failed.
         UsageError: `replicates` is neither a number of runs nor a list of different run numbers.
     """
-    task = _task(scenario, replicates, plugins, batch, timeout)
-    result = MemoryResult(task.layout.states, task.setup.record, **task.layout.keywords)
-    return _performed(task, result, Path(), {"command_line": command_line}, progress, None), result
+    runs = _RunSeries(scenario, replicates, plugins, batch, timeout)
+    result = MemoryResult(runs.layout.states, runs.setup.record, **runs.layout.keywords)
+    return runs.make(result, Path(), {"command_line": command_line}, progress), result
 
 
-class _RunTask(NamedTuple):
-    """Runs to be made: the scenario, its setup, the numbers of the runs, and the layout of their tables.
+class _RunSeries:
+    """The runs of a scenario that go into one result.
 
-    `began` and `compiled`: the monotonic time, and the time (s) of compilations so far, before the scenario was loaded.
+    Attributes:
+        setup: The setup of the scenario.
+        layout: The layout of the tables.
     """
 
-    scenario: Any
-    setup: Setup
-    replicates: Sequence[int]
-    layout: TableLayout
-    batch: bool
-    began: float
-    compiled: float
-    timeout: float | None
-    watched: Callable[[Recorder], Recorder] | None = None
+    def __init__(
+        self, scenario: Source, replicates: int | Sequence[int] | None, plugins: bool, batch: bool,
+        timeout: float | None,
+    ) -> None:  # fmt: skip
+        self._began, self._compiled, self._timeout = time.monotonic(), compilation_seconds(), time_limit(timeout)
+        self._scenario = load(scenario, plugins=plugins)
+        self.setup = scenarios.build(self._scenario)
+        self.layout = table_layout(self.setup)
+        self._numbers = run_numbers(self._scenario.replicates if replicates is None else replicates)
+        several = len(self._numbers) > 1 and not self._timeout  # a block holds many runs
+        self._batch = batch and several and offers_batch(self.setup)
 
+    def make(
+        self, result: ResultFile | MemoryResult, out: Path, origin: Mapping[str, str],
+        progress: Callable[[Progress], None] | None, on_compile: Callable[[], None] | None = None,
+        watched: Callable[[Recorder], Recorder] | None = None,
+    ) -> Report:  # fmt: skip
+        """Make the runs; their tables and texts go to `result`."""
+        loaded, setup = self._scenario, self.setup
+        with announced(on_compile), result as file:
+            file.set_text("scenario/source_yaml", loaded.source_yaml)
+            resolved = {**scenarios.resolved(loaded), "replicates": len(self._numbers)}
+            file.set_text("scenario/resolved_json", json.dumps(resolved))
+            made_by = provenance(origin["command_line"], setup.seed, scenarios.plugins(loaded), loaded.overrides)
+            made_by |= provenance_of(setup) | ({"code": origin["code"]} if origin.get("code") else {})
+            file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
+            batches: Batches | None = None
+            if self._batch:
+                from wsnsim.offline.batch import Batches
 
-def _task(
-    scenario: Source, replicates: int | Sequence[int] | None, plugins: bool, batch: bool, timeout: float | None
-) -> _RunTask:
-    began, compiled, timeout = time.monotonic(), compilation_seconds(), time_limit(timeout)
-    loaded = load(scenario, plugins=plugins)
-    setup = scenarios.build(loaded)
-    chosen = run_numbers(loaded.replicates if replicates is None else replicates)
-    batched = batch and len(chosen) > 1 and offers_batch(setup) and not timeout  # a block holds many runs
-    return _RunTask(loaded, setup, chosen, table_layout(setup), batched, began, compiled, timeout)
+                batches = Batches(setup, file, StandaloneReports, time_without_compilation)
+            prepared = time.monotonic() - self._began - compilation_wall()
 
+            def reporting(first: Progress) -> OnTime | None:
+                return throttled(progress, first, self._began, lambda: prepared + compilation_wall())
 
-def _performed(
-    task: _RunTask,
-    result: ResultFile | MemoryResult,
-    out: Path,
-    origin: Mapping[str, str],
-    progress: Callable[[Progress], None] | None,
-    on_compile: Callable[[], None] | None,
-) -> Report:
-    """Make the runs; their tables and texts go to `result`."""
-    loaded, setup, chosen = task.scenario, task.setup, task.replicates
-    with announced(on_compile), result as file:
-        file.set_text("scenario/source_yaml", loaded.source_yaml)
-        resolved = {**scenarios.resolved(loaded), "replicates": len(chosen)}
-        file.set_text("scenario/resolved_json", json.dumps(resolved))
-        made_by = provenance(origin["command_line"], setup.seed, scenarios.plugins(loaded), loaded.overrides)
-        made_by |= provenance_of(setup) | ({"code": origin["code"]} if origin.get("code") else {})
-        file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
-        batches: Batches | None = None
-        if task.batch:
-            from wsnsim.offline.batch import Batches
+            summaries = self._make_all(watched(file) if watched else file, batches, reporting)
+            if batches and batches.used:
+                file.set_text("provenance_json", json.dumps({**made_by, "engine": "batch"}))
+        wall, compiled = time.monotonic() - self._began, compilation_seconds() - self._compiled
+        return Report(loaded, tuple(summaries), out, wall, self.layout.states, self.layout.position, compiled)
 
-            batches = Batches(setup, file, StandaloneReports, time_without_compilation)
-        recorder = task.watched(file) if task.watched else file
-        prepared = time.monotonic() - task.began - compilation_wall()
-
-        def reporting(first: Progress) -> OnTime | None:
-            return throttled(progress, first, task.began, lambda: prepared + compilation_wall())
-
-        summaries = _made(task, recorder, batches, reporting)
-        if batches and batches.used:
-            file.set_text("provenance_json", json.dumps({**made_by, "engine": "batch"}))
-    wall, compiled = time.monotonic() - task.began, compilation_seconds() - task.compiled
-    return Report(loaded, tuple(summaries), out, wall, task.layout.states, task.layout.position, compiled)
-
-
-def _made(
-    task: _RunTask,
-    recorder: Recorder,
-    batches: Batches | None,
-    reporting: Callable[[Progress], OnTime | None],
-) -> list[Summary]:
-    """Make all runs, in blocks while there are `batches` of them, else one by one."""
-    summaries: list[Summary] = []
-    setup, replicates = task.setup, task.replicates
-    while len(summaries) < len(replicates):
-        left = replicates[len(summaries) :]
-        with contained(plugin_classes(vars(setup).values()) if batches else ()):
-            block = batches.next(left) if batches else []
-        number = len(summaries) + max(len(block), 1) - 1
-        on_time = reporting(Progress(number, len(replicates), 0.0, setup.duration, 0.0))
-        if not block:
-            one = partial(replicate_of, setup, left[0], recorder, on_time)
-            summaries.append(limited(one, task.timeout, f"the run (seed {setup.seed}, replicate {left[0]})"))
-        summaries += block
-        if on_time:
-            on_time(setup.duration)
-    return summaries
+    def _make_all(
+        self, recorder: Recorder, batches: Batches | None, reporting: Callable[[Progress], OnTime | None]
+    ) -> list[Summary]:
+        """Make all runs, in blocks while there are `batches` of them, else one by one."""
+        summaries: list[Summary] = []
+        setup, numbers = self.setup, self._numbers
+        while len(summaries) < len(numbers):
+            left = numbers[len(summaries) :]
+            with contained(plugin_classes(vars(setup).values()) if batches else ()):
+                block = batches.next(left) if batches else []
+            number = len(summaries) + max(len(block), 1) - 1
+            on_time = reporting(Progress(number, len(numbers), 0.0, setup.duration, 0.0))
+            if not block:
+                one = partial(replicate_of, setup, left[0], recorder, on_time)
+                summaries.append(limited(one, self._timeout, f"the run (seed {setup.seed}, replicate {left[0]})"))
+            summaries += block
+            if on_time:
+                on_time(setup.duration)
+        return summaries

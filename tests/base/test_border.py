@@ -287,6 +287,7 @@ def test_a_flow_that_the_network_ends_is_closed() -> None:
 
 
 class Services:
+    size = 3
     positions = np.zeros((3, 2))
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None: ...

@@ -21,7 +21,7 @@ from wsnsim.base.frames import EVERYONE, Burst, OfferedFrame
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.fragmentation import Fragment, Fragmentation
-from wsnsim.network.radio.ideal_medium import IdealMechanism, IdealMedium
+from wsnsim.network.radio.ideal_medium import IdealMechanism
 from wsnsim.network.radio.lpl.senders import Senders
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.tsch.exchanges import Exchanges
@@ -149,8 +149,8 @@ def watched_frames() -> Iterator[Frames]:
             (CsmaMechanism, "_enqueue", _offering), (Senders, "_enqueue", _offering),
             (Exchanges, "enqueue", _enqueuing), (Channel, "transmit", _transmitting),
             (Fragment, "finish", _telling), (OfferedFrame, "finish", _telling), (Burst, "lose", _losing),
-            (IdealMedium, "__init__", _opening_ideal), (IdealMechanism, "send", _sending),
-            (IdealMedium, "carry", _carrying),
+            (IdealMechanism, "__init__", _opening_ideal), (IdealMechanism, "send", _sending),
+            (IdealMechanism, "carry", _carrying),
         ):  # fmt: skip
             whole = getattr(owner, name)
             patch.setattr(owner, name, wraps(whole)(make(frames, whole)))
@@ -169,9 +169,9 @@ def _opening(frames: Frames, whole: Whole) -> Whole:
 
 
 def _opening_ideal(frames: Frames, whole: Whole) -> Whole:
-    def opened(medium: IdealMedium, radio: Any, *more: Any) -> None:
-        frames.open(radio, ideal=True)
-        whole(medium, radio, *more)
+    def opened(mechanism: IdealMechanism, mac: Any, services: NetworkMacServices) -> None:
+        frames.open(services.radio, ideal=True)
+        whole(mechanism, mac, services)
 
     return opened
 
@@ -259,7 +259,7 @@ def _sending(frames: Frames, whole: Whole) -> Whole:
 
 
 def _carrying(frames: Frames, whole: Whole) -> Whole:
-    def carry(self: IdealMedium, burst: Burst) -> None:
+    def carry(self: IdealMechanism, burst: Burst) -> None:
         before, bits = self._counters.frames_sent, burst.bits
         if not frames.of(burst):
             frames.add(burst, burst.source, burst.to, burst.packets, burst.sequence)

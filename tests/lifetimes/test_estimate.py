@@ -23,7 +23,7 @@ from wsnsim.models.batteries import Linear
 from wsnsim.models.faults import Crash
 from wsnsim.models.harvest import Harvester
 from wsnsim.models.visits import Crossing, Visits
-from wsnsim.network.inspection import NetworkFacts
+from wsnsim.network.radio.radio_stack import NetworkFacts
 from wsnsim.scenario import build, load
 
 HOUR, YEAR = 3600.0, 365.25 * 86_400.0

@@ -100,18 +100,22 @@ def test_the_moving_head_has_the_times_of_its_documentation():
     head = MovingHead()
     assert head.minimum_active == 1
     assert (head.main, head.sampling, head.patience) == ("prediction", 2e-3, 3.0)
-    assert window_of(head, head_waits(Csma(), 2.0)) == window_of(head, head_waits(IdealMac(), 2.0)) == (12e-3, 50e-3)
+    assert (
+        window_of(head.quiet, head.cap, head_waits(Csma(), 2.0))
+        == window_of(head.quiet, head.cap, head_waits(IdealMac(), 2.0))
+        == (12e-3, 50e-3)
+    )
 
 
 def test_the_waits_of_a_moving_head_follow_from_a_mac_whose_radios_are_mostly_off():
     late = LateCsma(interval=0.5)
     hop = late.latency(96).unicast
     assert 0.5 < hop < 0.51
-    assert window_of(MovingHead(), head_waits(late, 10.0)) == pytest.approx((1.5 * hop, 4.0 * hop))
-    assert window_of(MovingHead(), head_waits(late, 2.0)) == pytest.approx((1.5 * hop, 1.2)), "0.6 of a step"
-    assert window_of(MovingHead(), head_waits(late, 0.6)) == pytest.approx((hop, hop)), "a hop at least"
-    assert window_of(MovingHead(quiet=0.7, cap=0.8), head_waits(late, 2.0)) == (0.7, 0.8), "what is given stays"
-    assert window_of(MovingHead(cap=0.6), head_waits(late, 2.0)) == (0.6, 0.6)
+    assert window_of(None, None, head_waits(late, 10.0)) == pytest.approx((1.5 * hop, 4.0 * hop))
+    assert window_of(None, None, head_waits(late, 2.0)) == pytest.approx((1.5 * hop, 1.2)), "0.6 of a step"
+    assert window_of(None, None, head_waits(late, 0.6)) == pytest.approx((hop, hop)), "a hop at least"
+    assert window_of(0.7, 0.8, head_waits(late, 2.0)) == (0.7, 0.8), "what is given stays"
+    assert window_of(None, 0.6, head_waits(late, 2.0)) == (0.6, 0.6)
 
 
 def test_a_wait_that_ends_before_a_reading_can_arrive_is_refused_with_the_figure_that_is_needed():

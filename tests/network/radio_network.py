@@ -21,7 +21,7 @@ from wsnsim.models.sleep import EventWake
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.radio.datagrams import Datagram, Hops
 from wsnsim.network.radio.radio_stack import make_radio_stack
-from wsnsim.network.radio.routing import PathForwarding, Router
+from wsnsim.network.radio.routing import PathForwarding
 from wsnsim.network.radio.transport import Transport
 
 
@@ -53,9 +53,9 @@ class RadioNetwork:
         self.mac: Any = stack.mac
         self.env, self.nodes, self.topology = self.radio.env, self.radio.nodes, self.radio.topology
         self.counters = self.radio.counters
-        self.router = Router(self.radio, weight, setup.link.audible)
         hops = Hops(self.radio, self.mac)
-        self.transport = Transport(self.radio, self.mac, hops, PathForwarding(self.radio, hops, self.router, sinks))
+        self.router = PathForwarding(self.radio, hops, weight, setup.link.audible, sinks)
+        self.transport = Transport(self.radio, self.mac, hops, self.router)
         self.died: list[tuple[float, int]] = []
         self.nodes.on_death = self._take_down
 

@@ -133,6 +133,6 @@ def test_a_node_that_spends_often_before_it_runs_out_sets_few_timers():
     for i in range(2000):
         network.at(0.001 * i + 1e-6, lambda: network.nodes.spend(0, CPU, 1e-6))
     network.env.run(until=1.9999)
-    assert len(network.nodes.consumption._watch.timers) < 60
+    assert len(network.nodes.consumption.battery_watch.timers) < 60
     network.env.run(until=10.0)
     assert {node: time for time, node in network.died}[0] == pytest.approx((0.3 - 0.002) / 0.06, rel=1e-9)

@@ -15,7 +15,7 @@ from wsnsim.base.scans import TrackEstimate
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import simulate_run
 from wsnsim.network.clusters.groups import GroupLead
-from wsnsim.network.clusters.track_book import outdone
+from wsnsim.network.clusters.track import outdone
 
 WANTED = dict.fromkeys(("truth", "estimates", "events", "clusters", "energy", "nodes"), True)
 STEPS = 30

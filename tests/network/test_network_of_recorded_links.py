@@ -205,7 +205,7 @@ def test_paths_follow_the_rounds(tmp_path: Path) -> None:
     net = network(path, mac=IdealMac())
     assert net.router.path(0, 1) == [0, 1]
     changes: list[float] = []
-    net.topology.on_change = lambda: (net.router.restore(), changes.append(net.env.now))
+    net.topology.on_change = lambda: (net.router.forget_links(), changes.append(net.env.now))
     net.env.run(until=59.0)
     assert net.router.path(0, 1) == [0, 1]
     net.env.run(until=61.0)

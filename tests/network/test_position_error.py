@@ -112,7 +112,7 @@ def test_a_greedy_path_follows_assumed_positions_over_links_that_exist() -> None
     net = RadioNetwork([(0, 0), (50, 10), (60, -10), (120, 0)], weight="greedy")
     assert net.router.path(0, 3) == [0, 2, 3]
     net.nodes.assumed = Places(np.array([(0.0, 0.0), (70.0, 10.0), (50.0, -10.0), (120.0, 0.0)]))
-    net.router.restore()
+    net.router.forget_links()
     assert net.router.path(0, 3) == [0, 1, 3]
 
 

@@ -48,7 +48,7 @@ class Routes:
 
     def up(self, node):
         self.nodes.restart(node, 0.0)
-        self.router.restore()
+        self.router.forget_links()
 
 
 def uniform(seed, nodes, side):
@@ -130,8 +130,10 @@ def test_an_isolated_component_is_found_without_searching_the_whole_network(monk
     others = uniform(3, 3000, 2000.0)
     others = others[np.hypot(*(others - [400.0, 400.0]).T) > 200.0]
     net = Routes(np.vstack([others, [[400.0, 400.0], [410.0, 400.0]]]))
-    sizes, links = [], routing.Router._links
-    monkeypatch.setattr(routing.Router, "_links", lambda self, nodes: sizes.append(nodes.size) or links(self, nodes))
+    sizes, links = [], routing.PathForwarding._links
+    monkeypatch.setattr(
+        routing.PathForwarding, "_links", lambda self, nodes: sizes.append(nodes.size) or links(self, nodes)
+    )
     near = int(np.argmin(np.hypot(*(others - [150.0, 400.0]).T)))
     assert net.router.path(near, len(others)) is None
     assert max(sizes) < 1000

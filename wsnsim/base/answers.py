@@ -292,13 +292,10 @@ def ids_fault(ids: Iterable[Any] | None, size: float = np.inf) -> str:
     return told(f"ids of nodes{most}", found[0]) if found else ""
 
 
-REQUESTS: Final = (Local, Compute, Gather, GatherReadings, GatherLate, Scatter, Broadcast, Send, Exchange)
-
-
 def request_fault(request: Any) -> str:
     """Return what is wrong with a request."""
-    if type(request) not in REQUESTS:
-        names = ", ".join(each.__name__ for each in REQUESTS)
+    if type(request) not in _FAULTS:
+        names = ", ".join(each.__name__ for each in _FAULTS)
         return f"{shown_value(request)} is not a request; requests are {names}"
     fault = _FAULTS[type(request)](request)
     return f"{type(request).__name__}: {fault}" if fault else ""

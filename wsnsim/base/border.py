@@ -17,7 +17,6 @@ import re
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache, partial
-from operator import attrgetter
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
@@ -42,8 +41,6 @@ from wsnsim.base.plugin_code import code_place, line_place, plugin_fault
 from wsnsim.base.requests import Exchange, Flow, Gather, Local, Member, Parcel, Request
 from wsnsim.base.setups import Setup, TrackingSetup
 
-_SIZES: Final = ("positions.__len__", "size.__int__", "radio.nodes.size.__int__", "_nodes.size.__int__")
-"""Where the services of the roles know the number of nodes."""
 _OF_NODES: Final = frozenset({"node", "nodes", "source", "to", "sleepers", "centre_node"})
 _LEAST: Final[Mapping[str, float]] = {
     "seconds": 0.0, "joules": 0.0, "radius": 0.0, "probability": 0.0, "bits": 1.0, "payload_bits": 1.0,
@@ -58,8 +55,9 @@ _FREE: Final = frozenset({("step_clocks", "seconds"), ("log_start", "node")})
 class CheckedServices:
     """Passes on everything, and checks the arguments of calls: a fault is reported with the line that calls."""
 
-    def __init__(self, services: Any) -> None:
+    def __init__(self, services: Any, size: float | None = None) -> None:
         self._services = services
+        self._size: float = getattr(services, "size", np.inf) if size is None else size
 
     def __getattr__(self, name: str) -> Any:
         value = getattr(self._services, name)
@@ -72,7 +70,7 @@ class CheckedServices:
                 if (name, key) not in _FREE and (fault := self._fault(key, argument)):
                     raise PluginAnswerError(f"services.{name}: {key}: {fault}")
             answer = value(*arguments, **options)
-            return CheckedServices(answer) if name == "open_channel" else answer
+            return CheckedServices(answer, self._size) if name == "open_channel" else answer
 
         self.__dict__[name] = checked
         return checked
@@ -86,18 +84,6 @@ class CheckedServices:
             most = 1.0 if key == "probability" else answers.LARGEST
             return answers.number_fault(argument, least=_LEAST[key], most=most, infinite=key in ("joules", "seconds"))
         return answers.told("a function", argument) if key in _FUNCTIONS and not callable(argument) else ""
-
-    @property
-    def _size(self) -> float:
-        """The number of nodes; infinite where the services do not know it."""
-        for path in _SIZES:
-            found: Callable[[], int] | None = None
-            try:
-                found = attrgetter(path)(self._services)
-            except AttributeError:
-                continue
-            return found()
-        return np.inf
 
 
 Component = TypeVar("Component")

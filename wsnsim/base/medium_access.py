@@ -197,21 +197,10 @@ class HeadWaits(NamedTuple):
         return self.gather is not None
 
 
-class WaitsInWindow(Protocol):
-    """A policy of moving heads, which may leave its waits to the MAC."""
-
-    @property
-    def quiet(self) -> float | None: ...
-
-    @property
-    def cap(self) -> float | None: ...
-
-
-def window_of(policy: WaitsInWindow, waits: HeadWaits) -> tuple[float, float]:
-    """(quiet, cap) in s of a policy: its own, or those that follow from the MAC."""
-    quiet = waits.quiet if policy.quiet is None else policy.quiet
-    cap = waits.cap if policy.cap is None else policy.cap
-    return (min(quiet, cap) if policy.quiet is None else quiet), cap
+def window_of(quiet: float | None, cap: float | None, waits: HeadWaits) -> tuple[float, float]:
+    """(quiet, cap) in s of a policy of moving heads; where it says None, what follows from the MAC."""
+    cap = waits.cap if cap is None else cap
+    return (min(waits.quiet, cap) if quiet is None else quiet), cap
 
 
 def is_duty_cycled(mac: Any) -> bool:

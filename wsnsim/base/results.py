@@ -171,12 +171,6 @@ class RunTotals(NamedTuple):
     coverage: float = NAN
 
 
-RADIO_COUNTERS: Final = (
-    "frames_sent", "frames_lost", "packets_sent", "in_range", "delivered", "collided", "access_failures", "retries",
-)  # fmt: skip
-"""The fields of `RunTotals` that the radio counts."""
-
-
 class TrackResult(NamedTuple):
     """The estimates of one target, and what a network adds to them.
 

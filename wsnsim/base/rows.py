@@ -12,7 +12,7 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -325,22 +325,6 @@ class FollowsRuns(Protocol):
         """Take the present state. What it refers to changes when the run goes on."""
 
 
-class _Nobody:
-    """Follows nothing."""
-
-    def begin(self, start: RunStart) -> None:
-        pass
-
-    def due(self) -> bool:
-        return False
-
-    def follow(self, now: RunNow) -> None:
-        pass
-
-
-NOBODY: Final = _Nobody()
-
-
-def follower_of(recorder: object) -> FollowsRuns:
+def follower_of(recorder: object) -> FollowsRuns | None:
     """The recorder, if it follows runs."""
-    return recorder if isinstance(recorder, FollowsRuns) else NOBODY
+    return recorder if isinstance(recorder, FollowsRuns) else None

@@ -349,16 +349,7 @@ class TableLayout(NamedTuple):
     @property
     def keywords(self) -> dict[str, Any]:
         """All but `states`, as keyword arguments of the recorders of a result."""
-        return {
-            "position": self.position or None,
-            "components": self.components,
-            "duty_cycled": self.duty_cycled,
-            "absences": self.absences,
-            "unlabelled": self.unlabelled,
-            "harvests": self.harvests,
-            "headless": self.headless,
-            "late_readings": self.late_readings,
-        }
+        return {name: value for name, value in self._asdict().items() if name != "states" and value != ()}
 
 
 def table_layout(setup: Setup) -> TableLayout:

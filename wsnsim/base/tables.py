@@ -138,22 +138,16 @@ def columns_of(  # noqa: PLR0913
         headless: Whether there is no cluster head. If not, `estimates` has none of the columns of `WITHOUT_HEAD`.
         late_readings: Whether the tracker uses late readings. If not, `tracks` has none of the columns of `LATE`.
     """
-    columns = TABLES[table]
-    if table == "estimates":
-        others = (OF_TARGETS if unlabelled else OF_TRACKS) + (() if headless else WITHOUT_HEAD)
-        columns = tuple(column for column in columns if column.name not in others)
-    if table in ("readings", "detections") and components == 1:
-        return tuple(column for column in columns if column.name != "component")
-    if table == "runs" and not duty_cycled:
-        columns = tuple(column for column in columns if column.name not in DUTY_CYCLED)
-    if table == "runs" and not unlabelled:
-        columns = tuple(column for column in columns if column.name not in UNLABELLED)
-    if table == "tracks" and not absences:
-        columns = tuple(column for column in columns if column.name not in ABSENCES)
-    if table == "tracks" and not late_readings:
-        columns = tuple(column for column in columns if column.name not in LATE)
-    if table == "nodes" and not harvests:
-        columns = tuple(column for column in columns if column.name != "harvested")
+    of_one_component = () if components > 1 else ("component",)
+    absent = {
+        "estimates": (OF_TARGETS if unlabelled else OF_TRACKS) + (() if headless else WITHOUT_HEAD),
+        "readings": of_one_component,
+        "detections": of_one_component,
+        "runs": (() if duty_cycled else DUTY_CYCLED) + (() if unlabelled else UNLABELLED),
+        "tracks": (() if absences else ABSENCES) + (() if late_readings else LATE),
+        "nodes": () if harvests else ("harvested",),
+    }.get(table, ())
+    columns = tuple(column for column in TABLES[table] if column.name not in absent)
     if table == "covariances":
         return columns + covariance_columns(states)
     if position is not None:

@@ -26,7 +26,7 @@ from wsnsim.lifetimes.paths import Paths, Phase
 from wsnsim.lifetimes.quiet import QuietPower, quiet_power
 from wsnsim.lifetimes.rates import Loads, fit_loads
 from wsnsim.lifetimes.stores import draw_stores
-from wsnsim.network.inspection import NetworkFacts, inspect_network
+from wsnsim.network.radio.radio_stack import NetworkFacts, inspect_network
 from wsnsim.scenario.lifetime import CRITERIA, YEAR
 
 EPOCHS: Final = (0.0, 0.1, 0.3, 0.5)

@@ -28,8 +28,7 @@ from wsnsim.base.tables import CAUSE, CAUSES, Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.lifetimes.library import without_failures
 from wsnsim.network.energy.power_table import HELD, IDLE, MODES, ON, SWITCH
-from wsnsim.network.inspection import inspect_radio
-from wsnsim.network.radio.radio_stack import RadioStack, make_power_table
+from wsnsim.network.radio.radio_stack import RadioStack, inspect_radio, make_power_table
 
 if TYPE_CHECKING:
     import pandas as pd

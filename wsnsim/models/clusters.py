@@ -163,7 +163,7 @@ class MovingHead(LeadsByPlace):
 
     def _bad_waits(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield issues: waits that do not fit into each other or into a step, or that end before a reading can come."""
-        quiet, cap = window_of(self, setup.waits)
+        quiet, cap = window_of(self.quiet, self.cap, setup.waits)
         if quiet > cap:
             yield Issue(("clusters", "quiet"), f"{quiet:g} s is more than cap = {cap:g} s")
         longest = self.sampling + cap

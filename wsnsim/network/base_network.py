@@ -22,7 +22,7 @@ from wsnsim.network.mechanisms import NetworkSyncServices, make_mechanism
 from wsnsim.network.node_states import Places
 from wsnsim.network.radio.datagrams import Forwarding, Hops
 from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack
-from wsnsim.network.radio.routing import PathForwarding, Router
+from wsnsim.network.radio.routing import PathForwarding
 from wsnsim.network.radio.transport import Transport
 from wsnsim.network.result_rows import ClockErrors, EnergySteps, NetworkOutcome, ReportRows
 
@@ -106,15 +106,15 @@ class BaseNetwork(ABC):
 
     def _tell_follower(self, step: int) -> None:
         """Write the events of the steps before, all of them if somebody follows the run, who then gets its state."""
-        is_due = self._follower.due()
+        follower, nodes = self._follower, self._nodes
+        is_due = follower is not None and follower.due()
         self._event_log.flush(everything=is_due)
-        if is_due:
+        if follower is not None and is_due:
             now = self._env.now
-            scheduled = self._nodes.consumption.network.scheduled(np.array([now]))[0]
-            nodes = self._nodes
+            scheduled = nodes.consumption.network.scheduled(np.array([now]))[0]
             joules = [float(sum(each)) for each in zip(nodes.totals_now(), scheduled, strict=True)]
             left, spent = nodes.residual_energies(), nodes.spent_now()
-            self._follower.follow(RunNow(step, now, self._tracks_now(), joules, left, spent))
+            follower.follow(RunNow(step, now, self._tracks_now(), joules, left, spent))
 
     def _head_of(self, target: int) -> int | None:
         """The cluster head of a target; None in a network without targets."""
@@ -172,5 +172,4 @@ def make_forwarding(setup: RadioSetup, stack: RadioStack, hops: Hops, key: int) 
         from wsnsim.network.radio.collection_tree import CollectionTree
 
         return CollectionTree(stack, hops, cast(CollectionTreeProtocol, setup.routing), stack.sinks, key)
-    router = Router(stack.radio, setup.routing.weight, setup.link.audible)
-    return PathForwarding(stack.radio, hops, router, stack.sinks)
+    return PathForwarding(stack.radio, hops, setup.routing.weight, setup.link.audible, stack.sinks)

@@ -7,8 +7,7 @@
 
 Every node has an *own clock*: its oscillator, which drifts, and which a fault may step. Its *clock* is what schedules
 and time stamps depend on: the own clock with all corrections. Both are linear functions of true time between two
-changes. The rate of an oscillator is a function of the random key and the number of the node alone. Perfect clocks
-cost nothing.
+changes. The rate of an oscillator is a function of the random key and the number of the node alone.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ class Clocks:
     `env` gives the time of corrections; without it they are made at time 0.
 
     Attributes:
-        drift: Whether any oscillator runs at another rate than true time.
+        perfect: Whether every clock has shown the true time so far, and will until it is stepped.
         on_step: Called with each node whose clock was stepped or corrected, after the change.
     """
 
@@ -38,33 +37,27 @@ class Clocks:
         self._size = size
         keys = derive_all(key, np.arange(size))
         rates = model.rates(keys)
-        offsets = model.offsets(keys) if isinstance(model, StartsWithOffsets) else np.zeros(0)
-        self._largest_drift = float(np.abs(rates - 1.0).max(initial=0.0))
-        self.drift = self._largest_drift > 0.0
-        self._rates: Floats | None = rates if self.drift else None
-        self._slopes: Floats | None = rates - 1.0 if self.drift else None
-        self._bases: Floats | None = offsets if offsets.any() else None
-        self._own_slopes, self._own_bases = self._slopes, self._bases
+        self._rates, self._own_slopes = rates, rates - 1.0
+        self._own_bases = model.offsets(keys) if isinstance(model, StartsWithOffsets) else np.zeros(size)
+        self._slopes, self._bases = self._own_slopes.copy(), self._own_bases.copy()
+        self._largest_drift = float(np.abs(self._own_slopes).max(initial=0.0))
+        self.perfect = not self._largest_drift and not self._own_bases.any()
+        self._on_own_slopes = True
         self._corrected: dict[int, float] = {}
         self.on_step: list[Callable[[int], None]] = []
 
-    @property
-    def perfect(self) -> bool:
-        """Whether every clock has shown the true time so far, and will until it is stepped."""
-        return self._slopes is None and self._bases is None
-
     def rate(self, node: int) -> float:
         """Seconds that pass on the oscillator of a node per true second. Backoffs and beacon periods depend on it."""
-        return 1.0 if self._rates is None else float(self._rates[node])
+        return float(self._rates[node])
 
     def lasts(self, node: int, seconds: float) -> float:
         """True seconds for which a timer of a node runs that is set to `seconds`."""
-        return seconds if self._rates is None else seconds / float(self._rates[node])
+        return seconds / float(self._rates[node])
 
     def error(self, nodes: Ints, time: float) -> Floats:
         """(n,) seconds by which the clocks of nodes are ahead at a true time, by what is known of them now."""
-        ahead = np.zeros(len(nodes)) if self._slopes is None else self._slopes[nodes] * time
-        return ahead if self._bases is None else ahead + self._bases[nodes]
+        ahead: Floats = self._slopes[nodes] * time + self._bases[nodes]
+        return ahead
 
     def local_times(self, nodes: Ints, time: float) -> Floats:
         """(n,) what the clocks of nodes show at a true time, in s."""
@@ -72,32 +65,24 @@ class Clocks:
 
     def true_time(self, node: int, local: float) -> float:
         """The true time in s at which the clock of a node shows `local`, if nothing changes it before."""
-        base = 0.0 if self._bases is None else float(self._bases[node])
-        slope = 0.0 if self._slopes is None else float(self._slopes[node])
-        return (local - base) / (1.0 + slope)
+        return (local - float(self._bases[node])) / (1.0 + float(self._slopes[node]))
 
     def local_time(self, node: int, time: float | None = None) -> float:
         """What the clock of a node shows at a true time, in s; None: now."""
         time = self._env.now if time is None else time
-        return time + self._error_of(node, time, self._bases, self._slopes)
+        return time + self._error_of(node, time)
 
     def raw_time(self, node: int) -> float:
         """What the own clock of a node shows now, in s: its clock, had it never been corrected."""
-        now = self._env.now
-        return now + self._error_of(node, now, self._own_bases, self._own_slopes)
+        return self._env.now + self._own_error(node)
 
     def error_lines(self, nodes: Ints) -> tuple[Floats, Floats]:
         """((n,) b in s, (n,) m) of the errors b + m t of nodes, from their last change on."""
-        nothing = np.zeros(len(nodes))
-        return (
-            nothing if self._bases is None else self._bases[nodes],
-            nothing if self._slopes is None else self._slopes[nodes],
-        )
+        return self._bases[nodes], self._slopes[nodes]
 
     def step(self, nodes: Iterable[int], offset: float) -> None:
         """Put the own clocks of nodes, and their clocks, forward by `offset` seconds; back if it is negative."""
-        self._separate()
-        assert self._bases is not None and self._own_bases is not None, "stepped clocks have offsets"
+        self.perfect = False
         for node in nodes:
             self._bases[node] += offset
             self._own_bases[node] += offset
@@ -116,8 +101,7 @@ class Clocks:
         """
         if self.perfect:
             return
-        ahead = self._error_of(node, self._env.now, self._bases, self._slopes) + offset
-        slope = 0.0 if self._slopes is None else float(self._slopes[node])
+        ahead, slope = self._error_of(node, self._env.now) + offset, float(self._slopes[node])
         self._corrected[node] = self.corrected(node) + offset
         self._follow(node, ahead, slope if rate is None else self.rate(node) / rate - 1.0)
 
@@ -128,39 +112,30 @@ class Clocks:
     def forget(self, node: int) -> None:
         """A node has lost its corrections: its clock is its own clock again."""
         if not self.perfect:
-            now = self._env.now
-            ahead = self._error_of(node, now, self._own_bases, self._own_slopes)
-            self._follow(node, ahead, self.rate(node) - 1.0)
+            self._follow(node, self._own_error(node), float(self._own_slopes[node]))
             self._corrected.pop(node, None)
 
     def _follow(self, node: int, ahead: float, slope: float) -> None:
         """The clock of a node is ahead by `ahead` s now, and its error grows by `slope` s per true second."""
-        self._separate()
-        if self._slopes is self._own_slopes:
-            self._slopes = np.zeros(self._size) if self._own_slopes is None else self._own_slopes.copy()
-        assert self._bases is not None and self._slopes is not None, "corrected clocks have errors"
+        self._on_own_slopes = False
         self._bases[node] = ahead - slope * self._env.now
         self._slopes[node] = slope
         self._changed(node)
-
-    def _separate(self) -> None:
-        """Hold the offsets of clocks and of own clocks in arrays of their own."""
-        if self._own_bases is None:
-            self._own_bases = np.zeros(self._size)
-        if self._bases is None or self._bases is self._own_bases:
-            self._bases = self._own_bases.copy()
 
     def _changed(self, node: int) -> None:
         for action in self.on_step:
             action(node)
 
-    def _error_of(self, node: int, time: float, bases: Floats | None, slopes: Floats | None) -> float:
-        ahead = 0.0 if slopes is None else float(slopes[node]) * time
-        return ahead if bases is None else ahead + float(bases[node])
+    def _error_of(self, node: int, time: float) -> float:
+        return float(self._slopes[node]) * time + float(self._bases[node])
+
+    def _own_error(self, node: int) -> float:
+        return float(self._own_slopes[node]) * self._env.now + float(self._own_bases[node])
 
     def largest_error(self, time: float) -> float:
         """An upper bound in s on the error of every clock, in either direction, at a true time."""
-        if self._slopes is not self._own_slopes:
+        if self.perfect:
+            return 0.0
+        if not self._on_own_slopes:
             return float(np.abs(self.error(np.arange(self._size), time)).max(initial=0.0))
-        offset = 0.0 if self._bases is None else float(np.abs(self._bases).max(initial=0.0))
-        return self._largest_drift * time + offset
+        return self._largest_drift * time + float(np.abs(self._bases).max(initial=0.0))

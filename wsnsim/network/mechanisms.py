@@ -22,6 +22,7 @@ class NetworkServices:
 
     def __init__(self, env: simpy.Environment, nodes: Nodes, clocks: Clocks) -> None:
         self._env, self._nodes, self._clocks = env, nodes, clocks
+        self.size = nodes.size
         self.is_awake: Callable[[int], bool] = nodes.is_awake
         self.lasts: Callable[[int, float], float] = clocks.lasts
 
@@ -57,7 +58,6 @@ class NetworkSyncServices(NetworkServices):
         self._mac = mac
         self._log = log
         self.key = key
-        self.size = nodes.size
         self.next_change: Callable[[int], float] = nodes.sleep_states.next_change
         self.own_clock: Callable[[int], float] = clocks.raw_time
 

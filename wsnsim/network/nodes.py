@@ -113,7 +113,7 @@ class Nodes(NodeStates):
             on: Whether the radio is on already, in a wake-up of its duty. Neither start nor stop are then charged,
                 which belong to that wake-up.
         """
-        if self.alive[node] and not self.consumption.is_held(node) and self._settle(node):
+        if self.alive[node] and not self.consumption.levels.is_held(node) and self._settle(node):
             self.consumption.hold_radio(node, on)
             self._pay_added(node)
 
@@ -125,7 +125,7 @@ class Nodes(NodeStates):
             missed: In how many wake-ups of its duty it was held: they were not charged. None: as many as there are on
                 average in that time.
         """
-        if self.consumption.is_held(node) and self._settle(node):
+        if self.consumption.levels.is_held(node) and self._settle(node):
             self.consumption.release_radio(node, missed)
             self._pay_added(node)
 
@@ -337,7 +337,7 @@ class Nodes(NodeStates):
     def _await_charge(self, node: int, storage: Storage) -> None:
         """Set a timer for an empty node that may start again."""
         if (due := storage.charged_at(node)) < np.inf:
-            self.consumption.check_at(due, node)
+            self.consumption.battery_watch.timers.set(due, node)
 
     def _charge(self, node: int, storage: Storage) -> None:
         """The timer of an empty node has fired: it starts again, or gets its next timer."""

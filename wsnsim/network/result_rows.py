@@ -16,14 +16,13 @@ import simpy
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.frames import Counters
 from wsnsim.base.mechanisms import SyncMechanism
-from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResult
+from wsnsim.base.results import RunResult, RunTotals, TrackResult
 from wsnsim.base.sensing import gain_factors
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.base.tables import CAUSES, KIND, SPENT, Recorder
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.clusters.track import ClusterRecord, Track
-from wsnsim.network.clusters.track_book import TrackBook
+from wsnsim.network.clusters.track import ClusterRecord, Track, TrackBook
 from wsnsim.network.event_log import EventLog, event, then
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.datagrams import Datagram
@@ -143,7 +142,7 @@ def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:
         first_death=deaths[0] if deaths else NAN,
         half_dead=deaths[half - 1] if len(deaths) >= half else NAN,
         coverage=coverage,
-        **{name: getattr(outcome.counters, name) for name in RADIO_COUNTERS},
+        **{name: getattr(outcome.counters, name) for name in RunTotals._fields if hasattr(outcome.counters, name)},
     )
 
 

@@ -27,8 +27,7 @@ from wsnsim.network.clusters.coordination import ClusterCoordination
 from wsnsim.network.clusters.driver import DriverServices, Processors
 from wsnsim.network.clusters.head_services import Estimates
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
-from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.track_book import TrackBook
+from wsnsim.network.clusters.track import Track, TrackBook
 from wsnsim.network.clusters.wake_ahead import WakeAhead, WakeUpCounters
 from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.event_log import Acting, ProtocolLog

@@ -148,7 +148,7 @@ class OfflineRun:
                     key = {"replicate": self._replicate, "target": target, "step": step}
                     members = list(cluster.members.values())
                     write_belief(self._recorder, key, tracker, belief, members, setup.motions[target].columns)
-                if follower.due():
+                if follower is not None and follower.due():
                     follower.follow(RunNow(step + 1, scene.time, [TrackNow(target, estimates, [HEAD] * (step + 1))]))
                 if progress:
                     progress(scene.time)

@@ -15,12 +15,12 @@ from wsnsim.base.arrays import Reading
 from wsnsim.base.network_ports import AppointingPolicy, Appointment, Outlook
 from wsnsim.base.optional_ports import Announces
 from wsnsim.base.ports import Scene
-from wsnsim.base.requests import Delivery, Flow, GatheredReadings, GatherReadings, Parcel
+from wsnsim.base.requests import Delivery, GatheredReadings, GatherReadings, Parcel
 from wsnsim.network.clusters.cluster import AppointedCluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.head_services import HeadServices
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
-from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
+from wsnsim.network.clusters.track import Handover, Track, TrackLost
 from wsnsim.network.event_log import Acting
 
 ROUNDING = 1e-9
@@ -121,13 +121,11 @@ class AppointingProtocol(StandingClusterProtocol):
         heard = yield from self._services.messages.announce(target, head, appointment, payload)
         positions, motion = network.nodes.assumed.positions, self._setup.filter_motions[target]
         ids = self._services.messages.linked(head, heard)
-        covered = appointment.covers(positions[ids], motion).tolist()
-        self._services.messages.intervals.shorten_for_next_step(
-            [head, *(node for node, near in zip(ids, covered, strict=True) if near)]
-        )
+        covered = [node for node, near in zip(ids, appointment.covers(positions[ids], motion), strict=True) if near]
+        self._services.messages.intervals.shorten_for_next_step([head, *covered])
         cluster.appoint(self._appointed_on_map(head, appointment, target))
         self._services.messages.transport.expect(head, cluster.known)
-        self._admit(track, cluster, [node for node, near in zip(ids, covered, strict=True) if near])
+        self._admit(track, cluster, covered)
         for node, mask in heard.items():
             if payload is not None and mask.any() and node in cluster.members:
                 cluster.members[node].inbox.append(Delivery(payload.what, payload.payload, mask))
@@ -186,7 +184,7 @@ class AppointingProtocol(StandingClusterProtocol):
         after one with enough readings: no member sends a reading twice.
         """
         track, cluster, driver = lead.track, lead.cluster, lead.driver
-        heard: GatheredReadings = yield from driver.perform(_readings())
+        heard: GatheredReadings = yield from driver.request(GatherReadings())
         if len(heard.ids) < self._enough(track):
             yield from self._step_alone(lead, any_heard=bool(heard.ids))
             return
@@ -234,18 +232,10 @@ class AppointingProtocol(StandingClusterProtocol):
 
     def _hand_on(self, lead: AppointedLead, successor: int) -> Acting[Handover]:
         """Send the belief to the successor, which acts at once."""
-        track, head, until = lead.track, lead.cluster.head, self._setup.until_clusters
-        if until is not None and len(track.clusters) >= until:
-            raise LastClusterDone
-        track.handovers += 1
+        track, head = lead.track, lead.cluster.head
+        self._count_handover(track)
         self._log.add("handover", track.target, head, peer=successor)
         flow = self._setup.tracker.hand_over(lead.belief, lead.scene, successor)
         handover = Handover(successor, lead.step, previous_head=head, last_sensed=lead.last_sensed)
         handover = yield from self._send_belief(lead.driver, flow, handover)
         return replace(handover, acts_now=True)
-
-
-def _readings() -> Flow[GatheredReadings]:
-    """The readings of all members that sense."""
-    answer: GatheredReadings = yield GatherReadings()
-    return answer

@@ -13,10 +13,9 @@ import simpy
 from wsnsim.base.errors import RunError, WsnsimError
 from wsnsim.network.clusters.driver import DriverServices, HeadDied
 from wsnsim.network.clusters.elections import Elections
-from wsnsim.network.clusters.head_services import BeginsGroups, Estimates, HeadMessages, HeadProtocol, HeadServices
+from wsnsim.network.clusters.head_services import Estimates, HeadMessages, HeadProtocol, HeadServices
 from wsnsim.network.clusters.network_view import TargetSearch
-from wsnsim.network.clusters.track import GroupEnded, Handover, LastClusterDone, Track, TrackLost
-from wsnsim.network.clusters.track_book import TrackBook
+from wsnsim.network.clusters.track import GroupEnded, Handover, LastClusterDone, Track, TrackBook, TrackLost
 from wsnsim.network.clusters.wake_ahead import WakeAhead
 from wsnsim.network.event_log import Acting
 from wsnsim.network.node_process import NodeProcesses
@@ -64,8 +63,7 @@ class ClusterCoordination:
 
     def begin_groups(self) -> None:
         """Let groups begin, where readings name no target."""
-        if isinstance(self._protocol, BeginsGroups):
-            self._protocol.begin()
+        self._protocol.begin()
 
     def fill_vacancy(self, track: Track, poll: int) -> None:
         """Look for a head, if the track has none and no election is under way."""

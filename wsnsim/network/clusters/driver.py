@@ -7,16 +7,17 @@ If the head dies during a flow, the flow is closed and its belief is lost.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Reading
-from wsnsim.base.errors import PluginAnswerError, RunError
+from wsnsim.base.errors import PluginAnswerError
 from wsnsim.base.radio import Cpu, EnergyModel
 from wsnsim.base.requests import (
+    NOBODY,
     Broadcast,
     Compute,
     Delivery,
@@ -29,6 +30,7 @@ from wsnsim.base.requests import (
     Local,
     Member,
     Parcel,
+    Request,
     Scatter,
     Send,
 )
@@ -118,12 +120,6 @@ class Driver:
         self._members = members
         self.collection = Collection(self._env, services.transport, target, head, window, one_hop)
         self._uses_late = services.network.setup.uses_late_readings
-        self._by_radio: dict[type, Callable[[Any], Acting[Any]]] = {
-            Gather: self._gather,
-            GatherReadings: self._gather_readings,
-            Scatter: self._scatter,
-            Broadcast: self._broadcast,
-        }
         self.readings = 0
         self.heard: dict[int, Reading] = {}
         self.answered: set[int] = set()
@@ -137,7 +133,7 @@ class Driver:
         """
         answer: Any = None
         self.readings = 0
-        self._services.intervals.shorten_for_next_step([self._head])
+        self._services.intervals.shorten_for_next_step([] if self._head == NOBODY else [self._head])
         try:
             while True:
                 try:
@@ -148,26 +144,24 @@ class Driver:
                     answer, seconds = self._local(request)
                     if seconds:
                         yield self._env.timeout(seconds)
-                elif type(request) is Compute:
-                    seconds, answer = self._compute(self._head, request.cycles), None
-                    if seconds:
-                        yield self._env.timeout(seconds)
-                elif type(request) is GatherLate:
-                    late = self._services.late
-                    answer = late.arrived(self._target, self._head, request.since, request.until)
-                elif type(request) in self._by_radio:
-                    answer = yield from self._by_radio[type(request)](request)
-                elif type(request) is Send:
-                    answer = yield from self._send(request, flow)
+                elif fault := self._fault_of(request):  # raised in the flow, which knows its line
+                    flow.throw(PluginAnswerError(fault))
                 else:
-                    raise RunError(
-                        f"a tracker requested {request!r}; requests to a head are Local, Compute, Gather, "
-                        "GatherReadings, GatherLate, Scatter, Broadcast and Send"
-                    )
-                if not self._alive[self._head]:
+                    answer = yield from self.PERFORMERS[type(request)](self, request)
+                if self._head != NOBODY and not self._alive[self._head]:
                     raise HeadDied
         finally:
             flow.close()
+
+    def request(self, request: Request) -> Acting[Any]:
+        """Perform one request; returns its answer."""
+        return self.perform(_only(request))
+
+    def _fault_of(self, request: Any) -> str:
+        """Why a request is refused, or nothing."""
+        if type(request) is Send and not 0 <= request.to < len(self._alive):
+            return f"Send: expected a node from 0 to {len(self._alive) - 1}, not {request.to}"
+        return "" if type(request) in self.PERFORMERS else f"{type(request).__name__}: {self.REQUESTS}"
 
     def _addressed(self, who: Sequence[int] | None) -> list[Member]:
         """The living members of those that a request addresses; None: those that sense."""
@@ -196,6 +190,14 @@ class Driver:
     def _compute(self, node: int, operations: float) -> float:
         return self._services.processors.compute(node, operations, self._target)
 
+    def _compute_at_head(self, request: Compute) -> Acting[None]:
+        if seconds := self._compute(self._head, request.cycles):
+            yield self._env.timeout(seconds)
+
+    def _gather_late(self, request: GatherLate) -> Acting[dict[int, GatheredReadings]]:
+        yield from ()  # makes this a generator: other requests take simulated time
+        return self._services.late.arrived(self._target, self._head, request.since, request.until)
+
     def _gather(self, request: Gather) -> Acting[Gathered]:
         nodes: list[int] = []
         parcels: list[Parcel] = []
@@ -209,8 +211,7 @@ class Driver:
                     assert member.reading is not None, "only a member with a reading sends one"
                     readings[member.id] = member.reading, count
         if request.expected is not None and self._services.transport.keeps_idle_slots:
-            if seconds := self._compute(self._head, request.expected_cycles):
-                yield self._env.timeout(seconds)
+            yield from self._compute_at_head(Compute(request.expected_cycles))
             self._services.transport.schedule(self._head, request.expected())
         masks, journeys = yield from self.collection.gather(nodes, parcels, self._deadline_of(request))
         answer = Gathered(
@@ -268,9 +269,7 @@ class Driver:
             {node: (request.parcel, mask) for node, mask in burst.received.items() if node in self._members}
         )
 
-    def _send(self, request: Send, flow: Flow[Any]) -> Acting[Bools]:
-        if not 0 <= request.to < len(self._alive):  # raised in the flow, which knows its line
-            flow.throw(PluginAnswerError(f"Send: expected a node from 0 to {len(self._alive) - 1}, not {request.to}"))
+    def _send(self, request: Send) -> Acting[Bools]:
         datagram = Datagram(self._head, request.to, request.parcel)
         yield from self.collection.carry([datagram])
         self.hops = datagram.hops
@@ -282,3 +281,21 @@ class Driver:
             self._members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask))
         self._services.intervals.shorten_for_next_step(arrived)
         return {node: mask for node, (_, mask) in arrived.items()}
+
+    PERFORMERS: ClassVar[Mapping[type, Callable[[Any, Any], Acting[Any]]]] = {
+        Compute: _compute_at_head,
+        Gather: _gather,
+        GatherReadings: _gather_readings,
+        GatherLate: _gather_late,
+        Scatter: _scatter,
+        Broadcast: _broadcast,
+        Send: _send,
+    }
+    REQUESTS: ClassVar[str] = (
+        "requests to a head are Local, Compute, Gather, GatherReadings, GatherLate, Scatter, Broadcast and Send"
+    )
+
+
+def _only(request: Request) -> Flow[Any]:
+    """A flow that makes one request, and returns its answer."""
+    return (yield request)

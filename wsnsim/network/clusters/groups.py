@@ -18,14 +18,13 @@ from wsnsim.base.detections import MultiTracker, ReportsScans, space_of, volume_
 from wsnsim.base.medium_access import hop_latency
 from wsnsim.base.ports import KnownNodes
 from wsnsim.base.radio import Mode
-from wsnsim.base.requests import PACKET_BITS, Compute, Flow, Gather, Member, Parcel
+from wsnsim.base.requests import PACKET_BITS, Compute, Gather, Member, Parcel
 from wsnsim.base.rows import Issued
 from wsnsim.base.scans import Facts, Scan, TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
 from wsnsim.network.clusters.driver import Driver
-from wsnsim.network.clusters.head_services import HeadServices
-from wsnsim.network.clusters.track import Handover, Track
-from wsnsim.network.clusters.track_book import TrackRow, predicted
+from wsnsim.network.clusters.head_services import HeadProtocol, HeadServices
+from wsnsim.network.clusters.track import Handover, Track, TrackRow, predicted
 from wsnsim.network.event_log import Acting
 
 NUMBERS: Final = 4
@@ -68,7 +67,7 @@ class GroupLead:
         return silent / (1.0 - share + silent) if share else 0.0
 
 
-class Groups:
+class Groups(HeadProtocol):
     """What heads of groups do at each step, however groups begin and end."""
 
     one_hop = True
@@ -76,10 +75,8 @@ class Groups:
 
     def __init__(self, services: HeadServices) -> None:
         assert services.book is not None, "readings that name no target have a book of tracks"
-        self._services, self._book = services, services.book
-        self._network, self._log = services.network, services.network.log
-        self._setup = setup = services.network.setup
-        self._clock = services.network.clock
+        super().__init__(services)
+        self._book, setup = services.book, self._setup
         self._tracker = cast(MultiTracker, setup.tracker)
         detection = setup.detection
         assert isinstance(detection, ReportsScans), "groups are for scans"
@@ -110,7 +107,7 @@ class Groups:
         parcels = {member.id: self._scan_parcel(lead, member) for member in lead.cluster.members.values()}
         sending = [node for node, parcel in parcels.items() if parcel is not None and node != lead.cluster.head]
         gather = Gather(lambda member: parcels[member.id], deadline=self._deadline(len(sending)))
-        arrived: Arrived = yield from lead.driver.perform(requested(gather))
+        arrived: Arrived = yield from lead.driver.request(gather)
         lead.note(len(sending), len(arrived.keys() & set(sending)))
         scans = self._heard(lead, arrived, step)
         nodes = self._network.nodes
@@ -121,7 +118,7 @@ class Groups:
         outcome = self._tracker.step(lead.belief, time, scans, known, self._facts, self._book.next)
         self._book.note(lead.group.target, lead.cluster.head, outcome)
         lead.belief, lead.step, lead.tracks = outcome.belief, step, self._tracker.estimates(outcome.belief, self._facts)
-        yield from lead.driver.perform(requested(Compute(outcome.cycles)))
+        yield from lead.driver.request(Compute(outcome.cycles))
         self._issue(lead, step, readings, len(scene.ids), len(scene.roster))
 
     def _note_passed(self, lead: GroupLead, tracks: Sequence[TrackEstimate], since: int, until: int) -> None:
@@ -229,8 +226,3 @@ class CentralGroup(Groups):
 
     def _scanning(self, cluster: Cluster) -> Sequence[int]:
         return list(np.flatnonzero(self._network.nodes.living))
-
-
-def requested(request: Any) -> Flow[Any]:
-    """The flow of a single request: what it gives."""
-    return (yield request)

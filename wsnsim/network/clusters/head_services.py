@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import numpy as np
 import simpy
@@ -21,8 +22,7 @@ from wsnsim.network.clusters.collection import Deadline
 from wsnsim.network.clusters.driver import Driver, DriverServices, HeadDied
 from wsnsim.network.clusters.elections import Elections
 from wsnsim.network.clusters.network_view import NetworkView, TargetSearch, WakeIntervals
-from wsnsim.network.clusters.track import Handover, Track
-from wsnsim.network.clusters.track_book import TrackBook
+from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackBook
 from wsnsim.network.clusters.wake_ahead import WakeAhead
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.node_process import NodeProcesses
@@ -210,9 +210,14 @@ class HeadServices(NamedTuple):
     book: TrackBook | None = None
 
 
-class HeadProtocol(Protocol):
+class HeadProtocol(ABC):
     """What the head of a track does. `ClusterCoordination` calls it, and appoints whom it names."""
 
+    def __init__(self, services: HeadServices) -> None:
+        self._services, self._network = services, services.network
+        self._setup, self._clock, self._log = services.network.setup, services.network.clock, services.network.log
+
+    @abstractmethod
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """Name a head for a track that has none, or have one elected.
 
@@ -221,6 +226,7 @@ class HeadProtocol(Protocol):
             poll: the number of the instant within the step, from 0.
         """
 
+    @abstractmethod
     def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
         """Lead a track from the handover on; return the next handover, None if another head leads already.
 
@@ -230,11 +236,14 @@ class HeadProtocol(Protocol):
 
     def release(self, track: Track, cluster: Cluster) -> None:
         """Dismiss the members of a cluster that is dissolved."""
+        self._services.processes.dismiss(cluster.roster(), track.target)
 
+    def begin(self) -> None:  # noqa: B027 (groups alone do something here)
+        """Let groups begin from the scans of this step, where readings name no target."""
 
-@runtime_checkable
-class BeginsGroups(Protocol):
-    """A head protocol of groups, where readings name no target."""
-
-    def begin(self) -> None:
-        """Let groups begin from the scans of this step."""
+    def _count_handover(self, track: Track) -> None:
+        """Count that the head hands over. Raises LastClusterDone if the run ends with this cluster."""
+        until = self._setup.until_clusters
+        if until is not None and len(track.clusters) >= until:
+            raise LastClusterDone
+        track.handovers += 1

@@ -24,12 +24,10 @@ from wsnsim.base.requests import PACKET_BITS, Member, Parcel, Send
 from wsnsim.base.scans import Scan, TrackEstimate
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
-from wsnsim.network.clusters.free_detections import FreeDetections
-from wsnsim.network.clusters.groups import NUMBERS, Arrived, GroupLead, Groups, requested
+from wsnsim.network.clusters.groups import NUMBERS, Arrived, GroupLead, Groups
 from wsnsim.network.clusters.head_services import HeadServices
-from wsnsim.network.clusters.received_tracks import BroadcastTracks, ReceivedTracks
-from wsnsim.network.clusters.track import GroupEnded, Handover, Track
-from wsnsim.network.clusters.track_book import outdone, predicted
+from wsnsim.network.clusters.received_tracks import BroadcastTracks, FreeDetections, ReceivedTracks
+from wsnsim.network.clusters.track import GroupEnded, Handover, Track, outdone, predicted
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.radio.datagrams import Datagram
 
@@ -54,10 +52,6 @@ class MovingGroups(Groups):
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """None: a group without a head has ended."""
         return None
-
-    def release(self, track: Track, cluster: Cluster) -> None:
-        """Dismiss the members."""
-        self._services.processes.dismiss(cluster.roster(), track.target)
 
     def begin(self) -> None:
         """Close groups whose head has gone, and begin new ones from detections that no group explains."""
@@ -277,7 +271,7 @@ class MovingGroups(Groups):
         """Send a belief to a node; what it starts from, None if a packet is lost or the node is down."""
         driver = Driver(self._services.driver, lead.group.target, lead.cluster.head, lead.cluster.members)
         packets = -(-self._tracker.numbers_of(belief) // NUMBERS)
-        mask = yield from driver.perform(requested(Send(to, Parcel(belief, packets, PACKET_BITS, "belief"))))
+        mask = yield from driver.request(Send(to, Parcel(belief, packets, PACKET_BITS, "belief")))
         if not mask.all() or not self._network.nodes.alive[to]:
             return None
         hops, bits = driver.hops, driver.collection.bits

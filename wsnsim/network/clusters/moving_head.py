@@ -25,8 +25,8 @@ from wsnsim.base.requests import Parcel
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.election import strength_of
-from wsnsim.network.clusters.head_services import HeadServices
-from wsnsim.network.clusters.track import Handover, LastClusterDone, Track, TrackLost
+from wsnsim.network.clusters.head_services import HeadProtocol, HeadServices
+from wsnsim.network.clusters.track import Handover, Track, TrackLost
 from wsnsim.network.event_log import Acting
 from wsnsim.network.radio.datagrams import Datagram
 
@@ -55,17 +55,13 @@ class Lead:
     heard: Mapping[int, Reading] = field(default_factory=dict)
 
 
-class MovingHeadProtocol:
+class MovingHeadProtocol(HeadProtocol):
     """A head that leads until another node takes over, at most from one step to the next."""
 
     def __init__(self, services: HeadServices) -> None:
-        self._services = services
-        self._network = services.network
-        self._clock = services.network.clock
-        self._setup = services.network.setup
-        self._log = services.network.log
+        super().__init__(services)
         self._policy = cast(MovingPolicy, self._setup.clusters)
-        self._window = window_of(self._policy, self._setup.waits)
+        self._window = window_of(self._policy.quiet, self._policy.cap, self._setup.waits)
         self._by_detection = self._policy.main == "detection"
         self._message_carries_belief = self._setup.wakeup.carries_belief and isinstance(self._setup.tracker, Portable)
 
@@ -278,10 +274,7 @@ class MovingHeadProtocol:
 
     def _next(self, lead: Lead, handover: Handover) -> Handover:
         """A handover, completed by what the next head must know of this lead."""
-        until = self._setup.until_clusters
-        if until is not None and len(lead.track.clusters) >= until:
-            raise LastClusterDone
-        lead.track.handovers += 1
+        self._count_handover(lead.track)
         return replace(
             handover, acts_now=True, previous_head=lead.head, last_sensed=lead.last_sensed, belief_time=lead.belief_time
         )

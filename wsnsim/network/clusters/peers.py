@@ -7,21 +7,20 @@ invited. Nothing here outlives the participants, and nothing ends with one of th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any, Final, cast
+from typing import Any, ClassVar, Final, cast
 
 import numpy as np
 
-from wsnsim.base.arrays import Estimate, Floats, is_finite, planar
+from wsnsim.base.arrays import Bools, Estimate, Floats, is_finite, planar
 from wsnsim.base.errors import RunError, WsnsimError
 from wsnsim.base.network_ports import HeadlessPolicy
 from wsnsim.base.ports import HeadlessTracker, Scene
-from wsnsim.base.requests import PACKET_BITS, Exchange, Flow, Member, Parcel
+from wsnsim.base.requests import NOBODY, PACKET_BITS, Delivery, Exchange, Member, Parcel
 from wsnsim.network.clusters.cluster import CALLS, Cluster
-from wsnsim.network.clusters.head_services import HeadServices
-from wsnsim.network.clusters.peer_driver import PeerDriver
+from wsnsim.network.clusters.driver import Driver, DriverServices
+from wsnsim.network.clusters.head_services import HeadProtocol, HeadServices
 from wsnsim.network.clusters.track import Handover, Track
 from wsnsim.network.event_log import Acting
 
@@ -58,12 +57,52 @@ class Participation:
     calls: dict[tuple[int, int], int] = field(default_factory=dict)
 
 
-class PeerProtocol:
+class PeerDriver(Driver):
+    """Performs flows of a network without a head: each participant computes, and broadcasts to its neighbours.
+
+    A round ends when the last broadcast of it has, and all participants know that (our choice). A flow goes on
+    whichever participants die.
+
+    Args:
+        services: what it uses.
+        target: the target of the track.
+        members: every participant by id, with its memory.
+    """
+
+    def __init__(self, services: DriverServices, target: int, members: dict[int, Member]) -> None:
+        super().__init__(services, target, NOBODY, members)
+
+    def _addressed(self, who: Sequence[int] | None) -> list[Member]:
+        """The living participants of those that a request addresses; None: all."""
+        return super()._addressed(list(self._members) if who is None else who)
+
+    def _exchange(self, request: Exchange) -> Acting[dict[int, dict[int, Bools]]]:
+        members, alive = self._members, self._alive
+        parcels = {member.id: request.parcel_of(member) for member in self._addressed(request.who)}
+        sent = {node: parcel for node, parcel in parcels.items() if parcel is not None}
+        heard: dict[int, dict[int, Bools]] = {}
+        if not sent:
+            return heard
+        ended, bursts = self._services.transport.broadcast(list(sent), list(sent.values()), self._target)
+        yield ended
+        for burst in bursts:
+            parcel = burst.parcel
+            for node, mask in burst.received.items():
+                if node in members and alive[node]:
+                    members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask, burst.source))
+                    heard.setdefault(node, {})[burst.source] = mask
+        self._services.intervals.shorten_for_next_step({**parcels, **heard})
+        return heard
+
+    PERFORMERS: ClassVar[Mapping[type, Callable[[Any, Any], Acting[Any]]]] = {Exchange: _exchange}
+    REQUESTS: ClassVar[str] = "without a head, use Local and Exchange"
+
+
+class PeerProtocol(HeadProtocol):
     """Runs the filter on all participants of a track, in a process that belongs to no node."""
 
     def __init__(self, services: HeadServices) -> None:
-        self._services, self._network = services, services.network
-        self._setup, self._clock, self._log = services.network.setup, services.network.clock, services.network.log
+        super().__init__(services)
         self._tracker = cast(HeadlessTracker, self._setup.tracker)
         self._policy = cast(HeadlessPolicy, self._setup.clusters)
         self._radius = self._setup.link.reach if self._policy.radius is None else self._policy.radius
@@ -81,10 +120,6 @@ class PeerProtocol:
     def lead(self, track: Track, handover: Handover) -> Acting[Handover | None]:
         """Refuse: nobody is ever appointed."""
         raise RunError("there is no head that could lead")
-
-    def release(self, track: Track, cluster: Cluster) -> None:
-        """Dismiss all participants."""
-        self._services.processes.dismiss(cluster.roster(), track.target)
 
     def _follow(self, track: Track) -> Acting[None]:
         """Take the steps of a track until the end of the run."""
@@ -127,7 +162,7 @@ class PeerProtocol:
             for member in peers.living():
                 self._tracker.begin(member, track.prior)
         else:
-            yield from part.driver.perform(_readings())
+            yield from part.driver.request(Exchange(_reading_of))
             for member in peers.living():
                 self._begin_from_readings(track, member)
         self._drop_idle(part)
@@ -232,7 +267,7 @@ class PeerProtocol:
         if not announcers:
             return
         new = peers.admit(invited)
-        yield from part.driver.perform(_announcements(self._tracker, announcers))
+        yield from part.driver.request(Exchange(self._announcement, announcers))
         for member in peers.living():
             whole = [each for each in member.take_inbox() if each.what == ANNOUNCED and each.mask.all()]
             if whole and member.id in new:
@@ -241,6 +276,9 @@ class PeerProtocol:
                 self._log.add("join", target, member.id, peer=nearest)
         self._drop_idle(part)
         self._services.processes.enlist([node for node in new if node in peers.members], target)
+
+    def _announcement(self, member: Member) -> Parcel:
+        return replace(self._tracker.announcement(member), what=ANNOUNCED)
 
     def _invite(self, part: Participation, scene: Scene, inviter: Member) -> Acting[None]:
         """Have the inviter announce its belief, if there are nodes near its prediction that are no participants."""
@@ -264,17 +302,9 @@ class PeerProtocol:
         self._services.processes.dismiss(nodes, part.track.target)
 
 
-def _readings() -> Flow[None]:
-    """All that sense broadcast their readings."""
-    yield Exchange(lambda member: Parcel(member.reading, 1, PACKET_BITS, READING, readings=1))
-
-
-def _announcements(tracker: HeadlessTracker, who: Sequence[int]) -> Flow[None]:
-    yield Exchange(partial(_announcement, tracker), who)
-
-
-def _announcement(tracker: HeadlessTracker, member: Member) -> Parcel:
-    return replace(tracker.announcement(member), what=ANNOUNCED)
+def _reading_of(member: Member) -> Parcel:
+    """What a participant broadcasts of its reading."""
+    return Parcel(member.reading, 1, PACKET_BITS, READING, readings=1)
 
 
 def _known_to_all(scene: Scene) -> Scene:

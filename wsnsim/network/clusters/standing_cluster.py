@@ -17,21 +17,18 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.requests import PACKET_BITS, Flow, Parcel
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
 from wsnsim.network.clusters.driver import Driver, HeadDied
-from wsnsim.network.clusters.head_services import HeadServices
-from wsnsim.network.clusters.track import Handover, LastClusterDone, NotDelivered, Track, TrackLost
+from wsnsim.network.clusters.head_services import HeadProtocol, HeadServices
+from wsnsim.network.clusters.track import Handover, NotDelivered, Track, TrackLost
 from wsnsim.network.event_log import Acting, then
 from wsnsim.network.radio.datagrams import Datagram
 
 
-class StandingClusterProtocol:
+class StandingClusterProtocol(HeadProtocol):
     """The node nearest to the predicted position is the successor; an election finds a head for a track without one."""
 
     def __init__(self, services: HeadServices) -> None:
-        self._services = services
-        self._network = services.network
-        self._setup = services.network.setup
-        self._log = services.network.log
-        policy = services.network.setup.clusters
+        super().__init__(services)
+        policy = self._setup.clusters
         self._geometry = policy if isinstance(policy, SeesGeometry) else None
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
@@ -72,10 +69,6 @@ class StandingClusterProtocol:
                 if following is not None:
                     return following
             yield track.tick
-
-    def release(self, track: Track, cluster: Cluster) -> None:
-        """Dismiss the members."""
-        self._services.processes.dismiss(cluster.roster(), track.target)
 
     def _form(self, track: Track, handover: Handover) -> Acting[Cluster | Handover]:
         """Announce a cluster and let sensing nodes join; return it, or a handover if an election chose another head."""
@@ -156,16 +149,13 @@ class StandingClusterProtocol:
 
     def _hand_over(self, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> Acting[Handover]:
         """Choose the successor and send it the belief; it leads from the next tick on."""
-        setup, target = self._setup, track.target
-        if setup.until_clusters is not None and len(track.clusters) >= setup.until_clusters:
-            raise LastClusterDone
+        self._count_handover(track)
         nearest = self._next_head(track, cluster, belief, scene)
-        track.handovers += 1
         successor, elected = yield from self._successor(track, cluster.head, nearest)
         if successor is None:
             raise TrackLost("no_successor")
-        self._log.add("handover", target, cluster.head, peer=successor)
-        flow = setup.tracker.hand_over(belief, scene, successor)
+        self._log.add("handover", track.target, cluster.head, peer=successor)
+        flow = self._setup.tracker.hand_over(belief, scene, successor)
         handover = Handover(successor, scene.step, previous_head=cluster.head, elected=elected)
         return (yield from self._send_belief(self._driver(track, cluster), flow, handover))
 

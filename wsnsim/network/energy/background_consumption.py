@@ -37,6 +37,8 @@ class BackgroundConsumption:
     Attributes:
         most: Joules that one node can consume at most in the whole run.
         network: The totals of the network.
+        levels: What a duty-cycled MAC does with the radios.
+        battery_watch: Checks nodes that may run out.
     """
 
     def __init__(
@@ -73,12 +75,12 @@ class BackgroundConsumption:
         self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
         self.network = NetworkTotals(table, sleep_states, size, self._per_switch)
         self._network_joules = self.network.joules
-        self._levels = RadioLevels(table, size)
-        self._duty_cycled = self._levels.active
+        self.levels = RadioLevels(table, size)
+        self._duty_cycled = self.levels.active
         self._off = np.array(table.off)
         self._off_of = scalars(self._off)
-        self._watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon, battery, check)
-        self.most = self._watch.most
+        self.battery_watch = BatteryWatch(env, table, sleep_states, self._per_switch, horizon, battery, check)
+        self.most = self.battery_watch.most
         self._free = not (self.most or self._per_switch or table.duties)
         """Whether nothing is consumed: time costs nothing, or the run is over."""
 
@@ -94,7 +96,7 @@ class BackgroundConsumption:
         else:
             charges = self._table.by_state(state, passed, busy, computed)
         if self._duty_cycled:  # the last two charges are listening and switching by the duty: see `PowerTable.by_state`
-            charges[-2:] = self._levels.with_added(node, charges[-2:])
+            charges[-2:] = self.levels.with_added(node, charges[-2:])
         return charges, awake
 
     def pending(self, node: int) -> float:
@@ -123,7 +125,7 @@ class BackgroundConsumption:
                 if cause != SENSE or self._table.sensor[state]:
                     yield chosen, cause, np.maximum(joules, 0.0)
             for cause, joules in of_duty:
-                yield chosen, cause, joules + self._levels.added[cause][chosen]
+                yield chosen, cause, joules + self.levels.added[cause][chosen]
 
     def settle(self, node: int) -> Charges:
         """Return what a node has consumed since it was last settled, and regard it as booked."""
@@ -132,7 +134,7 @@ class BackgroundConsumption:
         charges, passed = self._charges(node)
         state = self._state[node]
         if self._duty_cycled:
-            self._levels.settle(node, charges[-2:], passed, state // MODES)
+            self.levels.settle(node, charges[-2:], passed, state // MODES)
         charges = [(cause, joules) for cause, joules in charges if joules > 0]
         self._since[node] = self._env.now
         self._radio_busy_of[node] = max(self._radio_busy_of[node] - self._share[state] * passed, 0.0)
@@ -190,8 +192,8 @@ class BackgroundConsumption:
         level = self._state[node] // MODES
         if mode is Mode.DOWN and self._duty_cycled:
             level = 0
-            self._levels.forget(node)
-            listened, switched = self._levels.of(node)
+            self.levels.forget(node)
+            listened, switched = self.levels.of(node)
             self._add(node, -listened, -switched)
         self._enter(node, level * MODES + int(mode))
 
@@ -203,11 +205,7 @@ class BackgroundConsumption:
         self._state[node] = after
         self._since[node] = self._env.now
         if self._duty_cycled:
-            self._levels.enter(node, after // MODES, self._scheduled[after])
-
-    def is_held(self, node: int) -> bool:
-        """Whether a duty-cycled MAC has switched the radio of a node on."""
-        return self._levels.is_held(node)
+            self.levels.enter(node, after // MODES, self._scheduled[after])
 
     def hold_radio(self, node: int, on: bool) -> None:
         """Keep the radio of a settled node on from now on.
@@ -217,7 +215,7 @@ class BackgroundConsumption:
             on: Whether the radio was on already, in a wake-up of its duty; if not, its start is charged.
         """
         if self._duty_cycled:
-            self._levels.hold(node, self._env.now, on)
+            self.levels.hold(node, self._env.now, on)
             self._enter(node, HELD * MODES + self._state[node] % MODES)
             self._add(node, 0.0, 0.0 if on else self._table.start)
 
@@ -228,7 +226,7 @@ class BackgroundConsumption:
             node: The node.
             missed: How many wake-ups of its duty fell into the time of the hold; None: the average number.
         """
-        since, on, level = self._levels.release(node)
+        since, on, level = self.levels.release(node)
         self._enter(node, level * MODES + self._state[node] % MODES)
         self._add(node, 0.0, 0.0 if on else self._table.stop)
         if missed is not None:
@@ -238,8 +236,8 @@ class BackgroundConsumption:
 
     def set_duty(self, node: int, index: int) -> None:
         """A settled node follows another of the duties of its MAC, from now on or after the release of a held radio."""
-        level = self._levels.set_duty(node, index)
-        if not self._levels.is_held(node):
+        level = self.levels.set_duty(node, index)
+        if not self.levels.is_held(node):
             self._enter(node, level * MODES + self._state[node] % MODES)
 
     def add_listening(self, node: int, seconds: float, starts: float) -> None:
@@ -257,13 +255,13 @@ class BackgroundConsumption:
 
     def _add(self, node: int, listened: float, switched: float) -> None:
         """Add joules of listening and of switching to what the duty of a node consumes; they may be negative."""
-        self._levels.add(node, listened, switched)
+        self.levels.add(node, listened, switched)
         self._network_joules[IDLE] += listened
         self._network_joules[SWITCH] += switched
 
     def added(self, node: int) -> float:
         """Joules that `_add` has added since the node was settled."""
-        return sum(self._levels.of(node))
+        return sum(self.levels.of(node))
 
     def totals(self, settled: list[float]) -> list[float]:
         """The network's totals by cause until now, given the settled ones, without `network.scheduled`."""
@@ -279,16 +277,12 @@ class BackgroundConsumption:
 
     def _awake_at(self) -> list[float]:
         """Seconds for which nodes with schedules were awake, by the level of their radios."""
-        return self._levels.awake(self._sleep_states, self._settled_at, self._env.now)
+        return self.levels.awake(self._sleep_states, self._settled_at, self._env.now)
 
     def watch(self, node: int, left: float, supply: BatteryRates) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""
-        self._watch.watch(node, self._state[node], left, supply)
-
-    def check_at(self, time: float, node: int) -> None:
-        """Set a timer for a node."""
-        self._watch.timers.set(time, node)
+        self.battery_watch.watch(node, self._state[node], left, supply)
 
     def runs_out(self, node: int, left: float, supply: BatteryRates) -> bool:
         """Whether `left` joules of a node are only rounding error, so that its battery is empty."""
-        return self._watch.runs_out(node, self._state[node], left, supply)
+        return self.battery_watch.runs_out(node, self._state[node], left, supply)

@@ -26,27 +26,20 @@ class LocalSchedules:
         self._keys = keys
         self._clocks = clocks
         self.size = keys.size
-        self._first = None if clocks.perfect else clocks.error_lines(np.arange(keys.size))
-        """The errors of clocks as they were at the start, b + m t: b (N,) and m (N,); None: zero."""
-        self._changed_at: Floats | None = None
-        """(N,) when clocks changed last; None: no clock has changed."""
+        self._first = clocks.error_lines(np.arange(keys.size))
+        """The errors of clocks as they were at the start, b + m t: b (N,) and m (N,)."""
+        self._changed_at = np.full(self.size, -np.inf)
+        """(N,) when clocks changed last."""
         self._changes: dict[int, list[float]] = {}
         self._lines: dict[int, list[tuple[float, float]]] = {}
         """By node whose clock has changed: the times of changes, and (b, m) before the first and after each of them."""
 
-    @property
-    def _true(self) -> bool:
-        """Whether clocks show the true time, and always have."""
-        return self._changed_at is None and self._first is None
-
     def note_change(self, node: int, now: float) -> None:
         """The clock of a node was stepped or corrected just now."""
-        if self._changed_at is None:
-            self._changed_at = np.full(self.size, -np.inf)
         (base,), (slope,) = self._clocks.error_lines(np.array([node]))
         if node not in self._changes:
-            first = (0.0, 0.0) if self._first is None else (float(self._first[0][node]), float(self._first[1][node]))
-            self._changes[node], self._lines[node] = [], [first]
+            bases, slopes = self._first
+            self._changes[node], self._lines[node] = [], [(float(bases[node]), float(slopes[node]))]
         if self._changed_at[node] == now:
             self._lines[node][-1] = float(base), float(slope)
             return
@@ -59,17 +52,15 @@ class LocalSchedules:
 
         The time may lie before a change of a clock: it is judged by the clock as it was then.
         """
-        if self._true:
+        if self._clocks.perfect:
             return self._schedule.state(self._keys[nodes], time)
         bases, slopes = self._clocks.error_lines(nodes)
-        begins, ends = np.full(nodes.size, -np.inf), np.full(nodes.size, np.inf)
-        if self._changed_at is not None:
-            begins = self._changed_at[nodes]
-            for place in np.flatnonzero(begins > time).tolist():
-                node = int(nodes[place])
-                times, index = self._changes[node], bisect_right(self._changes[node], time)
-                bases[place], slopes[place] = self._lines[node][index]
-                begins[place], ends[place] = (times[index - 1] if index else -np.inf), times[index]
+        begins, ends = self._changed_at[nodes], np.full(nodes.size, np.inf)
+        for place in np.flatnonzero(begins > time).tolist():
+            node = int(nodes[place])
+            times, index = self._changes[node], bisect_right(self._changes[node], time)
+            bases[place], slopes[place] = self._lines[node][index]
+            begins[place], ends[place] = (times[index - 1] if index else -np.inf), times[index]
         awake, since, until = self._schedule.state(self._keys[nodes], time + (bases + slopes * time))
         since, until = (since - bases) / (1.0 + slopes), (until - bases) / (1.0 + slopes)
         # Rounding must not put the time outside its span, or it would be asked about for ever.
@@ -82,19 +73,18 @@ class LocalSchedules:
         The step of a clock is a switch, too, if it takes a node from a time awake to one asleep, or back; one at
         `since` counts, and one at `until` does not.
         """
-        if self._true:
+        if self._clocks.perfect:
             return self._schedule.tally(self._keys[nodes], since, until)
         until = np.full(nodes.size, until)
         seconds, switches = self._on_lines(self._keys[nodes], since, until, *self._clocks.error_lines(nodes))
-        if self._changed_at is not None:
-            for place in np.flatnonzero(self._changed_at[nodes] >= since).tolist():
-                spells = self._spells(int(nodes[place]), np.array([since[place], until[place]]))
-                seconds[place], switches[place] = spells[0][-1], spells[1][-1]
+        for place in np.flatnonzero(self._changed_at[nodes] >= since).tolist():
+            spells = self._spells(int(nodes[place]), np.array([since[place], until[place]]))
+            seconds[place], switches[place] = spells[0][-1], spells[1][-1]
         return seconds, switches
 
     def profile(self, times: Floats) -> tuple[Floats, Floats]:
         """Awake seconds (T,) and switches (T,) of all nodes together, from 0 to each of the ascending times (T,)."""
-        if self._true:
+        if self._clocks.perfect:
             return self._schedule.profile(self._keys, times)
         steady = np.setdiff1d(np.arange(self.size), np.fromiter(self._changes, np.int64, len(self._changes)))
         cuts = np.append(0.0, times)
@@ -115,7 +105,7 @@ class LocalSchedules:
         time that is lived twice after a step back, and the steps themselves.
         """
         start = np.zeros(self.size)
-        if self._true:
+        if self._clocks.perfect:
             return float(self._schedule.tally(self._keys, start, until)[1].max(initial=0.0))
         error = self._clocks.largest_error(until)
         return 2.0 * float(self._schedule.tally(self._keys, start - error, until + error)[1].max(initial=0.0))

@@ -30,11 +30,6 @@ AWAKE, ASLEEP, SCHEDULED = int(Mode.AWAKE), int(Mode.ASLEEP), int(Mode.SCHEDULED
 Number = TypeVar("Number", float, Floats)
 
 
-def level_of(duty: int) -> int:
-    """Return the level at which radios follow a duty, given its number."""
-    return duty if duty == 0 else duty + 1
-
-
 class PowerTable:
     """The power of a node in each state.
 
@@ -105,14 +100,8 @@ class PowerTable:
 
     def powers(self, state: int) -> list[tuple[int, float]]:
         """(cause, W) of a state other than SCHEDULED, with ON if the MAC is duty-cycled."""
-        result = [
-            (self.radio_cause[state], self.radio[state] * self.share[state]),
-            (self.processor_cause[state], self.processor[state]),
-            (SENSE, self.sensor[state]),
-        ]
-        if self.duties:
-            result += (IDLE, self.listening[state]), (SWITCH, self.switching[state]), (ON, self.on[state])
-        return result
+        watts = self.by_state(state, passed=1.0, busy=0.0, computed=0.0)
+        return [*watts, (ON, self.on[state])] if self.duties else watts
 
     def total(self, state: int) -> float:
         """W of a state other than SCHEDULED."""
@@ -214,7 +203,7 @@ class RadioLevels:
 
     def set_duty(self, node: int, index: int) -> int:
         """A node follows another duty; returns the level of that."""
-        self._duty_level[node] = level = level_of(index)
+        self._duty_level[node] = level = index + (index > 0)  # radios that are held on are at level 1
         return level
 
     def add(self, node: int, listened: float, switched: float) -> None:

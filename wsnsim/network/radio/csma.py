@@ -175,13 +175,10 @@ class CsmaMechanism(SenderQueues[_Sender]):
         """No acknowledgement came: contend again, or give up."""
         if sender.stopped:
             return
-        frame = sender.current
-        if frame.retries >= self._mac.max_retries:
+        if self._repeats(sender.current, self._mac.max_retries):
+            self._contend(sender)
+        else:
             self._finish(sender, sender.received)
-            return
-        frame.retries += 1
-        self._counters.retries += 1
-        self._contend(sender)
 
     def _finish(self, sender: _Sender, received: Received | None) -> None:
         """Report the result of a frame; the next one follows after the spacing between frames."""

@@ -1,6 +1,6 @@
 """The ideal channel: bursts without contention or collisions. It charges sender and receivers, and logs each event.
 
-The mechanism decides when a burst is sent, and calls `IdealMedium.carry(burst)` at the end of its airtime.
+A burst is carried at the end of its airtime.
 """
 
 from __future__ import annotations
@@ -18,26 +18,61 @@ from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.models.access import IdealMac
 from wsnsim.network.event_log import Acting, event, then
 from wsnsim.network.radio.mac_services import NetworkMacServices
-from wsnsim.network.radio.topology import RadioServices
 from wsnsim.network.radio.transmission import UseCounter
 
 RELAY, RECEIVE, DROP = KIND["relay"], KIND["receive"], KIND["drop"]
 TX, RX = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
 
 
-class IdealMedium:
-    """A medium on which bursts do not disturb each other; packets are lost only to the link, or to a fault.
+class IdealMechanism:
+    """The ideal channel of the papers: no contention, no collision; packets are lost only to the link, or to a fault.
 
-    Args:
-        radio: The services of the radio.
-        key: The key of the random losses of links.
-        rate: Bit/s on the air; None if sending takes no time.
+    Without a rate, bursts are delivered within the instant. With a rate (bit/s), the bursts of one batch follow one
+    another; different batches do not disturb each other. A burst is delivered at its end, to whom listens then: a node
+    that wakes in the middle of it receives it, and a node that falls asleep in the middle does not. On a channel with
+    frames (`reception`) it is the other way round: a radio must have listened from the beginning, and then receives the
+    frame to its end.
     """
 
-    def __init__(self, radio: RadioServices, key: int, rate: float | None = None) -> None:
-        self._env, self._nodes, self._topology, self._energy, self._log, self._counters = radio
-        self._seconds_per_bit = 0.0 if rate is None else 1.0 / rate
-        self._uses = UseCounter(key)
+    def __init__(self, mac: IdealMac, services: NetworkMacServices) -> None:
+        self._env, self._nodes, self._topology, self._energy, self._log, self._counters = services.radio
+        self._rate, self._seconds_per_bit = mac.rate, 0.0 if mac.rate is None else 1.0 / mac.rate
+        self._uses = UseCounter(services.key("link"))
+        self._silenced: dict[int, int] = {}
+
+    def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
+        """Send bursts: one event for all of them, or one per burst if sending takes time."""
+        if self._rate is not None:
+            return self._env.process(self._one_by_one(bursts, self._rate))
+        event = self._env.event()
+        then(event, self._carry_all, bursts)
+        return event.succeed()
+
+    def _carry_all(self, bursts: Sequence[Burst]) -> None:
+        for burst in bursts:
+            self.carry(burst)
+
+    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
+        """Broadcast one payload, now or after its airtime."""
+        what = self._log.word(code) or "beacon"
+        burst = full_burst(node, EVERYONE, Parcel(None, 1, payload_bits, what), -1)
+        event = self.send([burst])
+        then(event, lambda: done(np.array(sorted(burst.received), dtype=np.int64)))
+
+    def silence(self, node: int) -> None:
+        """Stop a node that died or crashed: what it is sending is lost."""
+        self._silenced[node] = self._silenced.get(node, 0) + 1
+
+    def _one_by_one(self, bursts: Sequence[Burst], rate: float) -> Acting[None]:
+        before = [self._silenced.get(burst.source) for burst in bursts]
+        for burst, silenced in zip(bursts, before, strict=True):
+            self._nodes.begin_sending(burst.source)
+            yield self._env.timeout(burst.bits / rate)
+            if self._silenced.get(burst.source) == silenced:
+                self.carry(burst)
+            else:
+                burst.lose()
+            self._nodes.end_sending(burst.source)
 
     def carry(self, burst: Burst) -> None:
         """Perform a burst: charge and log it, and write into it what arrived. A dead node sends nothing."""
@@ -163,54 +198,3 @@ class IdealMedium:
             event(self._env.now, self._log.step, burst.target, node, DROP, code, number, burst.sequence, burst.source,
                   burst.packets)
         )  # fmt: skip
-
-
-class IdealMechanism:
-    """The ideal channel of the papers: no contention, no collision, no loss of its own.
-
-    Without a rate, bursts are delivered within the instant. With a rate (bit/s), the bursts of one batch follow one
-    another; different batches do not disturb each other. A burst is delivered at its end, to whom listens then: a node
-    that wakes in the middle of it receives it, and a node that falls asleep in the middle does not. On a channel with
-    frames (`reception`) it is the other way round: a radio must have listened from the beginning, and then receives the
-    frame to its end.
-    """
-
-    def __init__(self, mac: IdealMac, services: NetworkMacServices) -> None:
-        self._env, self._nodes, _, _, self._log, _ = services.radio
-        self._rate = mac.rate
-        self._medium = IdealMedium(services.radio, services.key("link"), mac.rate)
-        self._silenced: dict[int, int] = {}
-
-    def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
-        """Send bursts: one event for all of them, or one per burst if sending takes time."""
-        if self._rate is not None:
-            return self._env.process(self._one_by_one(bursts, self._rate))
-        event = self._env.event()
-        then(event, self._carry_all, bursts)
-        return event.succeed()
-
-    def _carry_all(self, bursts: Sequence[Burst]) -> None:
-        for burst in bursts:
-            self._medium.carry(burst)
-
-    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
-        """Broadcast one payload, now or after its airtime."""
-        what = self._log.word(code) or "beacon"
-        burst = full_burst(node, EVERYONE, Parcel(None, 1, payload_bits, what), -1)
-        event = self.send([burst])
-        then(event, lambda: done(np.array(sorted(burst.received), dtype=np.int64)))
-
-    def silence(self, node: int) -> None:
-        """Stop a node that died or crashed: what it is sending is lost."""
-        self._silenced[node] = self._silenced.get(node, 0) + 1
-
-    def _one_by_one(self, bursts: Sequence[Burst], rate: float) -> Acting[None]:
-        before = [self._silenced.get(burst.source) for burst in bursts]
-        for burst, silenced in zip(bursts, before, strict=True):
-            self._nodes.begin_sending(burst.source)
-            yield self._env.timeout(burst.bits / rate)
-            if self._silenced.get(burst.source) == silenced:
-                self._medium.carry(burst)
-            else:
-                burst.lose()
-            self._nodes.end_sending(burst.source)

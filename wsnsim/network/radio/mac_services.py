@@ -124,6 +124,14 @@ class MacPart:
         self._services, self._clocks = services, services.clocks
         self._env, self._nodes, self._topology, _, self._log, self._counters = services.radio
 
+    def _repeats(self, frame: MacFrame, most: int) -> bool:
+        """Count that a frame is sent once more; false if it has been repeated `most` times."""
+        if frame.retries >= most:
+            return False
+        frame.retries += 1
+        self._counters.retries += 1
+        return True
+
 
 Sender = TypeVar("Sender", bound=FrameSender)
 

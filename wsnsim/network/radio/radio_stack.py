@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.frames import Counters
+from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.base.medium_access import DutyCycledMac
 from wsnsim.base.radio import ContinuousPower, Mode, NoPower, continuous_power
@@ -17,6 +19,7 @@ from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRadio
+from wsnsim.base.tables import Memory
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.energy.local_schedules import LocalSchedules
 from wsnsim.network.energy.power_table import PowerTable
@@ -127,3 +130,45 @@ def _standby_power(setup: RadioSetup, model: ContinuousPower) -> float:
         return 0.0
     radio: WakeUpRadio = getattr(setup.wakeup, "radio", WakeUpRadio())
     return radio.standby
+
+
+class NetworkFacts(NamedTuple):
+    """A network of N nodes.
+
+    Attributes:
+        positions: (N, 2) in m.
+        sinks: the nodes that are sinks.
+        links: (N, N) whether two nodes can exchange frames over one hop, in both directions.
+    """
+
+    positions: Floats
+    sinks: tuple[int, ...]
+    links: Bools
+
+
+def inspect_radio(setup: NetworkSetup, replicate: int) -> RadioStack:
+    """The radio stack of a run, at its start.
+
+    Raises:
+        RunError: the deployment did not succeed.
+    """
+    conditions = sample_initial_conditions(replace(setup, steps=1), replicate)
+    log = EventLog(Memory({}), replicate)
+    return make_radio_stack(setup, conditions.positions, conditions.traits, setup.streams(replicate), log)
+
+
+def inspect_network(setup: NetworkSetup, replicate: int) -> NetworkFacts:
+    """The network of a run.
+
+    Raises:
+        RunError: the deployment did not succeed.
+    """
+    stack = inspect_radio(setup, replicate)
+    topology, positions = stack.radio.topology, stack.radio.nodes.positions
+    size = len(positions)
+    topology.find_all()
+    links = np.zeros((size, size), dtype=np.bool_)
+    for node in range(size):
+        near = topology.neighbours(node).ids.tolist()
+        links[node, near] = [topology.connected(node, other) for other in near]
+    return NetworkFacts(positions, stack.sinks, links & links.T)

@@ -1,6 +1,6 @@
 """Routing: the path of a datagram, whether its destination is a neighbour or not, and forwarding along such paths.
 
-    Router(radio, weight, longest).path(source, to) -> [source, ..., to], or None without a path
+    PathForwarding(...).path(source, to) -> [source, ..., to], or None without a path
 
 In a small network one graph holds every usable link; it is built on first use, and again after a round of recorded
 links. In a large one the graph holds a
@@ -45,24 +45,30 @@ LENGTHS: Final = 1000
 ROUNDING: Final = 1e-9
 
 
-class Router:
-    """The cheapest paths over living nodes and usable links.
+class PathForwarding:
+    """Datagrams take the cheapest path over living nodes and usable links; those for a sink, the cheapest to any.
 
-    Paths are cached until a node goes down or comes back. Where nodes follow sleep schedules they are not cached.
+    Every node knows all usable links of the network at every moment, and no frame was sent to find them. Paths are
+    cached until a node goes down or comes back. Where nodes follow sleep schedules they are not cached.
 
     Args:
         radio: The services of the radio.
+        hops: Sends bursts.
         weight: What a path minimises. 'energy': the joules of a bit for sender and receiver, divided by the
             probability of a packet on the link. 'hop': the number of hops. 'greedy': each hop goes to the neighbour
             nearest to the destination, by the positions that nodes assume; the others know their links (our choice).
         longest: The distance in m beyond which no link is usable; infinity if links do not depend on distance. Then
             there are no corridors: one graph holds all links.
+        sinks: The sinks.
     """
 
-    def __init__(self, radio: RadioServices, weight: str, longest: float) -> None:
+    def __init__(
+        self, radio: RadioServices, hops: Hops, weight: str, longest: float, sinks: Sequence[int] = ()
+    ) -> None:
         self._env, self._nodes, self._topology, self._energy, *_ = radio
         self._weight = weight
         self._longest = longest
+        self._hops, self._sinks = hops, sinks
         self._graph: LinkGraph | None = None
         self._paths: dict[tuple[int, int], list[int] | None] = {}
         self._least_per_metre: float | None = None
@@ -90,10 +96,59 @@ class Router:
         if self._graph is not None:
             self._graph.remove(node)
 
-    def restore(self) -> None:
-        """Forget all paths, because a node came back."""
+    def restore(self, node: int) -> None:
+        """Forget all paths: those over the node may be cheaper."""
+        self.forget_links()
+
+    def forget_links(self) -> None:
+        """Forget all paths, because links have changed."""
         self._paths.clear()
         self._graph = None
+
+    def start(self) -> None:
+        """Do nothing: nothing is sent to find paths."""
+
+    def sink_of(self, source: int) -> int:
+        """The sink with the cheapest path; the first one if no path leads to any."""
+        if source in self._sinks:
+            return source
+        if len(self._sinks) == 1:
+            return self._sinks[0]
+        cheapest = self.cheapest_end(source, self._sinks)
+        return self._sinks[0] if cheapest is None else cheapest
+
+    def is_one_hop(self, source: int, to: int) -> bool:
+        """Whether the path is one hop. A neighbour without a path has died: its sender does not know, and sends."""
+        path = self.path(source, to)
+        return path is None or len(path) == 2
+
+    def forward(self, datagram: Datagram, target: int) -> simpy.Event:
+        """Send a datagram along its path."""
+        return self._env.process(self._relay(datagram, target))
+
+    def _relay(self, datagram: Datagram, target: int) -> Acting[None]:
+        """Send a datagram over several hops; each hop sends what arrived over the one before."""
+        assert datagram.to != A_SINK, "the sink of a datagram is chosen before it is sent"
+        source, parcel = datagram.source, datagram.parcel
+        path = self.path(source, datagram.to)
+        if path is None:
+            datagram.lose()
+            self._hops.drop(datagram, source, target, "no_path")
+            return
+        sequence, mask, packets = 0, datagram.mask, parcel.packets
+        for node, to in itertools.pairwise(path):
+            waking = self._hops.waking(node, to, target) if to == datagram.to else None
+            if waking is not None:
+                yield waking
+            burst = Burst(node, to, parcel, target, mask, packets, sequence, relayed=node != source)
+            datagram.hops += 1
+            datagram.last_hop = burst if to == datagram.to else None
+            yield self._hops.send([burst])
+            datagram.bits += burst.sent
+            sequence, mask, packets = burst.sequence, burst.mask, burst.packets
+            if packets == 0:
+                break
+        datagram.end(mask, packets > 0, self._env.now)
 
     def _nearest_end(self, source: int, ends: Sequence[int]) -> int | None:
         """The nearest end, by the assumed positions, to which a greedy path leads."""
@@ -263,73 +318,3 @@ def _lengths(apart: Floats) -> Floats:
     """(n,) lengths of vectors (n, 2)."""
     result: Floats = np.sqrt((apart**2).sum(axis=1))
     return result
-
-
-class PathForwarding:
-    """Datagrams take the path of the router; those for a sink go to the one with the cheapest path.
-
-    Every node knows all usable links of the network at every moment, and no frame was sent to find them.
-    """
-
-    def __init__(self, radio: RadioServices, hops: Hops, router: Router, sinks: Sequence[int] = ()) -> None:
-        self._env = radio.env
-        self._hops = hops
-        self._router = router
-        self._sinks = sinks
-
-    def sink_of(self, source: int) -> int:
-        """The sink with the cheapest path; the first one if no path leads to any."""
-        if source in self._sinks:
-            return source
-        if len(self._sinks) == 1:
-            return self._sinks[0]
-        cheapest = self._router.cheapest_end(source, self._sinks)
-        return self._sinks[0] if cheapest is None else cheapest
-
-    def is_one_hop(self, source: int, to: int) -> bool:
-        """Whether the path is one hop. A neighbour without a path has died: its sender does not know, and sends."""
-        path = self._router.path(source, to)
-        return path is None or len(path) == 2
-
-    def forward(self, datagram: Datagram, target: int) -> simpy.Event:
-        """Send a datagram along its path."""
-        return self._env.process(self._relay(datagram, target))
-
-    def remove(self, node: int) -> None:
-        """Forget the paths over a node that died or crashed."""
-        self._router.remove(node)
-
-    def restore(self, node: int) -> None:
-        """Forget all paths: those over the node may be cheaper."""
-        self._router.restore()
-
-    def forget_links(self) -> None:
-        """Forget all paths, because links have changed."""
-        self._router.restore()
-
-    def start(self) -> None:
-        """Do nothing: nothing is sent to find paths."""
-
-    def _relay(self, datagram: Datagram, target: int) -> Acting[None]:
-        """Send a datagram over several hops; each hop sends what arrived over the one before."""
-        assert datagram.to != A_SINK, "the sink of a datagram is chosen before it is sent"
-        source, parcel = datagram.source, datagram.parcel
-        path = self._router.path(source, datagram.to)
-        if path is None:
-            datagram.lose()
-            self._hops.drop(datagram, source, target, "no_path")
-            return
-        sequence, mask, packets = 0, datagram.mask, parcel.packets
-        for node, to in itertools.pairwise(path):
-            waking = self._hops.waking(node, to, target) if to == datagram.to else None
-            if waking is not None:
-                yield waking
-            burst = Burst(node, to, parcel, target, mask, packets, sequence, relayed=node != source)
-            datagram.hops += 1
-            datagram.last_hop = burst if to == datagram.to else None
-            yield self._hops.send([burst])
-            datagram.bits += burst.sent
-            sequence, mask, packets = burst.sequence, burst.mask, burst.packets
-            if packets == 0:
-                break
-        datagram.end(mask, packets > 0, self._env.now)

@@ -231,9 +231,7 @@ class TdmaMechanism(MacPart):
         """Whether a frame needs another slot, for want of an acknowledgement; otherwise it is finished."""
         frame = slot.frame
         unacknowledged = self._mac.acks and not slot.acknowledged and frame.sends
-        if unacknowledged and frame.retries < self._mac.max_retries and self._nodes.alive[slot.source]:
-            frame.retries += 1
-            self._counters.retries += 1
+        if unacknowledged and self._nodes.alive[slot.source] and self._repeats(frame, self._mac.max_retries):
             return True
         frame.finish(slot.received)
         return False

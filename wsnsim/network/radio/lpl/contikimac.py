@@ -63,7 +63,7 @@ class ChannelChecks(MacPart):
 
     def hears(self, ids: Ints, since: float) -> Bools:
         """(n,) which radios have been on without a break since a time, and have heard something."""
-        return np.asarray(np.minimum(self._awake_from[ids], self._radios.on_since(ids)) <= since + ROUNDING)
+        return np.asarray(np.minimum(self._awake_from[ids], self._radios.on_since[ids]) <= since + ROUNDING)
 
     def expect(self, sent: Transmission) -> None:
         """Find the nodes with an assessment during a transmission that has been decided."""
@@ -95,7 +95,7 @@ class ChannelChecks(MacPart):
         offsets, intervals = self._radios.offsets(ids, sent.start)
         first, second = ((sample - offsets) % intervals for sample in self._samples)
         wait = np.minimum(first, second)
-        hit = (wait < sent.end - sent.start) & (self._radios.on_since(ids) == NEVER)
+        hit = (wait < sent.end - sent.start) & (self._radios.on_since[ids] == NEVER)
         hit &= self._awake_from[ids] == NEVER
         chosen = np.flatnonzero(hit)
         if chosen.size:
@@ -144,7 +144,7 @@ class ChannelChecks(MacPart):
 
     def _sleeps(self, node: int, sent: Transmission) -> bool:
         """Whether a waiting node turns the radio off at the end of a transmission that it heard."""
-        since = float(self._radios.on_since(np.array([node]))[0])
+        since = float(self._radios.on_since[node])
         whole = since <= sent.start + ROUNDING
         too_long = self._busy_until[node] > self._env.now and self._env.now - since > self._mac.longest
         if whole or too_long or not self._radios.is_held(node, EXPECTS):

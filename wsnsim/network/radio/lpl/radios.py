@@ -35,6 +35,7 @@ class LowPowerRadios(MacPart):
         near: The short wake interval in s, of nodes that were told to use it; `interval` divided by a power of two.
 
     Attributes:
+        on_since: (N,) since when radios have been held on; infinite where they are not.
         on_hold: Called with a node whose radio is about to be held on; returns since when it has been on, or infinity.
         on_release: Called with a node whose radio has just been turned off.
     """
@@ -44,7 +45,7 @@ class LowPowerRadios(MacPart):
         size = self._nodes.size
         self._interval, self._near = interval, near
         self._phases = interval * uniforms(derive_all(services.key("wake_up"), np.arange(size)), 0)
-        self._on_since = np.full(size, NEVER)
+        self.on_since = np.full(size, NEVER)
         self._near_until = np.zeros(size)
         self.on_hold: Callable[[int], float] = lambda node: NEVER
         self.on_release: Callable[[int], None] = lambda node: None
@@ -52,10 +53,6 @@ class LowPowerRadios(MacPart):
         self._held_from: dict[int, float] = {}
         self._busy: set[int] = set()
         self._until: dict[tuple[int, int], float] = {}
-
-    def on_since(self, ids: Ints) -> Floats:
-        """(n,) since when radios have been held on; infinite where they are not."""
-        return self._on_since[ids]
 
     def offsets(self, ids: Ints, time: float) -> tuple[Floats, Floats | float]:
         """(n,) s from the last wake-up of nodes to a time, and their intervals (n,), or one; on their own clocks."""
@@ -86,7 +83,7 @@ class LowPowerRadios(MacPart):
         self._reasons[node] = reasons | reason
         if not reasons:
             self._held_from[node] = now = self._env.now
-            self._on_since[node] = min(since, now)
+            self.on_since[node] = min(since, now)
             self._nodes.hold_radio(node, on=since <= now)
         return bool(self._nodes.alive[node])
 
@@ -100,7 +97,7 @@ class LowPowerRadios(MacPart):
             self._reasons[node] = reasons & ~reason
             return
         del self._reasons[node]
-        self._on_since[node] = NEVER
+        self.on_since[node] = NEVER
         self._nodes.release_radio(node, self._wake_ups(node, self._held_from.pop(node)))
         self.on_release(node)
         self._let_sleep(node)
@@ -141,7 +138,7 @@ class LowPowerRadios(MacPart):
         self._held_from.pop(node, None)
         self._busy.discard(node)
         self._reasons.pop(node, None)
-        self._on_since[node] = NEVER
+        self.on_since[node] = NEVER
         self._near_until[node] = 0.0
         for reason in (SENDS, RECEIVES, EXPECTS):
             self._until.pop((node, reason), None)

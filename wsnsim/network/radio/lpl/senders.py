@@ -232,12 +232,9 @@ class Senders(SenderQueues[RepeatingSender]):
 
     def fail(self, sender: RepeatingSender) -> None:
         """Note that no acknowledgement came: try again after a random wait, or give up."""
-        frame = sender.current
-        if frame.retries >= self._mac.max_retries:
+        if not self._repeats(sender.current, self._mac.max_retries):
             self.finish(sender, sender.received)
             return
-        frame.retries += 1
-        self._services.counters.retries += 1
         sender.attempts = 0
         sender.train = None
         self._radios.release(sender.node, SENDS)

@@ -117,7 +117,7 @@ class XMacMechanism(MacPart):
         offsets, _ = self._radios.offsets(ids, since)
         window = self._mac.window + ROUNDING
         awake = (offsets + (self._env.now - since) <= window) & (self._off_until[ids] <= since)
-        return np.asarray(awake | (self._radios.on_since(ids) <= since + ROUNDING))
+        return np.asarray(awake | (self._radios.on_since[ids] <= since + ROUNDING))
 
     def delay(self, sender: RepeatingSender) -> float:
         """Return a random wait before the first attempt."""
@@ -250,7 +250,7 @@ class XMacMechanism(MacPart):
             return
         now = self._env.now
         # nodes whose radios are not held on: they listen in their windows
-        nodes = listeners[self._radios.on_since(listeners) == np.inf]
+        nodes = listeners[self._radios.on_since[listeners] == np.inf]
         # time that an earlier overlapping frame covered has been given back already
         not_listened = now - np.maximum(sent.start, self._heard_until[nodes])
         self._heard_until[nodes] = now

@@ -19,7 +19,7 @@ from wsnsim.network.event_log import then
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.mac_services import FrameSender, MacPart, NetworkMacServices, control_frame
 from wsnsim.network.radio.transmission import Transmission
-from wsnsim.network.radio.tsch.slots import ROUNDING, ListeningTime, SlotRadios, Slots
+from wsnsim.network.radio.tsch.slots import ROUNDING, ChannelListening, ListeningTime, SlotRadios, Slots
 
 
 @dataclass(slots=True, eq=False)
@@ -115,7 +115,7 @@ class Exchanges(MacPart):
     def _channel(self, number: int) -> Channel:
         channel = self._channels.get(number)
         if channel is None:
-            channel = self._services.open_channel(self._mac, 0.0, self._radios.on(number))
+            channel = self._services.open_channel(self._mac, 0.0, ChannelListening(self._radios, number))
             self._channels[number] = channel
         return channel
 
@@ -224,11 +224,9 @@ class Exchanges(MacPart):
         frame = line.frame
         if line.stopped or frame is None:  # It died of it.
             return
-        if frame.retries >= self._mac.max_retries:
+        if not self._repeats(frame, self._mac.max_retries):
             self._finish(line, line.received)
             return
-        frame.retries += 1
-        self._counters.retries += 1
         if line.cells is None:
             first = frame.retries == 1
             line.exponent = self._mac.min_be if first else min(line.exponent + 1, self._mac.max_be)

@@ -36,17 +36,13 @@ class Slots:
         self._is_shared[list(mac.shared_slots)] = True
         self._sequence = np.array(mac.channels, dtype=np.int64)
 
-    def local(self, node: int, time: float) -> float:
-        """What the clock of a node shows at a time, in s."""
-        return self._clocks.local_time(node, time)
-
     def current(self, node: int, time: float) -> int:
         """The ASN of a node's slot at a time."""
-        return int(self.local(node, time) / self._length + ROUNDING)
+        return int(self._clocks.local_time(node, time) / self._length + ROUNDING)
 
     def upcoming(self, node: int, time: float) -> int:
         """The ASN of a node's next slot; of the present one, if it begins now."""
-        return -int((-self.local(node, time) / self._length + ROUNDING) // 1.0)
+        return -int((-self._clocks.local_time(node, time) / self._length + ROUNDING) // 1.0)
 
     def when(self, node: int, asn: int, offset: float) -> float:
         """The time `offset` s after the start of a node's slot, by its clock."""
@@ -84,7 +80,7 @@ class Slots:
 class SlotRadios:
     """The radios of all nodes.
 
-        SlotRadios(...).on(channel).hears(ids, since) -> (n,)
+        ChannelListening(SlotRadios(...), channel).hears(ids, since) -> (n,)
 
     A node listens in the shared cells and in those in which it receives, around the time at which a frame may begin; in
     a slot in which it sends it does not. A sender listens when an acknowledgement is due. A node that has lost the time
@@ -151,10 +147,6 @@ class SlotRadios:
         self.receiving.pop(node, None)
         self.end_scan(node)
         self._sends_from[node] = self._answer_from[node] = np.inf
-
-    def on(self, channel: int) -> ChannelListening:
-        """Return who listens on a channel."""
-        return ChannelListening(self, channel)
 
     def listen(self, ids: Ints, since: float, channel: int) -> Bools:
         """(n,) which nodes listen to a frame on a channel that began at a time."""
