@@ -420,7 +420,7 @@ COMPARE = ("compare", "field.yaml", "--trackers", "ekf,ukf")
         (["run", "field.yaml", "-replicates", "3"], "Long options have two dashes: --replicates, --report."),
         (["run", "field.yaml", "--out", "tags.csv"], "--out tags.csv: expected a file with the suffix .h5"),
         (["lifetime", "field.yaml", "--out", "tags.csv"], "--out tags.csv: expected a file with the suffix .json"),
-        (["fit", "tags.csv", "--nodes", "tags.csv", "--out", "notes.txt"], "notes.txt: expected a file with the suffix"),
+        (["fit", "tags.csv", "--nodes", "tags.csv", "--out", "notes.txt"], "notes.txt: expected a file with"),
         ([*COMPARE, "--timeout", "soon"], "--timeout: expected time (for example '1 s'), got the text 'soon'"),
         (["compare", "compare_field", "--seed", "3"], "compare_field is a campaign, whose sweep is fixed"),
     ],
