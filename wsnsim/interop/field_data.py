@@ -14,8 +14,9 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
+from wsnsim.base.arrays import since
 from wsnsim.base.errors import RunError, UsageError, counted
-from wsnsim.interop.conventions import USUALLY, Conventions, column_roles, plain, turned
+from wsnsim.interop.conventions import USUALLY, Conventions, column_roles, decimal, plain, turned
 from wsnsim.interop.source_rows import SourceRows, columns_of, without
 from wsnsim.interop.tables import RawTable, listed, numeric
 from wsnsim.interop.traces import NodeSummary, Trace, demand_choice
@@ -25,7 +26,6 @@ from wsnsim.models.recorded_track import movers_said
 from wsnsim.models.row_checks import TextColumn
 from wsnsim.models.unit_checks import other_than_stated, other_units, slower_than_stated
 
-DIGITS: Final = "%.15g"
 ANGULAR: Final = ("bearing", "azimuth", "angle")
 LAWS: Final = {"m": "range", "rad": "bearing", "dBm": "rssi"}
 FROM_EAST: Final = (
@@ -59,7 +59,7 @@ class Imported:
 
     def text(self) -> str:
         """The file that a scenario reads: CSV, or K7 for links."""
-        rows = str(self.table.to_csv(index=False, float_format=DIGITS, lineterminator="\n"))
+        rows = str(self.table.to_csv(index=False, float_format=decimal, lineterminator="\n"))
         return f"{json.dumps(self.facts['header'])}\n{rows}" if self.kind == "links" else rows
 
     def block(self, path: str) -> str:
@@ -69,7 +69,7 @@ class Imported:
             return f"deploy: {{kind: file, {file}, fit: true, cover: false}}"
         if self.kind == "links":
             return f"link: {{kind: recorded, {file}, channel: {self.facts['channels'][0]}, wrap: true}}"
-        file = f"{file}, time_origin: {DIGITS % self.facts['first']}"
+        file = f"{file}, time_origin: {decimal(self.facts['first'])}"
         if self.kind == "track":
             return f"motion: {{kind: recorded_track, {file}}}"
         return f"sensor: {{kind: recorded, {file}, law: {{kind: {LAWS.get(self.facts['unit'], 'range')}}}}}"
@@ -159,7 +159,7 @@ def track(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
         if said := slower_than_stated(*moves):
             raise RunError(f"{files[0]}: '{name}': {said}, {other_units(files[0], 'track')}")
         rows.notes += [f"'{name}' {said}" for said in [other_than_stated(*moves)] if said]
-    span = [rows.moment(*each) - rows.moment("--time-origin", how.time_origin)
+    span = [since(rows.moment(*each), rows.moment("--time-origin", how.time_origin))
             for each in zip(("--from", "--until"), how.span, (-np.inf, np.inf), strict=True)]  # fmt: skip
     return _imported(rows, table.drop(columns="speed"), {"origin": origin, "span": span, **_rate(table, "id")})
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import is_relative
+from wsnsim.base.arrays import SAME_TIME, is_relative
 from wsnsim.base.detections import ReportsScans
 from wsnsim.base.errors import Issue
 from wsnsim.base.files import content_digest
@@ -22,8 +22,6 @@ from wsnsim.base.sensing import is_perfect
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.recorded_track import RecordedTrack
 
-SAME_TIME: Final = 1e-9
-"""Origins of time that differ by less (s) are equal up to rounding."""
 MOST_STEPS: Final = 20
 """Number of steps by which two trajectories are compared."""
 
