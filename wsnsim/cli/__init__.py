@@ -21,7 +21,7 @@ from typing import Any, Final
 
 import click
 
-from wsnsim.base.errors import ScenarioError, WsnsimError
+from wsnsim.base.errors import ScenarioError, WsnsimError, nearest
 from wsnsim.base.files import CacheWarning, prepare_matplotlib
 from wsnsim.base.plugin_code import TRACEBACK_HINT, PluginImport, plugin_fault, watching_imports
 from wsnsim.base.process import NEW_OBJECTS
@@ -121,7 +121,7 @@ def _report(raised: BaseException) -> int:
     except click.ClickException as error:
         context = error.ctx if isinstance(error, click.UsageError) else None
         hint = f" (see '{context.command_path} --help')" if context else ""
-        return _print_error(f"{error.format_message()}{hint}", 2)
+        return _print_error(f"{_said(error)}{hint}", 2)
     except ScenarioError as error:
         return _print_error(str(error), error.exit_code, prefix="")
     except WsnsimError as error:
@@ -139,6 +139,20 @@ def _report(raised: BaseException) -> int:
         return _print_error(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 1)
     except (Exception, SystemExit) as error:
         return _report_unexpected(error)
+
+
+def _said(error: click.ClickException) -> str:
+    """The message of an error of click: of a choice, what may be meant; of a number, what it must be."""
+    said, kind = error.format_message(), getattr(getattr(error, "param", None), "type", None)
+    if isinstance(kind, click.Choice):
+        near = nearest(error.message.partition("' is not one of ")[0].strip("'"), kind.choices)
+        return f"{said.removesuffix('.')} (did you mean {' or '.join(map(repr, near))}?)" if near else said
+    if isinstance(kind, click.IntRange | click.FloatRange):
+        least = f"{'more than' if kind.min_open else 'at least'} {kind.min}"
+        span = least if kind.max is None else f"{kind.min} to {kind.max}"
+        noun = "a whole number" if isinstance(kind, click.IntRange) else "a number"
+        return said.replace(f"a valid {kind.name}", f"{noun} of {span}")
+    return said
 
 
 def _report_unexpected(error: BaseException) -> int:
