@@ -136,10 +136,6 @@ class _ReadingsWithLaw(NamedTuple):
             return apart - (np.bincount(self.groups, apart) / np.bincount(self.groups))[self.groups]
         return near(self.sensor, self.readings, expected) - expected
 
-    def losses(self, off: Floats) -> Floats:
-        """(n,) losses of residuals."""
-        return losses(off, self.sds)
-
     def medians(self, off: Floats) -> dict[int, float]:
         """The median residual of each node with readings."""
         return {node: float(np.median(off[self.nodes == node])) for node in np.unique(self.nodes).tolist()}
@@ -307,7 +303,7 @@ def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
             yield f"sensor: {share}: a limit of the receiver, or no reading? Leave them out"
             compared = compared._replace(sds=np.where(compared.readings == values[end], np.inf, compared.sds))
     off = compared.off()
-    (loss, said), unexplained = min(_explanations(compared, off, setup)), compared.losses(off).mean()
+    (loss, said), unexplained = min(_explanations(compared, off, setup)), losses(off, compared.sds).mean()
     if is_explained(loss, unexplained):
         yield f"sensor: {said}"
     elif np.median(np.abs(off) / compared.sds) > FAR:
@@ -318,7 +314,7 @@ def _explanations(compared: _ReadingsWithLaw, off: Floats, setup: TrackingSetup)
     """Yield the loss that an explanation of residuals leaves, and the explanation with what to write."""
     for said, factor, summand in CONVERSIONS:
         converted = compared._replace(readings=summand + factor * compared.readings)
-        yield compared.losses(converted.off()).mean(), f"readings seem to be {said}: convert them"
+        yield losses(converted.off(), compared.sds).mean(), f"readings seem to be {said}: convert them"
     yield _lagging(compared, setup)
     if len(off) < FEWEST * len(compared.names):
         return
@@ -329,7 +325,7 @@ def _explanations(compared: _ReadingsWithLaw, off: Floats, setup: TrackingSetup)
     if np.ptp(values) < abs(np.median(values)):
         said = f"a constant {shown(np.median(values))} of all nodes, such as a clock offset: take it off"
     without = compared._replace(readings=compared.readings - [medians[node] for node in compared.nodes.tolist()])
-    yield compared.losses(without.off()).mean(), f"readings contain {said}"
+    yield losses(without.off(), compared.sds).mean(), f"readings contain {said}"
     if compared.groups is None:
         yield _swapped(compared)
 
@@ -339,7 +335,7 @@ def _lagging(compared: _ReadingsWithLaw, setup: TrackingSetup) -> tuple[float, s
     from scipy.optimize import minimize_scalar
 
     def loss(later: float) -> float:
-        return float(compared.losses(compared.off(later)).mean())
+        return float(losses(compared.off(later), compared.sds).mean())
 
     most = min(LONGEST_LAG, setup.steps // 2)
     coarse = min((setup.dt * lag for lag in range(-most, most + 1)), key=loss)
@@ -353,8 +349,8 @@ def _swapped(compared: _ReadingsWithLaw) -> tuple[float, str]:
     from scipy.optimize import linear_sum_assignment
 
     count = len(compared.names)
-    each = (compared.losses(compared.off(nodes=np.full_like(compared.nodes, node))) for node in range(count))
-    sums = np.array([np.bincount(compared.nodes, losses, count) for losses in each]).T
+    off = (compared.off(nodes=np.full_like(compared.nodes, node)) for node in range(count))
+    sums = np.array([np.bincount(compared.nodes, losses(each, compared.sds), count) for each in off]).T
     rows, columns = linear_sum_assignment(sums)
     changed = np.flatnonzero((rows != columns) & sums.any(axis=1))
     pairs = ", ".join(f"{compared.names[i]} of {compared.names[columns[i]]}" for i in changed.tolist())

@@ -49,7 +49,8 @@ READ: Final = (
 """Options that say how tables are read."""
 MEANT_FOR: Final = {
     **dict.fromkeys(READ[:6], (*TABLES, "track")), **dict.fromkeys(READ[8:], ("readings",)),
-    **dict.fromkeys(("ids", "listed", "nodes", "start", "end"), TRACES), "time_unit": ("ns3", "sumo"),
+    **dict.fromkeys(("ids", "listed", "nodes"), TRACES), "time_unit": ("ns3", "sumo"),
+    **dict.fromkeys(("start", "end"), ("readings", *TRACES)),
     "time_format": ("readings", "links", "track"), "time_origin": ("readings", "links", *TRACES),
     "rate": ("readings", "track"), "crs": ("nodes", "track", "sumo"), "origin": ("nodes", *TRACES),
 }  # fmt: skip
@@ -101,9 +102,12 @@ def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tup
 @click.option("--time-unit", default="s", show_default=True, metavar="UNIT", help="Unit of the times of a trace.")
 @click.option("--time-origin", metavar="TIME", help="Time that becomes 0: s, or as the table has it.")
 @click.option(
-    "--from", "start", metavar="TIME", help="Time of the file at which tracks begin: s, or as the table has it."
+    "--from",
+    "start",
+    metavar="TIME",
+    help="Time of the file at which the track, or readings, begin: s, or as it is written there.",
 )
-@click.option("--until", "end", metavar="TIME", help="Time of the file at which tracks end, in the same way.")
+@click.option("--until", "end", metavar="TIME", help="Time of the file at which they end, in the same way.")
 @click.option("--crs", type=click.Choice(["wgs84"]), help="Positions are longitudes and latitudes: project them.")
 @click.option(
     "--origin", metavar="X,Y|centre", help="Position that becomes (0, 0): X,Y (with --crs LON,LAT), or centre."

@@ -38,8 +38,8 @@ NAMES: Final[Mapping[str, tuple[str, ...]]] = {
 COLUMNS: Final = {"columns": set(NAMES) - {"id"}, "node_columns": {"id", "x", "y", "z"}}
 """{option: the columns that it can rename}."""
 
-SMALL_UNITS: Final = {"mm": 1e-3, "cm": 1e-2}
-"""m: units in which ranges or places may have been given."""
+SMALL_UNITS: Final = {1e-3: "mm", 1e-2: "cm"}
+"""{m: the unit} of units in which ranges or places may have been given."""
 TENTH: Final = 0.1
 """Part of the spread of a node's distances that residuals are compared with (our choice)."""
 REMEDY: Final = "--skip-bad-rows leaves them out and counts them"
@@ -119,7 +119,7 @@ def _demand_metres(sample: LocatedReadings, track: str) -> None:
     """
     import pandas as pd
 
-    def loss(reading: float = 1.0, node: float = 1.0, point: float = 1.0) -> float:
+    def loss(reading: float, node: float, point: float) -> float:
         deployment = sample.deployment._replace(places=node * sample.deployment.places)
         scaled = dataclasses.replace(sample, points=point * sample.points, deployment=deployment)
         distances = scaled.distances(sample.has_heights)
@@ -128,14 +128,12 @@ def _demand_metres(sample: LocatedReadings, track: str) -> None:
         return float(losses(table.off.to_numpy(), TENTH * table.far.std() + 1e-200).mean())
 
     files = {"readings": sample.files[0].path, "nodes": sample.deployment.path, "track": track or sample.files[0].path}
-    scales = {"readings": ("reading",), "nodes": ("node",), "track": ("point",), "nodes and track": ("node", "point")}
-    least, name, unit = min(
-        (loss(**dict.fromkeys(which, factor)), name, unit)
-        for name, which in scales.items() for unit, factor in SMALL_UNITS.items()
-    )  # fmt: skip
-    if is_explained(least, loss()):
-        how = " and ".join(remedy(files[kind], kind, f"--unit {unit}") for kind in name.split(" and "))
-        raise RunError(f"{files['readings']}: {name} seem to be in {unit}, must be in m. Write: {how}")
+    tried = [each for f in SMALL_UNITS for each in ((f, 1.0, 1.0), (1.0, f, 1.0), (1.0, 1.0, f), (1.0, f, f))]
+    least, factors = min((loss(*each), each) for each in tried)
+    if is_explained(least, loss(1.0, 1.0, 1.0)):
+        wrong, unit = [name for name, each in zip(files, factors, strict=True) if each < 1.0], SMALL_UNITS[min(factors)]
+        how = " and ".join(remedy(files[name], name, f"--unit {unit}") for name in wrong)
+        raise RunError(f"{files['readings']}: {' and '.join(wrong)} seem to be in {unit}, must be in m. Write: {how}")
 
 
 def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: ReadingOptions) -> _Rows:
@@ -155,9 +153,17 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
     )[codes]  # fmt: skip
     points, located, skipped = _places_of(rows, track, options)
     checks = [*_checks(rows, row_nodes >= 0, nodes, form, located)]
-    none = bool(np.any([wrong for wrong, _ in checks], axis=0).all())
-    help_ = _remedy_of_all(form, checks) if none else REMEDY
-    used = rows.without(*checks, skip=options.skip_bad_rows and not none, remedy=help_)
+    none, law = np.all(np.any([wrong for wrong, _ in checks], axis=0)), f"the law is {form.kind} (default: rssi)"
+    helps = (
+        "",
+        f"{law}: --law range is for ranges in m",
+        "import readings and trajectory with the same --time-origin",
+        "",
+    )
+    every = (said for (wrong, _), said in zip(checks, helps, strict=True) if wrong.size and wrong.all())
+    used = rows.without(
+        *checks, skip=bool(options.skip_bad_rows and not none), remedy=next(every, "") if none else REMEDY
+    )
     if len(targets := used.texts["target"].names if "target" in used.texts else ()) > 1:
         option = f"--where {names['target']}={min(targets)} --out target_{min(targets)}.csv"
         advice = f"give a file for each, such as {remedy(path, 'readings', option)}"
@@ -194,24 +200,15 @@ def _checks(rows: CsvRows, known: Bools, nodes: NodeTable, form: LawForm, locate
     within = (form.least <= readings) & (readings <= form.greatest)
     allowed = f"{form.reading_unit} must be between {form.least:g} and {form.greatest:g}"
     yield ~within, lambda row: f"reading {readings[row]:g} {allowed}"
-    yield ~located, lambda row: f"the trajectory does not reach {times[row]:g} s"
+    yield ~located, lambda row: f"the trajectory does not reach {times[row]:.15g} s"
     targets = rows.texts["target"].codes if "target" in rows.texts else np.zeros_like(codes)
     first = first_of_equal(known & within & located, times, codes, targets)
     yield (
         first != np.arange(len(first)),
         lambda row: (
-            f"node '{names[codes[row]]}' has a reading at {times[row]:g} s in line {rows.lines[first[row]]} already"
+            f"node '{names[codes[row]]}' has a reading at {times[row]:.15g} s in line {rows.lines[first[row]]} already"
         ),
     )
-
-
-def _remedy_of_all(form: LawForm, checks: Sequence[Check]) -> str:
-    """What helps where no row of a file can be used."""
-    _, within, located, _ = (wrong.size > 0 and wrong.all() for wrong, _ in checks)
-    if within:
-        other = "--law range is for ranges in m" if form.kind == "rssi" else "--law rssi is for levels in dBm"
-        return f"the law is {form.kind}{', the default' * (form.kind == 'rssi')}; {other}"
-    return "import readings and trajectory with the same --time-origin" if located else ""
 
 
 def _places_of(rows: CsvRows, track: str, options: ReadingOptions) -> tuple[Floats, Bools, tuple[BadRow, ...]]:

@@ -17,7 +17,7 @@ import numpy as np
 from wsnsim.base.errors import RunError, ScenarioError, UsageError, counted
 from wsnsim.base.version import __version__
 from wsnsim.fitting.data_files import digest_of, names_in
-from wsnsim.fitting.fitted_law import Evaluation, FittedGain, FittedLaw, FittedValue, ResidualFigures
+from wsnsim.fitting.fitted_law import Evaluation, FittedLaw, FittedValue, ResidualFigures
 from wsnsim.fitting.located_readings import DataFile
 from wsnsim.models.row_checks import summarised
 from wsnsim.scenario import load
@@ -167,15 +167,6 @@ def interval_text(low: float, high: float, approximate: str = "") -> str:
     return f"{low:.4g} to {high:.4g}{' (approximate)' if approximate else ''}"
 
 
-def _in_digits(gain: FittedGain) -> tuple[str, str]:
-    """A gain and its interval, with two digits of the interval's half-width."""
-    if not math.isfinite(reach := gain.high - gain.value) or reach <= 0.0:
-        return f"{gain.value:.4g}", interval_text(gain.low, gain.high)
-    digits = max(0, 1 - math.floor(math.log10(reach)))
-    value, low, high = (f"{round(each, digits) + 0.0:.{digits}f}" for each in (gain.value, gain.low, gain.high))
-    return value, f"{low} to {high}"
-
-
 def one_line(text: str) -> str:
     """The text without line breaks, which would end a comment."""
     return "".join(sign if sign.isprintable() else "?" for sign in text)
@@ -258,7 +249,7 @@ class Fit(FittedLaw):
         lines += [f"  {file_text(file)}" for file in self.sample.files]
         lines += ["", *value_lines(self.values)]
         if self.gains:
-            rows = [[gain.node, *_in_digits(gain), f"{gain.readings:,}"] for gain in self.gains]
+            rows = [[g.node, f"{g.value:.4g}", interval_text(g.low, g.high), f"{g.readings:,}"] for g in self.gains]
             lines += ["", *table_lines(["node", f"{form.constants} [{form.unit}]", "95 % interval", "readings"], rows)]
         lines += ["", *table_lines(["readings", "law", *FIGURES], list(_figure_rows(self)))]
         lines += ["", *_notes(self)]

@@ -48,7 +48,7 @@ class Conventions:
         unit: Unit of readings, of coordinates or of delivery ratios; '': SI, dBm, or what the header says in brackets.
         time_format: '' for s or ISO 8601; a unit such as 'ms'; a format of `strptime` such as '%d.%m.%Y %H:%M:%S'.
         time_origin: Time, written as the file writes it, that becomes 0; '': times stay, dates count from 1970 (UTC).
-        span: First and last time of a track, written as `time_origin`; '': all of it.
+        span: First and last time of a track or of readings, written as `time_origin`; '': all of it.
         angle: One of `ANGLES`.
         missing: Values that stand for no reading, such as '100' or 'nan'.
         crs: 'wgs84' for longitudes and latitudes in degrees; '': local metres.

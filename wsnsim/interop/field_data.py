@@ -14,7 +14,6 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from wsnsim.base.arrays import since
 from wsnsim.base.errors import RunError, UsageError, counted
 from wsnsim.interop.conventions import USUALLY, Conventions, column_roles, decimal, plain, turned
 from wsnsim.interop.source_rows import SourceRows, columns_of, without
@@ -103,6 +102,7 @@ def readings(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
     elif not unit and rows.kept.any():
         rows.notes.append("readings are taken for ranges in m; --unit says otherwise")
     table = pd.DataFrame({"time": rows.times(), "node": rows.texts("node"), "reading": values})
+    rows.leave_out(~table.time.between(*rows.span()).to_numpy(), "before --from or after --until")
     if "target" in rows.frame:
         codes, known = pd.factorize(rows.texts("target"), sort=True)
         rows.notes.append("targets: " + ", ".join(f"{number} is '{name}'" for number, name in enumerate(known[:10])))
@@ -159,9 +159,7 @@ def track(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
         if said := slower_than_stated(*moves):
             raise RunError(f"{files[0]}: '{name}': {said}, {other_units(files[0], 'track')}")
         rows.notes += [f"'{name}' {said}" for said in [other_than_stated(*moves)] if said]
-    span = [since(rows.moment(*each), rows.moment("--time-origin", how.time_origin))
-            for each in zip(("--from", "--until"), how.span, (-np.inf, np.inf), strict=True)]  # fmt: skip
-    return _imported(rows, table.drop(columns="speed"), {"origin": origin, "span": span, **_rate(table, "id")})
+    return _imported(rows, table.drop(columns="speed"), {"origin": origin, "span": rows.span(), **_rate(table, "id")})
 
 
 def _demand_one_mover(rows: SourceRows, table: pd.DataFrame) -> None:

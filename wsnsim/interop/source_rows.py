@@ -252,6 +252,11 @@ class SourceRows:
             raise UsageError(f"{option} {text}: must be a time as the file writes them, such as {such[0]}")
         return float(time)
 
+    def span(self) -> list[float]:
+        """First and last time (s) that are asked for, after the time origin; infinite where none is."""
+        ends = zip(("--from", "--until"), self.how.span, (-np.inf, np.inf), strict=True)
+        return [since(self.moment(*each), self.moment("--time-origin", self.how.time_origin)) for each in ends]
+
     def places(self) -> tuple[dict[str, Floats], tuple[float, ...]]:
         """{axis: (n,) m}, and the origin in degrees if places were projected."""
         geographic = {"lon", "lat"} <= set(self.frame)

@@ -129,7 +129,10 @@ def _of_text(path: str, columns: Sequence[str], texts: Callable[[str], bool]) ->
                 keep_default_na=False, na_values=[""], dtype=dict.fromkeys(filter(texts, names), str),
             )  # fmt: skip
         except pd.errors.ParserWarning:
-            raise RunError(_too_long(path, first, head, len(names))) from None
+            row = next((i for i in range(first + 1, len(head)) if "," in head[i]), first)
+            said = f"{path}:{row + 1}: has more than the {len(names)} columns of the header: {head[row][:80]!r}"
+            comma = "; a comma in a number? Separate columns by semicolons" * bool(re.search(r"\d,\d", head[row]))
+            raise RunError(said + comma) from None
         except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
             raise _not_a_table(path, error) from None
     frame.index = np.arange(len(frame)) + first + (1 if columns else 2)
@@ -145,13 +148,6 @@ def _is_headless(rows: Sequence[Sequence[str]]) -> bool:
 def _headless(place: str, rows: Sequence[Sequence[str]]) -> str:
     such = "such as --columns time,node,reading (links: src,dst,prr; of a matrix of ratios, its nodes)"
     return f"{place}: the file has no header: name its {len(rows[0])} columns in their order, {such}"
-
-
-def _too_long(path: str, first: int, head: Sequence[str], columns: int) -> str:
-    """What is said where rows have more cells than the header, as those of a file with decimal commas do."""
-    line = next((i for i in range(first + 1, len(head)) if "," in head[i]), first)
-    said = f"{path}:{line + 1}: has more than the {columns} columns of the header: {head[line][:80]!r}"
-    return said + "; a comma in a number? Separate columns by semicolons" * bool(re.search(r"\d,\d", head[line]))
 
 
 def _not_a_table(path: str, error: Exception) -> RunError:

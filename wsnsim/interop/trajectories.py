@@ -167,8 +167,8 @@ def _window(path: str, node: str, track: Floats, start: float, end: float) -> Fl
     known = float(track[0, 0]), float(track[-1, 0])
     start, end = max(start, known[0]), min(end, known[1])
     if not start < end:
-        raise UsageError(f"{path}: node {node} is known from {known[0]:g} to {known[1]:g} s: no time is left between "
-                         f"{start:g} and {end:g} s")  # fmt: skip
+        raise UsageError(f"{path}: node {node} is known from {known[0]:.15g} to {known[1]:.15g} s: no time is left "
+                         f"between {start:.15g} and {end:.15g} s")  # fmt: skip
     inside = track[(track[:, 0] > start) & (track[:, 0] < end)]
     ends = [[time, *(np.interp(time, track[:, 0], track[:, column]) for column in (1, 2, 3))] for time in (start, end)]
     return np.vstack([ends[0], inside, ends[1]])

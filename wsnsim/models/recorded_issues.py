@@ -84,7 +84,7 @@ def _other_origin(sensor: Any, motion: RecordedTrack) -> Iterator[Issue]:
     apart = motion.origin - sensor.origin
     if abs(apart) > SAME_TIME:
         message = (
-            f"the trajectory begins at {motion.origin:.9g} s, the readings at {sensor.origin:.9g} s: give "
+            f"the trajectory begins at {motion.origin:.15g} s, the readings at {sensor.origin:.15g} s: give "
             "time_origin for both"
         )
         yield Issue(("sensor", "time_origin"), message)

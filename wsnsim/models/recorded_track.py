@@ -197,7 +197,7 @@ def _conflicts(rows: row_checks.CsvRows) -> Iterator[row_checks.Check]:
     yield (
         apart > SAME_PLACE,
         lambda i: (
-            f"at the time {times[i]:g} s it is {apart[i]:.3g} m from the place in line {lines[first[i]]}; at most "
+            f"at the time {times[i]:.15g} s it is {apart[i]:.3g} m from the place in line {lines[first[i]]}; at most "
             f"{SAME_PLACE:g} m is allowed"
         ),
     )
