@@ -427,10 +427,10 @@ def ranges(
 
 
 UNITS: dict[str, tuple[dict[str, float], str]] = {
-    "ranges in mm": ({"reading": 1e3}, "readings seem to be in mm, must be in m. Write: wsnsim import readings {0}"),
-    "ranges in cm": ({"reading": 1e2}, "readings seem to be in cm, must be in m. Write: wsnsim import readings {0}"),
-    "anchors in mm": ({"node": 1e3}, "nodes seem to be in mm, must be in m. Write: wsnsim import nodes {1} --unit mm"),
-    "track in cm": ({"place": 1e2}, "track seem to be in cm, must be in m. Write: wsnsim import track {2} --unit cm"),
+    "ranges in mm": ({"reading": 1e3}, "must be in m, seem to be in mm: readings. Write: wsnsim import readings {0}"),
+    "ranges in cm": ({"reading": 1e2}, "must be in m, seem to be in cm: readings. Write: wsnsim import readings {0}"),
+    "anchors in mm": ({"node": 1e3}, "must be in m, seem to be in mm: nodes. Write: wsnsim import nodes {1} --unit mm"),
+    "track in cm": ({"place": 1e2}, "must be in m, seem to be in cm: track. Write: wsnsim import track {2} --unit cm"),
     "places in mm": ({"node": 1e3, "place": 1e3}, "import nodes {1} --unit mm and wsnsim import track {2} --unit"),
 }  # fmt: skip
 

@@ -16,7 +16,7 @@ import click
 from wsnsim.base.errors import RunError, ScenarioError, UsageError, counted
 from wsnsim.cli import shared
 from wsnsim.cli.fitting import renamed_columns, target
-from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, writable
+from wsnsim.cli.shared import PATH, echo, echo_json, group
 
 if TYPE_CHECKING:
     from wsnsim.interop.conventions import Conventions
@@ -59,10 +59,9 @@ MEANT_FOR: Final = {
 
 def _finite(option: str, text: str | None) -> float | None:
     """The number that the text of an option gives; refuses texts that are no finite number."""
-    try:
-        value = None if text is None else float(text)
-    except ValueError:
-        value = math.nan
+    from wsnsim.models.csvfile import number_in
+
+    value = None if text is None else number_in(text)
     if value is None or math.isfinite(value):
         return value
     raise UsageError(f"{option} {text}: give a finite number of seconds, such as 12.5")
@@ -177,7 +176,7 @@ def _table(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[st
         raise UsageError(f"{data} exists: --out FILE{data.suffix} names another file, --out {data} replaces it")
     if options["origin"] and not options["crs"]:
         raise UsageError("--origin goes with --crs wgs84: longitude and latitude that become (0, 0)")
-    target(writable(data, data), data.name, files)
+    target(data, data.name, files)
     from wsnsim.interop import field_data
     from wsnsim.recording.atomic_files import write_text_atomically
 
@@ -211,8 +210,7 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
     if options["crs"] and options["nodes"] is not None and options["origin"] is None:
         raise UsageError("--nodes and --crs: give --origin LON,LAT, that of the nodes")
     how = _placement(kind, options, as_scenario)
-    if out is not None:
-        not_the_result(writable(out, out), trace, "track") if trace.exists() else writable(out, out)
+    target(out, "track.csv", files)
     import numpy as np
 
     from wsnsim.interop import traces, trajectories
@@ -340,10 +338,9 @@ def _origin(text: str | None, most: int) -> Any:
     """The place that a text names, with two numbers or more."""
     if text in (None, "centre"):
         return text
-    try:
-        place = tuple(map(float, text.split(",")))
-    except ValueError:
-        place = ()
+    from wsnsim.models.csvfile import number_in
+
+    place = tuple(map(number_in, text.split(",")))
     if not 2 <= len(place) <= most or not all(map(math.isfinite, place)):
         such = "m: 500000,4180000, or centre" if most == 2 else "degrees: 8.6,50.1, perhaps with a height in m"
         raise UsageError(f"--origin {text}: give two numbers in {such}")

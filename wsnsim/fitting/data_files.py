@@ -133,7 +133,7 @@ def _demand_metres(sample: LocatedReadings, track: str) -> None:
     if is_explained(least, loss(1.0, 1.0, 1.0)):
         wrong, unit = [name for name, each in zip(files, factors, strict=True) if each < 1.0], SMALL_UNITS[min(factors)]
         how = " and ".join(remedy(files[name], name, f"--unit {unit}") for name in wrong)
-        raise RunError(f"{files['readings']}: {' and '.join(wrong)} seem to be in {unit}, must be in m. Write: {how}")
+        raise RunError(f"{files['readings']}: must be in m, seem to be in {unit}: {' and '.join(wrong)}. Write: {how}")
 
 
 def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: ReadingOptions) -> _Rows:

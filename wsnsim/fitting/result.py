@@ -249,7 +249,9 @@ class Fit(FittedLaw):
         lines += [f"  {file_text(file)}" for file in self.sample.files]
         lines += ["", *value_lines(self.values)]
         if self.gains:
-            rows = [[g.node, f"{g.value:.4g}", interval_text(g.low, g.high), f"{g.readings:,}"] for g in self.gains]
+            ends = [[round(each, 4) + 0.0 for each in (g.value, g.low, g.high)] for g in self.gains]
+            rows = [[gain.node, f"{value:.4g}", interval_text(low, high), f"{gain.readings:,}"]
+                    for gain, (value, low, high) in zip(self.gains, ends, strict=True)]  # fmt: skip
             lines += ["", *table_lines(["node", f"{form.constants} [{form.unit}]", "95 % interval", "readings"], rows)]
         lines += ["", *table_lines(["readings", "law", *FIGURES], list(_figure_rows(self)))]
         lines += ["", *_notes(self)]

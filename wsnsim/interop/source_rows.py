@@ -235,7 +235,7 @@ class SourceRows:
         if not origin:
             self.notes += ["times are s since 1970-01-01 UTC; --time-origin DATE makes one of them 0"] * dated
             return times
-        after = since(times, self.moment("--time-origin", origin))
+        after: Floats = since(times, self.moment("--time-origin", origin))
         if self.kept.any() and (far := np.abs(after[self.kept]).min()) > max(DAY, np.ptp(after[self.kept])):
             self.notes.append(f"all times are {far / DAY:,.1f} days or more from --time-origin {origin}: another date? "
                               f"The first row has {_cell(column.iloc[0])}")  # fmt: skip

@@ -130,9 +130,10 @@ def _of_text(path: str, columns: Sequence[str], texts: Callable[[str], bool]) ->
             )  # fmt: skip
         except pd.errors.ParserWarning:
             row = next((i for i in range(first + 1, len(head)) if "," in head[i]), first)
-            said = f"{path}:{row + 1}: has more than the {len(names)} columns of the header: {head[row][:80]!r}"
-            comma = "; a comma in a number? Separate columns by semicolons" * bool(re.search(r"\d,\d", head[row]))
-            raise RunError(said + comma) from None
+            raise RunError(
+                f"{path}:{row + 1}: has more than the {len(names)} columns of the header: {head[row][:80]!r}; "
+                "a comma in a number or a time? Separate columns by semicolons"
+            ) from None
         except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
             raise _not_a_table(path, error) from None
     frame.index = np.arange(len(frame)) + first + (1 if columns else 2)
