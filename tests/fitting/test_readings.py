@@ -444,6 +444,12 @@ def test_ranges_and_places_in_other_units_are_refused_with_the_command_that_conv
     with pytest.raises(RunError) as caught:
         wsnsim.fit(files[0], files[1], law="range", tracks=[files[2]])
     assert said.format(*files) in str(caught.value)
+    (tmp_path / "good").mkdir()
+    good = ranges(tmp_path / "good")
+    if case.startswith("ranges"):
+        with pytest.raises(RunError) as caught:
+            wsnsim.fit([good[0], files[0]], good[1], law="range", tracks=[good[2]])
+        assert said.format(*files) in str(caught.value)
 
 
 @pytest.mark.parametrize("bias", [0.0, -3.0, 50.0])
@@ -461,10 +467,10 @@ def test_what_no_row_of_a_file_has_is_said_with_what_helps(tmp_path: Path) -> No
     for skip in (False, True):
         with pytest.raises(RunError) as caught:
             wsnsim.fit(files[0], files[1], tracks=[files[2]], skip_bad_rows=skip)
-        assert "the law is rssi (default: rssi): --law range is for ranges in m" in str(caught.value)
+        assert "; --law range is for ranges in m, rssi (the default) for levels (479 more rows" in str(caught.value)
         assert "--skip-bad-rows" not in str(caught.value)
     files = ranges(tmp_path, start=1778594600.0)
-    with pytest.raises(RunError, match=r"does not reach .*\n.*with the same --time-origin") as caught:
+    with pytest.raises(RunError, match=r"does not reach 1778594600 s; give both the same --time-origin") as caught:
         wsnsim.fit(files[0], files[1], law="range", tracks=[files[2]])
     assert "--skip-bad-rows" not in str(caught.value)
 

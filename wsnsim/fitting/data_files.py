@@ -107,8 +107,8 @@ def read_sample(files: Sequence[str], nodes: NodeTable, form: LawForm, options: 
     order = np.lexsort((times, numbers))
     ordered = times[order], heard[order], readings[order], points[order], numbers[order]
     sample = LocatedReadings(*ordered, nodes, found, lines[order])
-    if form.kind == "range":
-        _demand_metres(sample, tracks[0])
+    for number, track in enumerate(tracks if form.kind == "range" else ()):
+        _demand_metres(sample.of([number]), track)
     return sample
 
 
@@ -153,17 +153,8 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
     )[codes]  # fmt: skip
     points, located, skipped = _places_of(rows, track, options)
     checks = [*_checks(rows, row_nodes >= 0, nodes, form, located)]
-    none, law = np.all(np.any([wrong for wrong, _ in checks], axis=0)), f"the law is {form.kind} (default: rssi)"
-    helps = (
-        "",
-        f"{law}: --law range is for ranges in m",
-        "import readings and trajectory with the same --time-origin",
-        "",
-    )
-    every = (said for (wrong, _), said in zip(checks, helps, strict=True) if wrong.size and wrong.all())
-    used = rows.without(
-        *checks, skip=bool(options.skip_bad_rows and not none), remedy=next(every, "") if none else REMEDY
-    )
+    none = bool(np.any([wrong for wrong, _ in checks], axis=0).all())
+    used = rows.without(*checks, skip=options.skip_bad_rows and not none, remedy="" if none else REMEDY)
     if len(targets := used.texts["target"].names if "target" in used.texts else ()) > 1:
         option = f"--where {names['target']}={min(targets)} --out target_{min(targets)}.csv"
         advice = f"give a file for each, such as {remedy(path, 'readings', option)}"
@@ -199,8 +190,10 @@ def _checks(rows: CsvRows, known: Bools, nodes: NodeTable, form: LawForm, locate
     yield ~known, lambda row: unknown(names[codes[row]])
     within = (form.least <= readings) & (readings <= form.greatest)
     allowed = f"{form.reading_unit} must be between {form.least:g} and {form.greatest:g}"
+    allowed += "; --law range is for ranges in m, rssi (the default) for levels" * (not within.any())
+    origin = "; give both the same --time-origin" * (not located.any())
     yield ~within, lambda row: f"reading {readings[row]:g} {allowed}"
-    yield ~located, lambda row: f"the trajectory does not reach {times[row]:.15g} s"
+    yield ~located, lambda row: f"the trajectory does not reach {times[row]:.15g} s{origin}"
     targets = rows.texts["target"].codes if "target" in rows.texts else np.zeros_like(codes)
     first = first_of_equal(known & within & located, times, codes, targets)
     yield (
