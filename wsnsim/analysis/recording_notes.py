@@ -46,8 +46,9 @@ MANY_IMPROBABLE: Final = 0.1
 """Share of readings in improbable cells above which readings do not follow the law [our choice]."""
 SAME: Final = 1e-6
 """Difference by which a recorded reading may be off the value of its cell, which a file may round [our choice]."""
-NEARLY, MANY = 0.8, 0.05
-"""Part of a step by which two readings in it are apart; part of all readings that begin such a pair [our choice]."""
+NEARLY, MANY, REMAIN = 0.8, 0.05, 0.2
+"""Part of a step by which two readings in it are apart; parts of all readings that begin such a pair, and of these
+pairs that remain with another origin of time [our choice]."""
 LONGEST_LAG: Final = 100
 """Steps by which clocks are thought to be wrong, at most [our choice]."""
 CONVERSIONS: Final = (
@@ -86,19 +87,24 @@ def unread_identifiers(setup: TrackingSetup) -> Iterator[str]:
 
 
 def late_readings(setup: TrackingSetup) -> Iterator[str]:
-    """Recorded readings just after a step, which therefore share the next one with those that come a step later."""
+    """Recorded readings just after a step, which share the next one with those of that step; another origin helps."""
     if not isinstance(setup.recorded, RecordedSensor):
         return
     times, nodes, _, targets = setup.recorded.rows(node_names(setup), len(setup.motions))
-    steps, order = first_steps(times, setup.dt), np.lexsort((times, nodes, targets))
-    same = (np.diff([targets[order], nodes[order], steps[order]]) == 0.0).all(axis=0)
-    first = order[:-1][same & (np.diff(times[order]) > NEARLY * setup.dt)]
-    if len(first) > MANY * len(times):
-        late = float((times - (steps - 1.0) * setup.dt)[first].max())
-        yield (
-            f"sensor: {len(first):,} times, two readings of a node nearly a step apart are in one step: the first "
-            f"is up to {late:.3g} s after the step before: add {late:.3g} s to time_origin of sensor and motion"
-        )
+    order = np.lexsort((times, nodes, targets))
+    apart = np.diff(times[order]) > NEARLY * setup.dt
+
+    def first_of_two(later: float) -> Ints:
+        keys = [targets[order], nodes[order], first_steps(times[order] - later, setup.dt)]
+        return order[:-1][apart & (np.diff(keys) == 0.0).all(axis=0)]
+
+    if len(first := first_of_two(0.0)) > MANY * len(times):
+        late = float((times - (first_steps(times, setup.dt) - 1.0) * setup.dt)[first].max())
+        if len(first_of_two(late)) < REMAIN * len(first):
+            yield (
+                f"sensor: {len(first):,} times, two readings of a node nearly a step apart are in one step: the first "
+                f"is up to {late:.3g} s after the step before: add {late:.3g} s to time_origin of sensor and motion"
+            )
 
 
 _Path: TypeAlias = tuple[Floats, Floats]
