@@ -96,7 +96,7 @@ def late_readings(setup: TrackingSetup) -> Iterator[str]:
 
     def first_of_two(later: float) -> Ints:
         keys = [targets[order], nodes[order], first_steps(times[order] - later, setup.dt)]
-        return order[:-1][apart & (np.diff(keys) == 0.0).all(axis=0)]
+        return np.asarray(order[:-1][apart & (np.diff(keys) == 0.0).all(axis=0)], np.int64)
 
     if len(first := first_of_two(0.0)) > MANY * len(times):
         late = float((times - (first_steps(times, setup.dt) - 1.0) * setup.dt)[first].max())

@@ -101,10 +101,7 @@ def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tup
 @click.option("--time-unit", default="s", show_default=True, metavar="UNIT", help="Unit of the times of a trace.")
 @click.option("--time-origin", metavar="TIME", help="Time that becomes 0: s, or as the table has it.")
 @click.option(
-    "--from",
-    "start",
-    metavar="TIME",
-    help="Time of the file at which the track, or readings, begin: s, or as it is written there.",
+    "--from", "start", metavar="TIME", help="Time of the file where track or readings begin: s, or as the table has it."
 )
 @click.option("--until", "end", metavar="TIME", help="Time of the file at which they end, in the same way.")
 @click.option("--crs", type=click.Choice(["wgs84"]), help="Positions are longitudes and latitudes: project them.")
