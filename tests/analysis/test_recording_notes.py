@@ -227,6 +227,17 @@ def test_where_nothing_explains_readings_it_is_said_that_they_do_not_follow_the_
     ]
 
 
+@pytest.mark.parametrize(("late", "said"), [(0.0, []), (0.03, ["add 0.03 s to time_origin"]), (0.5, [])])
+def test_readings_just_after_a_step_are_said_to_share_the_next_one(
+    late: float, said: list[str], tmp_path: Path
+) -> None:
+    """Every other round of readings comes late."""
+    made = Recording("range", 0)
+    made.times = np.floor(made.times) + late * (np.floor(made.times) % 2)
+    found = list(recording_notes.late_readings(made.setup(tmp_path)))
+    assert len(found) == len(said) and all(words in note for words, note in zip(said, found, strict=True)), found
+
+
 def test_of_many_readings_some_are_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recording_notes, "MOST_READINGS", 100)
     made = Recording("range", 0)

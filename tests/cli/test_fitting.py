@@ -78,6 +78,9 @@ def test_json_is_one_object_with_train_and_test(
         (["--block", "-1"], "block: must be a positive number of seconds"),
         (["--law", "bearing"], "law bearing cannot be fitted: a bearing is an angle"),
         (["--law", "rsi"], "unknown law 'rsi' (did you mean 'rssi'?)"),
+        (["--noise", "norml"], "did you mean 'normal'?"),
+        (["--seed", "ten"], "'ten' is not a whole number of at least 0"),
+        (["--frame", "ten"], "'ten' is not a whole number of 1 to 127"),
     ],
 )
 def test_wrong_use_is_said_in_one_message(

@@ -94,6 +94,7 @@ class Design:
             np.arange(len(walks)).repeat(steps * count),
             table,
             files,
+            np.arange(len(times)) + 2,
         )
 
     def fit(self, seed: int) -> Fit:

@@ -74,7 +74,8 @@ def test_an_outlier_is_named_with_its_node_time_and_file(walks: tuple[list[str],
     rows[100] = ",".join([time, node, str(float(reading) - 90.0), *place])
     (tmp_path / "one.csv").write_text("\n".join([header, *rows]))
     said = wsnsim.fit(tmp_path / "one.csv", nodes).text()
-    assert re.search(rf"The largest residual: -\S+ dB, {node} at {float(time):g} s in .*one.csv", said)
+    row = rf"reading -\S+ dBm of {node} at {float(time):g} s in .*one.csv:102"
+    assert re.search(rf"The largest residual: -\S+ dB, {row}. An outlier\? Delete this row, .* --out .*one.csv", said)
 
 
 def test_the_coefficients_are_those_of_an_independent_least_squares(walks: tuple[list[str], str]) -> None:
@@ -230,7 +231,7 @@ def test_a_long_recording_has_a_bounded_number_of_pairs_over_the_same_lags() -> 
     count = 200_000
     columns = (np.arange(count, dtype=float), np.zeros(count, int), np.zeros(count), np.zeros((count, 3)))
     table = NodeTable(("a",), np.zeros((1, 3)))
-    first, second = LocatedReadings(*columns, np.zeros(count, int), table, ()).pairs
+    first, second = LocatedReadings(*columns, np.zeros(count, int), table, (), np.arange(count)).pairs
     assert 4_500_000 < len(first) <= 5_000_000
     assert set(np.unique(second - first).tolist()) >= {1, 60}
 
@@ -292,7 +293,7 @@ def test_a_corrupt_row_is_refused_or_skipped_and_named() -> None:
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("1.0,nobody,-60,1,1,1.8", "unknown node 'nobody'"),
+        ("1.0,nobody,-60,1,1,1.8", "node 'nobody' has no position in "),
         ("0.000,n0,-60,1,1,1.8", "node 'n0' has a reading at 0 s in line 2 already"),
         ("1.05,n0,nan,1,1,1.8", "reading must be a finite number, is 'nan'"),
         ("1.05,n0,-60,,1,1.8", "x must be a finite number"),
@@ -400,3 +401,87 @@ def test_texts_name_train_and_test_and_the_figure_is_written(walks: tuple[list[s
     assert f"test: {files[3]}" in found.yaml()
     assert found.as_json()["test"][0]["in_sample"] is False
     assert found.plot(tmp_path / "residuals.png").stat().st_size > 10_000
+
+
+ANCHORS = np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 12.0), (0.0, 12.0)])
+
+
+def ranges(
+    folder: Path, reading: float = 1.0, node: float = 1.0, place: float = 1.0, bias: float = 0.2, start: float = 0.0
+) -> tuple[Path, Path, Path]:
+    """Files of ranges, anchors and a track; in m, but for these factors. Ranges begin at a time, the track at 0 s."""
+    times = np.arange(120) / 5
+    walk = np.column_stack([10 + 8 * np.cos(times / 2), 6 + 4 * np.sin(times)])
+    noise = np.random.default_rng(1).normal(bias, 0.1, (120, 4))
+    distances = np.linalg.norm(walk[:, None] - ANCHORS, axis=2) + noise
+    tables = {
+        "r.csv": ["time,node,range", *(f"{start + time},a{i},{reading * distances[k, i]}"
+                                       for k, time in enumerate(times) for i in range(4))],
+        "n.csv": ["id,x,y", *(f"a{i},{node * x},{node * y}" for i, (x, y) in enumerate(ANCHORS))],
+        "w.csv": ["time,x,y", *(f"{time},{place * x},{place * y}"
+                                for time, (x, y) in zip(times, walk, strict=True))],
+    }  # fmt: skip
+    for name, lines in tables.items():
+        (folder / name).write_text("\n".join(lines) + "\n")
+    return folder / "r.csv", folder / "n.csv", folder / "w.csv"
+
+
+UNITS: dict[str, tuple[dict[str, float], str]] = {
+    "ranges in mm": ({"reading": 1e3}, "must be in m, seem to be in mm: readings. Write: wsnsim import readings {0}"),
+    "ranges in cm": ({"reading": 1e2}, "must be in m, seem to be in cm: readings. Write: wsnsim import readings {0}"),
+    "anchors in mm": ({"node": 1e3}, "must be in m, seem to be in mm: nodes. Write: wsnsim import nodes {1} --unit mm"),
+    "track in cm": ({"place": 1e2}, "must be in m, seem to be in cm: track. Write: wsnsim import track {2} --unit cm"),
+    "places in mm": ({"node": 1e3, "place": 1e3}, "import nodes {1} --unit mm and wsnsim import track {2} --unit"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", UNITS)
+def test_ranges_and_places_in_other_units_are_refused_with_the_command_that_converts_them(
+    case: str, tmp_path: Path
+) -> None:
+    factors, said = UNITS[case]
+    files = ranges(tmp_path, **factors)
+    with pytest.raises(RunError) as caught:
+        wsnsim.fit(files[0], files[1], law="range", tracks=[files[2]])
+    assert said.format(*files) in str(caught.value)
+    (tmp_path / "good").mkdir()
+    good = ranges(tmp_path / "good")
+    if case.startswith("ranges"):
+        with pytest.raises(RunError) as caught:
+            wsnsim.fit([good[0], files[0]], good[1], law="range", tracks=[good[2]])
+        assert said.format(*files) in str(caught.value)
+
+
+@pytest.mark.parametrize("bias", [0.0, -3.0, 50.0])
+def test_biased_ranges_in_metres_are_fitted_and_their_text_has_one_form_of_numbers(bias: float, tmp_path: Path) -> None:
+    files = ranges(tmp_path, bias=bias)
+    found = wsnsim.fit(files[0], files[1], law="range", tracks=[files[2]])
+    assert abs(found.values["bias"].value - bias) < 0.05
+    assert "480 readings of 1 track:" in found.text() and "inf" not in found.text()
+    rows = re.findall(r"^a\d +(\S+) +(\S+) to (\S+) +120$", found.text(), re.M)
+    assert len(rows) == 4 and all(f"{float(each):.4g}" == each for row in rows for each in row), found.text()
+
+
+def test_what_no_row_of_a_file_has_is_said_with_what_helps(tmp_path: Path) -> None:
+    files = ranges(tmp_path)
+    for skip in (False, True):
+        with pytest.raises(RunError) as caught:
+            wsnsim.fit(files[0], files[1], tracks=[files[2]], skip_bad_rows=skip)
+        assert "; --law range is for ranges in m, rssi (the default) for levels (479 more rows" in str(caught.value)
+        assert "--skip-bad-rows" not in str(caught.value)
+    files = ranges(tmp_path, start=1778594600.0)
+    with pytest.raises(RunError, match=r"does not reach 1778594600 s; give both the same --time-origin") as caught:
+        wsnsim.fit(files[0], files[1], law="range", tracks=[files[2]])
+    assert "--skip-bad-rows" not in str(caught.value)
+
+
+def test_a_node_without_a_position_is_named_with_the_file_that_lacks_it(tmp_path: Path) -> None:
+    files = ranges(tmp_path)
+    files[1].write_text("id,x,y\na0,0,0\na1,20,0\na2,20,12\n")
+    with pytest.raises(RunError, match=r"r.csv:5: node 'a3' has no position in .*n.csv \(which has a0, a1, a2\)"):
+        wsnsim.fit(files[0], files[1], law="range", tracks=[files[2]])
+
+
+def test_readings_at_the_ends_of_a_trajectory_may_be_rounded(tmp_path: Path) -> None:
+    files = ranges(tmp_path, start=4e-7)
+    assert wsnsim.fit(files[0], files[1], law="range", tracks=[files[2]]).sample.files[0].readings == 480

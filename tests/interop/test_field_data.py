@@ -215,6 +215,16 @@ def test_rows_of_one_tag_are_chosen_and_rows_without_times_have_a_rate(tmp_path:
     assert_same(found, CANONICAL.assign(time=CANONICAL.time.map(dict(zip(TIMES, [0.0, 0.25, 0.5, 0.75], strict=True)))))
 
 
+def test_an_origin_has_the_unit_that_the_header_states_for_times(tmp_path: Path) -> None:
+    rows = "time [ms],node,range\n1500,a,6\n1750,a,7\n"
+    assert imported(tmp_path, rows, time_origin="1000").time.tolist() == [0.5, 0.75]
+
+
+def test_dates_may_have_decimal_commas(tmp_path: Path) -> None:
+    rows = "time;node;range\n2026-05-12T14:03:20,2Z;a;6,5\n2026-05-12T14:03:20,45Z;a;7\n"
+    assert imported(tmp_path, rows, time_origin="2026-05-12T14:03:20,0Z").time.tolist() == [0.2, 0.45]
+
+
 def test_a_clock_that_passes_midnight_goes_on(tmp_path: Path) -> None:
     rows = "time,node,reading\n23:59:59,a,1\n00:00:01,a,2\n23:59:00,a,3\n00:00:00,a,4\n"
     assert imported(tmp_path, rows).time.tolist() == [86399.0, 86401.0, 172740.0, 172800.0]
@@ -244,6 +254,13 @@ def test_what_readings_are_taken_for_is_said(rows: str, unit: str, said: str, tm
         ("readings", "time,node,reading\n0,a,60\n", {}, "taken for ranges in m"),
         ("readings", "time,node,reading,mac\n0,a,60,a:1\n", {}, "'mac' may name the node: --column 'node=mac'"),
         ("readings", "time,node,reading\n0,a,60\n", {"missing": ["foo"]}, "--missing foo: no row has it"),
+        (
+            "readings",
+            "time,node,range\n2026-05-12T14:03:20Z,a,6\n",
+            {"time_origin": "2025-05-12T14:03:20Z"},
+            "all times are 365.0 days or more from --time-origin 2025-05-12T14:03:20Z: another date? The first row has",
+        ),
+        ("readings", "time,node,range\n1778594600,a,6\n1778594700,a,7\n", {"time_origin": "1778594800"}, "in m"),
         ("nodes", "id,x,y\na,5,5\nb,5,5\n", {}, "all 2 nodes stand at one place"),
         ("nodes", "id,x,y,z\na,5,5,1\nb,6,5,\n", {}, "z is left out of all: 1 row without it"),
         ("links", "src,dst,sent,received\na,b,10,5\n", {}, "ratios are those of received to sent"),
@@ -343,6 +360,9 @@ def test_from_and_until_are_times_of_the_file_and_its_own_name_is_never_the_defa
     command = ["import", "track", "a.csv", "--from", start, "--until", end, "--time-origin", origin]
     assert run_command(capsys, *command).code == 0
     assert Path("a_track.csv").read_text() == "time,id,x,y\n1,a,1,0\n2,a,2,0\n"
+    Path("r.csv").write_text("time,node,range\n" + "".join(f"{time},n,{i}\n" for i, time in enumerate(times)))
+    assert run_command(capsys, *command[:1], "readings", "r.csv", *command[3:]).code == 0
+    assert Path("r_readings.csv").read_text() == "time,node,reading\n1,n,1\n2,n,2\n"
     again = run_command(capsys, *command)
     assert again.code == 2 and "--out a_track.csv replaces it" in again.err
 
@@ -443,6 +463,13 @@ WRONG: dict[str, tuple[str, str, str, str]] = {
     "another format": ("readings", "time,node,reading\n1.5.24,a,1\n", "--time-format %d.%m.%Y", "a time of the format"),
     "a wrong time unit": ("readings", "time,node,reading\n1,a,1\n", "--time-format kg", "--time-format kg: expected s"),
     "a wrong origin": ("readings", "time,node,reading\n1,a,1\n", "--time-origin never", "--time-origin never: must be"),
+    "a clock for dates": ("readings", "time,node,reading\n2026-05-12T14:03:20Z,a,1\n", "--time-origin 14:03:20",
+                          "--time-origin 14:03:20: must be a time as the file writes them, such as 2026-05-12T14:03"),
+    "a clock for seconds": ("readings", "time,node,reading\n7,a,1\n", "--time-origin 14:03:20", "such as 7"),
+    "a date for a clock": ("readings", "time,node,reading\n14:03:20,a,1\n", "--time-origin 2026-05-12", "as 14:03:20"),
+    "a clock that begins": ("track", "time,x,y\n2026-05-12,1,1\n2026-05-13,1,2\n", "--from 14:03:20", "--from 14:0"),
+    "commas in times": ("readings", "time,node,range\n2026-05-12T14:03:20,2Z,a,5\n2026-05-12T14:03:21,2Z,a,5\n", "",
+                        "t.csv:2: has more than the 3 columns of the header: '2026-05-12T14:03:20,2Z,a,5'; a comma in"),
     "a contradiction": ("readings", "time,node,reading\n1,a,1\n1,a,2\n", "", "--repeated first, last or mean"),
     "a wrong unit": ("readings", "time,node,reading\n1,a,1\n", "--unit kg", "--unit kg: expected m or dBm or rad"),
     "no power": ("readings", "time,node,reading\n1,a,0\n", "--unit mW", "must be a positive power"),

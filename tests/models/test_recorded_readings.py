@@ -35,7 +35,7 @@ def equal(found: Any, expected: Any) -> bool:
 
 
 def test_a_reading_counts_at_the_first_step_that_is_not_before_it(tmp_path: Path) -> None:
-    model = sensor(tmp_path, "-3,a,1\n0,b,2\n1e-6,b,3\n0.5,a,4\n0.5000000005,b,9\n0.51,a,5\n2.0,b,6\n2.1,b,7\n")
+    model = sensor(tmp_path, "-3,a,1\n0,b,2\n2e-6,b,3\n0.5,a,4\n0.5000005,b,9\n0.51,a,5\n2.0,b,6\n2.1,b,7\n")
     assert equal(steps_of(model), [[1, 2], [4, 6], [5, NAN], [NAN, NAN], [NAN, 6]])
 
 

@@ -118,6 +118,7 @@ RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]
     (ALWAYS, TrackingSetup, setup_notes.shadowing_that_filters_ignore),
     (ALWAYS, TrackingSetup, recording_notes.absent_movers),
     (ALWAYS, TrackingSetup, recording_notes.unread_identifiers),
+    (ALWAYS, TrackingSetup, recording_notes.late_readings),
     (ALWAYS, TrackingSetup, recording_notes.unexplained_readings),
     (ALWAYS, TrackingSetup, setup_notes.gaussian_filter_of_cells),
     (ALWAYS, TrackingSetup, setup_notes.cells_beside_the_readings),

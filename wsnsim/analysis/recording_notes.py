@@ -5,7 +5,7 @@ differs, the one is noted that leaves the least loss, the mean of log(1 + (r / Ï
 than half of the loss without it, and less by `CLEARLY`. The loss is that of a Cauchy distribution: few outliers do not
 decide it (our choices).
 
-    absent_movers(setup), unread_identifiers(setup), unexplained_readings(setup) -> notes
+    absent_movers(setup), unread_identifiers(setup), late_readings(setup), unexplained_readings(setup) -> notes
     residuals(setup) -> a sentence or none
 """
 
@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple, TypeAlias, get_type_hints
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, components_of, is_relative, near
+from wsnsim.base.arrays import Floats, Ints, components_of, first_steps, is_relative, near
 from wsnsim.base.errors import RunError, counted, shortened
 from wsnsim.base.initial_conditions import InitialConditions, measured_points, node_names, sample_initial_conditions
 from wsnsim.base.part import Quantity
@@ -27,6 +27,7 @@ from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.models.csvfile import identifiers
 from wsnsim.models.recorded_readings import RecordedSensor
 from wsnsim.models.recorded_track import RecordedTrack
+from wsnsim.models.unit_checks import is_explained, losses
 from wsnsim.recording.reader import read_table
 
 LONG_GAP: Final = 5.0
@@ -35,8 +36,6 @@ MOST_READINGS: Final = 5_000
 """Readings that are held against the law; of more, as many are sampled [our choice]."""
 FEWEST: Final = 10
 """Readings for each quantity that an explanation estimates, at least [our choice]."""
-CLEARLY: Final = 0.5
-"""Loss by which an explanation must be better than none: that of residuals which are larger by about a half."""
 FAR: Final = 4.0
 """Median of |residual| / Ïƒ above which readings do not follow the law; it should be 0.67 [our choice]."""
 FINER: Final = 4
@@ -47,8 +46,9 @@ MANY_IMPROBABLE: Final = 0.1
 """Share of readings in improbable cells above which readings do not follow the law [our choice]."""
 SAME: Final = 1e-6
 """Difference by which a recorded reading may be off the value of its cell, which a file may round [our choice]."""
-ROUNDING: Final = 1e-9
-"""Steps by which a reading may be later than the instant to whose step it belongs."""
+NEARLY, MANY, REMAIN = 0.8, 0.05, 0.2
+"""Part of a step by which two readings in it are apart; parts of all readings that begin such a pair, and of these
+pairs that remain with another origin of time [our choice]."""
 LONGEST_LAG: Final = 100
 """Steps by which clocks are thought to be wrong, at most [our choice]."""
 CONVERSIONS: Final = (
@@ -86,6 +86,27 @@ def unread_identifiers(setup: TrackingSetup) -> Iterator[str]:
             yield f"{said}: if it names targets, number them from 0 in a column target, or give each a file"
 
 
+def late_readings(setup: TrackingSetup) -> Iterator[str]:
+    """Recorded readings just after a step, which share the next one with those of that step; another origin helps."""
+    if not isinstance(setup.recorded, RecordedSensor):
+        return
+    times, nodes, _, targets = setup.recorded.rows(node_names(setup), len(setup.motions))
+    order = np.lexsort((times, nodes, targets))
+    apart = np.diff(times[order]) > NEARLY * setup.dt
+
+    def first_of_two(later: float) -> Ints:
+        keys = [targets[order], nodes[order], first_steps(times[order] - later, setup.dt)]
+        return np.asarray(order[:-1][apart & (np.diff(keys) == 0.0).all(axis=0)], np.int64)
+
+    if len(first := first_of_two(0.0)) > MANY * len(times):
+        late = float((times - (first_steps(times, setup.dt) - 1.0) * setup.dt)[first].max())
+        if len(first_of_two(late)) < REMAIN * len(first):
+            yield (
+                f"sensor: {len(first):,} times, two readings of a node nearly a step apart are in one step: the first "
+                f"is up to {late:.3g} s after the step before: add {late:.3g} s to time_origin of sensor and motion"
+            )
+
+
 _Path: TypeAlias = tuple[Floats, Floats]
 """Times (n,) and positions (n, P) of a target."""
 
@@ -120,10 +141,6 @@ class _ReadingsWithLaw(NamedTuple):
             apart = self.readings - expected
             return apart - (np.bincount(self.groups, apart) / np.bincount(self.groups))[self.groups]
         return near(self.sensor, self.readings, expected) - expected
-
-    def losses(self, off: Floats) -> Floats:
-        """(n,) losses of residuals."""
-        return 2.0 * np.log(np.hypot(1.0, off / self.sds))
 
     def medians(self, off: Floats) -> dict[int, float]:
         """The median residual of each node with readings."""
@@ -167,7 +184,7 @@ def _readings_with_law(setup: TrackingSetup, paths: Sequence[_Path]) -> _Reading
     within = np.flatnonzero((rows[0] >= spans[:, 0]) & (rows[0] <= spans[:, 1]))
     used, groups = np.random.default_rng(0).permutation(within)[:MOST_READINGS], None
     if is_relative(sensor):
-        used, groups = _together(within, np.ceil(rows[0][within] / setup.dt - ROUNDING), rows[3][within])
+        used, groups = _together(within, first_steps(rows[0][within], setup.dt), rows[3][within])
     if len(used) < FEWEST or len(components_of(sensor)) > 1:
         return None
     times, nodes, readings, targets = (row[used] for row in rows)
@@ -292,8 +309,8 @@ def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
             yield f"sensor: {share}: a limit of the receiver, or no reading? Leave them out"
             compared = compared._replace(sds=np.where(compared.readings == values[end], np.inf, compared.sds))
     off = compared.off()
-    (loss, said), unexplained = min(_explanations(compared, off, setup)), compared.losses(off).mean()
-    if loss < min(unexplained / 2.0, unexplained - CLEARLY):
+    (loss, said), unexplained = min(_explanations(compared, off, setup)), losses(off, compared.sds).mean()
+    if is_explained(loss, unexplained):
         yield f"sensor: {said}"
     elif np.median(np.abs(off) / compared.sds) > FAR:
         yield "sensor: readings do not follow the law: units, names, targets, times, values of the law?"
@@ -303,7 +320,7 @@ def _explanations(compared: _ReadingsWithLaw, off: Floats, setup: TrackingSetup)
     """Yield the loss that an explanation of residuals leaves, and the explanation with what to write."""
     for said, factor, summand in CONVERSIONS:
         converted = compared._replace(readings=summand + factor * compared.readings)
-        yield compared.losses(converted.off()).mean(), f"readings seem to be {said}: convert them"
+        yield losses(converted.off(), compared.sds).mean(), f"readings seem to be {said}: convert them"
     yield _lagging(compared, setup)
     if len(off) < FEWEST * len(compared.names):
         return
@@ -314,7 +331,7 @@ def _explanations(compared: _ReadingsWithLaw, off: Floats, setup: TrackingSetup)
     if np.ptp(values) < abs(np.median(values)):
         said = f"a constant {shown(np.median(values))} of all nodes, such as a clock offset: take it off"
     without = compared._replace(readings=compared.readings - [medians[node] for node in compared.nodes.tolist()])
-    yield compared.losses(without.off()).mean(), f"readings contain {said}"
+    yield losses(without.off(), compared.sds).mean(), f"readings contain {said}"
     if compared.groups is None:
         yield _swapped(compared)
 
@@ -324,7 +341,7 @@ def _lagging(compared: _ReadingsWithLaw, setup: TrackingSetup) -> tuple[float, s
     from scipy.optimize import minimize_scalar
 
     def loss(later: float) -> float:
-        return float(compared.losses(compared.off(later)).mean())
+        return float(losses(compared.off(later), compared.sds).mean())
 
     most = min(LONGEST_LAG, setup.steps // 2)
     coarse = min((setup.dt * lag for lag in range(-most, most + 1)), key=loss)
@@ -338,8 +355,8 @@ def _swapped(compared: _ReadingsWithLaw) -> tuple[float, str]:
     from scipy.optimize import linear_sum_assignment
 
     count = len(compared.names)
-    each = (compared.losses(compared.off(nodes=np.full_like(compared.nodes, node))) for node in range(count))
-    sums = np.array([np.bincount(compared.nodes, losses, count) for losses in each]).T
+    off = (compared.off(nodes=np.full_like(compared.nodes, node)) for node in range(count))
+    sums = np.array([np.bincount(compared.nodes, losses(each, compared.sds), count) for each in off]).T
     rows, columns = linear_sum_assignment(sums)
     changed = np.flatnonzero((rows != columns) & sums.any(axis=1))
     pairs = ", ".join(f"{compared.names[i]} of {compared.names[columns[i]]}" for i in changed.tolist())

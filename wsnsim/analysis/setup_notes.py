@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, periods_of
+from wsnsim.base.arrays import Floats, first_steps, periods_of
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.errors import RunError, counted
 from wsnsim.base.initial_conditions import present_at, sample_positions
@@ -27,7 +27,7 @@ from wsnsim.models.quantised import Quantised
 from wsnsim.models.recorded_links import RecordedLinks
 from wsnsim.models.recorded_track import RecordedTrack
 from wsnsim.models.unit_checks import other_units, too_close
-from wsnsim.network.faults import ROUNDING, places_hit
+from wsnsim.network.faults import places_hit
 
 CROWD: Final = 20
 """Nodes that hear each other, for which beacons are thought to be too many [our choice]."""
@@ -344,14 +344,9 @@ def faults_between_instants(setup: Setup) -> Iterator[str]:
         name = f"faults[{number}] ({fault.mechanism}): no effect"
         if fault.duration == 0.0:
             yield f"{name} with a duration of 0 s"
-        elif sensors_alone and _instant_from(fault.at, setup) >= min(_instant_from(end, setup), setup.steps + 1):
+        elif sensors_alone and first_steps(fault.at, setup.dt) >= min(first_steps(end, setup.dt), setup.steps + 1):
             last = f"every {setup.dt:g} s, up to {setup.steps * setup.dt:g} s"
             yield f"{name} from {fault.at:g} s to {end:g} s: sensors measure {last}"
-
-
-def _instant_from(time: float, setup: Setup) -> int:
-    """The number of the first instant that is not before a time."""
-    return math.ceil(time / setup.dt - ROUNDING)
 
 
 def _ends_a_crash(fault: FaultEvent, setup: Setup) -> bool:

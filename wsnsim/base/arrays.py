@@ -7,6 +7,8 @@ into the forms that filters need:
     near(sensor, rows, expected) -> rows            angles moved by whole turns to the nearest of what is expected
     means(sensor, readings, groups, count)          one reading for each group of readings, angles on the circle
 
+Times become steps by `first_steps`, and are counted from another origin by `since`.
+
 A sensor model says so by the optional port `VectorReadings`. Without it, a reading is a number without a period.
 """
 
@@ -88,8 +90,31 @@ Reading: TypeAlias = float | tuple[float, ...]
 """The reading of one node: a number, or a tuple of M numbers if the sensor's readings have M > 1 components."""
 CANCELLED: Final = 1e-9
 """A mean of unit vectors that is shorter is rounding error: they cancel."""
+SAME_TIME: Final = 1e-6
+"""s: times that differ by less are equal (our choice): seconds since 1970 are wrong by up to 0.5 µs once converted."""
+LONG_AGO: Final = 1e6
+"""s: of greater times, a float holds no ns."""
 SCALAR: Final = ("reading",)
 """The components of a reading of a sensor model without the port `VectorReadings`."""
+
+
+def rounding(dt: float) -> float:
+    """s: times that differ by less are equal, and a reading this much later than a step still belongs to it.
+
+    `SAME_TIME`, or a thousandth of a step of `dt` s if that is less.
+    """
+    return min(SAME_TIME, 1e-3 * dt)
+
+
+def first_steps(times: Any, dt: float) -> Any:
+    """(n,) number of the first step k of `dt` s that is not before each time (n,) in s, but for `rounding(dt)`."""
+    return np.ceil((times - rounding(dt)) / dt)
+
+
+def since(times: Any, origin: Any) -> Any:
+    """(n,) s from an origin to each time (n,) in s; rounded to 1 µs for great times, such as seconds since 1970."""
+    apart = times - origin
+    return np.where(np.maximum(np.abs(times), np.abs(origin)) > LONG_AGO, np.round(apart, 6), apart)[()]
 
 
 def components_of(sensor: Any) -> tuple[str, ...]:

@@ -9,20 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Estimate, Floats, Ints, Keys, planar
+from wsnsim.base.arrays import Bools, Estimate, Floats, Ints, Keys, planar, rounding
 from wsnsim.base.errors import RunError, plugin_faults_of_run, shortened
 from wsnsim.base.optional_ports import Continuous, MovesInSpace
 from wsnsim.base.ports import MotionModel, SensorModel
 from wsnsim.base.rng import derive_all, normals
 from wsnsim.base.sensing import HEIGHT, recorded_traits
 from wsnsim.base.setups import Intervals, NetworkSetup, Setup, TrackingSetup
-
-ROUNDING: Final = 1e-9
-"""s: a target is present this long before and after its intervals, so that instants at their ends are within."""
 
 
 def node_names(setup: Any, nodes: int | None = None) -> tuple[str, ...]:
@@ -121,9 +118,10 @@ def _trajectories(setup: TrackingSetup, steps: int, dt: float, rng: np.random.Ge
 
 
 def present_at(times: Floats, intervals: Intervals) -> Bools:
-    """(n,) whether a target of these intervals of presence is there at each of the times (n,) in s."""
+    """(n,) whether a target of these intervals of presence, ends included, is there at instants (n,) in s."""
     begins, ends = np.reshape(intervals, (-1, 2, 1)).swapaxes(0, 1)
-    within: Bools = np.any((times >= begins - ROUNDING) & (times <= ends + ROUNDING), axis=0)
+    equal = rounding(np.diff(times[:2]).min(initial=np.inf))
+    within: Bools = np.any((times >= begins - equal) & (times <= ends + equal), axis=0)
     return within
 
 

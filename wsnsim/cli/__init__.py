@@ -21,7 +21,7 @@ from typing import Any, Final
 
 import click
 
-from wsnsim.base.errors import ScenarioError, WsnsimError
+from wsnsim.base.errors import ScenarioError, WsnsimError, nearest
 from wsnsim.base.files import CacheWarning, prepare_matplotlib
 from wsnsim.base.plugin_code import TRACEBACK_HINT, PluginImport, plugin_fault, watching_imports
 from wsnsim.base.process import NEW_OBJECTS
@@ -33,7 +33,7 @@ from wsnsim.cli.shared import echo, group
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 CAMPAIGNS: Final = ("lifetime", "sweep", "compare", "reproduce")
 """Commands whose runs, in other processes, import plug-ins again and again."""
-NUMBERS: Final = {"a valid integer range": "a whole number", "a valid float range": "a number", "valid float": "number"}
+NUMBERS: Final = {"a valid integer": "a whole number", "a valid float": "a number"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -147,6 +147,15 @@ def _said_by_click(error: click.ClickException) -> str:
         options = [name for each in error.ctx.command.params for name in each.opts]
         near = [name for name in options if name.startswith(f"-{error.option_name}")]
         said += f" Long options have two dashes: {', '.join(near)}." if near else ""
+    kind = getattr(getattr(error, "param", None), "type", None)
+    if isinstance(kind, click.Choice):
+        near = nearest(error.message.partition("' is not one of ")[0].strip("'"), kind.choices)
+        return f"{said.removesuffix('.')} (did you mean {' or '.join(map(repr, near))}?)" if near else said
+    if isinstance(kind, click.IntRange | click.FloatRange):
+        least = f"{'more than' if kind.min_open else 'at least'} {kind.min}"
+        span = least if kind.max is None else f"{kind.min} to {kind.max}"
+        noun = "a whole number" if isinstance(kind, click.IntRange) else "a number"
+        return said.replace(f"a valid {kind.name}", f"{noun} of {span}")
     for theirs, ours in NUMBERS.items():
         said = said.replace(theirs, ours)
     return said

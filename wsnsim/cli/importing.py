@@ -49,7 +49,8 @@ READ: Final = (
 """Options that say how tables are read."""
 MEANT_FOR: Final = {
     **dict.fromkeys(READ[:6], (*TABLES, "track")), **dict.fromkeys(READ[8:], ("readings",)),
-    **dict.fromkeys(("ids", "listed", "nodes", "start", "end"), TRACES), "time_unit": ("ns3", "sumo"),
+    **dict.fromkeys(("ids", "listed", "nodes"), TRACES), "time_unit": ("ns3", "sumo"),
+    **dict.fromkeys(("start", "end"), ("readings", *TRACES)),
     "time_format": ("readings", "links", "track"), "time_origin": ("readings", "links", *TRACES),
     "rate": ("readings", "track"), "crs": ("nodes", "track", "sumo"), "origin": ("nodes", *TRACES),
 }  # fmt: skip
@@ -90,9 +91,9 @@ def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tup
 @click.option("--time-unit", default="s", show_default=True, metavar="UNIT", help="Unit of the times of a trace.")
 @click.option("--time-origin", metavar="TIME", help="Time that becomes 0: s, or as the table has it.")
 @click.option(
-    "--from", "start", metavar="TIME", help="Time of the file at which tracks begin: s, or as the table has it."
+    "--from", "start", metavar="TIME", help="Time of the file where track or readings begin: s, or as the table has it."
 )
-@click.option("--until", "end", metavar="TIME", help="Time of the file at which tracks end, in the same way.")
+@click.option("--until", "end", metavar="TIME", help="Time of the file at which they end, in the same way.")
 @click.option("--crs", type=click.Choice(["wgs84"]), help="Positions are longitudes and latitudes: project them.")
 @click.option(
     "--origin", metavar="X,Y|centre", help="Position that becomes (0, 0): X,Y (with --crs LON,LAT), or centre."
@@ -187,8 +188,7 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
     if options["crs"] and options["nodes"] is not None and options["origin"] is None:
         raise UsageError("--nodes and --crs: give --origin LON,LAT, that of the nodes")
     how = _placement(kind, options, as_scenario)
-    if out is not None:
-        not_the_result(writable(out, out), trace, "track") if trace.exists() else writable(out, out)
+    target(out, "track.csv", files)
     import numpy as np
 
     from wsnsim.interop import traces, trajectories
@@ -316,10 +316,9 @@ def _origin(text: str | None, most: int) -> Any:
     """The place that a text names, with two numbers or more."""
     if text in (None, "centre"):
         return text
-    try:
-        place = tuple(map(float, text.split(",")))
-    except ValueError:
-        place = ()
+    from wsnsim.models.csvfile import number_in
+
+    place = tuple(map(number_in, text.split(",")))
     if not 2 <= len(place) <= most or not all(map(math.isfinite, place)):
         such = "m: 500000,4180000, or centre" if most == 2 else "degrees: 8.6,50.1, perhaps with a height in m"
         raise UsageError(f"--origin {text}: give two numbers in {such}")

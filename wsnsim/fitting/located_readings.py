@@ -71,6 +71,7 @@ class LocatedReadings:
         tracks: (n,) index of the file of each reading.
         deployment: the nodes.
         files: the files.
+        lines: (n,) line of each reading in its file.
     """
 
     times: Floats
@@ -80,6 +81,7 @@ class LocatedReadings:
     tracks: Ints
     deployment: NodeTable
     files: tuple[DataFile, ...]
+    lines: Ints
 
     def of(self, tracks: Iterable[int]) -> LocatedReadings:
         """The readings of these files."""
@@ -88,7 +90,7 @@ class LocatedReadings:
         files = tuple(self.files[index] for index in chosen)
         numbers = np.searchsorted(chosen, self.tracks[kept])
         kept_rows = (self.times[kept], self.nodes[kept], self.readings[kept], self.points[kept])
-        return LocatedReadings(*kept_rows, numbers, self.deployment, files)
+        return LocatedReadings(*kept_rows, numbers, self.deployment, files, self.lines[kept])
 
     @property
     def has_heights(self) -> bool:

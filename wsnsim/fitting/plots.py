@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 from wsnsim.analysis.figure_style import BLUE, GREY, ORANGE, PALE, VERMILLION, write_figure
 from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import counted
 from wsnsim.fitting.fitted_law import FittedLaw, FittedValue
 from wsnsim.fitting.link_sample import LinkRows, delivery, mean_power
 from wsnsim.fitting.residuals import curve
@@ -40,7 +41,7 @@ def plot_fit(fit: FittedLaw, out: Path) -> Path:
         for axes in cells[len(panels) :]:
             axes.remove()
 
-    files = f"{len(fit.sample.readings)} readings of {len(fit.sample.files)} tracks"
+    files = f"{counted(len(fit.sample.readings), 'reading')} of {counted(len(fit.sample.files), 'track')}"
     return write_figure(
         draw, out, (10.5, 3.5 * math.ceil(len(panels) / 2)), f"Residuals of law {fit.model.form.kind}: {files}"
     )
@@ -119,7 +120,8 @@ def _gains(axes: Axes, fit: FittedLaw) -> None:
     names = [gain.node for gain in fit.gains]
     shown = places[:: max(1, len(names) // 25)]
     axes.set_xticks(shown, [names[i] for i in shown.tolist()], rotation=60, ha="right", fontsize=7)
-    axes.set(title="Gains with 95 % intervals", ylabel=f"gain [{fit.model.form.unit}]")
+    constants = fit.model.form.constants
+    axes.set(title=f"{constants.capitalize()} with 95 % intervals", ylabel=f"{constants} [{fit.model.form.unit}]")
 
 
 MOST_POINTS: Final = 20_000

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import os
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.errors import RunError, ScenarioError, UsageError
+from wsnsim.base.errors import RunError, ScenarioError, UsageError, counted
 from wsnsim.base.version import __version__
 from wsnsim.fitting.data_files import digest_of, names_in
 from wsnsim.fitting.fitted_law import Evaluation, FittedLaw, FittedValue, ResidualFigures
@@ -66,18 +67,19 @@ def _notes(fit: FittedLaw) -> Iterator[str]:
         yield f"Approximate intervals, which may hold the truth in fewer than 95 % of recordings: {names}: {reason}."
     if any(gain.readings and math.isnan(gain.low) for gain in fit.gains):
         yield "A gain has no interval where one block or stay alone determines it."
-    normal, student = fit.basis.aic["normal"], fit.basis.aic["student_t"]
-    yield (
-        f"Noise: {fit.model.noise.family}; AIC {normal:.1f} (normal) and {student:.1f} (student_t), with readings "
-        "taken as independent."
-    )
+    known = " and ".join(f"{aic:.1f} ({name})" for name, aic in fit.basis.aic.items() if math.isfinite(aic))
+    yield f"Noise: {fit.model.noise.family}; AIC {known}, with readings taken as independent."
     skewness = fit.train[0].skewness
     if abs(skewness) > SKEWED:
         yield f"The residuals have a skewness of {skewness:.2f}; both families are symmetric."
         sample, worst = fit.sample, np.abs(fit.residuals).argmax()
-        where = f"{sample.times[worst]:.15g} s in {sample.files[sample.tracks[worst]].path}"
-        most = f"{fit.residuals[worst]:.3g} {fit.model.form.unit}, {sample.deployment.ids[sample.nodes[worst]]}"
-        yield f"The largest residual: {most} at {where}. An outlier? `wsnsim import --missing` leaves it out."
+        file, node = sample.files[sample.tracks[worst]].path, sample.deployment.ids[sample.nodes[worst]]
+        reading = f"{sample.readings[worst]:.15g} {fit.model.form.reading_unit}"
+        where = f"reading {reading} of {node} at {sample.times[worst]:.15g} s in {file}:{sample.lines[worst]}"
+        yield (
+            f"The largest residual: {fit.residuals[worst]:.3g} {fit.model.form.unit}, {where}. An outlier? Delete this "
+            f"row, or import its source again, with --missing (in the source's unit) and --out {shlex.quote(file)}."
+        )
     if fit.gains:
         constants = fit.model.form.constants.capitalize()
         yield f"{constants} have the sum 0 over the nodes with readings, and are not shrunk; a node without has 0."
@@ -149,7 +151,7 @@ def block_lines(role: str, block: Mapping[str, Any], values: Mapping[str, Fitted
 def file_text(file: DataFile, what: str = "readings") -> str:
     """A file with the number of its readings, and of rows that were skipped."""
     bad = f" ({len(file.bad_rows)} bad rows skipped)" if file.bad_rows else ""
-    return f"{file.path}, {file.readings} {what}{bad}"
+    return f"{file.path}, {file.readings:,} {what}{bad}"
 
 
 def _test_text(row: Evaluation, unit: str) -> str:
@@ -241,15 +243,15 @@ class Fit(FittedLaw):
     def text(self) -> str:
         """The estimates and figures as tables."""
         form = self.model.form
-        readings = f"{len(self.sample.readings):,}".replace(",", " ")
+        readings, tracks = counted(len(self.sample.readings), "reading"), counted(len(self.sample.files), "track")
         place = "in space" if self.model.heights else "in the plane"
-        lines = [
-            f"law {form.kind} of distances {place}, fitted to {readings} readings of {len(self.sample.files)} tracks:"
-        ]
+        lines = [f"law {form.kind} of distances {place}, fitted to {readings} of {tracks}:"]
         lines += [f"  {file_text(file)}" for file in self.sample.files]
         lines += ["", *value_lines(self.values)]
         if self.gains:
-            rows = [[g.node, f"{g.value:.2f}", interval_text(g.low, g.high), str(g.readings)] for g in self.gains]
+            ends = [[round(each, 4) + 0.0 for each in (g.value, g.low, g.high)] for g in self.gains]
+            rows = [[gain.node, f"{value:.4g}", interval_text(low, high), f"{gain.readings:,}"]
+                    for gain, (value, low, high) in zip(self.gains, ends, strict=True)]  # fmt: skip
             lines += ["", *table_lines(["node", f"{form.constants} [{form.unit}]", "95 % interval", "readings"], rows)]
         lines += ["", *table_lines(["readings", "law", *FIGURES], list(_figure_rows(self)))]
         lines += ["", *_notes(self)]

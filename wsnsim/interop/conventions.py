@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import LONG_AGO, Bools, Floats
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.files import read_sections
 from wsnsim.interop.tables import listed, numeric
@@ -48,7 +48,7 @@ class Conventions:
         unit: Unit of readings, of coordinates or of delivery ratios; '': SI, dBm, or what the header says in brackets.
         time_format: '' for s or ISO 8601; a unit such as 'ms'; a format of `strptime` such as '%d.%m.%Y %H:%M:%S'.
         time_origin: Time, written as the file writes it, that becomes 0; '': times stay, dates count from 1970 (UTC).
-        span: First and last time of a track, written as `time_origin`; '': all of it.
+        span: First and last time of a track or of readings, written as `time_origin`; '': all of it.
         angle: One of `ANGLES`.
         missing: Values that stand for no reading, such as '100' or 'nan'.
         crs: 'wgs84' for longitudes and latitudes in degrees; '': local metres.
@@ -146,6 +146,7 @@ def seconds(times: pd.Series, form: str) -> tuple[Floats, bool]:
             return numbers.to_numpy() * factor, False
         if texts.str.fullmatch(r"\d+:\d\d(:\d\d([.]\d+)?)?").all():
             return pd.to_timedelta(texts, errors="coerce").dt.total_seconds().to_numpy(), False
+    texts = texts if dated or "%" in form else texts.str.replace(",", ".")  # which ISO 8601 allows too
     dates = pd.to_datetime(texts, format=form if "%" in form else "ISO8601", utc=True, errors="coerce")
     whole = dates.dt.floor("s")  # apart: a float of ns since 1970 would be wrong by 100 ns
     parts = [(each / pd.Timedelta(nanoseconds=1)).to_numpy(np.float64) for each in (whole - EPOCH, dates - whole)]
@@ -177,6 +178,11 @@ def turned(angles: Floats, convention: str) -> Floats:
     """Angles (rad) of a convention, in ±π counterclockwise from the x-axis, which points east."""
     sign, zero = ANGLES[convention or "counterclockwise-from-east"]
     return wrapped(zero + sign * angles)
+
+
+def decimal(value: float) -> str:
+    """A number as text, with 15 digits; a great one with 16, which are the µs of seconds since 1970."""
+    return f"{value:.{16 if abs(value) > LONG_AGO else 15}g}"
 
 
 def origin_note(origin: Sequence[float]) -> str:

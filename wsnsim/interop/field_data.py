@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.base.errors import RunError, UsageError, counted
-from wsnsim.interop.conventions import USUALLY, Conventions, column_roles, plain, turned
+from wsnsim.interop.conventions import USUALLY, Conventions, column_roles, decimal, plain, turned
 from wsnsim.interop.source_rows import SourceRows, columns_of, without
 from wsnsim.interop.tables import RawTable, listed, numeric
 from wsnsim.interop.traces import NodeSummary, Trace, demand_choice
@@ -25,7 +25,6 @@ from wsnsim.models.recorded_track import movers_said
 from wsnsim.models.row_checks import TextColumn
 from wsnsim.models.unit_checks import other_than_stated, other_units, slower_than_stated
 
-DIGITS: Final = "%.15g"
 ANGULAR: Final = ("bearing", "azimuth", "angle")
 LAWS: Final = {"m": "range", "rad": "bearing", "dBm": "rssi"}
 FROM_EAST: Final = (
@@ -59,7 +58,7 @@ class Imported:
 
     def text(self) -> str:
         """The file that a scenario reads: CSV, or K7 for links."""
-        rows = str(self.table.to_csv(index=False, float_format=DIGITS, lineterminator="\n"))
+        rows = str(self.table.to_csv(index=False, float_format=decimal, lineterminator="\n"))
         return f"{json.dumps(self.facts['header'])}\n{rows}" if self.kind == "links" else rows
 
     def block(self, path: str) -> str:
@@ -69,7 +68,7 @@ class Imported:
             return f"deploy: {{kind: file, {file}, fit: true, cover: false}}"
         if self.kind == "links":
             return f"link: {{kind: recorded, {file}, channel: {self.facts['channels'][0]}, wrap: true}}"
-        file = f"{file}, time_origin: {DIGITS % self.facts['first']}"
+        file = f"{file}, time_origin: {decimal(self.facts['first'])}"
         if self.kind == "track":
             return f"motion: {{kind: recorded_track, {file}}}"
         return f"sensor: {{kind: recorded, {file}, law: {{kind: {LAWS.get(self.facts['unit'], 'range')}}}}}"
@@ -103,6 +102,7 @@ def readings(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
     elif not unit and rows.kept.any():
         rows.notes.append("readings are taken for ranges in m; --unit says otherwise")
     table = pd.DataFrame({"time": rows.times(), "node": rows.texts("node"), "reading": values})
+    rows.leave_out(~table.time.between(*rows.span()).to_numpy(), "before --from or after --until")
     if "target" in rows.frame:
         codes, known = pd.factorize(rows.texts("target"), sort=True)
         rows.notes.append("targets: " + ", ".join(f"{number} is '{name}'" for number, name in enumerate(known[:10])))
@@ -159,9 +159,7 @@ def track(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
         if said := slower_than_stated(*moves):
             raise RunError(f"{files[0]}: '{name}': {said}, {other_units(files[0], 'track')}")
         rows.notes += [f"'{name}' {said}" for said in [other_than_stated(*moves)] if said]
-    span = [rows.moment(*each) - rows.moment("--time-origin", how.time_origin)
-            for each in zip(("--from", "--until"), how.span, (-np.inf, np.inf), strict=True)]  # fmt: skip
-    return _imported(rows, table.drop(columns="speed"), {"origin": origin, "span": span, **_rate(table, "id")})
+    return _imported(rows, table.drop(columns="speed"), {"origin": origin, "span": rows.span(), **_rate(table, "id")})
 
 
 def _demand_one_mover(rows: SourceRows, table: pd.DataFrame) -> None:

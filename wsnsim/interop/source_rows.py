@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, since
 from wsnsim.base.errors import RunError, UsageError, counted, did_you_mean
 from wsnsim.interop.conventions import (
     Conventions,
@@ -235,15 +235,27 @@ class SourceRows:
         if not origin:
             self.notes += ["times are s since 1970-01-01 UTC; --time-origin DATE makes one of them 0"] * dated
             return times
-        return times - self.moment("--time-origin", origin)
+        after: Floats = since(times, self.moment("--time-origin", origin))
+        if self.kept.any() and (far := np.abs(after[self.kept]).min()) > max(DAY, np.ptp(after[self.kept])):
+            self.notes.append(f"all times are {far / DAY:,.1f} days or more from --time-origin {origin}: another date? "
+                              f"The first row has {_cell(column.iloc[0])}")  # fmt: skip
+        return after
 
     def moment(self, option: str, text: str, missing: float = 0.0) -> float:
         """The time (s) that an option gives, written as the file writes times; `missing` without it."""
-        time = float(seconds(pd.Series([text]), self.how.time_format)[0][0]) if text else missing
-        if text and not np.isfinite(time):
-            such = self.frame.time[0]
-            raise UsageError(f"{option} {text}: must be a time as the file writes them, such as {such}")
-        return time
+        if not text:
+            return missing
+        form, such = self.how.time_format or unit_in(self.named("time")), self.frame.time[:1]
+        (time,), dated = seconds(pd.Series([text]), form)
+        is_clock, of_clock = (":" in str(each[0]) and not seconds(each, form)[1] for each in (pd.Series([text]), such))
+        if not np.isfinite(time) or ((dated or is_clock) and is_clock != of_clock):
+            raise UsageError(f"{option} {text}: must be a time as the file writes them, such as {such[0]}")
+        return float(time)
+
+    def span(self) -> list[float]:
+        """First and last time (s) that are asked for, after the time origin; infinite where none is."""
+        ends = zip(("--from", "--until"), self.how.span, (-np.inf, np.inf), strict=True)
+        return [since(self.moment(*each), self.moment("--time-origin", self.how.time_origin)) for each in ends]
 
     def places(self) -> tuple[dict[str, Floats], tuple[float, ...]]:
         """{axis: (n,) m}, and the origin in degrees if places were projected."""

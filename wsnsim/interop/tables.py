@@ -129,7 +129,11 @@ def _of_text(path: str, columns: Sequence[str], texts: Callable[[str], bool]) ->
                 keep_default_na=False, na_values=[""], dtype=dict.fromkeys(filter(texts, names), str),
             )  # fmt: skip
         except pd.errors.ParserWarning:
-            raise RunError(f"{path}:{first + 1}: has more than the {len(names)} columns {listed(names)}") from None
+            row = next((i for i in range(first + 1, len(head)) if "," in head[i]), first)
+            raise RunError(
+                f"{path}:{row + 1}: has more than the {len(names)} columns of the header: {head[row][:80]!r}; "
+                "a comma in a number or a time? Separate columns by semicolons"
+            ) from None
         except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
             raise _not_a_table(path, error) from None
     frame.index = np.arange(len(frame)) + first + (1 if columns else 2)

@@ -18,9 +18,9 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, since
 from wsnsim.base.errors import RunError, UsageError, printable
-from wsnsim.interop.conventions import local_metres, origin_note
+from wsnsim.interop.conventions import decimal, local_metres, origin_note
 from wsnsim.interop.traces import Trace
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.node_file import FromFile
@@ -109,8 +109,9 @@ def placed(trace: Trace, how: Placement) -> PlacedTracks:
                   for given, own in ((how.start, first), (how.end, last)))  # fmt: skip
     tracks = {node: _window(trace.path, node, track, start, end) for node, track in whole.items()}
     origin = (0.0, 0.0) if how.degrees else _origin(tracks, how.origin)
-    shift = np.array([how.time_origin or 0.0, *origin, 0.0])
-    tracks = {node: track - shift for node, track in tracks.items()}
+    shift = how.time_origin or 0.0
+    tracks = {node: np.column_stack([since(track[:, 0], shift), track[:, 1:] - (*origin, 0.0)])
+              for node, track in tracks.items()}  # fmt: skip
     for node, track in tracks.items():
         if (np.abs(track[:, 1:]) > FARTHEST).any():
             raise RunError(
@@ -120,7 +121,7 @@ def placed(trace: Trace, how: Placement) -> PlacedTracks:
             raise RunError(f"{trace.path}: node {node}: times must be within ±{LATEST:g} s: give --time-unit")
     doubts = {node: unlikely_speeds(*track[:, :3].T) for node, track in tracks.items() if how.sampled}
     notes += [f"'{node}' {said}" for node, said in doubts.items() if said]
-    presence = _presence(whole, tracks, float(shift[0])) if how.sampled else {}
+    presence = _presence(whole, tracks, shift) if how.sampled else {}
     return PlacedTracks(tracks, origin, presence, (*notes, *map(_absences, presence.items())))
 
 
@@ -135,7 +136,7 @@ def _presence(whole: Mapping[str, Floats], tracks: Mapping[str, Floats], shift: 
     first, last = (min(track[0, 0] for track in tracks.values()), max(track[-1, 0] for track in tracks.values()))
     found = {}
     for node, track in tracks.items():
-        times = whole[node][:, 0] - shift
+        times = since(whole[node][:, 0], shift)
         apart = np.diff(times)
         long = np.flatnonzero(apart > max(LONGEST_GAP * np.quantile(apart, 0.9, method="lower"), STEP))
         spans = np.column_stack([[times[0], *times[1:][long]], [*times[:-1][long], times[-1]]])
@@ -166,8 +167,8 @@ def _window(path: str, node: str, track: Floats, start: float, end: float) -> Fl
     known = float(track[0, 0]), float(track[-1, 0])
     start, end = max(start, known[0]), min(end, known[1])
     if not start < end:
-        raise UsageError(f"{path}: node {node} is known from {known[0]:g} to {known[1]:g} s: no time is left between "
-                         f"{start:g} and {end:g} s")  # fmt: skip
+        raise UsageError(f"{path}: node {node} is known from {known[0]:.15g} to {known[1]:.15g} s: no time is left "
+                         f"between {start:.15g} and {end:.15g} s")  # fmt: skip
     inside = track[(track[:, 0] > start) & (track[:, 0] < end)]
     ends = [[time, *(np.interp(time, track[:, 0], track[:, column]) for column in (1, 2, 3))] for time in (start, end)]
     return np.vstack([ends[0], inside, ends[1]])
@@ -211,7 +212,7 @@ def csv_text(node: str, track: Floats) -> str:
 
 def _text(table: pd.DataFrame) -> str:
     """A table as CSV."""
-    return str(table.to_csv(index=False, float_format="%.15g", lineterminator="\n"))
+    return str(table.to_csv(index=False, float_format=decimal, lineterminator="\n"))
 
 
 def write_shifted_nodes(source: Path, out: Path, origin: tuple[float, float]) -> None:
@@ -256,12 +257,12 @@ def motion_block(found: PlacedTracks, files: Mapping[str, Path]) -> str:
     lines = []
     for node, path in files.items():
         spans = [
-            f"[{max(begin - found.first, 0.0):.10g}, {end - found.first:.10g}]"
-            for begin, end in found.presence.get(node, ())
+            f"[{max(begin, 0.0):.10g}, {end:.10g}]"
+            for begin, end in since(np.reshape(found.presence.get(node, ()), (-1, 2)), found.first).tolist()
         ]
         there = f", presence: [{', '.join(spans)}]" if node in found.presence else ""
         lines.append(
-            f"{{kind: recorded_track, path: {_quoted(path.name)}, time_origin: {found.first:.15g}, q: 1{there}}}"
+            f"{{kind: recorded_track, path: {_quoted(path.name)}, time_origin: {decimal(found.first)}, q: 1{there}}}"
         )
     return f"motion: {lines[0]}" if len(lines) == 1 else "\n".join(["targets:", *(f"  - {line}" for line in lines)])
 
@@ -272,7 +273,7 @@ def _scenario_text(
     """The text of the scenario."""
     tracks = placed_tracks.tracks
     last = max(float(track[-1, 0]) for track in tracks.values())
-    steps = max(2, math.floor((last - placed_tracks.first) / STEP + 1e-9))
+    steps = max(2, math.floor(since(last, placed_tracks.first) / STEP + 1e-9))
     x, y = placed_tracks.origin
     about = printable(" ".join(source.split()))
     origin = f" The origin of this scenario is the place ({x:.10g}, {y:.10g}) m of that file." if x or y else ""

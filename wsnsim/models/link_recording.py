@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.arrays import Bools, Floats, Ints, since
 from wsnsim.models.row_checks import BadRow
 
 
@@ -191,7 +191,8 @@ def link_recording(
     begin, sent = {}, {}
     for channel in np.unique(channels).tolist():
         on = channels == channel
-        begin[channel] = np.array([starts[on & (numbers == i)].min() for i in range(numbers[on].max() + 1)]) - origin
+        begins = np.array([starts[on & (numbers == i)].min() for i in range(numbers[on].max() + 1)])
+        begin[channel] = since(begins, origin)
         sent[channel] = np.zeros((begin[channel].size, len(names)), dtype=np.bool_)
         sent[channel][numbers[on], senders[on]] = True
     complete = _complete(sent, [(bursts.channels[i], int(numbers[i])) for i in (0, -1)])
@@ -203,7 +204,7 @@ def link_recording(
         path=path,
         nodes=names,
         origin=origin,
-        times=rows["time"] - origin,
+        times=since(rows["time"], origin),
         sources=codes[rows["source"]],
         receivers=codes[rows["receiver"]],
         channels=np.ascontiguousarray(rows["channel"]),

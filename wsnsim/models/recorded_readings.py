@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, is_relative, means, near
+from wsnsim.base.arrays import SAME_TIME, Floats, Ints, first_steps, is_relative, means, near, since
 from wsnsim.base.detections import ReportsScans
 from wsnsim.base.errors import Issue, RunError, shortened
 from wsnsim.base.files import content_digest
@@ -89,8 +89,6 @@ class RepeatedReadings(OfLaw):
 
 
 TIME: Final = Quantity("s", ge=-1e15, le=1e15)
-ROUNDING: Final = 1e-9
-"""s: a reading this much later than a step still belongs to it."""
 NO_LIMITS: Final = (-math.inf, math.inf)
 
 
@@ -111,12 +109,13 @@ class RecordedSensor(OfLaw):
     """Readings that were recorded, from a CSV file with a row per reading: time, node, reading, and perhaps target.
 
     Rows may stand in any order. A reading at the time t belongs to the first step k with k dt >= t - `time_origin`, so
-    that no step uses a reading of the future; those before the origin belong to step 0, those after the last step are
-    not used. A node without a reading in a step is silent. Of several readings of a node in a step, the `mean` or the
-    `last` counts as one reading, or `all` enter the likelihood: the mean of n readings, with the variance R / n. The
-    mean of angles is their mean direction, whatever their order. Nodes are known by the names that the
-    deployment gives them, else by their numbers. No reading is sampled, and where the target is plays no part in who
-    has one. `law` is what filters, heads and bounds take the readings to follow. All of this is our choice.
+    that no step uses a reading of the future, but for the rounding of times, which is 1 µs; those before the origin
+    belong to step 0, those after the last step are not used. A node without a reading in a step is silent. Of several
+    readings of a node in a step, the `mean` or the `last` counts as one reading, or `all` enter the likelihood: the
+    mean of n readings, with the variance R / n. The mean of angles is their mean direction, whatever their order. Nodes
+    are known by the names that the deployment gives them, else by their numbers. No reading is sampled, and where the
+    target is plays no part in who has one. `law` is what filters, heads and bounds take the readings to follow. All of
+    this is our choice.
     """
 
     path: Annotated[str, "CSV file, also .gz, with a header that names time, node and reading; more are ignored"]
@@ -162,7 +161,7 @@ class RecordedSensor(OfLaw):
         if bad and not self.skip_bad_rows:
             raise RunError(row_checks.bad_rows_text(self.path, bad, table.total, row_checks.SKIPPING))
         times, nodes, values, of = self.rows(names, targets)
-        numbers = np.ceil((times - ROUNDING) / dt)
+        numbers = first_steps(times, dt)
         used = numbers <= steps
         where = np.maximum(numbers[used], 0.0).astype(np.int64), nodes[used]
         values, of = values[used], of[used]
@@ -178,7 +177,7 @@ class RecordedSensor(OfLaw):
         """
         number, nodes, of = self._table.numbers, self._nodes(names), self._targets
         used = (nodes >= 0) & (of >= 0) & (of < targets)
-        return number["time"][used] - self.origin, nodes[used], number["reading"][used], of[used]
+        return since(number["time"][used], self.origin), nodes[used], number["reading"][used], of[used]
 
     @property
     def origin(self) -> float:
@@ -275,8 +274,6 @@ class RecordedSensor(OfLaw):
         yield first != np.arange(len(first)), lambda row: repeated.format(rows.lines[first[row]])
 
 
-SAME_TIME: Final = 1e-9
-"""Origins of time that differ by less (s) are equal up to rounding."""
 MOST_STEPS: Final = 20
 """Number of steps by which two trajectories are compared."""
 
@@ -341,7 +338,7 @@ def _other_origin(sensor: Any, motion: RecordedTrack) -> Iterator[Issue]:
     apart = motion.origin - sensor.origin
     if abs(apart) > SAME_TIME:
         message = (
-            f"the trajectory begins at {motion.origin:.9g} s, the readings at {sensor.origin:.9g} s: give "
+            f"the trajectory begins at {motion.origin:.15g} s, the readings at {sensor.origin:.15g} s: give "
             "time_origin for both"
         )
         yield Issue(("sensor", "time_origin"), message)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, rounding, since
 from wsnsim.base.errors import Issue, RunError, shortened
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
@@ -17,8 +17,6 @@ from wsnsim.models import csvfile, row_checks
 from wsnsim.models.unit_checks import degrees_said, remedy
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, LEAST_APART, Straight, sampled
 
-ROUNDING: Final = 1e-9
-"""s: times that differ by less are equal."""
 SAME_PLACE: Final = 1e-3
 """Largest distance (m) of two places of one time (our choice)."""
 LATEST: Final = 1e15
@@ -105,10 +103,10 @@ class RecordedTrack(Straight):
         track = self.track
         states = sampled(track.times, track.points[:, :2], steps, dt)
         if self.gap is not None:
-            now = np.arange(steps + 1) * dt
-            before, after = (np.searchsorted(track.times, now + shift) for shift in (ROUNDING, -ROUNDING))
+            now, equal = np.arange(steps + 1) * dt, rounding(dt)
+            before, after = (np.searchsorted(track.times, now + shift) for shift in (equal, -equal))
             times = np.concatenate([[-np.inf], track.times, [np.inf]])
-            states[times[after + 1] - times[before] > self.gap + ROUNDING] = np.nan
+            states[times[after + 1] - times[before] > self.gap + equal] = np.nan
         return states
 
     @property
@@ -128,7 +126,7 @@ class RecordedTrack(Straight):
     def track(self) -> RecordedPoints:
         """The trajectory, its times from the origin on. Raises RunError with file and line if it cannot be read."""
         csvfile.demand_digest(self.path, self.digest)
-        return self._recorded._replace(times=self._recorded.times - self.origin)
+        return self._recorded._replace(times=since(self._recorded.times, self.origin))
 
     @property
     def origin(self) -> float:
@@ -199,7 +197,7 @@ def _conflicts(rows: row_checks.CsvRows) -> Iterator[row_checks.Check]:
     yield (
         apart > SAME_PLACE,
         lambda i: (
-            f"at the time {times[i]:g} s it is {apart[i]:.3g} m from the place in line {lines[first[i]]}; at most "
+            f"at the time {times[i]:.15g} s it is {apart[i]:.3g} m from the place in line {lines[first[i]]}; at most "
             f"{SAME_PLACE:g} m is allowed"
         ),
     )

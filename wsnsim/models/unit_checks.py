@@ -4,8 +4,9 @@ degrees_said(path, kind, x, y), remedy   what refuses columns of degrees, and th
 too_close(points, reach, least)          what a set of places says of its unit
 slower_than_stated, other_than_stated(times, x, y, speeds)      whether a track contradicts its own speeds
 unlikely_speeds(times, x, y)             whether it is too fast for metres, or jumps
+losses(off, sds), is_explained(loss, unexplained)       whether another unit, or another reason, explains residuals
 
-Scenarios (`check`) and `wsnsim import` use the same checks. All limits are our choice.
+Scenarios (`check`), `wsnsim import` and `wsnsim fit` use the same checks. All limits are our choice.
 """
 
 from __future__ import annotations
@@ -34,8 +35,20 @@ OTHER: Final = 2.0
 """Places that move faster or slower than stated by more than this factor: km/h are 3.6 times as many as m/s."""
 FAST: Final = 100.0
 """m/s: movers on the ground whose median speed is greater are several, or in another unit."""
+CLEARLY: Final = 0.5
+"""Loss by which an explanation must be better than none: that of residuals which are larger by about a half."""
 JUMP, LEAST_JUMP = 10.0, 10.0
 """How many times faster than 90 % of its steps, and than so many m/s, a jump is."""
+
+
+def losses(off: Floats, sds: Floats | float) -> Floats:
+    """(n,) log(1 + (r / σ)²) of residuals (n,): of a Cauchy distribution, so that few outliers do not decide it."""
+    return np.asarray(2.0 * np.log(np.hypot(1.0, off / sds)))
+
+
+def is_explained(loss: float, unexplained: float) -> bool:
+    """Whether an explanation that leaves this mean loss is clearly better than none."""
+    return loss < min(unexplained / 2.0, unexplained - CLEARLY)
 
 
 def degrees_said(path: str, kind: str, x: str, y: str) -> str:

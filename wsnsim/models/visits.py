@@ -12,7 +12,7 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Keys
+from wsnsim.base.arrays import Floats, Keys, first_steps, rounding
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import MotionModel
@@ -24,8 +24,6 @@ from wsnsim.models.waypoints import INTENSITY, Straight, sampled
 
 HOURS: Final = 24
 DAY: Final = 86_400.0
-ROUNDING: Final = 1e-9
-"""Share of a step that is rounding error."""
 SAMPLE: Final = 4096
 """Crossings of which the mean duration is computed: it has an error of about 0.5 %."""
 
@@ -177,10 +175,10 @@ class Visits(InPlane):
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, D) the visits, NaN between them. A visit begins with the first step at or after its time."""
         states = np.full((steps + 1, len(self.columns)), np.nan)
-        longest = math.ceil(self.longest / dt - ROUNDING)
+        longest = int(first_steps(self.longest, dt))
         number, end, free = 0, 0.0, 0
-        while (begin := self._begin(number, end, rng)) <= steps * dt:
-            first = max(math.ceil(begin / dt - ROUNDING), free)
+        while (begin := self._begin(number, end, rng)) <= steps * dt + rounding(dt):
+            first = max(int(first_steps(begin, dt)), free)
             visit = self.of.truth(longest if self.lasting is None else longest - 1, dt, rng)
             there = np.isfinite(visit[:, 0])
             visit = visit[: len(visit) if there.all() else int(there.argmin())]

@@ -16,7 +16,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, rounding
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
@@ -203,7 +203,7 @@ def sampled(times: Floats, points: Floats, steps: int, dt: float) -> Floats:
     now = np.arange(steps + 1) * dt
     x, y = (np.interp(now, times, axis) for axis in points.T)
     moves = np.diff(points, axis=0) / np.maximum(np.diff(times), np.finfo(np.float64).tiny)[:, None]
-    leg = np.searchsorted(times, now, side="right") - 1
+    leg = np.searchsorted(times, now + rounding(dt), side="right") - 1
     under_way = (leg >= 0) & (leg < len(moves))
     velocity = np.where(under_way[:, None], moves[np.clip(leg, 0, max(len(moves) - 1, 0))], 0.0)
     return np.column_stack([x, velocity[:, 0], y, velocity[:, 1]])

@@ -21,7 +21,7 @@ from typing import Any, Final
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats, Ints, rounding
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.mechanisms import NOBODY, FaultMechanism, FaultServices, SensorDefect
 from wsnsim.base.network_ports import FaultEvent
@@ -35,7 +35,7 @@ from wsnsim.network.nodes import Nodes
 LEAK: Final = CAUSE["leak"]
 Change = tuple[Callable[[Ints], None], Callable[[Ints], None]]
 ROUNDING: Final = 1e-9
-"""A fault within this share of a step of the beginning of a step happens at that beginning."""
+"""Share of a step by which the time of an event may be before the beginning of its step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +296,7 @@ class FaultSchedule:
     def snapped(self, time: float) -> float:
         """Return a time, or the beginning of a step that it misses only by rounding."""
         step = round(time / self._dt)
-        return step * self._dt if abs(time - step * self._dt) <= ROUNDING * self._dt else time
+        return step * self._dt if abs(time - step * self._dt) <= rounding(self._dt) else time
 
     def call_at(self, time: float, action: Callable[[], None]) -> None:
         """Call an action at a time, at once if that is not in the future."""
