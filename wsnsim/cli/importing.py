@@ -16,7 +16,7 @@ import click
 from wsnsim.base.errors import RunError, ScenarioError, UsageError, counted
 from wsnsim.cli import shared
 from wsnsim.cli.fitting import renamed_columns, target
-from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, seconds_of, writable
+from wsnsim.cli.shared import PATH, echo, echo_json, group, seconds_of
 
 if TYPE_CHECKING:
     from wsnsim.interop.conventions import Conventions
