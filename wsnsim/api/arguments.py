@@ -250,10 +250,28 @@ def shown(wanted: object, what: str, unit: str) -> Iterator[Step | None]:
 
 def _bar_class() -> Any:
     """The widget where Jupyter can show it, else a line of text."""
-    if in_notebook() and importlib.util.find_spec("ipywidgets"):
-        from tqdm.notebook import tqdm as widget
-
-        return widget
     from tqdm import tqdm
 
-    return tqdm
+    if not in_notebook() or not importlib.util.find_spec("ipywidgets"):
+        return tqdm
+    from IPython.display import display
+    from tqdm.notebook import tqdm as widget
+
+    class NotebookBar(widget):
+        """A widget that leaves nothing in a saved notebook, also if the work fails."""
+
+        handle: Any = None
+
+        def display(self, *texts: Any, check_delay: bool = True, **options: Any) -> None:
+            self.container.children[1].max = self.total
+            super().display(*texts, check_delay=False, **options)
+            if check_delay and self.handle is None:
+                self.handle = display(self.container, display_id=True)
+
+        def close(self) -> None:
+            super().close()
+            if self.handle is not None:
+                self.container.close()
+                self.handle.update({"text/plain": ""}, raw=True)
+
+    return NotebookBar
