@@ -18,7 +18,7 @@ from typing import Any, Final, TypeAlias, Unpack, final
 
 import pandas as pd
 
-from wsnsim.analysis import comparison
+from wsnsim.analysis import comparison, error_bounds
 from wsnsim.api import arguments
 from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, named_as_in_python, overrides_of, shown
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
@@ -38,7 +38,7 @@ TrackersText: TypeAlias = str | Sequence[Any] | Mapping[str, Any] | None
 @final
 @dataclass(frozen=True, repr=False)
 class ShownComparison(comparison.Comparison):
-    """A `Comparison` whose `print` shows table, conclusions and notes."""
+    """What `wsnsim.compare` returns: a `Comparison` that `print` and notebooks show as the command does."""
 
     def __str__(self) -> str:
         from wsnsim.analysis import comparison_text
@@ -46,7 +46,7 @@ class ShownComparison(comparison.Comparison):
         return comparison_text.text(self)
 
     def to_latex(self) -> str:
-        """Return the table as LaTeX for a paper; it needs the package booktabs."""
+        """Return the table as LaTeX for a paper, as `wsnsim compare --latex` does; it needs the package booktabs."""
         from wsnsim.analysis import comparison_text
 
         return comparison_text.latex(self)
@@ -59,19 +59,22 @@ class ShownComparison(comparison.Comparison):
 
         heads, rows = comparison_text.columns(self)
         body = "".join(f"<tr>{_cells(row, 'td')}</tr>" for row in rows)
-        sentences = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in comparison_text.conclusions(self))
         table = f"<table><thead><tr>{_cells(heads, 'th')}</tr></thead><tbody>{body}</tbody></table>"
-        note = f"<p>{html.escape(self.replayed)}</p>" if self.replayed else ""
-        return f"<div>{table}<ul>{sentences}</ul>{note}</div>"
+        sentences = _cells(comparison_text.conclusions(self), "li")
+        answer, notes = (_cells(texts, "p") for texts in ([comparison_text.answer(self)], comparison_text.notes(self)))
+        return f"<div>{answer}{table}<ul>{sentences}</ul>{notes}</div>"
 
 
-def shown_comparison(found: comparison.Comparison) -> ShownComparison:
-    """Return a comparison as one that shows itself."""
-    values: dict[str, Any] = vars(found)
+def _compared(
+    folder: Folder, metric: str, chosen: tuple[Sequence[str] | None, str | None], bound: bool, plugins: Plugins
+) -> ShownComparison:
+    """The comparison of a campaign. `chosen`: keys and baseline; `plugins`: which ones bounds may import."""
+    found = comparison.compare(folder, metric, *chosen)
+    values: dict[str, Any] = vars(error_bounds.with_bounds(found, folder, plugins) if bound else found)
     return ShownComparison(**values)
 
 
-def _cells(texts: list[str], tag: str) -> str:
+def _cells(texts: Iterable[str], tag: str) -> str:
     return "".join(f"<{tag}>{html.escape(text)}</{tag}>" for text in texts)
 
 
@@ -125,18 +128,19 @@ class SweepResult:
 
         return campaigns.read(self.out, name)
 
-    def compare(self, metric: str = "rmse", baseline: str | None = None) -> ShownComparison:
+    def compare(self, metric: str = "rmse", baseline: str | None = None, *, bound: bool = True) -> ShownComparison:
         """Return the points side by side: medians, intervals, energy and paired differences.
 
         Args:
             metric: a column of the table `runs`.
             baseline: the point that differences are from.
+            bound: whether to compute the CRLB beside an RMSE.
 
         Raises:
             UsageError: there is no such metric or baseline.
             ResultError: there are no results.
         """
-        return shown_comparison(comparison.compare(self.out, metric, baseline=baseline))
+        return _compared(Folder(self.out), metric, (None, baseline), bound, Plugins.ANY)
 
     def __repr__(self) -> str:
         runs = self.outcome.done + self.outcome.found
@@ -145,7 +149,7 @@ class SweepResult:
         return f"<Sweep: {runs} runs{failed}, {place}>"
 
     def _repr_html_(self) -> str:
-        return f"<div><p>{html.escape(repr(self))}</p>{self.compare()._repr_html_()}</div>"
+        return f"<div><p>{html.escape(repr(self))}</p>{self.compare(bound=False)._repr_html_()}</div>"
 
     def __getattr__(self, name: str) -> Any:
         known = ("compare", "complete", "failed", "missing", "out", "outcome", "runs", "table")
@@ -225,8 +229,9 @@ def _swept(
     chosen: tuple[Override, ...],
     progress: bool | Callable[[CampaignProgress], None] | None,
     options: Mapping[str, Any],
+    what: str = "sweep",
 ) -> SweepResult:
-    """Run a sweep whose arguments have been read. `options`: what the campaign takes as it is."""
+    """Run a sweep whose arguments have been read. `options`: what the campaign takes as it is; `what`: for the bar."""
     demand_sweep(source, options.get("vary", ()), out)
     demand_trackers(options["trackers"])
     if options["replicates"] is not None:
@@ -235,7 +240,7 @@ def _swept(
     folder = temporary / "sweep" if temporary else Path(str(out))
     on_progress = None if isinstance(progress, bool) else progress
     try:
-        with shown(progress, "sweep", "runs") as step, named_as_in_python():
+        with shown(progress, what, "runs") as step, named_as_in_python():
             report = on_progress if step is None else lambda now: step(now.done, now.total)
             outcome = _run(source, folder, chosen, report, options)
     except BaseException:
@@ -281,6 +286,7 @@ def compare(  # noqa: PLR0913
     overrides: Overrides | None = (),
     workers: int | None = None,
     progress: bool | Callable[[CampaignProgress], None] | None = None,
+    bound: bool = True,
     **changes: Unpack[Changes],
 ) -> ShownComparison:
     """Compare trackers on a scenario, or the points of a campaign that has been run.
@@ -304,6 +310,7 @@ def compare(  # noqa: PLR0913
         overrides: values to change, {"duration": "10 s"} or ["duration=10 s"].
         workers: number of processes, all cores by default; 0, or a script without a main guard: this process.
         progress: whether to show a progress bar (by default in notebooks), or a function of a `CampaignProgress`.
+        bound: whether to compute the CRLB beside an RMSE.
         changes: roles and other keys of the scenario, as in `simulate`.
 
     Returns:
@@ -319,24 +326,25 @@ def compare(  # noqa: PLR0913
             raise UsageError("compare() runs a scenario only with trackers, such as trackers=['ekf', 'pf']")
         folder = source.out if isinstance(source, SweepResult) else source
         folder = folder if isinstance(folder, Folder) else _campaign(folder)
-        return shown_comparison(comparison.compare(folder, metric, by, baseline))
+        return _compared(folder, metric, (by, baseline), bound, Plugins.NONE)
     workers = 0 if workers is None and needs_main_guard() else workers
     chosen = overrides_of("compare", changes, overrides, seed, ())
     arguments.demand_several(trackers)
-    found = _swept(source, out, chosen, progress, {"replicates": replicates, "trackers": trackers, "workers": workers})
+    options = {"replicates": replicates, "trackers": trackers, "workers": workers}
+    found = _swept(source, out, chosen, progress, options, "compare")
     if not found.complete:
         reasons = describe_failed(found.failed, Folder(found.out).manifest()) or [
             found.outcome.stopped or "runs are missing"
         ]
         raise RunError(f"the comparison is not complete: {'; '.join(reasons[:SHOWN])}")
-    return shown_comparison(comparison.compare(found.out, metric, by, baseline))
+    return _compared(Folder(found.out), metric, (by, baseline), bound, Plugins.ANY)
 
 
-def _campaign(folder: Any) -> Path:
+def _campaign(folder: Any) -> Folder:
     """The folder of a campaign. Raises UsageError for what is none."""
     if not isinstance(folder, str | Path) or not os.path.isdir(folder):  # noqa: PTH112 - long names
         raise UsageError(
             f"compare(): {shown_value(folder)} is not the folder of a campaign; a scenario needs trackers to compare,"
             " such as trackers=['ekf', 'pf']"
         )
-    return Path(folder)
+    return Folder(folder)
