@@ -34,6 +34,8 @@ SYMBOLS: Final = {symbol: (factor, powers, prefixes) for symbol, factor, powers,
 """The factor of each unit to SI, the powers of `BASES`, and the prefixes that it takes."""
 WORDS: Final = {unit: words for unit, words, *_ in _TABLES[1].rows}
 """What units measure."""
+MEANT: Final = {word: unit for words, unit in _TABLES[2].rows for word in words.split()}
+"""The unit, or the quantity in units, that a word means."""
 NUMBER: Final = r"[-+]?(?:\.\d++|\d++(?:\.\d*+)?)(?:[eE][-+]?\d++)?+|[-+]?\.inf"
 QUANTITY: Final = re.compile(rf"({NUMBER})\s*([^\d\s].*|1\s*/.*)?", re.ASCII)
 FACTOR: Final = re.compile(r"(1$|%|[^\W\d_]+)(?:\^?(-?[1-9]))?")
@@ -67,6 +69,9 @@ def si(text: str, unit: str) -> float:
     if match is None:
         raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}")
     number, unit_text = match.group(1), match.group(2)
+    if (unit_text or "").startswith(","):
+        decimal = f"decimals have a point: {text.strip().replace(',', '.', 1)}"
+        raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}: {decimal}")
     if number.endswith(".inf"):
         number = number.replace(".inf", "Infinity")
     elif not unit_text:
@@ -135,7 +140,8 @@ def shown(value: object) -> str:
 
 
 def _suggestion(unit_text: str) -> str:
-    guess = did_you_mean(unit_text, [*_table(), "dBm"])
+    meant = "".join(MEANT.get(piece.strip().lower(), piece) for piece in re.split(r"([/*])", unit_text))
+    guess = f"did you mean '{meant}'?" if meant != unit_text else did_you_mean(unit_text, [*_table(), "dBm"])
     return f" ({guess})" if guess.startswith("did") else ""
 
 
