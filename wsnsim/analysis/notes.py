@@ -115,6 +115,7 @@ RULES: Final[tuple[tuple[str, type[Setup], Callable[[Any], Iterator[str]]], ...]
     (ALWAYS, Setup, setup_notes.faults_between_instants),
     (ALWAYS, TrackingSetup, setup_notes.motions_beyond_the_field),
     (ALWAYS, TrackingSetup, setup_notes.targets_that_never_exist),
+    (ALWAYS, Setup, setup_notes.tables_that_stay_empty),
     (ALWAYS, TrackingSetup, setup_notes.steps_across_the_field),
     (ALWAYS, TrackingSetup, setup_notes.shadowing_that_filters_ignore),
     (ALWAYS, TrackingSetup, recording_notes.absent_movers),

@@ -167,14 +167,19 @@ def overrides_of(
     """Return everything that the arguments of a function change in a scenario, the most specific last.
 
     Raises:
-        UsageError: there is no such argument, or no such table.
+        UsageError: there is no such argument or no such table, or a value is given twice.
     """
     unknown = next((key for key in changes if key not in KEYS), None)
     if unknown is not None:
         known = {*KEYS, *_arguments_of(function)}
         raise UsageError(f"{function}() has no argument '{unknown}' ({did_you_mean(unknown, known)})")
-    seeded: list[Override] = [] if seed is None else [("seed", seed)]
-    return (*_changes_of(changes), *(() if overrides is None else listed(overrides)), *seeded, *_kept(keep))
+    own = [*_changes_of(changes), *([] if seed is None else [("seed", seed)])]
+    others = () if overrides is None else listed(overrides)
+    named = {(each.partition("=")[0] if isinstance(each, str) else str(each[0])).strip() for each in others}
+    if twice := next((key for key, _ in own if key in named), ""):
+        argument = twice.partition(".")[0]
+        raise UsageError(f"{function}(): '{twice}' is given twice: in overrides, and by the argument {argument}")
+    return (*own, *others, *_kept(keep))
 
 
 def _arguments_of(function: str) -> list[str]:

@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, final
 
-from wsnsim.analysis.quantities import ONLY_IF_NOT_ZERO, QUANTITIES, beside, medians
+from wsnsim.analysis.quantities import ONLY_IF_NOT_ZERO, QUANTITIES, beside, medians, name_of
 from wsnsim.analysis.result_facts import facts_of_report
 from wsnsim.api.arguments import file_given, result_file
 from wsnsim.api.result_plots import ResultPlots
@@ -95,10 +95,12 @@ class Result:
             name: name of the table, such as 'tracks' or 'clusters'.
 
         Raises:
-            ResultError: the table was not recorded.
+            ResultError: the table was not recorded, or the tracker has nothing for it.
             UsageError: there is no such table.
         """
         from wsnsim.analysis.campaigns import data_frame, read_file
+        from wsnsim.analysis.setup_notes import tables_that_stay_empty
+        from wsnsim.scenario import build
 
         if name not in TABLES:
             raise UsageError(f"there is no table '{name}' ({did_you_mean(str(name), TABLES)})")
@@ -107,9 +109,11 @@ class Result:
                 f"table {name} was not recorded: record it with keep=['{name}'], or record: {{{name}: true}} in the"
                 f" scenario; recorded: {', '.join(self.tables)}"
             )
-        if self._memory is not None:
-            return data_frame(*self._memory.table(name))
-        return read_file(self._report.out, name)
+        found = read_file(self._report.out, name) if self._memory is None else data_frame(*self._memory.table(name))
+        for note in tables_that_stay_empty(build(self.scenario)) if found.empty else ():
+            if note.startswith(f"record.{name}: "):
+                raise ResultError(note)
+        return found
 
     @property
     def runs(self) -> pd.DataFrame:
@@ -182,7 +186,8 @@ class Result:
 
         page = file_given("path", path, ".html", ".htm")
         with self._file() as file:
-            return pages.write([file], page, replicate, int(1e6 * megabytes), published, plugins=True).path
+            place = "" if self.out else "in memory"
+            return pages.write([file], page, replicate, int(1e6 * megabytes), published, plugins=True, place=place).path
 
     def answer(self) -> str:
         """Return one sentence: whether the target was followed, how well against the bound, and for how many joules."""
@@ -302,8 +307,8 @@ def _quantities(report: Report) -> Iterator[tuple[str, str, str]]:
     for key in SHOWN:
         value = QUANTITIES[key].value(facts)
         if math.isfinite(value) and (value or key not in ONLY_IF_NOT_ZERO):
-            note = beside(key, run_medians, facts.consistent, facts.unit)
-            yield key, QUANTITIES[key].name, QUANTITIES[key].text(value, facts.unit) + (f" ({note})" if note else "")
+            note, text = beside(key, run_medians, facts.consistent, facts.unit), QUANTITIES[key].text(value, facts.unit)
+            yield key, name_of(key, facts.count), text + (f" ({note})" if note else "")
 
 
 def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = None, **options: Any) -> Axes:
