@@ -54,7 +54,6 @@ def notes(name: Any, *overrides: str) -> list[str]:
         ("ekf_real", ["detection={kind: imperfect, missed: 0.1, stuck_at: 7}"], "detection.stuck_at: no effect while"),
         ("beacons", ["deploy.position_error=1 m"], "deploy.position_error: no effect with a workload without"),
         ("collection", ["mac={kind: tdma, max_retries: 0, slot: 9 ms}"], "mac.slot: no effect with a workload without"),
-        ("rkf", ["record.particles=true"], "record.particles: the table stays empty: the tracker has no particles"),
         ("beacons", ["sensor={kind: range}"], "sensor: no effect with a workload without targets"),
         ("ekf_real", ["faults=[{kind: crash, at: 1, region: [200, 200, 1 mm]}]"], "run 0: faults[0] (crash) hits none"),
     ],

@@ -19,7 +19,6 @@ from wsnsim.base.errors import RunError, counted
 from wsnsim.base.initial_conditions import present_at, sample_positions
 from wsnsim.base.medium_access import CAP_SHARE, is_duty_cycled
 from wsnsim.base.network_ports import FaultEvent, Field
-from wsnsim.base.optional_ports import ReportsState, Snapshots
 from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.rng import Streams, derive, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
@@ -342,14 +341,6 @@ def parameters_without_effect(setup: Setup) -> Iterator[str]:
             given = getattr(part, key, None) != getattr(type(part), key, None)
             if given and not counts(part, setup):
                 yield f"{role}.{key}: no effect {need}"
-
-
-def tables_that_stay_empty(setup: Setup) -> Iterator[str]:
-    """Tables about what the tracker does not have."""
-    tracker = getattr(setup, "tracker", None)
-    for table, port, what in (("particles", Snapshots, "particles"), ("tracker_state", ReportsState, "named values")):
-        if setup.record.get(table) and not isinstance(tracker, port):
-            yield f"record.{table}: the table stays empty: the tracker has no {what}"
 
 
 def faults_that_hit_nobody(setup: Setup) -> Iterator[str]:

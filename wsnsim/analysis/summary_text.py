@@ -161,10 +161,8 @@ class _SummaryRows:
         """Errors, bounds beside them if they are wanted, and consistency."""
         figures, error = self.figures, QUANTITIES["rmse"]
         missing, steps = figures["without_estimate"], figures["present_steps"]
-        about = [f"of {steps - missing:,.4g} of {steps:,.10g} steps"] * bool(missing)
-        yield from self.row(
-            "rmse", after=f"  ({'; '.join(about)})" if about else "", pattern=f"{error.form} {self.unit}"
-        )
+        after = f"  (of {steps - missing:,.4g} of {steps:,.10g} steps)" * bool(missing)
+        yield from self.row("rmse", after=after, pattern=f"{error.form} {self.unit}")
         yield from self.row("rmse_of_kept", figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]))
         for key, readings in BOUND_KEYS.items():
             if bounds and math.isfinite(figures[key]):

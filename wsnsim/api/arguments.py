@@ -173,13 +173,12 @@ def overrides_of(
     if unknown is not None:
         known = {*KEYS, *_arguments_of(function)}
         raise UsageError(f"{function}() has no argument '{unknown}' ({did_you_mean(unknown, known)})")
-    own = [*_changes_of(changes), *([] if seed is None else [("seed", seed)])]
-    others = () if overrides is None else listed(overrides)
-    named = {(each.partition("=")[0] if isinstance(each, str) else str(each[0])).strip() for each in others}
-    if twice := next((key for key, _ in own if key in named), ""):
-        argument = twice.partition(".")[0]
-        raise UsageError(f"{function}(): '{twice}' is given twice: in overrides, and by the argument {argument}")
-    return (*own, *others, *_kept(keep))
+    seeded: list[Override] = [] if seed is None else [("seed", seed)]
+    given = (*_changes_of(changes), *(() if overrides is None else listed(overrides)), *seeded)
+    keys = [(each.partition("=")[0] if isinstance(each, str) else str(each[0])).strip() for each in given]
+    if twice := next((key for key in keys if keys.count(key) > 1), ""):
+        raise UsageError(f"{function}(): '{twice}' is given twice, by arguments or in overrides")
+    return (*given, *_kept(keep))
 
 
 def _arguments_of(function: str) -> list[str]:
@@ -262,7 +261,7 @@ def _bar_class() -> Any:
     from IPython.display import display
     from tqdm.notebook import tqdm as widget
 
-    class NotebookBar(widget):
+    class NotebookBar(widget):  # type: ignore[misc]
         """A widget that leaves nothing in a saved notebook, also if the work fails."""
 
         handle: Any = None
@@ -271,7 +270,7 @@ def _bar_class() -> Any:
             self.container.children[1].max = self.total
             super().display(*texts, check_delay=False, **options)
             if check_delay and self.handle is None:
-                self.handle = display(self.container, display_id=True)
+                self.handle = display(self.container, display_id=True)  # type: ignore[no-untyped-call]
 
         def close(self) -> None:
             super().close()

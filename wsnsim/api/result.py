@@ -95,12 +95,10 @@ class Result:
             name: name of the table, such as 'tracks' or 'clusters'.
 
         Raises:
-            ResultError: the table was not recorded, or the tracker has nothing for it.
+            ResultError: the table was not recorded.
             UsageError: there is no such table.
         """
         from wsnsim.analysis.campaigns import data_frame, read_file
-        from wsnsim.analysis.setup_notes import tables_that_stay_empty
-        from wsnsim.scenario import build
 
         if name not in TABLES:
             raise UsageError(f"there is no table '{name}' ({did_you_mean(str(name), TABLES)})")
@@ -109,11 +107,9 @@ class Result:
                 f"table {name} was not recorded: record it with keep=['{name}'], or record: {{{name}: true}} in the"
                 f" scenario; recorded: {', '.join(self.tables)}"
             )
-        found = read_file(self._report.out, name) if self._memory is None else data_frame(*self._memory.table(name))
-        for note in tables_that_stay_empty(build(self.scenario)) if found.empty else ():
-            if note.startswith(f"record.{name}: "):
-                raise ResultError(note)
-        return found
+        if self._memory is not None:
+            return data_frame(*self._memory.table(name))
+        return read_file(self._report.out, name)
 
     @property
     def runs(self) -> pd.DataFrame:
