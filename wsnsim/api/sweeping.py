@@ -18,7 +18,7 @@ from typing import Any, Final, TypeAlias, Unpack, final
 
 import pandas as pd
 
-from wsnsim.analysis import comparison, error_bounds
+from wsnsim.analysis import comparison, comparison_text, error_bounds
 from wsnsim.api import arguments
 from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, named_as_in_python, overrides_of, shown
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
@@ -41,22 +41,16 @@ class ShownComparison(comparison.Comparison):
     """What `wsnsim.compare` returns: a `Comparison` that `print` and notebooks show as the command does."""
 
     def __str__(self) -> str:
-        from wsnsim.analysis import comparison_text
-
         return comparison_text.text(self)
 
     def to_latex(self) -> str:
         """Return the table as LaTeX for a paper, as `wsnsim compare --latex` does; it needs the package booktabs."""
-        from wsnsim.analysis import comparison_text
-
         return comparison_text.latex(self)
 
     def __repr__(self) -> str:
         return f"<Comparison {self.name}: {self.metric} of {len(self.table)} points>"
 
     def _repr_html_(self) -> str:
-        from wsnsim.analysis import comparison_text
-
         heads, rows = comparison_text.columns(self)
         body = "".join(f"<tr>{_cells(row, 'td')}</tr>" for row in rows)
         table = f"<table><thead><tr>{_cells(heads, 'th')}</tr></thead><tbody>{body}</tbody></table>"
@@ -324,9 +318,8 @@ def compare(  # noqa: PLR0913
     if trackers is None:
         if changes or replicates is not None or overrides or seed is not None or out is not None:
             raise UsageError("compare() runs a scenario only with trackers, such as trackers=['ekf', 'pf']")
-        folder = source.out if isinstance(source, SweepResult) else source
-        folder = folder if isinstance(folder, Folder) else _campaign(folder)
-        return _compared(folder, metric, (by, baseline), bound, Plugins.NONE)
+        given = source.out if isinstance(source, SweepResult) else source
+        return _compared(_campaign(given), metric, (by, baseline), bound, Plugins.NONE)
     workers = 0 if workers is None and needs_main_guard() else workers
     chosen = overrides_of("compare", changes, overrides, seed, ())
     arguments.demand_several(trackers)

@@ -85,9 +85,8 @@ def _message(problem: Any, path: Keys, model: type[BaseModel]) -> str:
         key, parent = str(path[-1]), _annotation(model, path[:-1])
         blocks = {name: unwrapped(field.annotation) for name, field in parent.model_fields.items() if name != "record"}
         ends = [f"'{name}.{key}'" for name, block in blocks.items() if key in getattr(block, "model_fields", ())]
-        names = {*parent.model_fields, *getattr(parent, "roles", ())}
-        meant = f"did you mean {' or '.join(ends[-3:])}?" if ends else did_you_mean(key, names)
-        return f"unknown key, {comma}{meant}"
+        nearest = did_you_mean(key, {*parent.model_fields, *getattr(parent, "roles", ())})
+        return f"unknown key, {comma}" + (f"did you mean {' or '.join(ends[-3:])}?" if ends else nearest)
     return str(context.get("message", problem["msg"]))
 
 

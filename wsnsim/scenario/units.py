@@ -66,12 +66,10 @@ def si(text: str, unit: str) -> float:
         UnitError: no number, an unknown unit, another dimension, or a value too large for a float.
     """
     match = QUANTITY.fullmatch(text.strip())
-    if match is None:
-        raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}")
+    if match is None or (match.group(2) or "").startswith(","):
+        decimals = f": decimals have a point: {text.strip().replace(',', '.', 1)}" if match else ""
+        raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}{decimals}")
     number, unit_text = match.group(1), match.group(2)
-    if (unit_text or "").startswith(","):
-        decimal = f"decimals have a point: {text.strip().replace(',', '.', 1)}"
-        raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}: {decimal}")
     if number.endswith(".inf"):
         number = number.replace(".inf", "Infinity")
     elif not unit_text:
