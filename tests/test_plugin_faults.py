@@ -21,33 +21,33 @@ import sys
 import faulty_helper
 from wsnsim import part
 from wsnsim.models.ungm import Ungm
-from wsnsim.trackers.bootstrap_pf import Sir
+from wsnsim.trackers.bootstrap_pf import Pf
 
 @part
-class Steps(Sir):
+class Steps(Pf):
     def step(self, belief, scene):
         return self.nothing  # line 11
         yield
 
 @part
-class Exits(Sir):
+class Exits(Pf):
     def step(self, belief, scene):
         sys.exit(0)  # line 17
         yield
 
 @part
-class Helped(Sir):
+class Helped(Pf):
     def step(self, belief, scene):
         faulty_helper.fail()
         yield
 
 @part
-class Checks(Sir):
+class Checks(Pf):
     def check(self, setup):
         raise KeyError("missing")  # line 29
 
 @part
-class Builds(Sir):
+class Builds(Pf):
     def __post_init__(self):
         raise LookupError("no table")  # line 34
 

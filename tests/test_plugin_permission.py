@@ -27,14 +27,14 @@ SIDE = '''
 from pathlib import Path
 
 from wsnsim import part
-from wsnsim.trackers.bootstrap_pf import Sir
+from wsnsim.trackers.bootstrap_pf import Pf
 
 with (Path(__file__).parent / "imported").open("a") as marker:
     marker.write("once ")
 
 
 @part
-class Effect(Sir):
+class Effect(Pf):
     """A tracker whose import leaves a mark."""
 '''
 LAB = """

@@ -18,8 +18,9 @@ from wsnsim.bounds import bound_of_run
 from wsnsim.scenario import load
 
 NAN = float("nan")
-BOUND = "a time-averaged RMSE of # m, # times the trajectory-conditional CRLB of # m"
-ERROR = "a time-averaged RMSE of # m"
+ERROR, ERROR_OF_ONE = "a time-averaged RMSE of # m", "an RMSE of # m"
+LIMIT = ", # times the trajectory-conditional CRLB of # m"
+BOUND, BOUND_OF_ONE = ERROR + LIMIT, ERROR_OF_ONE + LIMIT
 SHOWN_RULE = "(error above # m or no estimate for # s)"
 RULE = "(error above 20 m or no estimate for 4 s)"
 OF_FILTER = "no network is simulated, so no energy is spent."
@@ -29,17 +30,17 @@ SHIPPED = [
      f"The target was followed in both runs, with {BOUND};"
      " the network spent # mJ a run, of which # mJ is transmission."),
     ("ekf_real", 2, ["duration=2 s"],
-     f"The target was followed in both runs (tracked at # % of the steps), with {BOUND}; {SINK};"
+     f"The target was never lost in both runs {SHOWN_RULE} and tracked at # % of the steps, with {BOUND}; {SINK};"
      " the network spent # J a run, of which # J is idle listening."),
     ("two_targets", 1, ["duration=1 s", "tracker.particles=40"],
-     f"Both targets were followed throughout the run, with {BOUND};"
+     f"Both targets were followed throughout the run, with {BOUND_OF_ONE};"
      " the network spent # mJ, of which # mJ is transmission."),
     ("lifetime", 1, ["duration=2 s", "tracker.particles=40", "energy.battery=0.002 J", "lost.window=0.2 s"],
-     f"The target was lost {SHOWN_RULE} and not found again (for # % of the steps), with {BOUND};"
+     f"The target was lost {SHOWN_RULE} and not found again (for # % of the steps), with {BOUND_OF_ONE};"
      " the network spent # mJ, of which # mJ is transmission;"
      " the first node died after # s, and # are alive at the end."),
     ("li_xmac", 1, ["duration=32 s"],
-     f"The target was followed throughout the run, with {ERROR}; {SINK};"
+     f"The target was followed throughout the run, with {ERROR_OF_ONE}; {SINK};"
      " the network spent # J, of which # J is idle listening."),
     ("gmtt", 2, ["duration=32 s"],
      f"The target was followed in both runs, with {ERROR}; {SINK};"
@@ -56,7 +57,8 @@ SHIPPED = [
     ("range_pf", 4, [],
      f"The target was lost {SHOWN_RULE} in all # runs (and found again in # of these), with {BOUND}; {OF_FILTER}"),
     ("recorded_pf", 1, ["duration=20 s"],
-     f"The target was followed throughout the run (tracked at # % of the steps), with {ERROR}; {OF_FILTER}"),
+     f"The target was never lost in the run {SHOWN_RULE} and tracked at # % of the steps, with {ERROR_OF_ONE};"
+     f" {OF_FILTER}"),
     ("beacons", 1, ["duration=2 s"],
      "# % of the intended receptions of beacons succeeded (# % were lost in collisions);"
      " the network spent # mJ, of which # mJ is transmission."),
@@ -126,10 +128,22 @@ def test_errors_of_runs_with_a_loss_are_left_out_and_the_losses_counted():
     ({"losses": [0]}, "The target was followed throughout the run, with"),
     ({"losses": [2], "lost_share": [0.4]}, f"The target was lost {RULE} but found again (for 40 % of the steps), with"),
     ({"losses": [1], "lost": [1]}, f"The target was lost {RULE} and not found again, with"),
-    ({"losses": [0, 0, 0], "tracked": [0.5, 0.7, 0.6]}, "The target was followed in all 3 runs (tracked at 60 % of"),
+    ({"losses": [0], "tracked": [0.33]},
+     f"The target was never lost in the run {RULE} and tracked at 33 % of the steps, with"),
+    ({"losses": [0, 0, 0], "tracked": [0.5, 0.7, 0.6]},
+     f"The target was never lost in all 3 runs {RULE} and tracked at 60 % of the steps, with"),
 ])  # fmt: skip
 def test_losses_are_told_of_one_run_as_of_many(lost, expected):
     assert sentence(facts(**lost)).startswith(expected)
+
+
+def test_of_one_run_error_and_bound_are_root_mean_squares_over_its_steps():
+    one = facts([[[3.0, 4.0, NAN, 5.0]]], losses=[0], rmse=[50.0**0.5 / 3.0**0.5])
+    assert f"with an RMSE of {one.runs['rmse'][0]:.3g} m; " in sentence(one)
+    assert QUANTITIES["rmse"].value(one) == pytest.approx(QUANTITIES["rmse_median"].value(one))
+    variances = np.array([1.0, 4.0, 99.0, 1.0]).reshape(1, 1, 4, 1, 1)
+    limit = Bound(BoundQuery("per_trajectory", "in_range", "known", (0,)), (0,), variances)
+    assert comparable(one, limit) == pytest.approx(2.0**0.5)
 
 
 def test_an_error_above_half_of_the_limit_is_not_called_following():
@@ -157,8 +171,8 @@ def test_several_targets_are_counted_and_a_loss_is_of_one_of_them():
 
 
 @pytest.mark.parametrize(("present", "said"), [
-    ([[10.0]], "The target was followed while present in the run, with a time-averaged RMSE of 1 m; no network"),
-    ([[10.0, 0.0]], "The target that existed was followed while present in the run, with a time-averaged RMSE of 1 m; "
+    ([[10.0]], "The target was followed while present in the run, with an RMSE of 1 m; no network"),
+    ([[10.0, 0.0]], "The target that existed was followed while present in the run, with an RMSE of 1 m; "
                     "target 1 never existed in the run; "),
     ([[10.0, 0.0], [0.0, 3.0]], "Both targets were followed while present in both runs, with"),
     ([[0.0, 0.0, 5.0, 5.0]], "The 2 targets that existed were followed while present in the run, with"),
@@ -272,10 +286,9 @@ def test_the_sentence_never_contradicts_the_table_below_it(rows, limit):
 
 def test_a_target_whose_nodes_are_all_unknown_was_not_followed():
     assert sentence(facts(tracked=[0.0])) == (
-        "The target was never measured in the run (all estimates are predictions), with a time-averaged RMSE of 1 m; "
-        + OF_FILTER
+        "The target was never measured in the run (all estimates are predictions), with an RMSE of 1 m; " + OF_FILTER
     )
     said = sentence(facts(tracked=[0.0, 1.0]))
     assert said.startswith(
-        "The target was never lost in both runs (error above 20 m or no estimate for 4 s) (tracked at 50 % of"
+        "The target was never lost in both runs (error above 20 m or no estimate for 4 s) and tracked at 50 % of"
     )

@@ -87,13 +87,14 @@ def test_what_is_changed_is_in_the_scenario():
 
 def test_a_result_is_short_in_a_console_and_a_table_in_a_notebook(plain, result):
     assert len(repr(result)) < 160
-    assert repr(plain).startswith("<Result rkf: 1 Monte Carlo run, time-averaged RMSE ")
+    assert repr(plain).startswith("<Result rkf: 1 Monte Carlo run, RMSE ")
     assert "tmp" not in plain.summary()
     assert str(plain) == plain.summary()
     assert plain.summary().replace("\n", " ").startswith(plain.answer())
     assert plain.answer().startswith("The target was followed")
+    assert f"an RMSE of {plain.runs.rmse[0]:.3g} m" in plain.answer()
     markup = result._repr_html_()
-    assert "energy spent" in markup and "time-averaged RMSE" in markup and "pso_mhpf" in markup
+    assert "energy spent" in markup and ">RMSE</th>" in markup and "pso_mhpf" in markup
     assert "energy spent" not in plain._repr_html_(), "a run without a network spends none"
     assert result.to_dict()["file"] == ""
     assert "CRLB" in plain.summary(bounds=True) and plain.to_dict(bounds=True)["bound"] > 0

@@ -10,8 +10,10 @@ from pathlib import Path
 import pytest
 
 import wsnsim
+from wsnsim.analysis import comparison_text
 from wsnsim.base.errors import ResultError, RunError, ScenarioError, UsageError
 from wsnsim.base.part import part
+from wsnsim.cli import main
 from wsnsim.trackers import Ekf, Pf, Rkf
 
 FEW = {"replicates": 2, "duration": 4, "workers": 0}
@@ -61,12 +63,23 @@ def test_trackers_are_compared_by_name_by_component_and_under_names_of_ones_own(
     assert "\nrkf: 3 points, 2 runs each\n" in str(found)
     assert repr(found) == "<Comparison rkf: rmse of 3 points>"
     assert found._repr_html_().count("<li>") == 2
+    assert found._repr_html_().startswith(f"<div><p>{comparison_text.answer(found)}</p>")
+    assert "lost: error above" in found._repr_html_()
     named = wsnsim.compare(
         wsnsim.load("rkf"), trackers={"few": Pf(particles=20), "many": "pf:particles=40"}, out=tmp_path / "c", **FEW
     )
     assert named.table["tracker"].tolist() == ["few", "many"]
     again = wsnsim.compare(tmp_path / "c", "median_error", baseline="many")
     assert (again.metric, again.baseline) == ("median_error", "many")
+
+
+def test_a_comparison_in_python_is_the_one_of_the_command(tmp_path, monkeypatch):
+    found = wsnsim.compare("rkf", trackers=["rkf", "pf"], out=tmp_path / "c", **FEW)
+    monkeypatch.setenv("COLUMNS", "100")
+    assert main(["compare", str(tmp_path / "c"), "--latex", str(tmp_path / "t.tex"), "--quiet"]) == 0
+    assert "CRLB" in found.to_latex() and found.to_latex() == (tmp_path / "t.tex").read_text()
+    plain = wsnsim.compare(tmp_path / "c", bound=False)
+    assert "CRLB" not in plain.to_latex() and plain.table.columns.isin(found.table.columns).all()
 
 
 @pytest.mark.thorough

@@ -117,6 +117,12 @@ def test_a_name_that_is_too_long_for_the_system_is_an_error_of_ours():
         ({"overrides": 5}, "overrides: expected a mapping such as .* got 5"),
         ({"overrides": [3]}, "overrides: expected a mapping .* got 3 in it"),
         ({"overrides": [("a", "b", 3)]}, r"overrides: .* got \('a', 'b', 3\) in it"),
+        (
+            {"overrides": {"sensor.sd": 1}, "sensor": {"sd": 2}},
+            "'sensor.sd' is given twice, by arguments or in",
+        ),
+        ({"overrides": ["duration=2"], "duration": 3}, "'duration' is given twice"),
+        ({"overrides": {"seed": 2}, "seed": 2}, "'seed' is given twice"),
         ({"keep": 5}, r"keep: expected names of tables, such as \['events'\], got 5"),
         ({"keep": [["a"]]}, r"keep: .* got \[\['a'\]\]"),
     ],
@@ -124,6 +130,12 @@ def test_a_name_that_is_too_long_for_the_system_is_an_error_of_ours():
 def test_a_wrong_value_of_an_argument_is_a_usage_error(arguments, message):
     with pytest.raises(UsageError, match=message):
         wsnsim.simulate("rkf", **arguments)
+
+
+def test_a_table_for_which_the_tracker_has_nothing_is_named():
+    said = "note: record.particles: the table is empty: the tracker rkf has none"
+    assert said in wsnsim.simulate("rkf", keep="particles", **SHORT).summary()
+    assert "table is empty" not in wsnsim.simulate("rkf", tracker="pf", keep="particles", **SHORT).summary()
 
 
 def test_none_means_no_overrides_and_no_tables():
@@ -147,6 +159,11 @@ def test_a_page_needs_a_name_a_suffix_and_a_folder(plain):
             plain.report(path)
     with pytest.raises(StorageError, match=r"no/a.html: cannot be written: folder does not exist: no$"):
         plain.report("no/a.html")
+
+
+def test_the_page_of_a_result_in_memory_names_no_temporary_file(plain, tmp_path):
+    page = plain.report(tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "in memory" in page and "wsnsim-" not in page
 
 
 def test_a_result_whose_file_was_deleted_names_that_file_and_is_still_shown(tmp_path):

@@ -381,7 +381,7 @@ from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.models.access import Csma
 from wsnsim.models.faults import Aimed
 from wsnsim.models.energy import FirstOrder
-from wsnsim.trackers.bootstrap_pf import Sir
+from wsnsim.trackers.bootstrap_pf import Pf
 
 @part
 class Blind(Squared):
@@ -399,25 +399,25 @@ class Short(Ungm):
         return np.zeros((steps, 1))
 
 @part
-class Free(Sir):
+class Free(Pf):
     def step(self, belief, scene):
         yield Compute(cycles=float("nan"))
         return belief
 
 @part
-class Exits(Sir):
+class Exits(Pf):
     def step(self, belief, scene):
         os._exit(0)
         yield
 
 @part
-class Moves(Sir):
+class Moves(Pf):
     def step(self, belief, scene):
         os.chdir("/")
-        return (yield from super(Sir, self).step(belief, scene))
+        return (yield from super(Pf, self).step(belief, scene))
 
 @part
-class Loops(Sir):
+class Loops(Pf):
     def step(self, belief, scene):
         while True: pass
         yield
@@ -449,7 +449,7 @@ class Leaves(Ungm):
         return Ungm.truth(self, steps, dt, rng)
 
 @part
-class Closes(Sir):
+class Closes(Pf):
     how: str = "stdout.close"
     def step(self, belief, scene):
         operator.attrgetter(self.how)(sys)()

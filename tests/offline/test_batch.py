@@ -15,7 +15,7 @@ from wsnsim.cli import main
 from wsnsim.offline import batch, offers_batch
 from wsnsim.offline.batch import Batches
 from wsnsim.recording import read_table, read_text
-from wsnsim.trackers.bootstrap_pf import Sir
+from wsnsim.trackers.bootstrap_pf import Pf
 from wsnsim.verification import _excuses
 
 TABLES = dict.fromkeys(("runs", "tracks", "nodes", "truth", "estimates", "covariances"), True)
@@ -141,10 +141,10 @@ def test_a_network_and_a_tracker_without_the_port_are_not_offered():
 
 
 def test_a_tracker_that_inherits_whole_runs_and_has_a_step_of_its_own_is_composed():
-    class Renamed(Sir):
+    class Renamed(Pf):
         particles = 30
 
-    class Shifted(Sir):
+    class Shifted(Pf):
         def filtered(self, pool, seen, scene):
             raise AssertionError("asked in composed runs only")
 
@@ -184,8 +184,8 @@ def test_runs_whose_measurements_take_too_much_memory_are_composed(monkeypatch):
 
 
 def test_whole_runs_of_another_shape_are_refused(tmp_path, monkeypatch):
-    made = Sir.whole_runs
-    monkeypatch.setattr(Sir, "whole_runs", lambda self, block: made(self, block)._replace(cycles=np.zeros(9)))
+    made = Pf.whole_runs
+    monkeypatch.setattr(Pf, "whole_runs", lambda self, block: made(self, block)._replace(cycles=np.zeros(9)))
     with pytest.raises(
         RunError, match=r"failed \(seed \d+, replicate 0\): whole_runs: cycles must have the shape \(1,\), not \(9,\)"
     ):

@@ -15,7 +15,7 @@ from wsnsim.base.tables import Memory
 from wsnsim.models.ranging import Range
 from wsnsim.offline import loopback
 from wsnsim.offline.loopback import sample_readings
-from wsnsim.trackers.bootstrap_pf import Sir
+from wsnsim.trackers.bootstrap_pf import Pf
 
 GROWTH = {
     "name": "growth",
@@ -145,7 +145,7 @@ def test_roles_of_a_network_may_be_left_out_on_the_bench_alone():
     assert sorted(missing) == ["deploy", "energy", "link"]
 
 
-class NotFinite(Sir):
+class NotFinite(Pf):
     """Loses its number in the third step."""
 
     def filtered(self, pool, seen, scene):

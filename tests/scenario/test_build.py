@@ -103,3 +103,18 @@ def test_kinds_from_outside_are_named_for_provenance() -> None:
     named = scenario.plugins(scenario.load(base_scenario()))
     assert f"tracker {kind('Tracker')}" in named
     assert len(named) == 19
+
+
+@pytest.mark.parametrize(("deploy", "reach", "limit"), [
+    ({"kind": "uniform", "width": "50 m", "height": "30 m"}, "400 m", 3400.0**0.5 / 3.0),
+    ({"kind": "uniform", "width": "10 m", "height": "10 m"}, ".inf", 200.0**0.5 / 3.0),
+    ({"kind": "uniform", "width": "50 m", "height": "30 m"}, "150 m", 50.0),
+    ({"kind": "uniform", "width": "50 m", "height": "30 m"}, ".inf", 20.0),
+    ({"kind": "anchors", "places": [[0, 0], [9, 0]]}, "400 m", 400.0 / 3.0),
+])  # fmt: skip
+def test_errors_that_the_field_can_hardly_hold_are_no_limit_of_a_lost_track(deploy, reach, limit) -> None:
+    values = {"name": "x", "duration": 3, "step": 1, "network": "none", "deploy": {**deploy, "cover": False}}
+    values |= {"motion": {"kind": "constant_velocity"}, "tracker": {"kind": "ekf"}}
+    values |= {"sensor": {"kind": "range", "reach": reach}}
+    assert scenario.build(scenario.load(values)).lost_limit == pytest.approx(limit)
+    assert scenario.build(scenario.load({**values, "lost": {"limit": 99}})).lost_limit == 99.0

@@ -83,6 +83,11 @@ def test_a_quantity_is_its_exact_product_rounded_once(number, symbol: str) -> No
         ("1e400 m", "m", "'1e400 m' is outside the range of numbers"),
         ("1e99999999999999999999 km", "m", "'1e99999999999999999999 km' is outside the range of numbers"),
         ("0 W", "dBm", "'0 W' is outside the range of numbers"),
+        ("2,5", "m", "expected length (for example '1 m'), got the text '2,5': decimals have a point: 2.5"),
+        ("1,5 m", "m", "expected length (for example '1 m'), got the text '1,5 m': decimals have a point: 1.5 m"),
+        ("1year", "s", "unknown unit 'year' (did you mean '365 d'?), expected time (for example '1 s')"),
+        ("1y", "s", "unknown unit 'y' (did you mean '365 d'?), expected time (for example '1 s')"),
+        ("4/hour", "Hz", "unknown unit '1/hour' (did you mean '1/h'?), expected frequency (for example '1 Hz')"),
         ("7 lx", "m", "unknown unit 'lx', expected length (for example '1 m')"),
     ],
 )

@@ -17,7 +17,7 @@ from wsnsim.models.ranging import Range, Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.scenario import build
 from wsnsim.testing import check_tracker
-from wsnsim.trackers.bootstrap_pf import CentralPf, Sir
+from wsnsim.trackers.bootstrap_pf import CentralPf, Pf
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.gaussian_pf import GaussianPf
 from wsnsim.trackers.shared.gains import Gains, GainsOfParticles, gain_packets
@@ -25,7 +25,7 @@ from wsnsim.trackers.shared.gains import Gains, GainsOfParticles, gain_packets
 MOTION = ConstantVelocity(start=(5.0, 1.0, 5.0, -1.0), variances=(0.5,), noise_input="diagonal")
 SENSOR = Rssi(sd=2.0, gain_spread=4.0)
 ESTIMATING = SENSOR.assumed("estimated", False)
-EVERY = [ExtendedKalman(), Sir(particles=200), CentralPf(particles=200), GaussianPf(particles=200)]
+EVERY = [ExtendedKalman(), Pf(particles=200), CentralPf(particles=200), GaussianPf(particles=200)]
 NAMES = ["ekf", "pf", "central_pf", "gpf"]
 
 

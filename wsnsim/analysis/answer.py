@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from wsnsim.analysis.multi_target import GOSPA, least_localisation
-from wsnsim.analysis.quantities import DECIDED, loss_rule, median_time, time_averaged_rmse
+from wsnsim.analysis.quantities import DECIDED, loss_rule, median_time
 from wsnsim.analysis.result_facts import ResultFacts, facts_of_file, facts_of_report
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
@@ -168,8 +168,9 @@ SEEN: Final = 0.995
 def answer(source: Report | str | Path, *, plugins: bool = False, facts: ResultFacts | None = None) -> str:
     """A sentence on the runs of a result: whether the target was followed, how well, for how many joules.
 
-    The error is the time-averaged RMSE over the runs in which no track was lost, and over all runs. Beside it stands
-    the trajectory-conditional CRLB of the same steps for all readings in range, unless most runs lost a track.
+    The error is the time-averaged RMSE over the runs in which no track was lost, and over all runs; of one run, its
+    RMSE over steps and targets. Beside it stands the trajectory-conditional CRLB of the same steps for all readings in
+    range, unless most runs lost a track.
 
     Args:
         source: what `experiment.run` returned, or a result file. The bound takes about 20 ms a run of 700 steps.
@@ -289,10 +290,10 @@ def _no_estimate(facts: ResultFacts) -> str:
 def _followed(facts: ResultFacts, crlb: float) -> str:
     """Whether the targets were followed, in how many runs one was lost, and with what error."""
     lost, (name, value) = int(facts.ever_lost.sum()), _error(facts)
-    error = f"a {name} of {figure(value)} {facts.unit}".rstrip()
+    error = f"{name} of {figure(value)} {facts.unit}".rstrip()
     if 0 < lost < facts.count:
         errors = facts.recorded.errors
-        every = time_averaged_rmse(errors) if errors.size else metrics.median_error(facts.column("rmse"))
+        every = metrics.averaged_rmse(errors) if errors.size else metrics.median_error(facts.column("rmse"))
         error += f" ({figure(every)} {facts.unit}".rstrip() + " over all runs)"
     measured = facts.tracked_shares.any()
     judged = measured and math.isfinite(crlb) and crlb > 0.0 and (2 * lost <= facts.count or lost == facts.count)
@@ -324,8 +325,9 @@ def _never_lost(facts: ResultFacts, poor: bool) -> str:
         subject = "The target that existed was" if targets == 1 else f"The {targets:,} targets that existed were"
     if not facts.tracked_shares.any():
         return f"{subject} never measured in {runs(facts.count, facts.count)} (all estimates are predictions)"
+    share = f" and tracked at {percent(tracked)} of the steps" if tracked < SEEN else ""
+    poor = poor or bool(share)
     rule = _rule(facts) if poor else ""
-    share = f" (tracked at {percent(tracked)} of the steps)" if tracked < SEEN else ""
     how = "never lost in" if poor else "followed throughout" if facts.count == 1 else "followed in"
     if PRESENT in facts.tracks:
         how = f"{'never lost' if poor else 'followed'} while present in"
@@ -354,9 +356,9 @@ def _lost(facts: ResultFacts, lost: int) -> str:
 
 def _error(facts: ResultFacts) -> tuple[str, float]:
     """(name, value) of the error over the runs that are judged."""
-    if facts.recorded.errors.size:
-        return "time-averaged RMSE", time_averaged_rmse(facts.judged_errors)
-    return "median per-run RMSE", _middle_of_kept(facts)
+    one, errors = facts.count == 1, facts.recorded.errors.size
+    name = "an RMSE" if one else "a time-averaged RMSE" if errors else "a median per-run RMSE"
+    return name, metrics.averaged_rmse(facts.judged_errors) if errors else _middle_of_kept(facts)
 
 
 def _middle_of_kept(facts: ResultFacts) -> float:

@@ -169,14 +169,14 @@ def text(found: Comparison, explain: bool = False) -> str:
     counts = table["replicates"]
     many = f"{counts.min()}" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()}"
     title = f"{found.name}: {len(table)} point{'s' * (len(table) != 1)}, {many} run{'s' * (many != '1')} each"
-    notes = [*_notes(found), *(_meanings(found) if explain else [])]
+    below = [*notes(found), *(_meanings(found) if explain else [])]
     return "\n".join(
         [
             *wrapped(answer(found)),
             *wrapped(title, indent="  "),
             *aligned([heads, *rows], len(found.keys), heads.index(DIFFERENCE) if DIFFERENCE in heads else 0),
             *(line for said in conclusions(found) for line in wrapped(said, "- ")),
-            *(line for note in notes for line in wrapped(note, "  ")),
+            *(line for note in below for line in wrapped(note, "  ")),
         ]
     )
 
@@ -271,7 +271,7 @@ def _shown_parts(found: Comparison) -> dict[str, bool]:
     }
 
 
-def _notes(found: Comparison) -> Iterator[str]:
+def notes(found: Comparison) -> Iterator[str]:
     """What a reader must know beside the table."""
     table, few = found.table, found.table["replicates"].max() < LEAST
     unknown = int((table["replicates"] - table["known"]).sum())

@@ -27,6 +27,7 @@ from wsnsim.analysis.statistics import LEAST
 from wsnsim.base.arrays import Floats, Ints, is_relative, planar
 from wsnsim.base.errors import RunError, counted
 from wsnsim.base.initial_conditions import InitialConditions, node_names, sample_initial_conditions, sample_positions
+from wsnsim.base.optional_ports import ReportsState, Snapshots
 from wsnsim.base.radio import RecordsLinks
 from wsnsim.base.results import COUNTS, ROWS, Report, provenance_of
 from wsnsim.base.sensing import detected
@@ -171,6 +172,9 @@ def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
     tracker = report.scenario.tracker
     if said := degenerate(getattr(tracker, "particles", None), figures["nees_median"], figures["ever_lost"]):
         notes.append(f"{tracker.kind}: {said}")
+    for table, port in (("particles", Snapshots), ("tracker_state", ReportsState)):
+        if getattr(report.scenario.record, table) and not issubclass(tracker.part, port):
+            notes.append(f"record.{table}: the table is empty: the tracker {tracker.kind} has none")
     poor = [summary for summary in report.summaries if any(track["tracked"] < 1.0 for track in summary.tracks)]
     if report.out.is_file():  # it may have been moved since
         notes += _skipped(read_json(report.out, "provenance_json", optional=True))

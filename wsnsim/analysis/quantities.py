@@ -23,11 +23,6 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.files import read_sections
 
 
-def time_averaged_rmse(errors: Floats) -> float:
-    """The mean over the steps of the RMSE at a step, of errors (runs, targets, steps)."""
-    return metrics.time_mean_rmse(errors.reshape(-1, errors.shape[-1]))
-
-
 def median_time(times: Floats) -> float:
     """The median time of an event that may not happen (NaN); NaN if it does not happen in half of the runs."""
     middle = float(np.median(np.where(np.isfinite(times), times, np.inf))) if times.size else np.nan
@@ -56,7 +51,7 @@ STATISTICS: Final[dict[str, Callable[[Floats], float]]] = {
     "median": metrics.median_error,
     "median_time": median_time,
     "share_above_zero": share_above_zero,
-    "time_averaged_rmse": time_averaged_rmse,
+    "averaged_rmse": metrics.averaged_rmse,
     "delivery_ratio": delivery_ratio,
 }
 
@@ -172,6 +167,11 @@ def bound_name(readings: str, faults: Collection[str]) -> str:
     """The name of a bound beside runs with these kinds of faults, which may be left out of it."""
     counted = not faults or (readings != "in_range" and COUNTED_FAULTS.issuperset(faults))
     return BOUND_NAMES[readings] + ("" if counted else ", without faults")
+
+
+def name_of(key: str, runs: int) -> str:
+    """The name of a quantity; the time-averaged RMSE of one run is its RMSE over steps and targets."""
+    return "RMSE" if key == "rmse" and runs == 1 else FIGURES[key].name
 
 
 def loss_rule(runs: Mapping[str, Floats], unit: str) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 from wsnsim.analysis.answer import answer
 from wsnsim.analysis.phrases import fitting, wrapped
 from wsnsim.analysis.plot_data import stored_json
-from wsnsim.analysis.quantities import QUANTITIES, beside, medians, values, worth_showing
+from wsnsim.analysis.quantities import QUANTITIES, beside, medians, name_of, values, worth_showing
 from wsnsim.analysis.result_facts import ResultFacts, facts_of_file
 from wsnsim.base.errors import counted
 from wsnsim.base.results import COUNTS, FILES, ROWS
@@ -74,9 +74,10 @@ def info_text(path: str | Path, plugins: bool = False) -> str:
 
 def _figure_lines(facts: ResultFacts) -> list[str]:
     shown, middles, unit = worth_showing(facts), medians(facts), facts.unit
-    width = max(map(len, (QUANTITIES[key].name for key in shown)), default=0) + 2
+    names = {key: name_of(key, facts.count) for key in shown}
+    width = max(map(len, names.values()), default=0) + 2
     return [
-        f"{QUANTITIES[key].name:<{width}}{QUANTITIES[key].text(value, unit)}"
+        f"{names[key]:<{width}}{QUANTITIES[key].text(value, unit)}"
         f"  {beside(key, middles, facts.consistent, unit)}".rstrip()
         for key, value in shown.items()
     ]

@@ -127,7 +127,7 @@ def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) 
         "lost_fraction": found.pop("lost"),
         **found,
         **_column_rmse(report),
-        "rmse_of_kept": metrics.time_mean_rmse(facts.recorded.errors[~lost]) if not lost.all() else math.nan,
+        "rmse_of_kept": metrics.averaged_rmse(np.where(lost[..., None], np.nan, facts.recorded.errors)),
         "joules": dict(facts.joules),
         "clusters": clusters,
         "runs_with_deaths": int(np.isfinite(facts.runs["first_death"]).sum()),

@@ -144,7 +144,7 @@ class _SummaryRows:
                 key, self.figures.get("medians", {}), self.figures.get("nees_median_consistent", 0.0), self.unit
             )
             cell = cell or "  ".join(filter(None, [self.cell(key), FIGURES[key].interval_text(*ends), more]))
-            yield FIGURES[key].name, cell + after, self.printed(key, pattern)
+            yield quantities.name_of(key, self.figures["replicates"]), cell + after, self.printed(key, pattern)
 
     def printed(self, key: str, pattern: str) -> str:
         """The published value; empty if there is none."""
@@ -161,11 +161,8 @@ class _SummaryRows:
         """Errors, bounds beside them if they are wanted, and consistency."""
         figures, error = self.figures, QUANTITIES["rmse"]
         missing, steps = figures["without_estimate"], figures["present_steps"]
-        about = [f"of {steps - missing:,.4g} of {steps:,.10g} steps"] * bool(missing)
-        about += ["one run: the mean error"] * (figures["replicates"] * figures["targets"] == 1 and steps > missing)
-        yield from self.row(
-            "rmse", after=f"  ({'; '.join(about)})" if about else "", pattern=f"{error.form} {self.unit}"
-        )
+        after = f"  (of {steps - missing:,.4g} of {steps:,.10g} steps)" * bool(missing)
+        yield from self.row("rmse", after=after, pattern=f"{error.form} {self.unit}")
         yield from self.row("rmse_of_kept", figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]))
         for key, readings in BOUND_KEYS.items():
             if bounds and math.isfinite(figures[key]):
@@ -206,8 +203,7 @@ class _SummaryRows:
         figures = self.figures
         if not (figures["awake"] < 1.0 or figures["tracked"] < 1.0):
             return
-        several = figures["replicates"] * figures["targets"] > 1  # otherwise it is the time-averaged RMSE
-        yield from self.row("mean_error", several and math.isfinite(figures["mean_error"]))
+        yield from self.row("mean_error", math.isfinite(figures["mean_error"]))
         if math.isfinite(figures["rmse_three"]):
             rmse, mean, middle = map(self.cell, OF_THREE)
             yield "  at a run's steps with three readings", f"RMSE {rmse}, mean {mean}, median {middle}", ""

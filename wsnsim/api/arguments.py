@@ -154,14 +154,18 @@ def overrides_of(
     """Return everything that the arguments of a function change in a scenario, the most specific last.
 
     Raises:
-        UsageError: there is no such argument, or no such table.
+        UsageError: there is no such argument or no such table, or a value is given twice.
     """
     unknown = next((key for key in changes if key not in KEYS), None)
     if unknown is not None:
         known = {*KEYS, *_arguments_of(function)}
         raise UsageError(f"{function}() has no argument '{unknown}' ({did_you_mean(unknown, known)})")
     seeded: list[Override] = [] if seed is None else [("seed", seed)]
-    return (*_changes_of(changes), *(() if overrides is None else listed(overrides)), *seeded, *_kept(keep))
+    given = (*_changes_of(changes), *(() if overrides is None else listed(overrides)), *seeded)
+    keys = [(each.partition("=")[0] if isinstance(each, str) else str(each[0])).strip() for each in given]
+    if twice := next((key for key in keys if keys.count(key) > 1), ""):
+        raise UsageError(f"{function}(): '{twice}' is given twice, by arguments or in overrides")
+    return (*given, *_kept(keep))
 
 
 def _arguments_of(function: str) -> list[str]:
@@ -252,10 +256,28 @@ def shown(wanted: Any, what: str, unit: str, share: Share) -> Iterator[Callable[
 
 def _bar_class() -> Any:
     """The widget where Jupyter can show it, else a line of text."""
-    if in_notebook() and importlib.util.find_spec("ipywidgets"):
-        from tqdm.notebook import tqdm as widget
-
-        return widget
     from tqdm import tqdm
 
-    return tqdm
+    if not in_notebook() or not importlib.util.find_spec("ipywidgets"):
+        return tqdm
+    from IPython.display import display
+    from tqdm.notebook import tqdm as widget
+
+    class NotebookBar(widget):  # type: ignore[misc]
+        """A widget that leaves nothing in a saved notebook, also if the work fails."""
+
+        handle: Any = None
+
+        def display(self, *texts: Any, check_delay: bool = True, **options: Any) -> None:
+            self.container.children[1].max = self.total
+            super().display(*texts, check_delay=False, **options)
+            if check_delay and self.handle is None:
+                self.handle = display(self.container, display_id=True)  # type: ignore[no-untyped-call]
+
+        def close(self) -> None:
+            super().close()
+            if self.handle is not None:
+                self.container.close()
+                self.handle.update({"text/plain": ""}, raw=True)
+
+    return NotebookBar

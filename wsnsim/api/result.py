@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, final
 
-from wsnsim.analysis.quantities import ONLY_IF_NOT_ZERO, QUANTITIES, beside, medians
+from wsnsim.analysis.quantities import ONLY_IF_NOT_ZERO, QUANTITIES, beside, medians, name_of
 from wsnsim.analysis.result_facts import facts_of_report
 from wsnsim.api.arguments import file_given, result_file
 from wsnsim.api.result_plots import ResultPlots
@@ -182,7 +182,8 @@ class Result:
 
         page = file_given("path", path, ".html", ".htm")
         with self._file() as file:
-            return pages.write([file], page, replicate, int(1e6 * megabytes), published, plugins=True).path
+            place = "" if self.out else "in memory"
+            return pages.write([file], page, replicate, int(1e6 * megabytes), published, plugins=True, place=place).path
 
     def answer(self) -> str:
         """Return one sentence: whether the target was followed, how well against the bound, and for how many joules."""
@@ -302,8 +303,8 @@ def _quantities(report: Report) -> Iterator[tuple[str, str, str]]:
     for key in SHOWN:
         value = QUANTITIES[key].value(facts)
         if math.isfinite(value) and (value or key not in ONLY_IF_NOT_ZERO):
-            note = beside(key, run_medians, facts.consistent, facts.unit)
-            yield key, QUANTITIES[key].name, QUANTITIES[key].text(value, facts.unit) + (f" ({note})" if note else "")
+            note, text = beside(key, run_medians, facts.consistent, facts.unit), QUANTITIES[key].text(value, facts.unit)
+            yield key, name_of(key, facts.count), text + (f" ({note})" if note else "")
 
 
 def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = None, **options: Any) -> Axes:

@@ -187,6 +187,8 @@ def _axes(ax: Axes | None) -> Iterator[Axes]:
 
     from wsnsim.analysis.figure_style import STYLE
 
+    # this loads the backend, which may set rcParams that `style.context` would restore
+    pyplot.draw_if_interactive()  # type: ignore[no-untyped-call]
     with style.context(STYLE):
         figure, axes = pyplot.subplots(figsize=(6.4, 4.6), layout="constrained")
         try:

@@ -19,7 +19,7 @@ from typing import Any, Final, TypeAlias, Unpack, final
 
 import pandas as pd
 
-from wsnsim.analysis import comparison
+from wsnsim.analysis import comparison, comparison_text, error_bounds
 from wsnsim.api import arguments
 from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, of_campaign, overrides_of, renamed, shown
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
@@ -39,40 +39,37 @@ TrackersText: TypeAlias = str | Sequence[Any] | Mapping[str, Any] | None
 @final
 @dataclass(frozen=True, repr=False)
 class ShownComparison(comparison.Comparison):
-    """A `Comparison` whose `print` shows table, conclusions and notes."""
+    """What `wsnsim.compare` returns: a `Comparison` that `print` and notebooks show as the command does."""
 
     def __str__(self) -> str:
-        from wsnsim.analysis import comparison_text
-
         return comparison_text.text(self)
 
     def to_latex(self) -> str:
-        """Return the table as LaTeX for a paper; it needs the package booktabs."""
-        from wsnsim.analysis import comparison_text
-
+        """Return the table as LaTeX for a paper, as `wsnsim compare --latex` does; it needs the package booktabs."""
         return comparison_text.latex(self)
 
     def __repr__(self) -> str:
         return f"<Comparison {self.name}: {self.metric} of {len(self.table)} points>"
 
     def _repr_html_(self) -> str:
-        from wsnsim.analysis import comparison_text
-
         heads, rows = comparison_text.columns(self)
         body = "".join(f"<tr>{_cells(row, 'td')}</tr>" for row in rows)
-        sentences = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in comparison_text.conclusions(self))
         table = f"<table><thead><tr>{_cells(heads, 'th')}</tr></thead><tbody>{body}</tbody></table>"
-        note = f"<p>{html.escape(self.replayed)}</p>" if self.replayed else ""
-        return f"<div>{table}<ul>{sentences}</ul>{note}</div>"
+        sentences = _cells(comparison_text.conclusions(self), "li")
+        answer, notes = (_cells(texts, "p") for texts in ([comparison_text.answer(self)], comparison_text.notes(self)))
+        return f"<div>{answer}{table}<ul>{sentences}</ul>{notes}</div>"
 
 
-def shown_comparison(found: comparison.Comparison) -> ShownComparison:
-    """Return a comparison as one that shows itself."""
-    values: dict[str, Any] = vars(found)
+def _compared(
+    folder: Folder, metric: str, chosen: tuple[Sequence[str] | None, str | None], bound: bool, plugins: Plugins
+) -> ShownComparison:
+    """The comparison of a campaign. `chosen`: keys and baseline; `plugins`: which ones bounds may import."""
+    found = comparison.compare(folder, metric, *chosen)
+    values: dict[str, Any] = vars(error_bounds.with_bounds(found, folder, plugins) if bound else found)
     return ShownComparison(**values)
 
 
-def _cells(texts: list[str], tag: str) -> str:
+def _cells(texts: Iterable[str], tag: str) -> str:
     return "".join(f"<{tag}>{html.escape(text)}</{tag}>" for text in texts)
 
 
@@ -126,18 +123,19 @@ class SweepResult:
 
         return campaigns.read(self.out, name)
 
-    def compare(self, metric: str = "rmse", baseline: str | None = None) -> ShownComparison:
+    def compare(self, metric: str = "rmse", baseline: str | None = None, *, bound: bool = True) -> ShownComparison:
         """Return the points side by side: medians, intervals, energy and paired differences.
 
         Args:
             metric: a column of the table `runs`.
             baseline: the point that differences are from.
+            bound: whether to compute the CRLB beside an RMSE.
 
         Raises:
             UsageError: there is no such metric or baseline.
             ResultError: there are no results.
         """
-        return shown_comparison(comparison.compare(self.out, metric, baseline=baseline))
+        return _compared(Folder(self.out), metric, (None, baseline), bound, Plugins.ANY)
 
     def __repr__(self) -> str:
         runs = self.outcome.done + self.outcome.found
@@ -146,7 +144,7 @@ class SweepResult:
         return f"<Sweep: {runs} runs{failed}, {place}>"
 
     def _repr_html_(self) -> str:
-        return f"<div><p>{html.escape(repr(self))}</p>{self.compare()._repr_html_()}</div>"
+        return f"<div><p>{html.escape(repr(self))}</p>{self.compare(bound=False)._repr_html_()}</div>"
 
     def __getattr__(self, name: str) -> Any:
         known = ("compare", "complete", "failed", "missing", "out", "outcome", "runs", "table")
@@ -217,7 +215,7 @@ def sweep(  # noqa: PLR0913
     """
     chosen = overrides_of("sweep", changes, overrides, seed, keep)
     _check_arguments(source, vary, out, trackers, replicates, scheduler is None and workers != 0)
-    with shown(progress, "sweep", "runs", of_campaign) as report, renamed(), _folder_of(out) as place:
+    with shown(progress, "campaign", "runs", of_campaign) as report, renamed(), _folder_of(out) as place:
         plan = load_sweep(source, vary, chosen, trackers, replicates=replicates)
         by = [key for key in TRACKER_KEYS if trackers and key in plan.keys]
         folder = prepare(plan, place, by=by, command_line="wsnsim.sweep", accept_code_change=accept_code_change)
@@ -266,6 +264,7 @@ def compare(  # noqa: PLR0913
     overrides: Overrides | None = (),
     workers: int | None = None,
     progress: bool | Callable[[CampaignProgress], None] | None = None,
+    bound: bool = True,
     **changes: Unpack[Changes],
 ) -> ShownComparison:
     """Compare trackers on a scenario, or the points of a campaign that has been run.
@@ -289,6 +288,7 @@ def compare(  # noqa: PLR0913
         overrides: values to change, {"duration": "10 s"} or ["duration=10 s"].
         workers: number of processes, all cores by default; 0, or a script without a main guard: this process.
         progress: whether to show a progress bar (by default in notebooks), or a function of a `CampaignProgress`.
+        bound: whether to compute the CRLB beside an RMSE.
         changes: roles and other keys of the scenario, as in `simulate`.
 
     Returns:
@@ -302,8 +302,8 @@ def compare(  # noqa: PLR0913
     if trackers is None:
         if changes or replicates is not None or overrides or seed is not None or out is not None:
             raise UsageError("compare() runs a scenario only with trackers, such as trackers=['ekf', 'pf']")
-        folder = source.out if isinstance(source, SweepResult) else source
-        return shown_comparison(comparison.compare(_campaign(folder), metric, by, baseline))
+        given = source.out if isinstance(source, SweepResult) else source
+        return _compared(_campaign(given), metric, (by, baseline), bound, Plugins.NONE)
     overrides_of("compare", changes, (), None, ())  # which names this function in what it raises
     arguments.demand_several(trackers)
     found = sweep(
@@ -311,7 +311,7 @@ def compare(  # noqa: PLR0913
         workers=0 if workers is None and needs_main_guard() else workers, **changes,
     )  # fmt: skip
     _demand_complete(found)
-    return shown_comparison(comparison.compare(found.out, metric, by, baseline))
+    return _compared(Folder(found.out), metric, (by, baseline), bound, Plugins.ANY)
 
 
 def _demand_complete(found: SweepResult) -> None:
@@ -322,13 +322,11 @@ def _demand_complete(found: SweepResult) -> None:
         raise RunError(f"the comparison is not complete: {said}")
 
 
-def _campaign(folder: Any) -> Path | Folder:
+def _campaign(folder: Any) -> Folder:
     """The folder of a campaign. Raises UsageError for what is none."""
-    if isinstance(folder, Folder):
-        return folder
     if not isinstance(folder, str | Path) or not os.path.isdir(folder):  # noqa: PTH112 - long names
         raise UsageError(
             f"compare(): {shown_value(folder)} is not the folder of a campaign; a scenario needs trackers to compare,"
             " such as trackers=['ekf', 'pf']"
         )
-    return Path(folder)
+    return Folder(folder)

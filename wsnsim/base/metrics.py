@@ -71,6 +71,11 @@ def time_mean_rmse(errors: Floats) -> float:
     return mean_error(per_step_rmse(np.atleast_2d(errors)))
 
 
+def averaged_rmse(errors: Floats) -> float:
+    """The time-averaged RMSE of (runs, targets, steps) errors; of one run, its RMSE over steps and targets."""
+    return rmse(errors) if len(errors) == 1 else time_mean_rmse(errors.reshape(-1, errors.shape[-1]))
+
+
 def lost_fraction(lost: Bools) -> float:
     """Fraction of tracks that were lost."""
     return float(np.mean(lost)) if len(lost) else float("nan")

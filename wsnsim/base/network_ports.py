@@ -6,13 +6,17 @@ nodes are there.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Estimate, Floats, Ints, planar
+
+LEAST_SIDE: Final = 1.0
+"""Least side (m) of a field that is derived from the positions of the nodes, as with one node or nodes on a line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +38,11 @@ class Field:
         half = np.array([self.width, self.height]) / 2
         inside: Bools = np.all(np.abs(points - np.array(self.centre)) <= half, axis=-1)
         return inside
+
+    @property
+    def diagonal(self) -> float:
+        """The longest distance in the field in m; infinite if one node, or nodes on a line, do not span a field."""
+        return math.hypot(self.width, self.height) if min(self.width, self.height) > LEAST_SIDE else math.inf
 
 
 class Deployment(Protocol):

@@ -126,13 +126,15 @@ class Bound:
     def time_mean_at(self, errors: Floats) -> float:
         """The same over the estimates that exist, to compare with a tracker that skips steps or ended early.
 
+        Of one run it is the root mean square over steps and targets, as the RMSE beside it.
+
         Args:
             errors: (replicates, targets, steps) position errors, NaN where there is no estimate.
         """
         if self.reason:
             return float("nan")
         issued = self._where_issued(errors)
-        return metrics.time_mean_rmse(issued.reshape(-1, errors.shape[-1]))
+        return metrics.averaged_rmse(issued)
 
     def of_replicates_at(self, errors: Floats) -> Floats:
         """`of_replicates` over the estimates that exist, (R,), to compare with the RMSE of each run; as `time_mean_at`.

@@ -11,20 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
-from wsnsim.base.network_ports import Field
+from wsnsim.base.network_ports import LEAST_SIDE, Field
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import Setup
 from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import ASSUMED, TOLERANCE, covers, outside, too_few, too_few_for_a_cluster, uncovered
-
-LEAST_SIDE: Final = 1.0
-"""Least side (m) of a field that is derived from the positions of the nodes, as with one node or nodes on a line."""
 
 
 @part

@@ -67,7 +67,7 @@ class WrittenPage:
     notes: tuple[str, ...]
 
 
-def write(
+def write(  # noqa: PLR0913
     results: Sequence[Path],
     out: Path,
     replicate: int | None = None,
@@ -75,6 +75,7 @@ def write(
     published: PublishedLookup | None = None,
     plugins: bool = False,
     bounds: bool = False,
+    place: str = "",
 ) -> WrittenPage:
     """Write the page of one or several results.
 
@@ -86,12 +87,13 @@ def write(
         published: gives the published values of a scenario.
         plugins: whether plug-ins that a result's scenario names are imported for the bounds.
         bounds: whether the three trajectory-conditional CRLBs are shown.
+        place: what stands in place of the file of a result that has none of its own.
 
     Raises:
         UsageError: a result has no such replicate.
         ResultError: a result cannot be read, or the page cannot be written.
     """
-    sections = _sections(results, replicate, plugins)
+    sections = _sections(results, replicate, plugins, place)
     _drop_figures(sections, int(FIGURE_SHARE * limit))
     paths, names = [section.path for section in sections], [section.name for section in sections]
     summary = summary_table(paths, names, published, plugins, bounds)
@@ -106,9 +108,9 @@ def write(
     return WrittenPage(out, len(page), tuple(notes))
 
 
-def _sections(results: Sequence[Path], replicate: int | None, plugins: bool) -> list[PageSection]:
+def _sections(results: Sequence[Path], replicate: int | None, plugins: bool, place: str) -> list[PageSection]:
     """The section of each result. All results are checked before the figures, which take time, are drawn."""
-    infos = [result_info.info(path, plugins) for path in results]
+    infos = [result_info.info(path, plugins) | ({"file": place} if place else {}) for path in results]
     chosen = [first_replicate(path) if replicate is None else replicate for path in results]
     for path, number in zip(results, chosen, strict=True):
         check_replicate(path, number)

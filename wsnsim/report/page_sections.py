@@ -155,9 +155,11 @@ MIN_RUNS: Final = 5
 RUNS: Final = "Monte Carlo runs"
 PUBLISHED_KEYS: Final = ("rmse", "energy")
 BOUNDS: Final = [bound_name(readings, faults) for readings in quantities.BOUND_NAMES for faults in ((), ("stuck",))]
+RMSES: Final = [quantities.name_of("rmse", runs) for runs in (1, 2)]
 EXPLAINED: Final = (
     {quantity.name: quantity.definition for quantity in QUANTITIES.values()}
     | dict.fromkeys(BOUNDS, BOUND_NOTE)
+    | dict.fromkeys(RMSES, QUANTITIES["rmse"].definition)
     | {RUNS: "independent repetitions of the scenario, each with random numbers of its own"}
 )
 """The explanation of each row by its name."""
@@ -181,11 +183,11 @@ def summary_table(
         bounds: whether the three trajectory-conditional CRLBs are shown.
     """
     columns = [_cells(path, published, plugins, bounds) for path in results]
-    order = [RUNS, QUANTITIES["rmse"].name, *BOUNDS, *(each.name for each in QUANTITIES.values())]
+    order = [RUNS, *RMSES, *BOUNDS, *(each.name for each in QUANTITIES.values())]
     labels = [label for label in dict.fromkeys(order) if any(label in column for column in columns)]
     if not labels:
         return "<p>There is no summary: no run has finished.</p>"
-    first = {RUNS, *BOUNDS, *(QUANTITIES[key].name for key in flagged("page"))}
+    first = {RUNS, *RMSES, *BOUNDS, *(QUANTITIES[key].name for key in flagged("page"))}
     some, others = ([label for label in labels if (label in first) == wanted] for wanted in (True, False))
     notes = [f"In brackets: 95 % bootstrap intervals over runs, for {MIN_RUNS} runs or more."]
     notes += [f"{BOUND_NOTE[0].upper()}{BOUND_NOTE[1:]}."] if bounds and {*BOUNDS} & {*labels} else []
@@ -224,17 +226,17 @@ def _cells(path: Path, published: PublishedLookup | None, plugins: bool, bounds:
     cells: Cells = {}
     errors = facts.recorded.errors
     if errors.size and not np.isfinite(errors).any():
-        cells[QUANTITIES["rmse"].name] = "no estimate"
+        cells[quantities.name_of("rmse", facts.count)] = "no estimate"
     middles = medians(facts)
     for key, value in worth_showing(facts).items():
-        quantity = QUANTITIES[key]
+        quantity, name = QUANTITIES[key], quantities.name_of(key, facts.count)
         low, high = quantity.interval(facts)
         ends = quantity.interval_text(low, high) if low < high else ""
-        cells[quantity.name] = html.escape(quantity.text(value, unit)) + _small(ends)
-        cells[quantity.name] += _small(beside(key, middles, facts.consistent, unit))
+        cells[name] = html.escape(quantity.text(value, unit)) + _small(ends)
+        cells[name] += _small(beside(key, middles, facts.consistent, unit))
         if key in PUBLISHED_KEYS and key in values:
             about = f"published {quantity.text(values[key], unit)} ({paper})"
-            cells[quantity.name] += f' <span class="small">{explained(about, differs)}</span>'
+            cells[name] += f' <span class="small">{explained(about, differs)}</span>'
     if errors.size and bounds:
         cells |= {
             bound_name(readings, facts.faults): html.escape(QUANTITIES["rmse"].text(bound, unit))

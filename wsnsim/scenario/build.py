@@ -174,6 +174,9 @@ def _of_targets(scenario: Scenario, components: dict[Keys, Any]) -> dict[str, An
     written = scenario.written(ROLES["motion"])
     motions = tuple(components[path] for path, _ in written)
     assumes = scenario.tracker.assumes  # type: ignore[attr-defined]
+    diagonal = math.inf
+    with contextlib.suppress(Exception):  # what is wrong with the deployment, its check says
+        diagonal = components["deploy",].field.diagonal
     return {
         "motions": motions,
         "presence": tuple(model.presence for _, model in written),  # type: ignore[attr-defined]
@@ -182,7 +185,7 @@ def _of_targets(scenario: Scenario, components: dict[Keys, Any]) -> dict[str, An
         "filter_motions": tuple(motion.assumed(assumes.noise_scale) for motion in motions),
         "filter_sensor": sensor.assumed(assumes.gains, assumes.inflate),
         "lost_window": scenario.lost.lasting(scenario.step),
-        "lost_limit": scenario.lost.beyond(law.reach),
+        "lost_limit": scenario.lost.beyond(law.reach, diagonal),
     }
 
 

@@ -77,7 +77,11 @@ def _message(problem: Any, path: Keys, model: type[BaseModel]) -> str:
         return "is missing" + (f": {about}" if about else "")
     if kind == "extra_forbidden":
         comma = "decimals have a point, not a comma; " * str(path[-1])[:1].isdigit()
-        return f"unknown key, {comma}{did_you_mean(str(path[-1]), sorted(_annotation(model, path[:-1]).model_fields))}"
+        key, parent = str(path[-1]), _annotation(model, path[:-1])
+        blocks = {name: unwrapped(field.annotation) for name, field in parent.model_fields.items() if name != "record"}
+        ends = [f"'{name}.{key}'" for name, block in blocks.items() if key in getattr(block, "model_fields", ())]
+        nearest = did_you_mean(key, {*parent.model_fields, *getattr(parent, "roles", ())})
+        return f"unknown key, {comma}" + (f"did you mean {' or '.join(ends[-3:])}?" if ends else nearest)
     return str(context.get("message", problem["msg"]))
 
 

@@ -13,7 +13,7 @@ import functools
 import math
 import re
 from collections.abc import Collection
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, PrivateAttr, ValidationInfo, create_model, field_validator
 from pydantic.types import Strict
@@ -118,18 +118,19 @@ class Lost(BaseModel):
     limit: Annotated[float, Number(Quantity("m", gt=0))] | None = Field(
         None,
         description="error above which a track is lost; .inf: only without an estimate; null: a third of the sensing "
-        "range, 20 m if that is infinite [m]",
+        "range, 20 m if that is infinite; a third of the field's diagonal if these exceed the diagonal [m]",
     )
 
     def lasting(self, step: float) -> int:
         """The number of steps of the window, for steps of this length in s."""
         return max(self.steps, math.ceil(self.window / step - 1e-9))
 
-    def beyond(self, reach: float) -> float:
-        """The limit in m, for sensors of this range in m."""
+    def beyond(self, reach: float, diagonal: float) -> float:
+        """The limit in m, for sensors of this range, in a field of this diagonal (m), which errors hardly exceed."""
         if self.limit is not None:
             return self.limit
-        return metrics.LOST_SHARE * reach if math.isfinite(reach) else metrics.LOST_ERROR
+        limit = metrics.LOST_SHARE * reach if math.isfinite(reach) else metrics.LOST_ERROR
+        return limit if limit <= diagonal else metrics.LOST_SHARE * diagonal
 
 
 Record: Final[type[BaseModel]] = create_model(
@@ -145,6 +146,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     """
 
     model_config = FROZEN
+    roles: ClassVar = AT_TOP
     name: Annotated[str, Strict(), names("a file")] = Field(description="name of scenario and result")
     seed: Annotated[int, Number(Quantity("", ge=0), whole=True)] = Field(0, description="seed of every random stream")
     replicates: Annotated[int, Number(Quantity("", ge=1, le=100_000), whole=True)] = Field(

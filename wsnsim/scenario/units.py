@@ -34,6 +34,8 @@ SYMBOLS: Final = {symbol: (factor, powers, prefixes) for symbol, factor, powers,
 """The factor of each unit to SI, the powers of `BASES`, and the prefixes that it takes."""
 WORDS: Final = {unit: words for unit, words, *_ in _TABLES[1].rows}
 """What units measure."""
+MEANT: Final = {word: unit for words, unit in _TABLES[2].rows for word in words.split()}
+"""The unit, or the quantity in units, that a word means."""
 NUMBER: Final = r"[-+]?(?:\.\d++|\d++(?:\.\d*+)?)(?:[eE][-+]?\d++)?+|[-+]?\.inf"
 QUANTITY: Final = re.compile(rf"({NUMBER})\s*([^\d\s].*|1\s*/.*)?", re.ASCII)
 FACTOR: Final = re.compile(r"(1$|%|[^\W\d_]+)(?:\^?(-?[1-9]))?")
@@ -64,8 +66,9 @@ def si(text: str, unit: str) -> float:
         UnitError: no number, an unknown unit, another dimension, or a value too large for a float.
     """
     match = QUANTITY.fullmatch(text.strip())
-    if match is None:
-        raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}")
+    if match is None or (match.group(2) or "").startswith(","):
+        decimals = f": decimals have a point: {text.strip().replace(',', '.', 1)}" if match else ""
+        raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}{decimals}")
     number, unit_text = match.group(1), match.group(2)
     if number.endswith(".inf"):
         number = number.replace(".inf", "Infinity")
@@ -135,7 +138,8 @@ def shown(value: object) -> str:
 
 
 def _suggestion(unit_text: str) -> str:
-    guess = did_you_mean(unit_text, [*_table(), "dBm"])
+    meant = "".join(MEANT.get(piece.strip().lower(), piece) for piece in re.split(r"([/*])", unit_text))
+    guess = f"did you mean '{meant}'?" if meant != unit_text else did_you_mean(unit_text, [*_table(), "dBm"])
     return f" ({guess})" if guess.startswith("did") else ""
 
 

@@ -2,7 +2,7 @@
 # fmt: off
 # written by `python -m tests.stubs` from wsnsim/scenario/kinds.table
 from wsnsim.trackers.bootstrap_pf import CentralPf as CentralPf
-from wsnsim.trackers.bootstrap_pf import Sir as Sir
+from wsnsim.trackers.bootstrap_pf import Pf as Pf
 from wsnsim.trackers.covariance_intersection import CovarianceIntersection as CovarianceIntersection
 from wsnsim.trackers.covariance_intersection import NaiveFusion as NaiveFusion
 from wsnsim.trackers.cuckoo_pf import CuckooPf as CuckooPf
@@ -45,7 +45,6 @@ from wsnsim.trackers.sigma_points import CubatureKalman as CubatureKalman
 from wsnsim.trackers.sigma_points import UnscentedKalman as UnscentedKalman
 from wsnsim.trackers.trilateration import Trilateration as Trilateration
 
-Pf = Sir
 CsPf = CuckooPf
 IcsPf = ImprovedCuckooPf
 Ekf = ExtendedKalman

@@ -69,7 +69,7 @@ class CentralPf(Bootstrap):
 
 
 @part
-class Sir(Bootstrap):
+class Pf(Bootstrap):
     """Sampling importance resampling (SIR) in the head, on all readings that reach it."""
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 100
