@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 import wsnsim
 from wsnsim import experiment
 from wsnsim.analysis import result_info, summary
-from wsnsim.analysis.answer import answer, energy_clause, lifetime_clause, percent, sentence, sink_clause
+from wsnsim.analysis.answer import answer, comparable, energy_clause, lifetime_clause, percent, sentence, sink_clause
+from wsnsim.analysis.quantities import QUANTITIES
 from wsnsim.analysis.result_facts import RecordedErrors, ResultFacts, facts_of_file
-from wsnsim.bounds import bound_of_run
+from wsnsim.bounds import Bound, BoundQuery, bound_of_run
 from wsnsim.scenario import load
 
 NAN = float("nan")
