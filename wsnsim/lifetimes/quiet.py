@@ -133,21 +133,19 @@ def _disturbed(setup: NetworkSetup, stack: RadioStack, living: Bools) -> str:
         return "links change"
     if not isinstance(setup.mac, UsesRadios):
         return "mac does not say what a broadcast takes"
-    if setup.routing.weight == "etx" and not _reached(stack, living)[living].all():
+    if setup.routing.weight == "etx" and not {*np.flatnonzero(living).tolist()} <= _reached(stack, living):
         return "nodes that reach no sink look for a route"
     return ""
 
 
-def _reached(stack: RadioStack, living: Bools) -> Bools:
-    """(N,) which living nodes have a path to a sink."""
-    reached = np.zeros(living.size, dtype=np.bool_)
+def _reached(stack: RadioStack, living: Bools) -> set[int]:
+    """The living nodes that have a path to a sink."""
     waiting = [sink for sink in stack.sinks if living[sink]]
-    reached[waiting] = True
+    reached = {*waiting}
     while waiting:
         near = stack.radio.topology.neighbours(waiting.pop()).ids
-        new = near[living[near] & ~reached[near]]
-        reached[new] = True
-        waiting += new.tolist()
+        waiting += (new := {*near[living[near]].tolist()} - reached)
+        reached |= new
     return reached
 
 
