@@ -97,7 +97,7 @@ class VisitsInWorkers:
             nonlocal last
             last = now
             total = max(self._most, self._before + now.total)
-            self._report(replace(now, done=self._before + now.done, total=total, wall=self._wall + now.wall))
+            self._report(replace(now, done=self._before + now.done, total=total, wall=self._wall + now.wall, left=None))
 
         with self._stopping() as should_stop:
             outcome = run_campaign(self._folder, self._engine(), WHOLE, report, should_stop, access=access(Plugins.ANY))
