@@ -77,10 +77,10 @@ def answer(point: Point) -> str:
     first, unit, start = rows["first_death"], _unit(point), point["libraries"][0]
     share = _share(start["tracked"])
     end = "no target comes" if share == "-" else f"{share} of the steps with a target are tracked at the start"
+    if not math.isnan(start.get("error", NAN)):
+        end += f" with an RMSE of {start['error']:.3g} m"
     if not math.isnan(first["tracked"]):
         end += f", {_share(first['tracked'])} when the first node has died"
-    if not math.isnan(start.get("error", NAN)):
-        end += f", with an RMSE of {start['error']:.3g} m"
     end += "; idle listening costs nothing in this model." if "idle" not in point["causes"]["cause"] else "."
     if not math.isfinite(first["median"]):
         horizon, none = _time(point["horizon"], unit), _share(1 - first["met"])
@@ -99,7 +99,7 @@ def answer(point: Point) -> str:
 
 def _comparison(points: Sequence[Point]) -> Iterator[Block]:
     """A table with a row for each of several points, whose networks, visits and seeds are the same; what it says."""
-    unit = _unit(points[0])
+    unit = min(map(_unit, points))
     rows = [["", "first death", "95 %", "tracked", "error", "quiet", "visit", "half dead"]]
     for point in points:
         first, *others = point["criteria"]

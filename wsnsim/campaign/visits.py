@@ -44,7 +44,8 @@ def estimate_lifetime(scenario: Any, folder: Path, engine: Callable[[], Engine],
         UsageError: the scenario has no lifetime. ScenarioError: it is invalid. RunError: a visit failed.
     """
     setup, plan = lifetime_plan(scenario)
-    make = VisitsInWorkers(scenario, folder, engine, most=plan.visits_at_most, **options)
+    # later epochs begin at shares of dead nodes, and where routes change
+    make = VisitsInWorkers(scenario, folder, engine, most=plan.most + plan.later * len(plan.epochs), **options)
     return outcome_of(Estimation(setup, plan, make).run(), scenario)
 
 

@@ -79,13 +79,12 @@ def lifetime(interrupts: Interrupts, /, sources: tuple[str, ...], **given: Any) 
     if page is not None:
         writable(page, Path("page.html"), "--page")
     if len(sources) == 1 and lifetime_result.is_lifetime(sources[0]):
-        points = lifetime_result.read(Path(sources[0]))
+        _demand_plottable(points := lifetime_result.read(Path(sources[0])), figure)
     else:
         points = _estimated(sources, interrupts, given)
     if figure is not None:
         from wsnsim.analysis import lifetime_plots
 
-        _demand_one(points)
         lifetime_plots.write(points[0], figure)
     if page is not None:
         from wsnsim.report import lifetime_page
@@ -111,8 +110,7 @@ def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[st
         scenarios = _scenarios(sources, given)
         for scenario in scenarios.values():
             lifetime_plan(scenario)  # all are checked before one is simulated
-    if given["figure"]:
-        _demand_one(scenarios)
+    _demand_plottable(scenarios, given["figure"])
     path = writable(given["out"], Path("results") / f"{next(iter(scenarios.values())).name}.lifetime.json")
     folder, points = path.with_suffix(".visits"), []
     engine = partial(engine_of, folder, given["jobs"], given["scheduler"])
@@ -135,9 +133,9 @@ def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[st
     return points
 
 
-def _demand_one(shown: Sized) -> None:
-    """Raise UsageError if there are several scenarios, of which a plot would show one."""
-    if len(shown) > 1:
+def _demand_plottable(shown: Sized, figure: Path | None) -> None:
+    """Raise UsageError if there is to be a plot of several scenarios."""
+    if figure is not None and len(shown) > 1:
         raise UsageError("--plot shows one scenario; --page shows several")
 
 

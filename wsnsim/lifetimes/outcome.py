@@ -78,7 +78,8 @@ def _until(events: Floats, most: int, alive: Bools) -> Floats:
     rows = events[np.lexsort((events[:, 2], events[:, 0]))]
     steps = np.where(rows[:, 3] > 0.0, -1, 1)
     before = np.cumsum(steps) - steps  # of all paths, one after the other
-    return rows[(~alive).sum() + before - before[np.searchsorted(rows[:, 0], rows[:, 0])] < most]
+    dead = (~alive).sum() + before - before[np.searchsorted(rows[:, 0], rows[:, 0])]
+    return rows[np.flatnonzero(dead < most)]
 
 
 def _criterion(name: str, lifetime: Lifetime, times: Floats, series: Series) -> dict[str, Any]:
