@@ -128,7 +128,7 @@ def _conclusion(points: Sequence[Point], unit: tuple[float, str]) -> Iterator[st
     tracking, named = [point for point in points if _tracked(point) >= TRACKS], None
     enough = f"track at least {_share(TRACKS)} of the steps (our choice)"
     every = "Of all" if tracking else f"None is known to {enough}. Of all"
-    for whose, among in ((f"Of the {len(tracking)} of {len(points)} that {enough}", tracking), (every, points)):
+    for whose, among in ((f"Of those that {enough}, {len(tracking)} of {len(points)}", tracking), (every, points)):
         best = max(among, key=lambda point: point["criteria"][0]["median"], default=None)
         if best is None or best is named:
             continue

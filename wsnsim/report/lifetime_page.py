@@ -41,7 +41,7 @@ def write(points: Sequence[Mapping[str, Any]], out: Path) -> Path:
 def section(point: Mapping[str, Any]) -> str:
     """The answer, the figures and the whole text of an outcome, as HTML; a notebook shows the same."""
     first, *rest = map(_block, lifetime_text.blocks([point]))
-    return "\n".join([f"<strong>{first}</strong>", '<div class="figures">', *_figures(point), "</div>", *rest])
+    return "\n".join([f'<div class="answer">{first}</div>', '<div class="figures">', *_figures(point), "</div>", *rest])
 
 
 def _block(block: lifetime_text.Block) -> str:
