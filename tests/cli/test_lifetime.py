@@ -85,11 +85,85 @@ def test_the_page_and_the_notebook_hold_three_figures_and_load_nothing(small: Li
     file = small.save(tmp_path / "small.json")
     assert main(["lifetime", str(file), "-q", "--page", str(tmp_path / "page.html")]) == 0
     page = (tmp_path / "page.html").read_text()
+    assert "<title>Lifetime of small</title>" in page and "<pre" not in page and page.count("<table>") == 1
     assert page.count("<svg") == small._repr_html_().count("<svg") == len(lifetime_plots.PANELS) == 3
     assert "http:" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
         "http://creativecommons.org", ""
     )
     assert "<script" not in page
+
+
+def variant(small: LifetimeResult, name: str, years: float, tracked: float, **other: Any) -> dict[str, Any]:
+    """An outcome with another label, first death and share of tracked steps."""
+    spread = {"low": 0.9, "median": 1.0, "high": 1.1, "mean": 1.0, "mean_low": 0.95, "mean_high": 1.05}
+    first = {key: factor * years * 365.25 * 86_400 for key, factor in spread.items()}
+    return {
+        **small.outcome,
+        "label": name,
+        "criteria": [{"criterion": "first_death", "met": 1.0, "tracked": tracked, **first}],
+    } | other
+
+
+def words_of(*points: dict[str, Any]) -> str:
+    return " ".join(lifetime_text.text(points).split())
+
+
+def test_the_longest_life_of_those_that_track_is_said_before_that_of_all(small: LifetimeResult) -> None:
+    long, tracks, short = (
+        variant(small, "long", 8, 0.43),
+        variant(small, "tracks", 4, 0.91),
+        variant(small, "short", 1, 1),
+    )
+    said = words_of(long, tracks, short)
+    best = said.index("Of those that track at least 90 % of the steps (our choice), 2 of 3, 'tracks' lives longest")
+    assert best < said.index("Of all, 'long' lives longest until the first death, 2,922 days (43 % tracked then)")
+    assert "Of all" not in words_of(tracks, short)
+    assert "None is known to track at least 90 % of the steps (our choice). Of all, 'long' lives" in words_of(
+        long, long
+    )
+    endless = {
+        **tracks,
+        "label": "endless",
+        "criteria": [{**tracks["criteria"][0], "median": math.inf, "mean_low": math.nan}],
+    }
+    assert "'endless' lives longest until the first death, > " in words_of(short, endless)
+
+
+def test_info_shows_the_same_table_as_the_command_with_names_in_full(
+    small: LifetimeResult, tmp_path: Path, capsys: Any
+) -> None:
+    names = ["information_driven, contikimac", "ekf, mac.shared = 4"]
+    lifetime_result.write(tmp_path / "a.json", [variant(small, name, 1, 1) for name in names], "wsnsim")
+    shown = []
+    for command in (["info"], ["lifetime", "--page", str(tmp_path / "a.html")]):
+        assert main([*command, str(tmp_path / "a.json")]) == 0
+        shown.append(capsys.readouterr().out)
+    assert shown[0] == shown[1] and all(f"\n  {name}  " in shown[0] for name in names)
+    assert "half dead" not in shown[0] and f"{small.outcome['libraries'][0]['error']:.3g} m  " in shown[0]
+    page = (tmp_path / "a.html").read_text()
+    assert "<h1>Lifetime of small: 2 variants</h1>" in page and all(f"<h2>{name}</h2>" in page for name in names)
+
+
+def test_figures_that_look_wrong_are_explained(small: LifetimeResult) -> None:
+    causes = {"cause": ["idle", "rx"], "quiet": [1.0, 0.0], "visits": [-2e-7, 1e-7]}
+    row = {"node": 3, "share": 0.5, "ratio": 0.87, "quiet": 1.0, "quiet_cause": "idle", "visits_cause": "rx"}
+    point = {**small.outcome, "causes": causes, "joules": -1e-4, "first": [row, row | {"node": 4, "ratio": 1.3}]}
+    said = words_of(point)
+    assert " 0 % by visits (" in said and "-100 uJ each, less than the idle listening in its place)" in said
+    assert "Node 3 dies first in 50 % of the paths, because of its battery or of visits unlike the 4 simulated." in said
+    assert "Node 4 dies first in 50 % of the paths: it takes 1.30 times the mean power" in said
+    assert "without self-discharge and harvesting, give the mean node" in said
+    assert "Several nodes die first, at the same time" in words_of({**point, "first": [{**row, "share": 1.0}] * 3})
+
+
+def test_an_answer_says_where_idle_listening_costs_nothing(small: LifetimeResult) -> None:
+    causes = {"cause": ["rx", "idle"], "quiet": [0.0, 1.0], "visits": [1.0, 0.0]}
+    free = {**small.outcome, "causes": {name: column[:1] for name, column in causes.items()}}
+    assert lifetime_text.answer(free).endswith("; idle listening costs nothing in this model.")
+    assert "idle" not in lifetime_text.answer({**small.outcome, "causes": causes})
+    assert "Idle listening costs nothing in the model of b." in words_of(
+        small.outcome | {"causes": causes}, free | {"label": "b"}
+    )
 
 
 def test_a_damaged_file_is_refused_with_its_name(tmp_path: Path, capsys: Any) -> None:
@@ -117,6 +191,9 @@ def test_visits_that_are_kept_are_not_simulated_again(tmp_path: Path, monkeypatc
     ("options", "said"),
     [
         (["--intrusions", "5/s"], "--intrusions: error: must be at most 1"),
+        (["--intrusions", "4"], "must be at most 1, is 4; 4/h is 4 an hour"),
+        (["--horizon", "1year"], "; 365 d is a year"),
+        (["--plot", "a.pdf", "--vary", "lifetime.intrusions=1/h,2/h"], "--plot shows one scenario; --page shows"),
         (["--intrusions", "1 m"], "--intrusions: error: 'm' is a unit of length"),
         (["--intrusions", "1000/h"], "would overlap"),
         (["--intrusions", "none.csv"], "none.csv"),
@@ -161,22 +238,25 @@ def test_trackers_are_compared_in_a_table_with_their_tracked_shares(
         "lifetime.intrusions=1/h,60/h",
         "--until",
         "first_death",
-        "-q",
         "-j",
         "1",
     ]
     assert main([*command, "-o", "both.json"]) == 0
-    out = capsys.readouterr().out
+    out, err = capsys.readouterr()
+    assert "wsnsim: 2 of 2: lifetime.intrusions = 60/h\n" in err and " left)" not in err
     points = lifetime_result.read(Path("both.json"))
     assert len(points) == 2 and points[0]["criteria"][0]["median"] > points[1]["criteria"][0]["median"]
     assert (
         "tracked" in out
-        and "lives longest" in out
-        and " tracked then);" in " ".join(out.split())
+        and "lives longest until the first death, " in " ".join(out.split())
+        and " tracked then)" in " ".join(out.split())
         and max(map(len, out.splitlines())) <= 100
     )
     begins = [json.loads(path.read_text()) for path in Path("both.visits").glob("*/visits.json")]
     assert begins.count({"dead": [], "first": 0}) == 1  # the visits of both rates are the same
+    for horizon, said in (("3652.5 d", "written;"), ("900 d", "written in place of the answer of other settings;")):
+        assert main([*command, "-o", "both.json", "--horizon", horizon]) == 0
+        assert said in capsys.readouterr().err
 
 
 def test_a_network_without_intrusions_is_quiet(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from tests.helpers.thorough import THOROUGH
 from tests.lifetimes.test_rates import visits_of
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE, CAUSES
-from wsnsim.lifetimes import estimate, limits
+from wsnsim.lifetimes import estimate, limits, outcome
 from wsnsim.lifetimes.estimate import Estimation, Lifetime, LifetimePlan
 from wsnsim.lifetimes.library import Library, Visit, make_visit, window_setup
 from wsnsim.lifetimes.paths import Paths, Phase
@@ -198,6 +198,8 @@ def test_what_is_special_is_said(
     if motion.times == ():
         assert found.criteria["first_death"].median == pytest.approx(9.0 / QUIET)
         assert found.baseline == pytest.approx(9.0 / QUIET)
+        watts = found.epochs[0].quiet.watts  # all nodes die at the same time
+        assert [row["share"] for row in outcome._first(found, watts, 0.0 * watts)] == [1.0] * outcome.NAMED
 
 
 def test_what_is_left_out_has_its_size(synthetic: NetworkSetup) -> None:
@@ -237,7 +239,8 @@ def test_a_visit_costs_what_its_window_costs_more_than_the_one_without_it() -> N
     assert one.seconds[0] > 2.0
     assert not dead.added[0, 2]
     both = one.joined(make_visit(setup, visit, 1))
-    assert both.tracked.shape == both.false_time.shape == (2,)
+    assert both.tracked.shape == both.false_time.shape == both.rmse.shape == (2,)
+    assert np.isfinite(one.rmse).all() == (one.tracked > 0.0).all()
     window = window_setup(setup, visit, present=False)
     assert window.duration == visit.window
     assert not window.motions[0].begins.size  # type: ignore[attr-defined]

@@ -61,6 +61,14 @@ def read(place: Path) -> list[dict[str, Any]]:
         raise ResultError(f"{place}: is no file of `wsnsim lifetime`, or is damaged: {error}") from error
 
 
+def settings(place: Path) -> list[Any]:
+    """The scenarios of the outcomes in a file; none if it holds no outcomes."""
+    try:
+        return [point.get("scenario") for point in read(place)]
+    except ResultError:
+        return []
+
+
 def _plain(value: Any) -> Any:
     """The value in JSON: lists for arrays, null for NaN, and '.inf' for infinity."""
     if isinstance(value, Mapping):

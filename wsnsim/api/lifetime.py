@@ -58,7 +58,7 @@ class LifetimeResult:
         return path
 
     def __str__(self) -> str:
-        return lifetime_text.text(self.outcome)
+        return lifetime_text.text([self.outcome])
 
     def __repr__(self) -> str:
         return f"<LifetimeResult of {self.outcome['name']}: {lifetime_text.answer(self.outcome)}>"

@@ -44,7 +44,8 @@ def estimate_lifetime(scenario: Any, folder: Path, engine: Callable[[], Engine],
         UsageError: the scenario has no lifetime. ScenarioError: it is invalid. RunError: a visit failed.
     """
     setup, plan = lifetime_plan(scenario)
-    make = VisitsInWorkers(scenario, folder, engine, most=plan.visits_at_most, **options)
+    # later epochs begin at shares of dead nodes, and where routes change
+    make = VisitsInWorkers(scenario, folder, engine, most=plan.most + plan.later * len(plan.epochs), **options)
     return outcome_of(Estimation(setup, plan, make).run(), scenario)
 
 
@@ -97,7 +98,7 @@ class VisitsInWorkers:
             nonlocal last
             last = now
             total = max(self._most, self._before + now.total)
-            self._report(replace(now, done=self._before + now.done, total=total, wall=self._wall + now.wall))
+            self._report(replace(now, done=self._before + now.done, total=total, wall=self._wall + now.wall, left=None))
 
         with self._stopping() as should_stop:
             outcome = run_campaign(self._folder, self._engine(), WHOLE, report, should_stop, access=access(Plugins.ANY))

@@ -47,7 +47,7 @@ def _what(word: str, plugins: bool, as_json: bool, only_files: bool) -> Answer:
             return result_info.info(path, plugins) if as_json else result_info.info_text(path, plugins)
     if lifetime_result.is_lifetime(word):
         points = lifetime_result.read(Path(word))
-        return {"points": points} if as_json else "\n\n".join(map(lifetime_text.text, points))
+        return {"points": points} if as_json else lifetime_text.text(points)
     kinds_found = None if only_files else _kinds((word,), as_json)
     return _file(word, plugins, as_json, only_files) if kinds_found is None else kinds_found
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Sized
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import click
 
-from wsnsim.base.errors import UsageError, WsnsimError, shortened
+from wsnsim.base.errors import ScenarioError, UsageError, WsnsimError
 from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import VISITS, display
@@ -22,9 +23,9 @@ BLOCK: Final = (
     "tracked",
 )  # fmt: skip
 """Options that stand for keys of the scenario's block `lifetime`."""
+HINTS: Final = {"--intrusions": "; 4/h is 4 an hour, 4 is 4 a second", "--horizon": "; 365 d is a year, 365 is 365 s"}
+"""What messages on an option add."""
 TABLES: Final = (".csv", ".gz")
-LABEL: Final = 20
-"""Characters by which a scenario is named in a table."""
 
 
 @group.command()
@@ -67,43 +68,29 @@ def lifetime(interrupts: Interrupts, /, sources: tuple[str, ...], **given: Any) 
     compared in a table. Visits are kept in a folder beside the result: the same command goes on where it was stopped.
     FILE.json is a result, which is shown again.
     """
-    from wsnsim.analysis import lifetime_result
+    from wsnsim.analysis import lifetime_result, lifetime_text
 
     figure, page = given["figure"], given["page"]
-    _check_figures(figure, page)
-    if len(sources) == 1 and lifetime_result.is_lifetime(sources[0]):
-        points = lifetime_result.read(Path(sources[0]))
-    else:
-        points = _estimated(sources, interrupts, given)
-    labels = [shortened(point.get("label", point["name"]), LABEL) for point in points]
-    if figure is not None:
-        from wsnsim.analysis import lifetime_plots
-
-        if len(points) > 1:
-            raise UsageError("--plot shows one scenario; --page shows several")
-        lifetime_plots.write(points[0], figure)
-    if page is not None:
-        from wsnsim.report import lifetime_page
-
-        lifetime_page.write(points, labels, page)
-    _print(points, labels, given["as_json"])
-
-
-def _print(points: Sequence[Mapping[str, Any]], labels: Sequence[str], as_json: bool) -> None:
-    from wsnsim.analysis import lifetime_text
-
-    if as_json:
-        echo_json({"answers": [lifetime_text.answer(point) for point in points], "points": list(points)})
-        return
-    echo(lifetime_text.text(points[0]) if len(points) == 1 else lifetime_text.several(points, labels))
-
-
-def _check_figures(figure: Path | None, page: Path | None) -> None:
-    """Raise UsageError, before anything is simulated, if a file cannot be written."""
     if figure is not None:
         plot_path(figure, option="--plot")
     if page is not None:
         writable(page, Path("page.html"), "--page")
+    if len(sources) == 1 and lifetime_result.is_lifetime(sources[0]):
+        _demand_plottable(points := lifetime_result.read(Path(sources[0])), figure)
+    else:
+        points = _estimated(sources, interrupts, given)
+    if figure is not None:
+        from wsnsim.analysis import lifetime_plots
+
+        lifetime_plots.write(points[0], figure)
+    if page is not None:
+        from wsnsim.report import lifetime_page
+
+        lifetime_page.write(points, page)
+    if given["as_json"]:
+        echo_json({"answers": list(map(lifetime_text.answer, points)), "points": points})
+    else:
+        echo(lifetime_text.text(points))
 
 
 def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -121,28 +108,38 @@ def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[st
         scenarios = _scenarios(sources, given)
         for scenario in scenarios.values():
             lifetime_plan(scenario)  # all are checked before one is simulated
+    _demand_plottable(scenarios, given["figure"])
     path = writable(given["out"], Path("results") / f"{next(iter(scenarios.values())).name}.lifetime.json")
     folder, points = path.with_suffix(".visits"), []
     engine = partial(engine_of, folder, given["jobs"], given["scheduler"])
-    shown = display("none" if given["quiet"] else given["progress"], VISITS)
+    mode, before = "none" if given["quiet"] else given["progress"], lifetime_result.settings(path)
     try:
-        with sole_writer(path), contextlib.closing(shown):
-            for label, scenario in scenarios.items():
-                found = estimate_lifetime(scenario, folder, engine, report=shown.step, stopping=interrupts.noted)
+        with sole_writer(path):
+            for number, (label, scenario) in enumerate(scenarios.items(), 1):
+                if len(scenarios) > 1 and mode != "none":
+                    echo_lines([f"wsnsim: {number} of {len(scenarios)}: {label}"])
+                with contextlib.closing(display(mode, VISITS)) as shown:
+                    found = estimate_lifetime(scenario, folder, engine, report=shown.step, stopping=interrupts.noted)
                 points.append({"label": label, **found})
             lifetime_result.write(path, points, shared.command_line())
     except KeyboardInterrupt:
         echo_lines([f"wsnsim: finished visits are in {folder}; the same command goes on with them"])
         raise
     if not given["quiet"]:
-        echo_lines([f"wsnsim: {path}: written; show it again with: wsnsim info {path}"])
+        replaced = " in place of the answer of other settings" * (before not in ([], lifetime_result.settings(path)))
+        echo_lines([f"wsnsim: {path}: written{replaced}; show it again with: wsnsim info {path}"])
     return points
+
+
+def _demand_plottable(shown: Sized, figure: Path | None) -> None:
+    """Raise UsageError if there is to be a plot of several scenarios."""
+    if figure is not None and len(shown) > 1:
+        raise UsageError("--plot shows one scenario; --page shows several")
 
 
 def _scenarios(sources: Sequence[str], given: Mapping[str, Any]) -> dict[str, Any]:
     """The scenarios by their labels."""
-    seed = () if given["seed"] is None else (f"seed={given['seed']}",)
-    overrides = (*given["overrides"], *_of_block(given), *seed)
+    overrides = (*given["overrides"], *_of_block(given))
     shared.demand_no_trackers("lifetime", sources, given["trackers"])
     if len(sources) == 1 and not given["vary"] and not given["trackers"]:
         scenario = shared.loaded(sources[0], overrides, given["plugins"])
@@ -155,27 +152,29 @@ def _scenarios(sources: Sequence[str], given: Mapping[str, Any]) -> dict[str, An
     name = "_".join(Path(source).stem for source in sources)[:60]
     plan = load_sweep(list(sources), given["vary"], overrides, given["trackers"], name=name)
     return {
-        " ".join(itertools.starmap(_shown, point.settings.items())): load({**json.loads(point.resolved), "name": name})
+        ", ".join(itertools.starmap(_shown, point.settings.items())): load({**json.loads(point.resolved), "name": name})
         for point in plan.points
     }
 
 
 def _shown(key: str, value: Any) -> str:
+    """A setting of a variant: its value, with its key where that does not begin with a letter."""
     if key == "lifetime.intrusions" and value is not None:
-        return f"{3600.0 * value:.4g}/h"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+        value = f"{3600.0 * value:.10g}/h"
+    if isinstance(value, str) and value[:1].isalpha():
+        return value
+    return f"{key} = {value:.10g}" if isinstance(value, float) else f"{key} = {value}"
 
 
 def _of_block(given: Mapping[str, Any]) -> Iterator[Any]:
-    """The overrides of the block `lifetime` that options stand for."""
-    for name in BLOCK:
-        value = given[name]
-        if name == "profile" and value is not None:
-            value = f"[{value}]"
-        if name == "intrusions" and value is not None and value.endswith(TABLES):
+    """The overrides that options of the block `lifetime`, and the seed, stand for."""
+    if given["seed"] is not None:
+        yield f"seed={given['seed']}"
+    for name, value in ((name, given[name]) for name in BLOCK if given[name] is not None):
+        if name == "intrusions" and value.endswith(TABLES):
             yield "lifetime.times", _times(value)
-        elif value is not None:
-            yield f"lifetime.{name}={value}"
+        else:
+            yield f"lifetime.{name}=" + (f"[{value}]" if name == "profile" else value)
 
 
 def _times(file: str) -> list[float]:
@@ -188,10 +187,19 @@ def _times(file: str) -> list[float]:
         raise UsageError(f"--intrusions: {error}") from None
 
 
-def _options(given: Mapping[str, Any]) -> dict[str, str]:
-    """The options of this command by the names of what they stand for in error messages."""
-    names = {f"--set lifetime.{name}": f"--{name}" for name in BLOCK}
-    names |= {f"lifetime.{name}": f"--{name}" for name in BLOCK if given[name] is not None}
+@contextlib.contextmanager
+def _named_as_options(given: Mapping[str, Any]) -> Iterator[None]:
+    """Name the options of this command where an issue names the key that they stand for."""
+    from wsnsim.api.arguments import renamed
+
+    named = {name: f"--{name}" for name in BLOCK if given[name] is not None}
     if str(given["intrusions"]).endswith(TABLES):
-        names["lifetime.times"] = f"--intrusions {given['intrusions']}"
-    return names
+        named["times"] = f"--intrusions {given['intrusions']}"
+    keys = {f"{start}lifetime.{name}": option for start in ("--set ", "") for name, option in named.items()}
+    try:
+        with renamed(keys):
+            yield
+    except ScenarioError as error:
+        raise ScenarioError(
+            dataclasses.replace(issue, message=issue.message + HINTS.get(issue.place, "")) for issue in error.issues
+        ) from error.__cause__

@@ -10,10 +10,10 @@ stay dead, and the tolerance has no effect.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Final
 
 import numpy as np
-from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from wsnsim.base.arrays import Bools, Floats, Ints
@@ -52,14 +52,10 @@ class Criteria:
 
     def times(self, events: Floats, alive: Bools, paths: int) -> dict[str, Floats]:
         """{criterion: (R,) s} of events (E, 4) as `Paths` notes them, and the nodes (N,) alive at the start."""
-        found = {name: np.full(paths, np.inf) for name in CRITERIA}
         order = np.lexsort((events[:, 2], events[:, 0]))
         bounds = np.searchsorted(events[order, 0], np.arange(paths + 1))
-        for path in range(paths):
-            rows = events[order[bounds[path] : bounds[path + 1]]]
-            for name, time in self._of_path(rows, alive).items():
-                found[name][path] = time
-        return found
+        found = [self._of_path(events[order[a:b]], alive) for a, b in itertools.pairwise(bounds)]
+        return {name: np.array([times[name] for times in found]) for name in CRITERIA}
 
     def series(self, rows: Floats, alive: Bools) -> tuple[Floats, dict[str, Floats]]:
         """Times (E + 1,) of the changes of one path, and {quantity: (E + 1,)} from each of them on."""
@@ -103,8 +99,7 @@ class Criteria:
         for i in range(len(result)):
             if i:
                 alive[int(rows[i - 1, 1])] = rows[i - 1, 3] > 0.0
-            living = np.flatnonzero(alive)
-            ours = np.flatnonzero(np.isin(living, self.sinks))
-            labels = connected_components(csr_matrix(self.links[np.ix_(living, living)]), directed=False)[1]
-            result[i] = np.isin(labels, labels[ours]).mean() if ours.size else 0.0
+            labels = connected_components(self.links & alive & alive[:, None], directed=False)[1]
+            ours = labels[self.sinks[alive[self.sinks]]]
+            result[i] = np.isin(labels[alive], ours).sum() / max(alive.sum(), 1)
         return result

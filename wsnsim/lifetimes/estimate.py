@@ -73,11 +73,6 @@ class LifetimePlan:
     connected: float = 0.5
     tracked: float = 0.9
 
-    @property
-    def visits_at_most(self) -> int:
-        """How many visits are simulated at most: epochs begin at shares of dead nodes, and where routes change."""
-        return self.most + self.later * len(self.epochs)
-
 
 class CriterionTime(NamedTuple):
     """When a criterion is met.
@@ -283,7 +278,8 @@ class Estimation:
         spoken, baseline = (first.quiet, first.library, self._stores, visit), self._baseline()
         notes = [*limits.notes(*spoken, plan.horizon)]
         if (reached := self._error(criteria["first_death"])) > plan.error:
-            notes.append(limits.missed(reached, plan.error, len(first.library.tracked)))
+            known = f"known to {reached:.1%} with {len(first.library.tracked)} visits, {plan.error:.1%} was asked for"
+            notes.append(f"the mean first death is {known}: allow more episodes")
         left_out = limits.not_modelled(self._setup, *spoken, self._strays, min(max(1.0, baseline), plan.horizon))
         most = max(len(each.dead) for each in self._epochs) / self._size
         return Lifetime(

@@ -58,6 +58,7 @@ class Library:
         seconds: (K,) how long the target was there.
         dead: the nodes that were dead.
         false_time: (K,) s for which a track was kept after the target had left.
+        rmse: (K,) m over the tracked steps of each visit; NaN without any.
     """
 
     joules: Floats
@@ -65,6 +66,7 @@ class Library:
     seconds: Floats
     dead: frozenset[int] = frozenset()
     false_time: Floats = dataclasses.field(default_factory=lambda: np.zeros(0))
+    rmse: Floats = dataclasses.field(default_factory=lambda: np.zeros(0))
 
     @property
     def added(self) -> Floats:
@@ -74,9 +76,12 @@ class Library:
 
     def joined(self, other: Library) -> Library:
         """The visits of two libraries of the same network."""
-        names = ("joules", "tracked", "seconds", "false_time")
-        both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in ARRAYS}
         return Library(**both, dead=self.dead)
+
+
+ARRAYS: Final = tuple(field.name for field in dataclasses.fields(Library) if field.name != "dead")
+"""The arrays of a library, which are those of a visit's file."""
 
 
 def without_failures(setup: NetworkSetup, dead: Iterable[int] = ()) -> NetworkSetup:
@@ -112,8 +117,9 @@ def make_visit(setup: NetworkSetup, visit: Visit, number: int, dead: frozenset[i
         replicate_of(window_setup(setup, visit, present=present, dead=dead), number, memory)
         spent.append(joules_of(memory))
         rows = rows or memory.table("tracks")
-    tracked, seconds, false = (np.array(rows[name], np.float64) for name in ("tracked", "time_present", "false_time"))
-    return Library((spent[0] - spent[1])[None], tracked, seconds, dead, false)
+    columns = ("tracked", "time_present", "false_time", "rmse")
+    tracked, seconds, *more = (np.array(rows[name], np.float64) for name in columns)
+    return Library((spent[0] - spent[1])[None], tracked, seconds, dead, *more)
 
 
 def joules_of(memory: Memory) -> Floats:

@@ -21,14 +21,6 @@ def overlap(visit: Visit) -> float:
     return 0.0 if rate is None else -math.expm1(-rate * visit.visits.duration())
 
 
-def missed(reached: float, asked: float, count: int) -> str:
-    """The note that visits did not suffice for the error that was asked for."""
-    return (
-        f"the mean first death is known to {reached:.1%} with {count} visits, {asked:.1%} was asked for: allow more "
-        "episodes"
-    )
-
-
 def thinned(most: float, come_back: bool) -> str:
     """What is not known of tracking in a network that has lost more than this share of nodes, the most simulated."""
     if come_back:

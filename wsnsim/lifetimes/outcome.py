@@ -5,14 +5,14 @@ outcome_of(lifetime, scenario) -> {key: value}; see `analysis.lifetime_result`
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base import metrics
+from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.tables import CAUSES
 from wsnsim.lifetimes.estimate import Lifetime
 from wsnsim.scenario.build import resolved
@@ -29,9 +29,9 @@ def outcome_of(lifetime: Lifetime, scenario: Any) -> dict[str, Any]:
     paths, size = plan.draws * plan.repeats, len(lifetime.facts.positions)
     alive = np.array([node not in first.dead for node in range(size)])
     most = max(int(np.ceil(plan.last * size)), int((~alive).sum()) + 1)
-    lifetime = dataclasses.replace(lifetime, events=_until(lifetime.events, most, alive, paths))
-    bounds = np.searchsorted(lifetime.events[:, 0], np.arange(paths + 1))
-    series = [lifetime.rules.series(lifetime.events[a:b], alive) for a, b in itertools.pairwise(bounds)]
+    events = _until(lifetime.events, most, alive)
+    bounds = np.searchsorted(events[:, 0], np.arange(paths + 1))
+    series = [lifetime.rules.series(events[a:b], alive) for a, b in itertools.pairwise(bounds)]
     ends = np.array([ts[-1] if round(now["dead"][-1] * size) >= most else plan.horizon for ts, now in series])
     times = {name: np.ravel(lifetime.times[name]) for name in plan.known}
     quiet, added = first.quiet.watts, first.library.joules.mean(axis=0)
@@ -42,7 +42,10 @@ def outcome_of(lifetime: Lifetime, scenario: Any) -> dict[str, Any]:
         "shares": {name: getattr(plan, name) for name in ("coverage", "connected", "tracked")}, "paths": paths,
         "rate": rate, "seconds": float(first.library.seconds.mean()), "joules": float(added.sum()),
         "libraries": [
-            {"dead": len(each.dead), "visits": len(each.library.tracked), "tracked": float(each.library.tracked.mean())}
+            {
+                "dead": len(each.dead), "visits": len(each.library.tracked),
+                "tracked": float(each.library.tracked.mean()), "error": metrics.rmse(each.library.rmse),
+            }
             for each in lifetime.epochs
         ],
         "criteria": [_criterion(name, lifetime, times[name], series) for name in plan.known],
@@ -51,17 +54,17 @@ def outcome_of(lifetime: Lifetime, scenario: Any) -> dict[str, Any]:
             "x": lifetime.facts.positions[:, 0], "y": lifetime.facts.positions[:, 1],
             "sink": [node in lifetime.facts.sinks for node in range(size)],
             "quiet": quiet.sum(axis=0), "visits": rate * added.sum(axis=0),
-            "died": _deaths(lifetime.events, size, paths),
+            "died": _deaths(events, size, paths),
         },
         "causes": _by_cause(quiet[:, mortal].mean(axis=1), rate * added[:, mortal].mean(axis=1)),
-        "first": _first(lifetime.events, mortal, quiet, rate * added),
+        "first": _first(lifetime, quiet, rate * added),
         "curves": _curves(series, float(np.median(ends))),
         "not_modelled": list(lifetime.not_modelled), "notes": list(lifetime.notes),
         "lifetimes": {
             "path": np.tile(np.arange(paths), len(times)), "criterion": np.repeat(list(times), paths),
             "time": np.concatenate(list(times.values())),
         },
-        "deaths": dict(zip(("path", "node", "time", "back"), lifetime.events.T, strict=True)),
+        "deaths": dict(zip(("path", "node", "time", "back"), events.T, strict=True)),
         "scenario": resolved(scenario),
     }  # fmt: skip
 
@@ -70,15 +73,13 @@ Series = list[tuple[Floats, dict[str, Floats]]]
 """Of each path: times of its changes, and quantities from each of them on."""
 
 
-def _until(events: Floats, most: int, alive: Bools, paths: int) -> Floats:
+def _until(events: Floats, most: int, alive: Bools) -> Floats:
     """The events of each path, in order, until this number of nodes is dead."""
     rows = events[np.lexsort((events[:, 2], events[:, 0]))]
-    dead = np.full(paths, int((~alive).sum()))
-    keep = np.zeros(len(rows), dtype=np.bool_)
-    for i, (path, back) in enumerate(zip(rows[:, 0].astype(int), rows[:, 3], strict=True)):
-        keep[i] = dead[path] < most
-        dead[path] += keep[i] * (-1 if back else 1)
-    return rows[keep]
+    steps = np.where(rows[:, 3] > 0.0, -1, 1)
+    before = np.cumsum(steps) - steps  # of all paths, one after the other
+    dead = (~alive).sum() + before - before[np.searchsorted(rows[:, 0], rows[:, 0])]
+    return rows[np.flatnonzero(dead < most)]
 
 
 def _criterion(name: str, lifetime: Lifetime, times: Floats, series: Series) -> dict[str, Any]:
@@ -107,16 +108,19 @@ def _by_cause(quiet: Floats, visits: Floats) -> dict[str, Any]:
     return {"cause": [CAUSES[i] for i in order], "quiet": quiet[order], "visits": visits[order]}
 
 
-def _first(events: Floats, mortal: Ints, quiet: Floats, visits: Floats) -> list[dict[str, Any]]:
-    """The nodes that most often die first: in which share of the paths with a death, and on what they spend."""
-    events = events[events[:, 3] == 0.0]
-    nodes = events[np.unique(events[:, 0], return_index=True)[1], 1].astype(int)
-    found, counts = np.unique(nodes, return_counts=True)
+def _first(lifetime: Lifetime, quiet: Floats, visits: Floats) -> list[dict[str, Any]]:
+    """The nodes that most often die first: in which share of the paths with a death, and on what they spend.
+
+    Of nodes that die at the same time, each is the first.
+    """
+    events, firsts = lifetime.events[lifetime.events[:, 3] == 0.0], np.ravel(lifetime.times["first_death"])
+    is_first = events[:, 2] == firsts[events[:, 0].astype(int)]
+    found, counts = np.unique(events[is_first, 1].astype(int), return_counts=True)
     power = (quiet + visits).sum(axis=0)
-    mean = max(float(power[mortal].mean()), 1e-300)
+    mean = max(float(power[lifetime.mortal].mean()), 1e-300)
     return [
         {
-            "node": int(found[i]), "share": float(counts[i] / nodes.size),
+            "node": int(found[i]), "share": float(counts[i] / np.isfinite(firsts).sum()),
             "ratio": float(power[found[i]] / mean),
             "quiet": float(quiet[:, found[i]].sum() / max(float(power[found[i]]), 1e-300)),
             "quiet_cause": CAUSES[int(quiet[:, found[i]].argmax())],

@@ -44,16 +44,14 @@ def lifetime_plan(scenario: Any) -> tuple[NetworkSetup, LifetimePlan]:
     visits = _visits(scenario, setup, asked)
     if issue := visits.closeness():
         raise UsageError(f"{scenario.name}: {'lifetime.times' if asked.times else 'motion'}: {issue.message}")
-    window = Visit(visits, *(_stepped(time, setup.dt) for time in (asked.lead, asked.tail, visits.longest)))
+    steps = (math.ceil(time / setup.dt - 1e-9) for time in (asked.lead, asked.tail, visits.longest))
+    window = Visit(visits, *(count * setup.dt for count in steps))
     shares: dict[str, Any] = {
         name: getattr(asked, name) for name in ("horizon", "error", "tolerance", "coverage", "connected", "tracked")
     }
     if asked.until in EARLY:
-        shares |= {
-            "last": EARLY[asked.until],
-            "epochs": EPOCHS[:1],
-            "known": CRITERIA[: CRITERIA.index(asked.until) + 1],
-        }
+        known = CRITERIA[: CRITERIA.index(asked.until) + 1]
+        shares |= {"last": EARLY[asked.until], "epochs": EPOCHS[:1], "known": known}
     plan = LifetimePlan(
         window, least=min(LEAST, asked.episodes), most=asked.episodes, draws=math.ceil(asked.paths / REPEATS),
         repeats=REPEATS, later=min(LEAST, asked.episodes), **shares,
@@ -97,8 +95,3 @@ def _visits(scenario: Any, setup: NetworkSetup, asked: AskedLifetime) -> Visits:
         return Visits(of=motion, lasting=lasting, **timing)
     except ValueError as error:
         raise UsageError(f"{scenario.name}: lifetime.intrusions: {str(error).removeprefix('rate: ')}") from None
-
-
-def _stepped(seconds: float, step: float) -> float:
-    """The time, rounded up to whole steps."""
-    return math.ceil(seconds / step - 1e-9) * step

@@ -109,11 +109,9 @@ def _upkeep(setup: NetworkSetup, stack: RadioStack, living: Bools) -> tuple[list
     upkeep, unknown = list[Upkeep](), list[str]()
     for role in ("mac", "sync", "routing"):
         component = getattr(setup, role)
-        if isinstance(component, SendsUpkeep):
-            upkeep += (sent := component.upkeep(setup))
-            steady = all(each.steady for each in sent)
-        else:
-            steady = role == "routing"
+        sent = component.upkeep(setup) if isinstance(component, SendsUpkeep) else None
+        upkeep += sent or ()
+        steady = role == "routing" if sent is None else all(each.steady for each in sent)
         kind: Any = type(component)
         own = hasattr(component, "start") and not defined_together(kind, "start", "upkeep")
         unknown += [] if steady and not own else [role]
@@ -132,21 +130,18 @@ def _disturbed(setup: NetworkSetup, stack: RadioStack, living: Bools) -> str:
         return "links change"
     if not isinstance(setup.mac, UsesRadios):
         return "mac does not say what a broadcast takes"
-    if setup.routing.weight == "etx" and not _reached(stack, living)[living].all():
+    if setup.routing.weight == "etx" and not {*np.flatnonzero(living).tolist()} <= _reached(stack, living):
         return "nodes that reach no sink look for a route"
     return ""
 
 
-def _reached(stack: RadioStack, living: Bools) -> Bools:
-    """(N,) which living nodes have a path to a sink."""
-    reached = np.zeros(living.size, dtype=np.bool_)
-    waiting = [sink for sink in stack.sinks if living[sink]]
-    reached[waiting] = True
-    while waiting:
-        near = stack.radio.topology.neighbours(waiting.pop()).ids
-        new = near[living[near] & ~reached[near]]
-        reached[new] = True
-        waiting += new.tolist()
+def _reached(stack: RadioStack, living: Bools) -> set[int]:
+    """The living nodes that have a path to a sink."""
+    reached, new = set[int](), {sink for sink in stack.sinks if living[sink]}
+    while new:
+        reached |= new
+        near = np.concatenate([stack.radio.topology.neighbours(node).ids for node in new])
+        new = {*near[living[near]].tolist()} - reached
     return reached
 
 

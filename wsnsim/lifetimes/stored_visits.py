@@ -14,15 +14,13 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.errors import ResultError
-from wsnsim.lifetimes.library import Library, make_visit
+from wsnsim.lifetimes.library import ARRAYS, Library, make_visit
 from wsnsim.lifetimes.planning import lifetime_plan
 from wsnsim.recording.arrays import read_arrays, write_arrays
 from wsnsim.recording.atomic_files import write_text_atomically
 from wsnsim.scenario.build import resolved
 
 VISITS: Final = "visits.json"
-ARRAYS: Final = ("joules", "tracked", "seconds", "false_time")
-"""The arrays of a visit's file, which are fields of `Library`."""
 _WINDOW: Final = ("lead", "tail")
 _COMES: Final = {"rate": None, "profile": None, "path": None, "times": [0.0]}
 """What stands for the times of visits where they have no effect."""

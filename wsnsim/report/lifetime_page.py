@@ -16,12 +16,12 @@ from wsnsim.report.svg_figures import svg_of
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
 
-def write(points: Sequence[Mapping[str, Any]], labels: Sequence[str], out: Path) -> Path:
+def write(points: Sequence[Mapping[str, Any]], out: Path) -> Path:
     """Write the page of one or several outcomes. Raises ResultError if it cannot be written."""
-    heading = "Lifetime of " + html.escape(", ".join(labels))
-    body = [f"<pre>{html.escape(lifetime_text.several(points, labels))}</pre>"] if len(points) > 1 else []
-    for label, point in zip(labels, points, strict=True):
-        body += [f"<section><h2>{html.escape(label)}</h2>", section(point), "</section>"]
+    heading = html.escape(f"Lifetime of {points[0]['name']}" + f": {len(points)} variants" * (len(points) > 1))
+    body = [*map(_block, lifetime_text.blocks(points))] if len(points) > 1 else []
+    for point in points:
+        body += [f"<section><h2>{html.escape(lifetime_text.label(point))}</h2>", section(point), "</section>"]
     page = "\n".join([
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">',
@@ -36,9 +36,16 @@ def write(points: Sequence[Mapping[str, Any]], labels: Sequence[str], out: Path)
 
 def section(point: Mapping[str, Any]) -> str:
     """The answer, the figures and the whole text of an outcome, as HTML; a notebook shows the same."""
-    answer, whole = html.escape(lifetime_text.answer(point)), html.escape(lifetime_text.text(point))
-    figures = f'<div class="figures">{"".join(_figures(point))}</div>'
-    return f'<p class="answer">{answer}</p>\n{figures}\n<pre>{whole}</pre>'
+    first, *rest = map(_block, lifetime_text.blocks([point]))
+    return "\n".join([f'<div class="answer">{first}</div>', '<div class="figures">', *_figures(point), "</div>", *rest])
+
+
+def _block(block: lifetime_text.Block) -> str:
+    """A sentence or a table as HTML."""
+    if isinstance(block, str):
+        return f"<p>{html.escape(block)}</p>"
+    rows = "".join(f"<tr><th>{'<td>'.join(map(html.escape, row))}" for row in block)
+    return f'<div class="wide"><table>{rows}</table></div>'
 
 
 def _figures(point: Mapping[str, Any]) -> Iterator[str]:
